@@ -1,0 +1,121 @@
+"""The admissible operating region (AOR) of a joint's drive: an intersection of half-planes a tau + b w <= 1.
+
+One object serves the path constraint, the controller's clamp, the saturation ratio and the plot. tau is the
+joint torque [N m], w the joint speed [rad/s]; R is the gear ratio, tau_max and omega_max belong to the motor.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hopopt.leg.design import Leg
+
+
+@dataclass(frozen=True)
+class HalfPlane:
+    """a tau + b w <= 1, with a in 1/(N m), b in s/rad; floats, or CasADi symbols in the planner."""
+
+    name: str
+    a: Any
+    b: Any
+
+
+@dataclass(frozen=True)
+class OperatingRegion:
+    """The torques and speeds one joint's drive can give, as half-planes that all hold."""
+
+    planes: tuple[HalfPlane, ...]
+
+    def use(self, w: Any, tau: Any) -> list[Any]:
+        """a tau + b w of each half-plane: the drive is inside where every value is <= 1."""
+        return [h.a * tau + h.b * w for h in self.planes]
+
+    def torque_bounds(self, w: Any) -> tuple[Any, Any]:
+        """Smallest and largest torque [N m] at speed w [rad/s], shapes as w; (0, 0) beyond every speed.
+
+        Where the speed is so high that no torque is admissible (the paper's law above omega_max, eq.
+        con_tsat), the drive gives nothing.
+        """
+        w = np.asarray(w, dtype=float)
+        upper, lower = np.full(w.shape, np.inf), np.full(w.shape, -np.inf)
+        for h in self.planes:
+            if h.a > 0:
+                upper = np.minimum(upper, (1 - h.b * w) / h.a)
+            elif h.a < 0:
+                lower = np.maximum(lower, (1 - h.b * w) / h.a)
+        empty = lower > upper
+        return np.where(empty, 0.0, lower), np.where(empty, 0.0, upper)
+
+    def clamp(self, w: Any, tau: Any) -> Any:
+        """tau [N m] brought into the region at speed w [rad/s] (eq. con_tdes)."""
+        lower, upper = self.torque_bounds(w)
+        return np.clip(tau, lower, upper)
+
+    def saturation(self, w: Any, tau: Any) -> Any:
+        """Saturation ratio C = |tau| / |tau_sat(w)| in the direction of tau (eq. sim_cact), shapes as w."""
+        lower, upper = self.torque_bounds(w)
+        bound = np.where(np.asarray(tau) >= 0, upper, -lower)
+        return np.abs(tau) / np.maximum(bound, 1e-9)
+
+    def corners(self) -> np.ndarray:
+        """Corners (w [rad/s], tau [N m]) of the region in order, shape (n, 2); open sides are cut off.
+
+        A region that no half-plane closes (the four-quadrant line alone) is cut at twice the no-load speed
+        and stall torque.
+        """
+        planes = [(float(h.a), float(h.b)) for h in self.planes]
+        a_max, b_max = max(abs(a) for a, _ in planes), max(abs(b) for _, b in planes)
+        cuts = [(0.5 * a_max * s, 0.0) for s in (1, -1)] + [(0.0, 0.5 * b_max * s) for s in (1, -1)]
+        return _vertices(np.array(planes + cuts))
+
+
+def _vertices(planes: np.ndarray) -> np.ndarray:
+    """Corners of {(w, tau): a tau + b w <= 1}, sorted by angle about the origin, which lies inside."""
+    points = []
+    for i in range(len(planes)):
+        for j in range(i):
+            pair = planes[[i, j]][:, ::-1]
+            if abs(np.linalg.det(pair)) > 1e-15:
+                point = np.linalg.solve(pair, np.ones(2))
+                if np.all(planes[:, ::-1] @ point <= 1 + 1e-9):
+                    points.append(point)
+    corners = np.unique(np.round(points, 12), axis=0)
+    return corners[np.argsort(np.arctan2(corners[:, 1] * np.max(np.abs(corners[:, 0])), corners[:, 0]))]
+
+
+def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingRegion:
+    """The AOR of one joint from the parameter values (or symbols) ``p``, paths as in the problem file."""
+
+    def entry(part: Any, name: str) -> Any:
+        return p.get(leg.drive(joint, part, name)[0])
+
+    ratio, tau_max, omega_max = entry("gear", "ratio"), entry("motor", "max_torque"), entry("motor", "max_speed")
+    torque, speed = 1 / (ratio * tau_max), ratio / omega_max  # 1/(stall torque), 1/(no-load speed) at the joint
+    planes: list[HalfPlane] = []
+    laws = leg.drive(joint, "motor", "laws")[1]
+    if "paper" in laws:  # eq. con_tsat without absolute values: +-tau/(R tau_max) +- R w/omega_max <= 1
+        planes += [
+            HalfPlane("torque-speed line, forward", torque, speed),
+            HalfPlane("torque-speed line, backward", -torque, -speed),
+            HalfPlane("braking line, forward", torque, -speed),
+            HalfPlane("braking line, backward", -torque, speed),
+        ]
+    if "four-quadrant" in laws and "paper" not in laws:  # +-(tau/(R tau_max) + R w/omega_max) <= 1
+        planes += [
+            HalfPlane("torque-speed line, forward", torque, speed),
+            HalfPlane("torque-speed line, backward", -torque, -speed),
+        ]
+    drive_cap, gear_cap, speed_cap = entry("motor", "torque_cap"), entry("gear", "torque_cap"), entry("gear", "speed_cap")
+    if drive_cap is not None:
+        planes += _pair("drive torque cap", 1 / (ratio * drive_cap), 0.0)
+    if gear_cap is not None:
+        planes += _pair("gear torque cap", 1 / gear_cap, 0.0)
+    if speed_cap is not None:
+        planes += _pair("gear speed cap", 0.0, ratio / speed_cap)
+    return OperatingRegion(tuple(planes))
+
+
+def _pair(name: str, a: Any, b: Any) -> list[HalfPlane]:
+    return [HalfPlane(f"{name}, forward", a, b), HalfPlane(f"{name}, backward", -a, -b)]

@@ -1,0 +1,221 @@
+"""The problem file's model: every entry with its unit, its meaning and the magnitudes it may have.
+
+A problem is data. These classes say what a file may contain and nothing about how it is solved; SI units
+throughout. Values marked ``physical`` are the leg's design parameters and enter the planner as symbols.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_serializer, model_validator
+
+# What a value far out of range was probably written in: SI unit -> ((other unit, SI value of one), ...).
+LOOKALIKES = {
+    "m": (("millimetres", 1e-3), ("centimetres", 1e-2)),
+    "kg": (("grams", 1e-3),),
+    "kg m^2": (("g cm^2", 1e-7), ("kg cm^2", 1e-4)),
+    "N m": (("mN m", 1e-3),),
+    "rad": (("degrees", 0.017453292519943295),),
+    "rad/s": (("rpm", 0.10471975511965977),),
+    "s": (("milliseconds", 1e-3),),
+}
+RESERVED = ("joints", "links", "joint", "link", "body", "motor", "gear")
+
+
+def quantity(
+    meaning: str, unit: str, low: float, high: float, default: Any = ..., *, physical: bool = False
+) -> Any:
+    """Declare a number in ``unit`` between ``low`` and ``high``; ``physical`` makes it a design parameter."""
+    extra = {"unit": unit, "physical": physical}
+    return Field(
+        default, ge=low, le=high, allow_inf_nan=False, description=meaning, json_schema_extra=extra
+    )
+
+
+def choice(meaning: str, default: Any = ..., **bounds: Any) -> Any:
+    """Declare an entry without a unit."""
+    return Field(default, description=meaning, json_schema_extra={"unit": "", "physical": False}, **bounds)
+
+
+class Section(BaseModel):
+    """A table of the problem file: no unknown keys, no silent conversions, immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class Body(Section):
+    mass: float = quantity("mass of the body with both motors", "kg", 0.01, 1000, physical=True)
+
+
+class Link(Section):
+    length: float = quantity("from its joint to the next joint, or to the foot", "m", 0.01, 3, physical=True)
+    mass: float = quantity("mass of the link", "kg", 1e-4, 200, physical=True)
+    com: float | None = quantity(
+        "centre of mass below its joint (default: half the length)", "m", 0.0, 3, None, physical=True
+    )
+    inertia: float | None = quantity(
+        "moment of inertia about its centre of mass (default: slender rod, mass length^2 / 12)",
+        "kg m^2", 1e-8, 50, None, physical=True,
+    )  # fmt: skip
+
+
+class Motor(Section):
+    max_torque: float = quantity("tau_max: motor torque at standstill", "N m", 1e-3, 1000, physical=True)
+    max_speed: float = quantity("omega_max: motor speed at no torque", "rad/s", 1.0, 6000, physical=True)
+    rotor_inertia: float = quantity("rotor inertia, motor side", "kg m^2", 0.0, 0.05, 0.0, physical=True)
+    laws: tuple[Literal["paper", "four-quadrant"], ...] = choice(
+        "torque-speed laws, all of which hold: the paper's |tau| <= tau_max (1 - |w| / omega_max), "
+        "or the four-quadrant line in which braking is not weakened by speed",
+        ("paper",),
+    )
+    torque_cap: float | None = quantity(
+        "drive's torque limit, motor side", "N m", 1e-3, 1000, None, physical=True
+    )
+
+
+class Gear(Section):
+    ratio: float = quantity("R: motor turns for one turn of the joint", "1", 1.0, 1000, physical=True)
+    torque_cap: float | None = quantity(
+        "repeated peak torque, joint side", "N m", 0.1, 1e4, None, physical=True
+    )
+    speed_cap: float | None = quantity(
+        "input speed limit, motor side", "rad/s", 1.0, 6000, None, physical=True
+    )
+
+
+def _overrides(section: type[Section]) -> type[Section]:
+    """The same table with every entry optional: a joint's own values over the leg's."""
+    fields: dict[str, Any] = {}
+    for name, info in section.model_fields.items():
+        copy = info._copy() if hasattr(info, "_copy") else info
+        copy.default = None
+        fields[name] = (Annotated[info.annotation | None, copy], None)  # type: ignore[operator]
+    return create_model(f"{section.__name__}Overrides", __base__=Section, **fields)
+
+
+MotorOverrides, GearOverrides = _overrides(Motor), _overrides(Gear)
+
+
+class Joint(Section):
+    lower: float = quantity("smallest angle", "rad", -7, 7)
+    upper: float = quantity("largest angle", "rad", -7, 7)
+    motor: MotorOverrides | None = choice("this joint's own motor values, over [leg.motor]", None)  # type: ignore[valid-type]
+    gear: GearOverrides | None = choice("this joint's own gear values, over [leg.gear]", None)  # type: ignore[valid-type]
+
+
+class Leg(Section):
+    """A body on x and z guides and a serial chain of revolute joints and links in the x-z plane.
+
+    Angles: the first link from straight down, each further link relative to the one before it; positive
+    swings the link forward (+x). ``joint`` and ``link`` are the tables [leg.<name>] of the file.
+    """
+
+    joints: tuple[str, ...] = choice("joint names from the body to the foot", min_length=1, max_length=8)
+    links: tuple[str, ...] = choice("link names from the body to the foot", min_length=1, max_length=8)
+    body: Body
+    motor: Motor
+    gear: Gear
+    joint: dict[str, Joint]
+    link: dict[str, Link]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "joint" in data or "link" in data:
+            return data
+        data = dict(data)
+        for key, names in (("joint", data.get("joints")), ("link", data.get("links"))):
+            names = names if isinstance(names, (list, tuple)) else ()
+            data[key] = {n: data.pop(n, {}) for n in names if isinstance(n, str) and n not in RESERVED}
+        return data
+
+    @model_serializer(mode="wrap")
+    def _spread(self, handler: Any) -> dict[str, Any]:
+        data = handler(self)
+        joint, link = data.pop("joint"), data.pop("link")
+        return {**data, **joint, **link}
+
+    def drive(self, joint: str, part: Literal["motor", "gear"], entry: str) -> tuple[str, Any]:
+        """Path and value of a joint's motor or gear entry: its own if the file gives one, else the leg's."""
+        own = getattr(self.joint[joint], part)
+        value = getattr(own, entry) if own is not None else None
+        if value is not None:
+            return f"leg.{joint}.{part}.{entry}", value
+        return f"leg.{part}.{entry}", getattr(getattr(self, part), entry)
+
+
+class Contact(Section):
+    friction: float | None = quantity("friction coefficient (none: the foot never slips)", "1", 0, 10, None)
+
+
+class Start(Section):
+    """At rest. Either the hip's height with the foot below it (two-joint legs), or all joint angles."""
+
+    hip_height: float | None = quantity("height of the hip above the ground", "m", 0, 10, None)
+    foot_x: float = quantity("foot in front of the hip's plumb line", "m", -3, 3, 0.0)
+    joint_angles: tuple[float, ...] | None = choice("angle of every joint [rad], in chain order", None)
+
+
+Range = Annotated[tuple[float, float], Field(json_schema_extra={"unit": "s"})]
+
+
+class Hop(Section):
+    stance_duration: Range = choice("shortest and longest stance [s]", (0.03, 0.4))
+    flight_duration: Range = choice("shortest and longest time from lift-off to the apex [s]", (0.03, 1.0))
+    foot_window: float = quantity(
+        "half width of the window about the hip's plumb line that the foot passes at the apex",
+        "m", 1e-3, 3, 0.1,
+    )  # fmt: skip
+    above_ground: tuple[str, ...] = choice(
+        "what stays above the ground: any joint (at the top of its link), 'foot'; default all", ()
+    )
+    counter_movement: bool = choice("may the body descend in stance", True)
+
+
+class Solver(Section):
+    scheme: Literal["radau", "hermite-simpson", "trapezoidal"] = choice("transcription", "radau")
+    degree: int = choice("collocation points an interval (radau only)", 4, ge=1, le=9)
+    stance_intervals: int = choice("intervals of the first mesh, stance", 12, ge=1, le=2000)
+    flight_intervals: int = choice("intervals of the first mesh, flight", 8, ge=1, le=2000)
+    refine: bool = choice("refine the mesh until the tolerances are met", True)
+    tolerance: float = quantity("local error allowed in every interval", "1", 1e-12, 1e-2, 1e-6)
+    objective_tolerance: float = quantity(
+        "relative change of the objective at which refinement has settled", "1", 1e-9, 1e-1, 1e-4
+    )
+    max_refinements: int = choice("mesh refinements at most", 12, ge=0, le=40)
+    max_iterations: int = choice("Ipopt iterations at most, each mesh", 600, ge=1, le=100000)
+    tie_break: float = quantity(
+        "weight of the integral of (tau / tau_max)^2 that decides between equal optima; its bias is reported",
+        "m/s", 0, 1e-3, 1e-7,
+    )  # fmt: skip
+    starts: int = choice("different starting points", 6, ge=1, le=1000)
+    seed: int = choice("seed of the starting points beyond the named ones", 0, ge=0)
+
+
+class Design(Section):
+    """A whole problem: the leg, the ground, where the hop starts, what it may do and how it is solved."""
+
+    name: str = choice("short name, used for the results folder", pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")
+    title: str = choice("one line for tables and figures", "")
+    leg: Leg
+    contact: Contact = Contact()
+    start: Start
+    hop: Hop = Hop()
+    solver: Solver = Solver()
+
+
+def physical_parameters(leg: Leg) -> dict[str, float]:
+    """Every design parameter of the leg that has a value: {"leg.thigh.length": 0.38 [m], ...} (SI)."""
+    return dict(_physical("leg", leg))
+
+
+def _physical(path: str, section: BaseModel) -> Iterator[tuple[str, float]]:
+    for name, info in type(section).model_fields.items():
+        value, extra = getattr(section, name), info.json_schema_extra
+        if isinstance(value, BaseModel):
+            yield from _physical(f"{path}.{name}", value)
+        elif isinstance(value, dict):
+            for key, item in value.items():
+                yield from _physical(f"{path}.{key}", item)
+        elif value is not None and isinstance(extra, dict) and extra.get("physical"):
+            yield f"{path}.{name}", float(value)

@@ -1,0 +1,85 @@
+"""Collocation schemes as data: everything follows from the abscissae in [0, 1].
+
+On an interval of length h the state's derivative is the polynomial through its values at the abscissae c, so
+x(s) = x(0) + h sum_j B_j(s) f_j with B_j(s) the integral of the j-th Lagrange polynomial; collocation makes
+this exact at every c_k. These are the implicit Runge-Kutta methods Radau IIA (flipped Legendre-Gauss-Radau)
+and Lobatto IIIA (trapezoidal, Hermite-Simpson); Hairer and Wanner, Solving ODEs II, IV.5. All of them
+collocate the right end of the interval, so path constraints hold where a phase is decided.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import legendre
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A collocation scheme: its name, its abscissae c in [0, 1] and its order of convergence at the mesh points."""
+
+    name: str
+    c: tuple[float, ...]
+    order: int
+
+    @property
+    def starts_at_node(self) -> bool:
+        """Whether the left end of an interval is collocated too (Lobatto), so that its controls are shared."""
+        return self.c[0] == 0.0
+
+    @property
+    def steps(self) -> int:
+        """State nodes an interval adds."""
+        return len(self.c) - self.starts_at_node
+
+    @cached_property
+    def _integrals(self) -> np.ndarray:
+        """Coefficients (in powers 1..n of s) of the integrated Lagrange polynomials, shape (n, n + 1)."""
+        n = len(self.c)
+        lagrange = np.linalg.inv(np.vander(self.c, n, increasing=True)).T
+        return np.hstack([np.zeros((n, 1)), lagrange / np.arange(1, n + 1)])
+
+    def state_weights(self, s: np.ndarray | float) -> np.ndarray:
+        """B_j(s): integrals of the Lagrange polynomials from 0 to s, shape (len(s), n)."""
+        powers = np.vander(np.atleast_1d(np.asarray(s, dtype=float)), len(self.c) + 1, increasing=True)
+        return powers @ self._integrals.T
+
+    def control_weights(self, s: np.ndarray | float) -> np.ndarray:
+        """Lagrange polynomials through the abscissae at s, shape (len(s), n)."""
+        n = len(self.c)
+        powers = np.vander(np.atleast_1d(np.asarray(s, dtype=float)), n, increasing=True)
+        return powers @ np.linalg.inv(np.vander(self.c, n, increasing=True))
+
+    @cached_property
+    def A(self) -> np.ndarray:
+        """Integration matrix (steps, n): x_k = x_0 + h sum_j A_kj f_j at every new state node."""
+        return self.state_weights(np.array(self.c[len(self.c) - self.steps :]))
+
+    @cached_property
+    def b(self) -> np.ndarray:
+        """Quadrature weights over the interval, shape (n,)."""
+        return self.state_weights(1.0)[0]
+
+
+def radau(degree: int) -> Scheme:
+    """Flipped Legendre-Gauss-Radau (Radau IIA) with ``degree`` points, order 2 degree - 1."""
+    series = np.zeros(degree + 1)
+    series[[degree - 1, degree]] = 1.0  # P_{d-1} + P_d vanishes at -1 and at the other Radau points
+    roots = np.sort(legendre.legroots(series))
+    roots = np.sort(-roots)  # flip: the right end is a node
+    roots[-1] = 1.0
+    return Scheme(f"radau-{degree}", tuple(float(x) for x in (roots + 1) / 2), 2 * degree - 1)
+
+
+TRAPEZOIDAL = Scheme("trapezoidal", (0.0, 1.0), 2)
+HERMITE_SIMPSON = Scheme("hermite-simpson", (0.0, 0.5, 1.0), 4)
+
+
+def scheme(name: str, degree: int = 4) -> Scheme:
+    """The scheme called ``radau``, ``hermite-simpson`` or ``trapezoidal`` (or as ``Scheme.name`` spells it)."""
+    if name.startswith("radau"):
+        return radau(int(name[6:]) if name[6:] else degree)
+    known = {s.name: s for s in (TRAPEZOIDAL, HERMITE_SIMPSON)}
+    if name not in known:
+        raise ValueError(f"there is no scheme {name!r}: use radau, hermite-simpson or trapezoidal")
+    return known[name]

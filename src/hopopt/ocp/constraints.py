@@ -1,0 +1,57 @@
+"""One function for each physical rule, stated at one instant."""
+
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.design import Leg, physical_parameters
+from hopopt.leg.dynamics import LegDynamics, Motion
+from hopopt.leg.robot import BASE
+from hopopt.ocp.problem import INF, Instant, PathConstraint
+
+MotionAt = Callable[[Instant], Motion]
+DynamicsAt = Callable[[Instant], LegDynamics]
+
+
+def operating_region_constraint(leg: Leg, joint: str, motion: MotionAt) -> PathConstraint:
+    """a tau + b w <= 1 for every half-plane of the joint's admissible operating region (eq. con_tsat)."""
+    k = leg.joints.index(joint)
+
+    def value(s: Instant) -> ca.SX:
+        m = motion(s)
+        return ca.vertcat(*operating_region(leg, joint, s.p).use(m.v[BASE + k], m.tau[k]))
+
+    planes = operating_region(leg, joint, physical_parameters(leg)).planes
+    return PathConstraint(f"{joint} operating region", value, upper=1.0, labels=tuple(h.name for h in planes))
+
+
+def unilateral_contact(motion: MotionAt, weight: float) -> PathConstraint:
+    """The ground only pushes: f_z >= 0 [N]."""
+    return PathConstraint("ground force", lambda s: motion(s).f[1], lower=0.0, scale=5 * weight, unit="N")
+
+
+def friction_cone(motion: MotionAt, friction: float, weight: float) -> PathConstraint:
+    """|f_x| <= mu f_z [N], as two half-planes."""
+
+    def value(s: Instant) -> ca.SX:
+        f = motion(s).f
+        return ca.vertcat(friction * f[1] - f[0], friction * f[1] + f[0])
+
+    labels = ("forward", "backward")
+    return PathConstraint("friction cone", value, lower=0.0, scale=5 * weight, unit="N", labels=labels)
+
+
+def above_ground(names: Sequence[str], motion: MotionAt, dynamics: DynamicsAt, size: float) -> PathConstraint:
+    """Heights of the named points >= 0 [m]."""
+
+    def value(s: Instant) -> ca.SX:
+        points = dynamics(s).points(motion(s).q)
+        return ca.vertcat(*[points[name][1] for name in names])
+
+    return PathConstraint("height above ground", value, lower=0.0, scale=size, unit="m", labels=tuple(names))
+
+
+def no_counter_movement(motion: MotionAt) -> PathConstraint:
+    """The body never descends in stance: z' >= 0 [m/s]."""
+    return PathConstraint("body never descends", lambda s: motion(s).v[1], lower=0.0, upper=INF, unit="m/s")

@@ -1,0 +1,168 @@
+"""The hop as a multi-phase problem: stance in minimal coordinates, then flight up to the apex.
+
+Controls are the joint accelerations; the joint torques follow from inverse dynamics, so the equations of
+motion hold by construction and the drives enter as path constraints on the torque they would need.
+"""
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from hopopt.errors import UsageError
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.design import Design
+from hopopt.leg.dynamics import LegDynamics, Motion
+from hopopt.leg.kinematics import start_angles
+from hopopt.leg.robot import BASE, build_robot
+from hopopt.ocp.constraints import (
+    above_ground,
+    friction_cone,
+    no_counter_movement,
+    operating_region_constraint,
+    unilateral_contact,
+)
+from hopopt.ocp.objectives import OBJECTIVES
+from hopopt.ocp.problem import Control, Ends, Instant, Objective, Parameter, PathConstraint, Phase, Problem, State, linkage
+
+STANCE, FLIGHT = "stance", "flight"
+SPEED, ACCELERATION = 10.0, 300.0  # scales of joint speed [rad/s] and acceleration [rad/s^2]
+BODY_SPEED = 3.0  # scale of the body's speed [m/s]
+
+
+class Hop:
+    """One hop of a leg towards an objective; ``problem`` is what the transcription sees."""
+
+    def __init__(self, design: Design, objective: str = "clearance"):
+        if objective not in OBJECTIVES:
+            raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
+        self.design, self.leg, self.objective = design, design.leg, OBJECTIVES[objective]
+        self.robot = build_robot(design.leg)
+        self.n = len(self.leg.joints)
+        self.weight = float(sum(i.mass for i in self.robot.model.inertias)) * 9.81
+        self.reach = sum(link.length for link in self.leg.link.values())
+
+    # ---- what holds at an instant ----------------------------------------------------------------------
+
+    def dynamics(self, s: Instant) -> LegDynamics:
+        """The leg with the instant's parameters."""
+        return s.once("dynamics", lambda: LegDynamics(self.robot, s.p))
+
+    def stance_motion(self, s: Instant) -> Motion:
+        """The whole leg in stance."""
+        return s.once("motion", lambda: self.dynamics(s).stance(s.q, s.v, s.a))
+
+    def flight_motion(self, s: Instant) -> Motion:
+        """The whole leg in flight."""
+        return s.once("motion", lambda: self.dynamics(s).flight(s.com, s.com_v, s.q, s.v, s.a))
+
+    def points_at_end(self, e: Ends) -> dict[str, ca.SX]:
+        """World (x, z) [m] of the leg's points at the end of flight."""
+        s = e.final[FLIGHT]
+        pose = self.dynamics(s).flight_pose
+        return s.once("points", lambda: self.dynamics(s).points(pose(s.com, s.com_v, s.q, s.v)[0]))
+
+    @property
+    def point_names(self) -> tuple[str, ...]:
+        """Joints and foot."""
+        return tuple(self.robot.points)
+
+    @cached_property
+    def must_clear_ground(self) -> tuple[str, ...]:
+        return self.design.hop.above_ground or self.point_names
+
+    def effort(self, tau: ca.SX, s: Instant) -> ca.SX:
+        """Sum over the joints of (tau / stall torque)^2, for the tie-break."""
+        stalls = [
+            s.p[self.leg.drive(j, "gear", "ratio")[0]] * s.p[self.leg.drive(j, "motor", "max_torque")[0]]
+            for j in self.leg.joints
+        ]
+        return ca.sumsqr(tau / ca.vertcat(*stalls))
+
+    # ---- the phases ------------------------------------------------------------------------------------
+
+    @cached_property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper joint angles [rad], (n,) each."""
+        joints = [self.leg.joint[j] for j in self.leg.joints]
+        return np.array([j.lower for j in joints]), np.array([j.upper for j in joints])
+
+    def stance(self) -> Phase:
+        names, (lower, upper) = self.leg.joints, self.limits
+        q0 = start_angles(self.design)
+        motion = self.stance_motion
+        path = [operating_region_constraint(self.leg, j, motion) for j in names]
+        path.append(unilateral_contact(motion, self.weight))
+        if self.design.contact.friction is not None:
+            path.append(friction_cone(motion, self.design.contact.friction, self.weight))
+        clear = [name for name in self.must_clear_ground if name != "foot"]
+        if clear:
+            path.append(above_ground(clear, motion, self.dynamics, self.reach))
+        if not self.design.hop.counter_movement:
+            path.append(no_counter_movement(motion))
+        return Phase(
+            STANCE,
+            (
+                State("q", self.n, lower, upper, 1.0, "rad", names, initial=q0),
+                State("v", self.n, scale=SPEED, unit="rad/s", labels=names, initial=np.zeros(self.n)),
+            ),
+            (Control("a", self.n, scale=ACCELERATION, unit="rad/s^2", labels=names),),
+            lambda s: {"q": s.v, "v": s.a},
+            self.design.hop.stance_duration,
+            tuple(path),
+            {"effort": lambda s: self.effort(motion(s).tau, s)},
+        )
+
+    def flight(self) -> Phase:
+        motion, (lower, upper) = self.flight_motion, self.limits
+        path: list[PathConstraint] = [operating_region_constraint(self.leg, j, motion) for j in self.leg.joints]
+        if self.must_clear_ground:
+            path.append(above_ground(self.must_clear_ground, motion, self.dynamics, self.reach))
+        plane, names = ("x", "z"), self.leg.joints
+        return Phase(
+            FLIGHT,
+            (
+                State("com", BASE, scale=1.0, unit="m", labels=plane),
+                State("com_v", BASE, scale=BODY_SPEED, unit="m/s", labels=plane),
+                State("q", self.n, lower, upper, 1.0, "rad", names),
+                State("v", self.n, scale=SPEED, unit="rad/s", labels=names),
+            ),
+            (Control("a", self.n, scale=ACCELERATION, unit="rad/s^2", labels=names),),
+            lambda s: {"com": s.com_v, "com_v": self.dynamics(s).gravity, "q": s.v, "v": s.a},
+            self.design.hop.flight_duration,
+            tuple(path),
+            {"effort": lambda s: self.effort(motion(s).tau, s)},
+        )
+
+    def lift_off(self, e: Ends) -> ca.SX:
+        """What flight begins with less what stance ends with: centre of mass and joints, place and speed."""
+        s, f = e.final[STANCE], e.initial[FLIGHT]
+        q, v, _ = self.dynamics(s).stance_pose(s.q, s.v)
+        com = self.dynamics(s).points(q)["com"]
+        return ca.vertcat(f.com - com, f.com_v - ca.jtimes(com, s.q, s.v), f.q - s.q, f.v - s.v)
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The multi-phase problem; every physical parameter of the leg is a parameter of it."""
+        goal, weight = self.objective, self.design.solver.tie_break
+        scale = np.r_[np.ones(BASE), np.full(BASE, BODY_SPEED), np.ones(self.n), np.full(self.n, SPEED)]
+        labels = tuple(f"{what} {name}" for what in ("com", "com_v") for name in ("x", "z"))
+        labels += tuple(f"{what} {name}" for what in "qv" for name in self.leg.joints)
+        return Problem(
+            self.design.name,
+            (self.stance(), self.flight()),
+            Objective(
+                goal.name,
+                lambda e: goal.value(self, e) - weight * (e.integral[STANCE]["effort"] + e.integral[FLIGHT]["effort"]),
+                maximize=True,
+                unit=goal.unit,
+            ),
+            (*(Parameter(path, value=v) for path, v in self.robot.parameters.items()), *goal.parameters(self)),
+            (linkage("lift-off", self.lift_off, scale, labels=labels), *goal.boundary(self)),
+        )
+
+    @property
+    def tie_break_bias(self) -> float:
+        """What the tie-break can have cost the objective at most [m]: |tau| never exceeds the stall torque."""
+        longest = self.design.hop.stance_duration[1] + self.design.hop.flight_duration[1]
+        return self.design.solver.tie_break * self.n * longest

@@ -1,0 +1,189 @@
+"""A multi-phase optimal control problem, stated at instants: no nodes, no solver, no legs.
+
+Phases run one after another; each has its own states, controls, differential equations and duration. Every
+function below takes an ``Instant`` (or the ``Ends`` of all phases) and returns CasADi expressions.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+INF = float("inf")
+Numbers = float | Sequence[float] | np.ndarray
+
+
+class Instant(SimpleNamespace):
+    """Symbols at one instant of a phase: one attribute for each state and control, ``t`` [s] since the phase
+    began, and ``p``: parameter name -> symbol. ``once`` keeps what several functions of an instant share."""
+
+    t: Any
+    p: Mapping[str, Any]
+
+    def once(self, name: str, make: Callable[[], Any]) -> Any:
+        """The value called ``name``, made at its first use."""
+        kept = self.__dict__.setdefault("_kept", {})
+        if name not in kept:
+            kept[name] = make()
+        return kept[name]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A state, control or parameter of ``size`` components; bounds and scale broadcast over them."""
+
+    name: str
+    size: int = 1
+    lower: Numbers = -INF
+    upper: Numbers = INF
+    scale: Numbers = 1.0
+    unit: str = ""
+    labels: tuple[str, ...] = ()
+
+    def column(self, what: str) -> np.ndarray:
+        """``lower``, ``upper`` or ``scale`` as an array of shape (size,)."""
+        return np.broadcast_to(np.asarray(getattr(self, what), dtype=float), (self.size,)).copy()
+
+    def component_names(self) -> list[str]:
+        """Names for messages: ``q[hip]``, or just ``u``."""
+        if self.size == 1 and not self.labels:
+            return [self.name]
+        labels = self.labels or tuple(str(k) for k in range(self.size))
+        return [f"{self.name}[{label}]" for label in labels]
+
+
+class Control(Variable):
+    """A control."""
+
+
+@dataclass(frozen=True)
+class State(Variable):
+    """A state; ``initial`` and ``final`` are None (free), values, or (lower, upper)."""
+
+    initial: Numbers | tuple[Numbers, Numbers] | None = None
+    final: Numbers | tuple[Numbers, Numbers] | None = None
+
+    def end_bounds(self, end: str) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds at the ``initial`` or ``final`` instant, within the state's own bounds, (size,) each."""
+        given, lower, upper = getattr(self, end), self.column("lower"), self.column("upper")
+        if given is None:
+            return lower, upper
+        low, high = given if isinstance(given, tuple) else (given, given)
+        return np.maximum(lower, low), np.minimum(upper, high)
+
+
+@dataclass(frozen=True)
+class Parameter(Variable):
+    """A number that does not change with time: fixed at ``value``, or a decision within bounds if ``free``."""
+
+    value: Numbers = 0.0
+    free: bool = False
+
+
+@dataclass(frozen=True)
+class PathConstraint:
+    """lower <= value(instant) <= upper throughout a phase; ``scale`` is the size of its range, for accuracy."""
+
+    name: str
+    value: Callable[[Instant], Any]
+    lower: Numbers = -INF
+    upper: Numbers = INF
+    scale: Numbers = 1.0
+    unit: str = ""
+    labels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Ends:
+    """What boundary constraints and the objective may depend on, for each phase by name."""
+
+    initial: Mapping[str, Instant]
+    final: Mapping[str, Instant]
+    duration: Mapping[str, Any]
+    integral: Mapping[str, Mapping[str, Any]]
+    p: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class BoundaryConstraint:
+    """lower <= value(ends) <= upper."""
+
+    name: str
+    value: Callable[[Ends], Any]
+    lower: Numbers = 0.0
+    upper: Numbers = 0.0
+    scale: Numbers = 1.0
+    unit: str = ""
+    labels: tuple[str, ...] = ()
+
+
+def linkage(name: str, value: Callable[[Ends], Any], scale: Numbers = 1.0, **more: Any) -> BoundaryConstraint:
+    """value(ends) = 0, what one phase hands to the next."""
+    return BoundaryConstraint(name, value, 0.0, 0.0, scale, **more)
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What is made as small (or, with ``maximize``, as large) as possible."""
+
+    name: str
+    value: Callable[[Ends], Any]
+    maximize: bool = False
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """states' = dynamics(instant), with path constraints, integrals of ``integrands`` and a bounded duration.
+
+    dynamics returns {state name: derivative}; outputs are further quantities worth reporting over time.
+    """
+
+    name: str
+    states: tuple[State, ...]
+    controls: tuple[Control, ...]
+    dynamics: Callable[[Instant], Mapping[str, Any]]
+    duration: tuple[float, float]
+    path: tuple[PathConstraint, ...] = ()
+    integrands: Mapping[str, Callable[[Instant], Any]] = field(default_factory=dict)
+
+    def columns(self, group: Sequence[Variable], what: str) -> np.ndarray:
+        """``lower``, ``upper`` or ``scale`` of all states (or controls), stacked."""
+        return np.concatenate([v.column(what) for v in group]) if group else np.zeros(0)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A whole multi-phase problem; phases in the order in which they run."""
+
+    name: str
+    phases: tuple[Phase, ...]
+    objective: Objective
+    parameters: tuple[Parameter, ...] = ()
+    boundary: tuple[BoundaryConstraint, ...] = ()
+
+    def phase(self, name: str) -> Phase:
+        """The phase of that name; KeyError if there is none."""
+        return {p.name: p for p in self.phases}[name]
+
+
+def split(group: Sequence[Variable], stacked: Any) -> dict[str, Any]:
+    """Rows of a stacked array or expression, by variable name."""
+    parts, row = {}, 0
+    for variable in group:
+        parts[variable.name] = stacked[row : row + variable.size]
+        row += variable.size
+    return parts
+
+
+def symbols(group: Sequence[Variable]) -> dict[str, ca.SX]:
+    """One SX symbol for each variable."""
+    return {v.name: ca.SX.sym(v.name, v.size) for v in group}
+
+
+def stack(parts: Mapping[str, Any], group: Sequence[Variable]) -> ca.SX:
+    """The inverse of ``split``: expressions in the order of the variables."""
+    return ca.vertcat(*[parts[v.name] for v in group])
