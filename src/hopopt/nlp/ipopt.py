@@ -50,7 +50,10 @@ class NlpSolver:
         self.transcription = transcription
         self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, {**OPTIONS, **(options or {})})
 
-    def __call__(self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None) -> NlpSolution:
+    def __call__(
+        self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None
+    ) -> NlpSolution:
+        """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters."""
         t = self.transcription
         low, high = t.bounds(guess)
         z0, p = np.clip(t.pack(guess, parameters), low, high), t.parameter_values(parameters)

@@ -4,9 +4,11 @@ On an interval of length h the state's derivative is the polynomial through its 
 x(s) = x(0) + h sum_j B_j(s) f_j with B_j(s) the integral of the j-th Lagrange polynomial; collocation makes
 this exact at every c_k. These are the implicit Runge-Kutta methods Radau IIA (flipped Legendre-Gauss-Radau)
 and Lobatto IIIA (trapezoidal, Hermite-Simpson); Hairer and Wanner, Solving ODEs II, IV.5. All of them
-collocate the right end of the interval, so path constraints hold where a phase is decided.
+collocate the right end of the interval, so path constraints hold where a phase is decided. The controls are
+polynomials of their own, through their values at control_c.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,10 +18,11 @@ from numpy.polynomial import legendre
 
 @dataclass(frozen=True)
 class Scheme:
-    """A collocation scheme: its name, its abscissae c in [0, 1] and its order of convergence at the mesh points."""
+    """A collocation scheme: its name, its abscissae c, those of its controls, its order at the mesh points."""
 
     name: str
     c: tuple[float, ...]
+    control_c: tuple[float, ...]
     order: int
 
     @property
@@ -46,9 +49,7 @@ class Scheme:
 
     def control_weights(self, s: np.ndarray | float) -> np.ndarray:
         """Lagrange polynomials through the abscissae at s, shape (len(s), n)."""
-        n = len(self.c)
-        powers = np.vander(np.atleast_1d(np.asarray(s, dtype=float)), n, increasing=True)
-        return powers @ np.linalg.inv(np.vander(self.c, n, increasing=True))
+        return lagrange(self.c, s)
 
     @cached_property
     def A(self) -> np.ndarray:
@@ -61,6 +62,12 @@ class Scheme:
         return self.state_weights(1.0)[0]
 
 
+def lagrange(nodes: Sequence[float], s: np.ndarray | float) -> np.ndarray:
+    """Lagrange polynomials through ``nodes`` at s, shape (len(s), len(nodes))."""
+    powers = np.vander(np.atleast_1d(np.asarray(s, dtype=float)), len(nodes), increasing=True)
+    return powers @ np.linalg.inv(np.vander(nodes, len(nodes), increasing=True))
+
+
 def radau(degree: int) -> Scheme:
     """Flipped Legendre-Gauss-Radau (Radau IIA) with ``degree`` points, order 2 degree - 1."""
     series = np.zeros(degree + 1)
@@ -68,11 +75,12 @@ def radau(degree: int) -> Scheme:
     roots = np.sort(legendre.legroots(series))
     roots = np.sort(-roots)  # flip: the right end is a node
     roots[-1] = 1.0
-    return Scheme(f"radau-{degree}", tuple(float(x) for x in (roots + 1) / 2), 2 * degree - 1)
+    c = tuple(float(x) for x in (roots + 1) / 2)
+    return Scheme(f"radau-{degree}", c, c, 2 * degree - 1)
 
 
-TRAPEZOIDAL = Scheme("trapezoidal", (0.0, 1.0), 2)
-HERMITE_SIMPSON = Scheme("hermite-simpson", (0.0, 0.5, 1.0), 4)
+TRAPEZOIDAL = Scheme("trapezoidal", (0.0, 1.0), (0.0, 1.0), 2)
+HERMITE_SIMPSON = Scheme("hermite-simpson", (0.0, 0.5, 1.0), (0.0, 1.0), 4)  # controls linear: no overshoot
 
 
 def scheme(name: str, degree: int = 4) -> Scheme:

@@ -7,6 +7,7 @@ the boundary constraints. Each phase's right-hand sides are one SX function, map
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -14,13 +15,12 @@ import numpy as np
 from scipy import sparse
 
 from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.schemes import Scheme
+from hopopt.nlp.schemes import Scheme, lagrange
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.problem import (
     Ends,
     Instant,
     Parameter,
-    PathConstraint,
     Phase,
     Problem,
     split,
@@ -109,28 +109,34 @@ def _labels(constraint: Any, size: int) -> tuple[str, ...]:
 
 
 class PhaseLayout:
-    """Where one phase's nodes lie: which state node, arc and time belong to each abscissa of each interval."""
+    """Where one phase's nodes lie, and where its right-hand sides are evaluated.
+
+    Points are the abscissae of every interval, and the left end of a ramp; path constraints hold at those that
+    are control abscissae too, as many as there are controls to meet them. State nodes, control nodes and points are counted from the
+    phase's beginning.
+    """
 
     def __init__(self, stage: Stage, scheme: Scheme, mesh: PhaseMesh):
         self.stage, self.scheme, self.mesh, self.phase = stage, scheme, mesh, stage.phase
-        n, steps, N = len(scheme.c), scheme.steps, mesh.intervals
-        offsets = np.arange(n) + (0 if scheme.starts_at_node else 1)
-        self.state_nodes = N * steps + 1
-        self.state_of = np.arange(N)[:, None] * steps + offsets  # (N, n): state node of each abscissa
-        first_of_arc = np.concatenate([[True], np.diff(mesh.arc) > 0])
-        new = np.ones((N, n), dtype=bool)
-        if scheme.starts_at_node:  # an interval shares its first controls with the one before it in the arc
-            new[:, 0] = first_of_arc
-        count = np.cumsum(new.ravel()).reshape(N, n)
-        self.control_of = count - 1  # (N, n): control node of each abscissa
-        self.control_nodes = int(count[-1, -1])
-        owner = np.argmax(self.control_of.ravel()[None, :] == np.arange(self.control_nodes)[:, None], axis=1)
-        self.interval, self.place = owner // n, np.array(scheme.c)[owner % n]  # of each control node
-        self.state_at = self.state_of.ravel()[owner]
+        N, n, steps, shared = mesh.intervals, len(scheme.c), scheme.steps, scheme.starts_at_node
+        ramps = np.zeros(N, dtype=bool) if shared else mesh.is_ramp  # Lobatto controls are continuous already
+        self.control_places = [np.array((0.0, 1.0) if ramp else scheme.control_c) for ramp in ramps]
+        starts_arc = np.concatenate([[True], np.diff(mesh.arc) > 0])
+        self.controls_of = _numbering([len(c) for c in self.control_places], shared, starts_arc)
+        self.point_of = np.array(_numbering([n] * N, shared, starts_arc))  # (N, n) point of each abscissa
+        first = np.unique(self.point_of, return_index=True)[1]
+        state_of = np.arange(N)[:, None] * steps + np.arange(n) + (0 if shared else 1)
+        at = np.flatnonzero(ramps)  # a ramp is evaluated at its left end too
+        self.interval = np.concatenate([first // n, at])
+        self.place = np.concatenate([np.array(scheme.c)[first % n], np.zeros(len(at))])
+        self.state_at = np.concatenate([state_of.ravel()[first], at * steps])
+        self.points, self.state_nodes = len(self.interval), N * steps + 1
+        self.control_nodes = int(self.controls_of[-1][-1]) + 1
+        on_control = np.isin(self.place, scheme.control_c)
+        self.constrained = np.where(ramps[self.interval], np.isin(self.place, (0.0, 1.0)), on_control)
         self.arc_at = mesh.arc[self.interval]
         # time since the phase began = duration of earlier arcs + share of its own: t = time_matrix @ durations
         self.time_matrix = self.times_of(self.interval, self.place)
-        self.node_fraction = self._node_fractions()
 
     def times_of(self, interval: np.ndarray, place: np.ndarray) -> np.ndarray:
         """Weights (k, arcs) that give times from arc durations."""
@@ -141,32 +147,61 @@ class PhaseLayout:
         own = mesh.arc[interval][:, None]
         return np.where(arcs < own, 1.0, np.where(arcs == own, share[:, None], 0.0))
 
-    def _node_fractions(self) -> np.ndarray:
+    @cached_property
+    def node_fraction(self) -> np.ndarray:
         """Each state node's fraction of the phase, with arcs at their guessed spans, shape (state_nodes,)."""
         edges, c = np.array(self.mesh.edges), np.array(self.scheme.c)[-self.scheme.steps :]
         inner = edges[:-1, None] + np.diff(edges)[:, None] * c
         return np.concatenate([[0.0], inner.ravel()])
 
+    @cached_property
+    def control_place(self) -> tuple[np.ndarray, np.ndarray]:
+        """Interval and place of every control node, (control_nodes,) each."""
+        first = np.unique(np.concatenate(self.controls_of), return_index=True)[1]
+        interval = np.repeat(np.arange(self.mesh.intervals), [len(c) for c in self.control_places])
+        return interval[first], np.concatenate(self.control_places)[first]
+
+    @cached_property
+    def control_matrix(self) -> sparse.csc_matrix:
+        """C with controls at the points = U C, shape (control_nodes, points)."""
+        weights = [lagrange(self.control_places[i], s)[0] for i, s in zip(self.interval, self.place, strict=True)]
+        rows = np.concatenate([self.controls_of[i] for i in self.interval])
+        cols = np.repeat(np.arange(self.points), [len(w) for w in weights])
+        return _sparse(np.concatenate(weights), rows, cols, (self.control_nodes, self.points))
+
     def defect_matrices(self) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
-        """S and Q with defects = X S - (X' per arc duration) Q, one column for each new state node."""
+        """S and Q with defects = X S - (X' times arc duration) Q, one column for each new state node."""
         N, n, steps = self.mesh.intervals, len(self.scheme.c), self.scheme.steps
         column = np.arange(N * steps).reshape(N, steps)
-        first = np.repeat(np.arange(N) * steps, steps)
-        flat = column.ravel()
-        ones = np.ones(N * steps)
-        rows, cols = np.concatenate([flat + 1, first]), np.concatenate([flat, flat])
-        S = sparse.csc_matrix((np.concatenate([ones, -ones]), (rows, cols)), (self.state_nodes, N * steps))
+        flat, first = column.ravel(), np.repeat(np.arange(N) * steps, steps)
+        signs = np.concatenate([np.ones(N * steps), -np.ones(N * steps)])
+        S = _sparse(signs, np.concatenate([flat + 1, first]), np.concatenate([flat, flat]), (self.state_nodes, N * steps))
         weights = self.mesh.shares[:, None, None] * self.scheme.A[None]  # (N, steps, n)
-        rows = np.broadcast_to(self.control_of[:, None, :], (N, steps, n)).ravel()
-        cols = np.broadcast_to(column[:, :, None], (N, steps, n)).ravel()
-        Q = sparse.coo_matrix((weights.ravel(), (rows, cols)), (self.control_nodes, N * steps)).tocsc()
-        Q.eliminate_zeros()
-        return S, Q
+        rows = np.broadcast_to(self.point_of[:, None, :], (N, steps, n))
+        cols = np.broadcast_to(column[:, :, None], (N, steps, n))
+        return S, _sparse(weights, rows, cols, (self.points, N * steps))
 
     def quadrature(self) -> np.ndarray:
-        """Weight of each control node in an integral, per duration of its arc, shape (control_nodes,)."""
+        """Weight of each point in an integral, per duration of its arc, shape (points,)."""
         weights = self.mesh.shares[:, None] * self.scheme.b
-        return np.bincount(self.control_of.ravel(), weights.ravel(), self.control_nodes)
+        return np.bincount(self.point_of.ravel(), weights.ravel(), self.points)
+
+
+def _numbering(counts: Sequence[int], shared: bool, starts_arc: np.ndarray) -> list[np.ndarray]:
+    """Consecutive numbers for each interval; if ``shared``, neighbours in an arc share their common end."""
+    numbers, at = [], 0
+    for count, new_arc in zip(counts, starts_arc, strict=True):
+        at -= int(shared and not new_arc)
+        numbers.append(np.arange(at, at + count))
+        at += count
+    return numbers
+
+
+def _sparse(values: np.ndarray, rows: np.ndarray, cols: np.ndarray, shape: tuple[int, int]) -> sparse.csc_matrix:
+    matrix = sparse.coo_matrix((values.ravel(), (rows.ravel(), cols.ravel())), shape).tocsc()
+    matrix.eliminate_zeros()
+    matrix.sort_indices()
+    return matrix
 
 
 def _dm(matrix: sparse.csc_matrix) -> ca.DM:
@@ -263,10 +298,10 @@ class Transcription:
         X = ca.reshape(physical[where.x], nx, layout.state_nodes)
         U = ca.reshape(physical[where.u], nu, layout.control_nodes)
         durations = physical[where.durations]
-        t = ca.DM(layout.time_matrix) @ durations
-        stage = layout.stage.function.map(layout.control_nodes)
-        xdot, path, integrands = stage(X[:, layout.state_at.tolist()], U, t.T, p)
-        arc_time = (ca.DM(np.eye(layout.mesh.arcs)[layout.arc_at]) @ durations).T  # (1, control_nodes)
+        controls, t = U @ _dm(layout.control_matrix), ca.DM(layout.time_matrix) @ durations
+        stage = layout.stage.function.map(layout.points)
+        xdot, path, integrands = stage(X[:, layout.state_at.tolist()], controls, t.T, p)
+        arc_time = (ca.DM(np.eye(layout.mesh.arcs)[layout.arc_at]) @ durations).T  # (1, points)
         S, Q = layout.defect_matrices()
         defects = X @ _dm(S) - (xdot * ca.repmat(arc_time, nx, 1)) @ _dm(Q)
         self._add_defects(layout, defects)
@@ -292,10 +327,11 @@ class Transcription:
             layout.phase.path, layout.stage.path_sizes, layout.stage.path_labels, strict=True
         ):
             scale = np.broadcast_to(np.asarray(constraint.scale, dtype=float), (size,))
-            bounds, value = (constraint.lower, constraint.upper), path[row : row + size, :]
+            at = np.flatnonzero(layout.constrained)
+            bounds, value = (constraint.lower, constraint.upper), path[row : row + size, at.tolist()]
             self._add(
                 "path", layout.phase.name, constraint.name, labels, value, bounds, scale,
-                layout.interval, layout.place, constraint.unit,
+                layout.interval[at], layout.place[at], constraint.unit,
             )  # fmt: skip
             row += size
 
@@ -344,10 +380,10 @@ class Transcription:
         z = np.zeros(len(self.scale))
         for name, layout in self.layouts.items():
             g, where = guess[name], self.variables[name]
-            place = np.array(layout.mesh.edges)[layout.interval] + layout.place * np.diff(layout.mesh.edges)[layout.interval]
-            inner = np.where(layout.place == 0, 1e-9, np.where(layout.place == 1, -1e-9, 0.0))
+            interval, place = layout.control_place
+            edges, inner = np.array(layout.mesh.edges), np.clip(place, 1e-9, 1 - 1e-9)  # keep to the interval's side
             z[where.x] = g.sample(layout.node_fraction)[0].ravel()
-            z[where.u] = g.sample(np.clip(place + inner, 0, 1))[1].ravel()
+            z[where.u] = g.sample(edges[interval] + inner * np.diff(edges)[interval])[1].ravel()
             z[where.durations] = layout.mesh.spans * g.duration
         values = {q.name: q.value for q in self.free} | dict(parameters or {})
         if self.free:
@@ -372,14 +408,9 @@ class Transcription:
         X = physical[where.x].reshape(layout.state_nodes, -1)
         U = physical[where.u].reshape(layout.control_nodes, -1)
         durations = physical[where.durations]
-        t = layout.time_matrix @ durations
-        xdot = np.array(function.map(layout.control_nodes)(X[layout.state_at].T, U.T, t[None], p)[0]).T
+        t, controls = layout.time_matrix @ durations, layout.control_matrix.T @ U
+        xdot = np.array(function.map(layout.points)(X[layout.state_at].T, controls.T, t[None], p)[0]).T
         intervals = np.arange(layout.mesh.intervals)
         edges = np.append(layout.times_of(intervals, np.zeros(len(intervals))) @ durations, durations.sum())
         starts = X[intervals * self.scheme.steps]
-        return PhaseTrajectory(self.scheme, edges, starts, xdot[layout.control_of], U[layout.control_of], layout.mesh.arc)
-
-
-def path_constraints(phase: Phase) -> tuple[PathConstraint, ...]:
-    """The phase's path constraints (a convenience for reports)."""
-    return phase.path
+        return PhaseTrajectory(self.scheme, edges, starts, xdot[layout.point_of], controls[layout.point_of], layout.mesh.arc)

@@ -1,0 +1,51 @@
+"""Mesh refinement: cut intervals whose error is too large; make ramps where the controls switch.
+
+A switch inside an interval cannot be represented by its polynomial: cutting brackets it ever closer, but the
+overshoot between the nodes stays. Once it is bracketed closely, the interval becomes a ramp: its controls are
+linear between its ends, where the limits hold, so that nothing is gained by overshooting.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopopt.nlp.accuracy import IntervalErrors
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.mesh import PhaseMesh
+
+PARTS = 4  # into how many pieces a flagged interval is cut
+BRACKET = 1e-3  # of the phase: a flagged interval this short holds a switch
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """The next mesh; ``cut`` intervals were cut and ``ramps`` became ramps."""
+
+    mesh: dict[str, PhaseMesh]
+    cut: int
+    ramps: int
+
+
+def refine(solution: NlpSolution, errors: Mapping[str, IntervalErrors], tolerance: float, excess: float) -> Refinement:
+    """The next mesh: intervals with a local error above ``tolerance`` or an excess above ``excess`` change."""
+    meshes, cut, ramps = {}, 0, 0
+    for name, e in errors.items():
+        mesh = solution.transcription.mesh[name]
+        short = np.diff(solution.phases[name].edges) < BRACKET * solution.phases[name].duration
+        switch = (e.excess > excess) & short & ~mesh.is_ramp
+        flags = ((e.excess > excess) | (e.local > tolerance)) & ~switch
+        meshes[name] = _divide(solution, name, flags, switch)
+        cut, ramps = cut + int(flags.sum()), ramps + int(switch.sum())
+    return Refinement(meshes, cut, ramps)
+
+
+def _divide(solution: NlpSolution, phase: str, flags: np.ndarray, switch: np.ndarray) -> PhaseMesh:
+    mesh, trajectory = solution.transcription.mesh[phase], solution.phases[phase]
+    t = trajectory.edges / trajectory.duration
+    parts = np.where(flags, PARTS, 1)
+    pieces = [t[k] + (t[k + 1] - t[k]) * np.arange(n) / n for k, n in enumerate(parts)]
+    first = np.concatenate([[0], np.cumsum(parts)])
+    ramps = np.repeat(mesh.is_ramp | switch, parts)
+    free = tuple(int(first[k]) for k in mesh.free)
+    return PhaseMesh((*np.concatenate(pieces).tolist(), 1.0), free, tuple(int(k) for k in np.flatnonzero(ramps)))
