@@ -20,6 +20,7 @@ LOOKALIKES = {
     "s": (("milliseconds", 1e-3),),
 }
 RESERVED = ("joints", "links", "joint", "link", "body", "motor", "gear")
+RESERVED_JOINTS = (*RESERVED, "foot", "com", "x", "z")  # points and guides of every leg have these names
 
 
 def quantity(
@@ -32,9 +33,10 @@ def quantity(
     )
 
 
-def choice(meaning: str, default: Any = ..., **bounds: Any) -> Any:
-    """Declare an entry without a unit."""
-    return Field(default, description=meaning, json_schema_extra={"unit": "", "physical": False}, **bounds)
+def choice(meaning: str, default: Any = ..., *, unit: str = "", allowed: str = "", **bounds: Any) -> Any:
+    """Declare an entry that is not a single physical number: the unit of a list, what is ``allowed`` in words."""
+    extra = {"unit": unit, "physical": False, "allowed": allowed}
+    return Field(default, description=meaning, json_schema_extra=extra, **bounds)
 
 
 class Section(BaseModel):
@@ -67,6 +69,7 @@ class Motor(Section):
         "torque-speed laws, all of which hold: the paper's |tau| <= tau_max (1 - |w| / omega_max), "
         "or the four-quadrant line in which braking is not weakened by speed",
         ("paper",),
+        min_length=1,
     )
     torque_cap: float | None = quantity(
         "drive's torque limit, motor side", "N m", 1e-3, 1000, None, physical=True
@@ -148,20 +151,23 @@ class Contact(Section):
     friction: float | None = quantity("friction coefficient (none: the foot never slips)", "1", 0, 10, None)
 
 
+Angle = Annotated[float, Field(ge=-7, le=7, allow_inf_nan=False)]  # rad
+Duration = Annotated[float, Field(ge=1e-3, le=10, allow_inf_nan=False)]  # s
+
+
 class Start(Section):
     """At rest. Either the hip's height with the foot below it (two-joint legs), or all joint angles."""
 
     hip_height: float | None = quantity("height of the hip above the ground", "m", 0, 10, None)
     foot_x: float = quantity("foot in front of the hip's plumb line", "m", -3, 3, 0.0)
-    joint_angles: tuple[float, ...] | None = choice("angle of every joint [rad], in chain order", None)
-
-
-Range = Annotated[tuple[float, float], Field(json_schema_extra={"unit": "s"})]
+    joint_angles: tuple[Angle, ...] | None = choice("angle of every joint, in chain order", None, unit="rad")
 
 
 class Hop(Section):
-    stance_duration: Range = choice("shortest and longest stance [s]", (0.03, 0.4))
-    flight_duration: Range = choice("shortest and longest time from lift-off to the apex [s]", (0.03, 1.0))
+    stance_duration: tuple[Duration, Duration] = choice("shortest and longest stance", (0.03, 0.4), unit="s")
+    flight_duration: tuple[Duration, Duration] = choice(
+        "shortest and longest time from lift-off to the apex", (0.03, 1.0), unit="s"
+    )
     foot_window: float = quantity(
         "half width of the window about the hip's plumb line that the foot passes at the apex",
         "m", 1e-3, 3, 0.1,
@@ -189,14 +195,23 @@ class Solver(Section):
         "m/s", 0, 1e-3, 1e-7,
     )  # fmt: skip
     starts: int = choice("different starting points", 6, ge=1, le=1000)
-    seed: int = choice("seed of the starting points beyond the named ones", 0, ge=0)
+    seed: int = choice("seed of the starting points beyond the named ones", 0, ge=0, le=2**32 - 1)
 
 
 class Design(Section):
     """A whole problem: the leg, the ground, where the hop starts, what it may do and how it is solved."""
 
-    name: str = choice("short name, used for the results folder", pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")
-    title: str = choice("one line for tables and figures", "")
+    name: str = choice(
+        "short name, used for the results folder",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$",
+        allowed="text of 1 to 64 letters, digits, _ or -, the first a letter or digit,",
+    )
+    title: str = choice(
+        "one line for tables and figures",
+        "",
+        pattern=r"^[^\x00-\x1f\x7f]{0,200}$",
+        allowed="one line of text of at most 200 characters",
+    )
     leg: Leg
     contact: Contact = Contact()
     start: Start

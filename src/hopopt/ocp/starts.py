@@ -1,0 +1,194 @@
+"""Starting points that differ in what the leg does: where it leans, how deep it dips, how long it pushes.
+
+Every start is a rough motion of the joints in stance and in flight; the planner makes it obey the dynamics.
+The first is the paper's idea: a push with the knee saturated and the body held on the plumb line.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.kinematics import foot_offset, start_angles
+from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+
+POINTS = 41  # of a guess, each phase
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Start:
+    """A motion in words: hip ahead of the foot at mid-stance and at lift-off [share of the reach], depth of the
+    dip [share of the start height], stance duration [share of the longest]."""
+
+    name: str
+    sway: float = 0.0
+    lean: float = 0.0
+    dip: float = 0.0
+    duration: float = 0.5
+
+
+NAMED = (
+    Start("saturated push"),
+    Start("straight push", duration=0.4),
+    Start("lean back, swing", sway=-0.35, lean=0.1, dip=0.1, duration=1.0),
+    Start("lean forward, swing", sway=0.5, lean=0.3, dip=0.1, duration=1.0),
+    Start("lean forward, push", sway=0.25, lean=0.25, duration=0.5),
+    Start("lean back, push", sway=-0.2, lean=-0.2, duration=0.5),
+    Start("dip and push", dip=0.3, duration=1.0),
+)
+
+
+@dataclass(frozen=True)
+class PhaseGuess:
+    """States x (m, nx) and controls u (m, nu) at fractions (m,) of a phase of some duration [s]."""
+
+    duration: float
+    fraction: np.ndarray
+    x: np.ndarray
+    u: np.ndarray
+
+    def sample(self, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States and controls (k, ·), linear between the points."""
+        return _interpolate(fraction, self.fraction, self.x), _interpolate(fraction, self.fraction, self.u)
+
+
+def _interpolate(at: np.ndarray, fraction: np.ndarray, table: np.ndarray) -> np.ndarray:
+    return np.stack([np.interp(at, fraction, column) for column in table.T], axis=1)
+
+
+def starts(count: int, seed: int) -> list[Start]:
+    """The named starts, then seeded Sobol points over the same directions."""
+    extra = count - len(NAMED)
+    if extra <= 0:
+        return list(NAMED[:count])
+    sobol = qmc.Sobol(4, rng=seed).random(2 ** int(np.ceil(np.log2(extra))))[:extra]
+    points = qmc.scale(sobol, [-0.5, -0.3, 0.0, 0.2], [0.6, 0.4, 0.4, 1.0])
+    return [*NAMED, *(Start(f"drawn {k + 1}", *map(float, p)) for k, p in enumerate(points))]
+
+
+def make_guess(hop: Hop, start: Start) -> dict[str, PhaseGuess]:
+    """The start as guesses of both phases, by phase name."""
+    pushed = saturated_push(hop) if start.name == NAMED[0].name and hop.n == 2 else None
+    stance = pushed or _stance_guess(hop, start)
+    return {STANCE: stance, FLIGHT: _flight_guess(hop, stance)}
+
+
+def _stance_guess(hop: Hop, start: Start) -> PhaseGuess:
+    """Body path through start, dip and lift-off; joints by inverse kinematics."""
+    shortest, longest = hop.design.hop.stance_duration
+    T = shortest + start.duration * (longest - shortest)
+    q0 = start_angles(hop.design)
+    hip0 = -foot_offset(hop.leg, q0)
+    high = 0.85 * hop.reach
+    middle = np.array([start.sway * hop.reach, hip0[1] * (1 - start.dip) + 0.15 * (high - hip0[1])])
+    end = np.array([start.lean * hop.reach, np.sqrt(high**2 - (start.lean * hop.reach) ** 2)])
+    path = PchipInterpolator([0.0, 0.5, 1.0], np.stack([hip0, middle, end]))
+    s = np.linspace(0, 1, POINTS)
+    angles, q = [], q0
+    for hip in path(s):
+        q = inverse_kinematics(hop, -hip, q)
+        angles.append(q)
+    return _differentiate(T, s, np.array(angles))
+
+
+def _differentiate(T: float, s: np.ndarray, q: np.ndarray) -> PhaseGuess:
+    v = np.gradient(q, s * T, axis=0)
+    v[0] = 0.0
+    return PhaseGuess(T, s, np.hstack([q, v]), np.gradient(v, s * T, axis=0))
+
+
+def inverse_kinematics(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Joint angles [rad] within the limits that bring the foot closest to ``foot`` (x, z) [m] below the body."""
+    lower, upper = hop.limits
+    inner = np.clip(near, lower + 1e-6, upper - 1e-6)
+
+    def residual(q: np.ndarray) -> np.ndarray:
+        return np.concatenate([foot_offset(hop.leg, q) - foot, 1e-3 * (q - near)])
+
+    return least_squares(residual, inner, bounds=(lower, upper), xtol=1e-8, ftol=1e-8).x
+
+
+def _flight_guess(hop: Hop, stance: PhaseGuess) -> PhaseGuess:
+    """Ballistic flight from the end of stance; joints go smoothly to the tucked pose."""
+    n, s = hop.n, np.linspace(0, 1, POINTS)
+    com, com_v = _com_at(hop, stance.x[-1, :n], stance.x[-1, n:])
+    shortest, longest = hop.design.hop.flight_duration
+    T = float(np.clip(com_v[1] / GRAVITY, max(shortest, 0.1), min(longest, 0.6)))
+    t = s * T
+    blend = (s * s * (3 - 2 * s))[:, None]
+    q = stance.x[-1, :n] + (tucked(hop) - stance.x[-1, :n]) * blend
+    v = np.gradient(q, t, axis=0)
+    fall = np.array([0.0, -GRAVITY])
+    x = np.hstack([com + t[:, None] * com_v + 0.5 * t[:, None] ** 2 * fall, com_v + t[:, None] * fall, q, v])
+    return PhaseGuess(T, s, x, np.gradient(v, t, axis=0))
+
+
+def _com_at(hop: Hop, q_j: np.ndarray, v_j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centre of mass (x, z) [m] and its speed [m/s] in stance."""
+    q, v = ca.SX.sym("q", hop.n), ca.SX.sym("v", hop.n)
+    dynamics = LegDynamics(hop.robot, hop.robot.parameters)
+    com = dynamics.points(dynamics.stance_pose(q, v)[0])["com"]
+    place, speed = ca.Function("com", [q, v], [com, ca.jtimes(com, q, v)])(q_j, v_j)
+    return np.array(place).ravel(), np.array(speed).ravel()
+
+
+def tucked(hop: Hop) -> np.ndarray:
+    """Joint angles [rad] within the limits that lift the foot highest, within the foot window."""
+    lower, upper = hop.limits
+    grid = np.stack(np.meshgrid(*[np.linspace(a, b, 21 if hop.n < 3 else 7) for a, b in zip(lower, upper, strict=True)]), -1)
+    poses = grid.reshape(-1, hop.n)
+    feet = np.array([foot_offset(hop.leg, q) for q in poses])
+    allowed = np.abs(feet[:, 0]) <= hop.design.hop.foot_window
+    height = np.where(allowed, feet[:, 1], -np.inf if allowed.any() else -np.abs(feet[:, 0]))
+    return poses[int(np.argmax(height))]
+
+
+def saturated_push(hop: Hop) -> PhaseGuess | None:
+    """The knee at its operating limit, the hip keeping the body on the plumb line through the foot.
+
+    A simple simulation up to the stretched leg or the moment the ground would have to pull; None if the leg
+    does not rise.
+    """
+    n, p = hop.n, hop.robot.parameters
+    a, q, v = (ca.SX.sym(name, n) for name in "aqv")
+    m = LegDynamics(hop.robot, p).stance(q, v, a)
+    # tau, base x'' and f_z are affine in a: tau = B a + c and so on
+    rows = ca.vertcat(m.tau, m.a[0], m.f[1])
+    affine = ca.Function("affine", [q, v], [ca.jacobian(rows, a), ca.substitute(rows, a, ca.SX.zeros(n))])
+    knee = operating_region(hop.leg, hop.leg.joints[1], p)
+
+    def acceleration(x: np.ndarray) -> tuple[np.ndarray, float]:
+        B, c = (np.array(r) for r in affine(x[:n], x[n:]))
+        tau = knee.torque_bounds(x[n + 1])[1]
+        A = np.stack([B[1], B[n]])
+        result = np.linalg.solve(A, np.array([tau - c[1, 0], -c[n, 0]]))
+        return result, float((B[n + 1] @ result + c[n + 1])[0])
+
+    def stretched(_: float, x: np.ndarray) -> float:
+        return min(hop.limits[1][1] - 0.1 - x[1], acceleration(x)[1])
+
+    stretched.terminal = True  # type: ignore[attr-defined]
+    x0 = np.concatenate([start_angles(hop.design), np.zeros(n)])
+    longest = hop.design.hop.stance_duration[1]
+    try:
+        run = solve_ivp(lambda _, x: np.concatenate([x[n:], acceleration(x)[0]]), (0, longest), x0, events=stretched, max_step=0.01)
+    except np.linalg.LinAlgError:
+        return None
+    if not run.success or run.t[-1] < hop.design.hop.stance_duration[0] or run.y[1, -1] < x0[1]:
+        return None
+    x = run.y.T
+    u = np.array([acceleration(row)[0] for row in x])
+    return PhaseGuess(float(run.t[-1]), run.t / run.t[-1], x, u)
+
+
+def named(names: Sequence[str]) -> list[Start]:
+    """Named starts by name."""
+    return [s for s in NAMED if s.name in names]

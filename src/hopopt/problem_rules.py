@@ -1,0 +1,173 @@
+"""Rules between the entries of a problem: names, orders, counts, and whether the start is a possible pose."""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopopt.leg.design import RESERVED, RESERVED_JOINTS, Design, Hop, Leg, Start
+from hopopt.leg.kinematics import foot_offset, start_fault, two_joint_angles, within_limits
+from hopopt.problem_text import shown
+from hopopt.problem_words import did_you_mean, is_number, lookalike
+
+if TYPE_CHECKING:
+    from hopopt.problem_check import Report
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
+ROUNDING = 1e-9  # m or rad: a pose given in decimals is not refused for its last digit
+
+
+def entry_rules(data: Mapping[str, Any], report: "Report") -> None:
+    """Report what is wrong between entries of the file, of whatever the file has so far."""
+    leg, hop = _table(data, "leg"), _table(data, "hop")
+    refused = {path for path, _ in report.faults}  # of these enough is said
+    joints, links = _texts(leg.get("joints")), _texts(leg.get("links"))
+    for path, words in (
+        *_name_faults("leg.joints", joints, RESERVED_JOINTS),
+        *_name_faults("leg.links", links, RESERVED),
+        *_chain_faults(joints, links),
+        *(fault for name in joints for fault in _joint_faults(f"leg.{name}", _table(leg, name))),
+        *(fault for name in links for fault in _link_faults(f"leg.{name}", _table(leg, name))),
+        *(fault for name in ("stance_duration", "flight_duration") for fault in _range_faults(name, hop)),
+        *_above_ground_faults(_texts(hop.get("above_ground")), joints),
+    ):
+        if path not in refused:
+            report.add(path, words)
+
+
+def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = data.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _texts(value: Any) -> list[str]:
+    return [item for item in value if isinstance(item, str)] if isinstance(value, tuple) else []
+
+
+def _name_faults(path: str, names: list[str], reserved: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            yield path, f"has {shown(name)} {names.count(name)} times: give each a name of its own"
+        if name in reserved:
+            yield path, f"has {shown(name)}, which is reserved: choose a name other than {', '.join(reserved)}"
+        elif not NAME.fullmatch(name):
+            yield path, f"has {shown(name)}: a name is a letter, then at most 31 letters, digits, _ or -"
+
+
+def _chain_faults(joints: list[str], links: list[str]) -> Iterator[tuple[str, str]]:
+    if joints and links and len(joints) != len(links):
+        yield "leg.links", f"names {len(links)} where leg.joints names {len(joints)}: each joint carries one link"
+    for name in sorted(set(joints) & set(links)):
+        yield "leg.links", f"has {shown(name)}, which is a joint too: their tables would both be [leg.{name}]"
+
+
+def _joint_faults(path: str, joint: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    lower, upper = joint.get("lower"), joint.get("upper")
+    if is_number(lower) and is_number(upper) and not lower < upper:
+        yield (
+            f"{path}.lower",
+            f"= {shown(lower)} rad is not below {path}.upper = {shown(upper)} rad: exchange or widen them",
+        )
+
+
+def _link_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    com, length = link.get("com"), link.get("length")
+    if is_number(com) and is_number(length) and com > length:
+        most = f"{path}.length = {shown(length)} m"
+        yield f"{path}.com", f"= {shown(com)} m is beyond the end of the link: a number from 0 to {most} is needed"
+
+
+def _range_faults(name: str, hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    value = hop.get(name)
+    if isinstance(value, tuple) and len(value) == 2 and all(map(is_number, value)) and value[0] > value[1]:
+        yield f"hop.{name}", f"= {shown(value)} s begins above its end: write [shortest, longest]"
+
+
+def _above_ground_faults(names: list[str], joints: list[str]) -> Iterator[tuple[str, str]]:
+    known = [*joints, "foot"]
+    for name in dict.fromkeys(names):
+        if joints and name not in known:
+            yield "hop.above_ground", f"has {shown(name)}{did_you_mean(name, known)}: it takes {', '.join(known)}"
+        if names.count(name) > 1:
+            yield "hop.above_ground", f"has {shown(name)} {names.count(name)} times: once is enough"
+
+
+# ---- the start ------------------------------------------------------------------------------------------------
+
+
+def stated_once(start: Start, report: "Report") -> None:
+    """Report a start that says nothing about the pose, or says it twice."""
+    given = [name for name in ("hip_height", "joint_angles") if getattr(start, name) is not None]
+    if not given:
+        report.add("start", "says nothing about the pose: give hip_height (legs of two joints) or joint_angles")
+    if len(given) == 2:
+        report.add("start", "has both hip_height and joint_angles: each says where the leg starts, remove one")
+
+
+def start_rules(leg: Leg, start: Start, hop: Hop | None, report: "Report") -> None:
+    """Report why the leg cannot start as the file says; without ``hop`` heights above ground are not checked."""
+    faults = _angle_faults(leg, start.joint_angles) if start.joint_angles is not None else _height_faults(leg, start)
+    found = list(faults)
+    for path, words in found or (_ground_faults(leg, start, hop) if hop else ()):
+        report.add(path, words)
+
+
+def _angle_faults(leg: Leg, angles: tuple[float, ...]) -> Iterator[tuple[str, str]]:
+    path = "start.joint_angles"
+    if len(angles) != len(leg.joints):
+        yield (
+            path,
+            f"= {shown(angles)} has the wrong number of angles ({len(angles)}): "
+            f"one is needed for each of {', '.join(leg.joints)}",
+        )
+        return
+    for k, (name, angle) in enumerate(zip(leg.joints, angles, strict=True)):
+        low, high = leg.joint[name].lower, leg.joint[name].upper
+        if not low <= angle <= high:
+            limits = f"a number from leg.{name}.lower = {low:g} to leg.{name}.upper = {high:g} rad is needed"
+            yield (
+                f"{path}[{k}]",
+                f"= {angle} rad is outside the limits of {name}: {limits}{lookalike(angle, 'rad', (low, high))}",
+            )
+
+
+def _height_faults(leg: Leg, start: Start) -> Iterator[tuple[str, str]]:
+    height, foot = start.hip_height, start.foot_x
+    assert height is not None
+    if len(leg.joints) != 2:
+        words = "does not give the pose of a leg with other than two joints: give start.joint_angles instead"
+        yield "start.hip_height", f"= {height} m {words}"
+        return
+    solutions = two_joint_angles(leg, np.array([foot, -height]))
+    if not any(within_limits(leg, q) for q in solutions):
+        why = start_fault(Design.model_construct(leg=leg, start=start), solutions)
+        yield (
+            "start.hip_height",
+            f"= {height} m with start.foot_x = {foot} m is not possible: {why}; {_possible(leg, foot)}",
+        )
+
+
+def _possible(leg: Leg, foot: float) -> str:
+    """Which hip heights there are for this foot position, to the millimetre."""
+    heights = np.arange(0.0, sum(link.length for link in leg.link.values()), 1e-3)
+    fit = [h for h in heights if any(within_limits(leg, q) for q in two_joint_angles(leg, np.array([foot, -h])))]
+    if not fit:
+        return f"no height is possible with this foot_x{'' if foot else ' and these joint limits'}"
+    return f"with this foot_x choose it from {min(fit):.3f} to {max(fit):.3f} m"
+
+
+def _ground_faults(leg: Leg, start: Start, hop: Hop) -> Iterator[tuple[str, str]]:
+    """Joints below the ground at the start that the hop wants above it."""
+    pose = start.joint_angles
+    if pose is None:
+        solutions = two_joint_angles(leg, np.array([start.foot_x, -(start.hip_height or 0.0)]))
+        pose = next(tuple(q) for q in solutions if within_limits(leg, q))
+    angles, lengths = np.cumsum(pose), [leg.link[name].length for name in leg.links]
+    heights = -foot_offset(leg, pose)[1] - np.concatenate([[0.0], np.cumsum(lengths * np.cos(angles))])
+    path = "start.hip_height" if start.joint_angles is None else "start.joint_angles"
+    for name, height in zip(leg.joints, heights, strict=False):
+        if name in (hop.above_ground or leg.joints) and height < -ROUNDING:
+            value = start.hip_height if start.joint_angles is None else start.joint_angles
+            below = f"puts {name} {-height:.3f} m below the ground"
+            yield path, f"= {shown(value)} {below}: choose another pose, or leave {name} out of hop.above_ground"

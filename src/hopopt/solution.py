@@ -1,0 +1,150 @@
+"""A solved hop as the user holds it: the plan as functions of time, and every figure that is printed of it."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.leg.design import Design
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.ocp.hop import FLIGHT, STANCE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The whole leg at k times: t (k,) [s] since stance began, phase (k,) names; q, v, a (k, 2 + n) of body x, z
+    [m] and joints [rad]; tau (k, n) [N m]; contact force f (k, 2) [N]; points: name -> (k, 2) x, z [m], with
+    every joint, "foot" and "com"; com_v (k, 2) [m/s]."""
+
+    t: np.ndarray
+    phase: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    tau: np.ndarray
+    f: np.ndarray
+    points: dict[str, np.ndarray]
+    com_v: np.ndarray
+
+    def __getitem__(self, rows: Any) -> "Samples":
+        """The samples at some rows (an index array, mask or slice)."""
+        points = {name: p[rows] for name, p in self.points.items()}
+        arrays = (getattr(self, name)[rows] for name in ("t", "phase", "q", "v", "a", "tau", "f"))
+        return Samples(*arrays, points, self.com_v[rows])
+
+
+class PlanEvaluator:
+    """Turns states and controls of the phases into the motion of the whole leg, by the planner's own dynamics."""
+
+    def __init__(self, robot: Robot):
+        self.robot = robot
+        dynamics, n = LegDynamics(robot, robot.parameters), len(robot.joints)
+        q, v, a, com, com_v = (ca.SX.sym(s, m) for s, m in (("q", n), ("v", n), ("a", n), ("com", BASE), ("com_v", BASE)))
+        self.names = [*robot.points, "com"]
+        self.functions = {}
+        for phase, x, m in (
+            (STANCE, ca.vertcat(q, v), dynamics.stance(q, v, a)),
+            (FLIGHT, ca.vertcat(com, com_v, q, v), dynamics.flight(com, com_v, q, v, a)),
+        ):
+            points = dynamics.points(m.q)
+            speed = ca.jtimes(points["com"], q, v) + (ca.jtimes(points["com"], com, com_v) if phase == FLIGHT else 0)
+            outputs = [m.q, m.v, m.a, m.tau, m.f, speed, *(points[name] for name in self.names)]
+            self.functions[phase] = ca.Function(phase, [x, a], [ca.densify(o) for o in outputs])
+
+    def __call__(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Samples:
+        """Samples from states x (k, nx) and controls u (k, n) of one phase at times t (k,)."""
+        results = self.functions[phase].map(len(t))(np.ascontiguousarray(x.T), np.ascontiguousarray(u.T))
+        q, v, a, tau, f, com_v, *points = (np.array(r).T for r in results)
+        return Samples(t, np.full(len(t), phase), q, v, a, tau, f, dict(zip(self.names, points, strict=True)), com_v)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The best hop found: its problem, its trajectories by phase, its figures (``summary``) and where it lies."""
+
+    design: Design
+    objective: str
+    phases: dict[str, PhaseTrajectory]
+    summary: dict[str, Any]
+    kkt: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    result_dir: Path | None = None
+
+    @cached_property
+    def robot(self) -> Robot:
+        return build_robot(self.design.leg)
+
+    @cached_property
+    def _evaluate(self) -> PlanEvaluator:
+        return PlanEvaluator(self.robot)
+
+    @property
+    def clearance(self) -> float:
+        """Height of the leg's lowest point at the end of flight [m]."""
+        return float(self.summary["clearance_m"])
+
+    @property
+    def verified(self) -> bool:
+        """Whether every check of the verification passed."""
+        return bool(self.summary["verified"])
+
+    @property
+    def duration(self) -> float:
+        """From the start of stance to the apex [s]."""
+        return sum(p.duration for p in self.phases.values())
+
+    @property
+    def lift_off(self) -> float:
+        """Time of lift-off [s]."""
+        return self.phases[STANCE].duration
+
+    def region(self, joint: str) -> OperatingRegion:
+        """The admissible operating region of a joint, in numbers."""
+        return operating_region(self.design.leg, joint, self.robot.parameters)
+
+    def sample(self, t: Any) -> Samples:
+        """The whole leg at times t [s] since stance began (clipped to the hop); at lift-off, flight."""
+        t = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), 0.0, self.duration)
+        parts, order = [], []
+        for phase, rows in ((STANCE, t < self.lift_off), (FLIGHT, t >= self.lift_off)):
+            if rows.any():
+                start = 0.0 if phase == STANCE else self.lift_off
+                parts.append(self.sample_phase(phase, t[rows] - start))
+                order.append(np.flatnonzero(rows))
+        return _join(parts)[np.argsort(np.concatenate(order), kind="stable")]
+
+    def sample_phase(self, phase: str, t: np.ndarray) -> Samples:
+        """The whole leg at times t [s] since the phase began; both ends belong to the phase."""
+        x, u = self.phases[phase].sample(t)
+        start = 0.0 if phase == STANCE else self.lift_off
+        return self._evaluate(phase, np.asarray(t) + start, x, u)
+
+    def everywhere(self, phase: str, places: np.ndarray) -> Samples:
+        """The whole leg at the same places (0 to 1) of every interval of a phase, interval by interval."""
+        t, x, u = self.phases[phase].everywhere(places)
+        start = 0.0 if phase == STANCE else self.lift_off
+        return self._evaluate(phase, t.ravel() + start, x.reshape(t.size, -1), u.reshape(t.size, -1))
+
+    def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
+        """All figures by name, or the one called ``name`` (heights, joints, operating_region, stick, ground_force)."""
+        from hopopt.plots import FIGURES
+
+        if name is not None:
+            return FIGURES[name](self)
+        return {key: draw(self) for key, draw in FIGURES.items()}
+
+
+def _join(parts: list[Samples]) -> Samples:
+    if len(parts) == 1:
+        return parts[0]
+    arrays = (np.concatenate([getattr(p, n) for p in parts]) for n in ("t", "phase", "q", "v", "a", "tau", "f"))
+    points = {name: np.concatenate([p.points[name] for p in parts]) for name in parts[0].points}
+    return Samples(*arrays, points, np.concatenate([p.com_v for p in parts]))
