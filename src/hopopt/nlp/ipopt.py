@@ -11,7 +11,6 @@ from hopopt.nlp.transcribe import Transcription
 from hopopt.nlp.trajectory import PhaseTrajectory
 
 OPTIONS = {
-    "expand": True,
     "print_time": False,
     "error_on_fail": False,
     "ipopt.print_level": 0,
@@ -48,7 +47,8 @@ class NlpSolver:
 
     def __init__(self, transcription: Transcription, options: Mapping[str, Any] | None = None):
         self.transcription = transcription
-        self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, {**OPTIONS, **(options or {})})
+        settings = OPTIONS | transcription.program.options() | dict(options or {})
+        self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
 
     def __call__(
         self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None

@@ -1,0 +1,129 @@
+"""The functions an NLP solver needs, f and g and their exact derivatives, from a program's terms."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from hopopt.nlp.terms import Matrix, Scattered, Term, assemble, to_dm
+
+
+@dataclass(frozen=True)
+class Program:
+    """f = ends[0] and g = linear z + rows of the phases + ends[1:], over z and the fixed parameters p.
+
+    The first ``rows[k]`` outputs of phase k scatter to g; the rest are integrands, whose rows come after those
+    of g: ``count`` integrals, with which the extra inputs of ``ends`` begin.
+    """
+
+    linear: Matrix
+    phases: tuple[Term, ...]
+    rows: tuple[int, ...]
+    ends: Term
+    count: int
+
+    def symbols(self) -> tuple[ca.MX, ca.MX]:
+        """z and p."""
+        return ca.MX.sym("x", self.linear.shape[1]), ca.MX.sym("p", self.ends.extra.numel() - self.count)
+
+    @property
+    def integrals(self) -> ca.SX:
+        """The ends' symbols for the integrals."""
+        return self.ends.extra[: self.count]
+
+    def row_terms(self) -> list[Term]:
+        """The phases without their integrands."""
+        g = slice(self.linear.shape[0])
+        return [t.part(slice(n), g) for t, n in zip(self.phases, self.rows, strict=True)]
+
+    def integral_terms(self) -> list[Term]:
+        """The integrands of the phases that have some."""
+        after = slice(self.linear.shape[0], None)
+        parts = [t.part(slice(n, None), after) for t, n in zip(self.phases, self.rows, strict=True)]
+        return [t for t in parts if t.outputs.numel()]
+
+    @property
+    def cost(self) -> Term:
+        """f."""
+        return self.ends.part(slice(1), slice(1))
+
+    @property
+    def boundary(self) -> Term:
+        """What the ends add to g."""
+        return self.ends.part(slice(1, None), slice(1, None))
+
+    def integral(self, z: ca.MX, p: ca.MX) -> ca.MX:
+        """All integrals, (count, 1)."""
+        return sum((t.values(z, p) for t in self.integral_terms()), ca.MX.zeros(self.count, 1))
+
+    def integral_slope(self, z: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """All integrals and their derivative by z, (count, n)."""
+        value, slopes = sum_of([t.jacobian(z, p) for t in self.integral_terms()])
+        return self.no_integrals() + value, assemble((self.count, self.linear.shape[1]), slopes)
+
+    def no_integrals(self) -> ca.MX:
+        """Zeros for functions that do not depend on the integrals."""
+        return ca.MX.zeros(self.count, 1)
+
+    def nlp(self) -> dict[str, ca.MX]:
+        """x, p, f, g for nlpsol."""
+        z, p = self.symbols()
+        extra = ca.vertcat(self.integral(z, p), p)
+        g = to_dm(self.linear) @ z + self.boundary.values(z, extra)
+        for term in self.row_terms():
+            g += term.values(z, p)
+        return {"x": z, "p": p, "f": self.cost.values(z, extra), "g": g}
+
+    def grad_f(self) -> ca.Function:
+        """(x, p) -> f, gradient."""
+        z, p = self.symbols()
+        integral, slope = self.integral_slope(z, p)
+        extra = ca.vertcat(integral, p)
+        f, direct = self.cost.jacobian(z, extra)
+        by_integral = self.cost.at_ends("slope", z, extra, ca.jacobian(self.cost.outputs, self.integrals))
+        row = assemble((1, self.linear.shape[1]), [direct]) + by_integral @ slope
+        return ca.Function("nlp_grad_f", [z, p], [f, ca.densify(row.T)], ["x", "p"], ["f", "grad"])
+
+    def jac_g(self) -> ca.Function:
+        """(x, p) -> g, jacobian."""
+        z, p = self.symbols()
+        local = ca.jacobian(self.boundary.outputs, self.integrals)
+        integral, slope = self.integral_slope(z, p) if local.nnz() else (self.no_integrals(), None)
+        extra = ca.vertcat(integral, p)
+        g, parts = sum_of([self.boundary.jacobian(z, extra), *(t.jacobian(z, p) for t in self.row_terms())])
+        J = assemble(self.linear.shape, parts, self.linear)
+        if slope is not None:
+            J += to_dm(self.boundary.scatter) @ (self.boundary.at_ends("slope", z, extra, local) @ slope)
+        outputs = [to_dm(self.linear) @ z + g, J]
+        return ca.Function("nlp_jac_g", [z, p], outputs, ["x", "p"], ["g", "jac"])
+
+    def hess_lag(self) -> ca.Function:
+        """(x, p, lam_f, lam_g) -> upper triangle of the Hessian of lam_f f + lam_g' g."""
+        (z, p), n = self.symbols(), self.linear.shape[1]
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.linear.shape[0])
+        lam = ca.vertcat(lam_f, lam_g)
+        w = ca.SX.sym("w", self.ends.outputs.numel())
+        by_integral = ca.gradient(ca.dot(w, self.ends.outputs), self.integrals)
+        mixed, twice = ca.jacobian(by_integral, self.ends.y), ca.jacobian(by_integral, self.integrals)
+        curved = mixed.nnz() + twice.nnz() > 0
+        integral, slope = self.integral_slope(z, p) if curved else (self.no_integrals(), None)
+        extra = ca.vertcat(integral, p)
+        weights = (w, to_dm(self.ends.scatter).T @ lam)
+        multipliers = ca.vertcat(lam_g, self.ends.at_ends("multipliers", z, extra, by_integral, weights))
+        parts = [self.ends.hessian(z, extra, lam), *(t.hessian(z, p, multipliers) for t in self.phases)]
+        H = assemble((n, n), parts)
+        if slope is not None:
+            half = self.ends.at_ends("mixed", z, extra, mixed, weights) @ to_dm(self.ends.gather)
+            half += self.ends.at_ends("twice", z, extra, twice, weights) @ slope / 2
+            H += ca.triu(slope.T @ half + half.T @ slope)
+        inputs, names = [z, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]
+        return ca.Function("nlp_hess_l", inputs, [H], names, ["hess"])
+
+    def options(self) -> dict[str, Any]:
+        """The derivatives as options of nlpsol."""
+        return {"expand": False, "grad_f": self.grad_f(), "jac_g": self.jac_g(), "hess_lag": self.hess_lag()}
+
+
+def sum_of(pairs: list[tuple[ca.MX, Scattered]]) -> tuple[ca.MX, list[Scattered]]:
+    """The sum of the values, and the list of the derivatives."""
+    return sum((value for value, _ in pairs), ca.MX(0)), [slope for _, slope in pairs]

@@ -1,0 +1,199 @@
+"""A phase's right-hand sides as one function, and where on its mesh they are evaluated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy import sparse
+
+from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.schemes import Scheme, lagrange
+from hopopt.nlp.terms import Matrix, csc, shifted
+from hopopt.ocp.problem import Instant, Parameter, Phase, stack, symbols
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A phase's right-hand sides at one instant as one SX function (x, u, t, p) -> (x', path, integrands)."""
+
+    phase: Phase
+    function: ca.Function
+    path_labels: tuple[tuple[str, ...], ...]
+
+    @property
+    def path_sizes(self) -> tuple[int, ...]:
+        """Components of each path constraint."""
+        return tuple(len(labels) for labels in self.path_labels)
+
+    @property
+    def row_outputs(self) -> int:
+        """Outputs that enter rows of the NLP: x' and path."""
+        return self.function.size1_out(0) + self.function.size1_out(1)
+
+    @property
+    def outputs(self) -> int:
+        """All outputs."""
+        return self.row_outputs + self.function.size1_out(2)
+
+    def over_arc(self, parameters: Sequence[Parameter]) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Variables (x, u, t, free parameters, T), fixed parameters, and outputs (T x', path, T integrands).
+
+        T is the duration of the arc [s]; times it, derivatives and integrands are taken per fraction of the arc.
+        """
+        sizes = [self.function.size1_in(k) for k in range(2)]
+        x, u, t, T = (ca.SX.sym(n, k) for n, k in zip("xutT", [*sizes, 1, 1], strict=True))
+        p = symbols(parameters)
+        xdot, path, integrands = self.function(x, u, t, stack(p, parameters))
+        free, fixed = (stack(p, [q for q in parameters if q.free is kind]) for kind in (True, False))
+        return ca.vertcat(x, u, t, free, T), fixed, ca.vertcat(T * xdot, path, T * integrands)
+
+
+def make_stage(phase: Phase, parameters: Sequence[Parameter]) -> Stage:
+    """Evaluate the phase's functions on symbols, once."""
+    x, u, p = symbols(phase.states), symbols(phase.controls), symbols(parameters)
+    t = ca.SX.sym("t")
+    instant = Instant(t=t, p=p, **x, **u)
+    path = [ca.vec(ca.SX(c.value(instant))) for c in phase.path]
+    integrands = [ca.SX(f(instant)) for f in phase.integrands.values()]
+    inputs = [stack(x, phase.states), stack(u, phase.controls), t, stack(p, parameters)]
+    outputs = [stack(phase.dynamics(instant), phase.states), ca.vertcat(*path), ca.vertcat(*integrands)]
+    labels = tuple(row_labels(c, int(v.numel())) for c, v in zip(phase.path, path, strict=True))
+    function = ca.Function(f"stage_{phase.name}".replace("-", "_"), inputs, [ca.densify(o) for o in outputs])
+    return Stage(phase, function, labels)
+
+
+def row_labels(constraint: Any, size: int) -> tuple[str, ...]:
+    """A name for each of the ``size`` rows of a constraint."""
+    if size == 1 and not constraint.labels:
+        return (constraint.name,)
+    labels = constraint.labels or tuple(str(k) for k in range(size))
+    return tuple(f"{constraint.name}[{label}]" for label in labels)
+
+
+@dataclass(frozen=True)
+class PhaseVariables:
+    """Index ranges of one phase's variables in the NLP vector."""
+
+    x: slice
+    u: slice
+    durations: slice
+
+
+class PhaseLayout:
+    """Where one phase's nodes lie, and where its right-hand sides are evaluated.
+
+    Points are the abscissae of every interval, and the left end of a ramp; path constraints hold at those that
+    are control abscissae too, as many as there are controls to meet them. State nodes, control nodes and points
+    are counted from the phase's beginning.
+    """
+
+    def __init__(self, stage: Stage, scheme: Scheme, mesh: PhaseMesh):
+        self.stage, self.scheme, self.mesh, self.phase = stage, scheme, mesh, stage.phase
+        N, n, steps, shared = mesh.intervals, len(scheme.c), scheme.steps, scheme.starts_at_node
+        ramps = np.zeros(N, dtype=bool) if shared else mesh.is_ramp  # Lobatto controls are continuous already
+        self.control_places = [np.array((0.0, 1.0) if ramp else scheme.control_c) for ramp in ramps]
+        starts_arc = np.concatenate([[True], np.diff(mesh.arc) > 0])
+        self.controls_of = _numbering([len(c) for c in self.control_places], shared, starts_arc)
+        self.point_of = np.array(_numbering([n] * N, shared, starts_arc))  # (N, n) point of each abscissa
+        first = np.unique(self.point_of, return_index=True)[1]
+        state_of = np.arange(N)[:, None] * steps + np.arange(n) + (0 if shared else 1)
+        at = np.flatnonzero(ramps)  # a ramp is evaluated at its left end too
+        self.interval = np.concatenate([first // n, at])
+        self.place = np.concatenate([np.array(scheme.c)[first % n], np.zeros(len(at))])
+        self.state_at = np.concatenate([state_of.ravel()[first], at * steps])
+        self.points, self.state_nodes = len(self.interval), N * steps + 1
+        self.control_nodes = int(self.controls_of[-1][-1]) + 1
+        on_control = np.isin(self.place, scheme.control_c)
+        self.constrained = np.where(ramps[self.interval], np.isin(self.place, (0.0, 1.0)), on_control)
+        self.arc_at = mesh.arc[self.interval]
+        # time since the phase began = duration of earlier arcs + share of its own: t = time_matrix @ durations
+        self.time_matrix = self.times_of(self.interval, self.place)
+
+    def times_of(self, interval: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """Weights (k, arcs) that give times from arc durations."""
+        mesh = self.mesh
+        starts = np.array([mesh.shares[:i][mesh.arc[:i] == mesh.arc[i]].sum() for i in range(mesh.intervals)])
+        share = starts[interval] + place * mesh.shares[interval]
+        arcs = np.arange(mesh.arcs)
+        own = mesh.arc[interval][:, None]
+        return np.where(arcs < own, 1.0, np.where(arcs == own, share[:, None], 0.0))
+
+    @cached_property
+    def node_fraction(self) -> np.ndarray:
+        """Each state node's fraction of the phase, with arcs at their guessed spans, shape (state_nodes,)."""
+        edges, c = np.array(self.mesh.edges), np.array(self.scheme.c)[-self.scheme.steps :]
+        inner = edges[:-1, None] + np.diff(edges)[:, None] * c
+        return np.concatenate([[0.0], inner.ravel()])
+
+    @cached_property
+    def control_place(self) -> tuple[np.ndarray, np.ndarray]:
+        """Interval and place of every control node, (control_nodes,) each."""
+        first = np.unique(np.concatenate(self.controls_of), return_index=True)[1]
+        interval = np.repeat(np.arange(self.mesh.intervals), [len(c) for c in self.control_places])
+        return interval[first], np.concatenate(self.control_places)[first]
+
+    @cached_property
+    def control_matrix(self) -> Matrix:
+        """C with controls at the points = U C, shape (control_nodes, points)."""
+        weights = [lagrange(self.control_places[i], s)[0] for i, s in zip(self.interval, self.place, strict=True)]
+        rows = np.concatenate([self.controls_of[i] for i in self.interval])
+        cols = np.repeat(np.arange(self.points), [len(w) for w in weights])
+        return _sparse(np.concatenate(weights), rows, cols, (self.control_nodes, self.points))
+
+    def defect_matrices(self) -> tuple[Matrix, Matrix]:
+        """S and Q with defects = X S - (X' times arc duration) Q, one column for each new state node."""
+        N, n, steps = self.mesh.intervals, len(self.scheme.c), self.scheme.steps
+        column = np.arange(N * steps).reshape(N, steps)
+        flat, first = column.ravel(), np.repeat(np.arange(N) * steps, steps)
+        signs = np.concatenate([np.ones(N * steps), -np.ones(N * steps)])
+        S = _sparse(
+            signs, np.concatenate([flat + 1, first]), np.concatenate([flat, flat]), (self.state_nodes, N * steps)
+        )
+        weights = self.mesh.shares[:, None, None] * self.scheme.A[None]  # (N, steps, n)
+        rows = np.broadcast_to(self.point_of[:, None, :], (N, steps, n))
+        cols = np.broadcast_to(column[:, :, None], (N, steps, n))
+        return S, _sparse(weights, rows, cols, (self.points, N * steps))
+
+    def gather(self, where: PhaseVariables, parameters: slice, width: int) -> Matrix:
+        """Each point's (x, u, t, free parameters, T), stacked, from the NLP vector of ``width``."""
+        nx, nu, free = *(self.stage.function.size1_in(k) for k in range(2)), parameters.stop - parameters.start
+        arcs = np.eye(self.mesh.arcs)[self.arc_at]
+        nodes = csc((np.ones(self.points), (np.arange(self.points), self.state_at)), (self.points, self.state_nodes))
+        pieces = [
+            (nodes, np.eye(nx), where.x.start),
+            (self.control_matrix.T, np.eye(nu), where.u.start),
+            (self.time_matrix, np.ones((1, 1)), where.durations.start),
+            (np.ones((self.points, 1)), np.eye(free), parameters.start),
+            (arcs, np.ones((1, 1)), where.durations.start),
+        ]
+        size, row = nx + nu + 2 + free, 0
+        total = csc((self.points * size, width))
+        for points, unit, start in pieces:
+            tall = shifted(unit.T, row, size).T  # its rows among those of a point
+            total = total + shifted(sparse.kron(points, tall), start, width)
+            row += len(unit)
+        return total
+
+    def quadrature(self) -> np.ndarray:
+        """Weight of each point in an integral, per duration of its arc, shape (points,)."""
+        weights = self.mesh.shares[:, None] * self.scheme.b
+        return np.bincount(self.point_of.ravel(), weights.ravel(), self.points)
+
+
+def _numbering(counts: Sequence[int], shared: bool, starts_arc: np.ndarray) -> list[np.ndarray]:
+    """Consecutive numbers for each interval; if ``shared``, neighbours in an arc share their common end."""
+    numbers, at = [], 0
+    for count, new_arc in zip(counts, starts_arc, strict=True):
+        at -= int(shared and not new_arc)
+        numbers.append(np.arange(at, at + count))
+        at += count
+    return numbers
+
+
+def _sparse(values: np.ndarray, rows: np.ndarray, cols: np.ndarray, shape: tuple[int, int]) -> Matrix:
+    matrix = csc((values.ravel(), (rows.ravel(), cols.ravel())), shape)
+    matrix.eliminate_zeros()
+    return matrix

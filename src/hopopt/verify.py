@@ -1,0 +1,284 @@
+"""Is the plan true? Every claim checked by code the planner did not use: NumPy, SciPy and Pinocchio's C++.
+
+What is checked is the plan's own table: times, positions, speeds, torques and contact forces at Chebyshev
+points of every interval, as it lies in the result file. The leg model and the motor law are shared with the
+planner, nothing else.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import solve_ivp
+from scipy.interpolate import BarycentricInterpolator
+
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.design import Design
+from hopopt.leg.robot import BASE, Robot, build_robot
+
+PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
+BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
+STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6  # tolerances: SI, share of the range, relative
+STANCE, FLIGHT = "stance", "flight"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A phase of the plan at PLACES of its N intervals, K = 9 each: t (N, K) [s], q, v, a (N, K, 2 + n), tau
+    (N, K, n) [N m], f (N, K, 2) [N]."""
+
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    tau: np.ndarray
+    f: np.ndarray
+
+
+@dataclass(frozen=True)
+class Check:
+    """One claim: what was measured against what is allowed; ``where`` says where the worst was found."""
+
+    name: str
+    residual: float
+    tolerance: float
+    unit: str
+    where: str = ""
+
+    @property
+    def passed(self) -> bool:
+        return bool(np.isfinite(self.residual) and self.residual <= self.tolerance)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the summary: all fields and whether it passed."""
+        return {**asdict(self), "passed": self.passed}
+
+
+class Machine:
+    """Pinocchio's view of the leg: dynamics with and without the foot on the ground."""
+
+    def __init__(self, robot: Robot):
+        self.model, self.data, self.n = robot.model, robot.model.createData(), len(robot.joints)
+        self.frames = {name: self.model.getFrameId(f"point_{name}") for name in robot.points}
+        self.foot = self.frames["foot"]
+        self.mass = float(sum(i.mass for i in self.model.inertias))
+        self.gravity = np.array(self.model.gravity.linear)[[0, 2]]
+
+    def foot_jacobian(self, q: np.ndarray) -> np.ndarray:
+        """(2, 2 + n), world x and z."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        return pin.getFrameJacobian(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)[[0, 2]]
+
+    def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> np.ndarray:
+        """Forward dynamics [rad/s^2, m/s^2]; in contact the foot's acceleration is held at zero."""
+        forces = np.concatenate([np.zeros(BASE), tau])
+        if not contact:
+            return pin.aba(self.model, self.data, q, v, forces)
+        M = pin.crba(self.model, self.data, q)
+        M = np.triu(M) + np.triu(M, 1).T
+        bias = pin.nonLinearEffects(self.model, self.data, q, v)
+        J = self.foot_jacobian(q)
+        pin.forwardKinematics(self.model, self.data, q, v, np.zeros_like(v))
+        drift = pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED).linear[[0, 2]]
+        matrix = np.block([[M, -J.T], [J, np.zeros((2, 2))]])
+        return np.linalg.solve(matrix, np.concatenate([forces - bias, -drift]))[: len(v)]
+
+    def points(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """World x, z [m] of joints, foot and centre of mass."""
+        pin.framesForwardKinematics(self.model, self.data, q)
+        points = {name: self.data.oMf[f].translation[[0, 2]].copy() for name, f in self.frames.items()}
+        return {**points, "com": pin.centerOfMass(self.model, self.data, q)[[0, 2]].copy()}
+
+    def com_velocity(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """World x', z' [m/s] of the centre of mass."""
+        pin.centerOfMass(self.model, self.data, q, v)
+        return self.data.vcom[0][[0, 2]].copy()
+
+    def energy(self, q: np.ndarray, v: np.ndarray) -> float:
+        """Kinetic (with the rotors') and potential energy [J]."""
+        rotors = 0.5 * float(np.sum(self.model.armature * v**2))
+        kinetic = pin.computeKineticEnergy(self.model, self.data, q, v)
+        return kinetic + rotors + pin.computePotentialEnergy(self.model, self.data, q)
+
+
+def verify_plan(design: Design, tables: Mapping[str, Table], claims: Mapping[str, float]) -> list[Check]:
+    """All checks of a plan; ``claims`` holds ``clearance_m`` (and ``apex_m``) as they are to be printed."""
+    robot = build_robot(design.leg)
+    machine = Machine(robot)
+    checks = [
+        _start(machine, design, tables[STANCE]),
+        _lift_off(tables[STANCE], tables[FLIGHT]),
+        _clearance(machine, design, tables[FLIGHT], claims),
+    ]
+    for name, table in tables.items():
+        checks += [
+            _continuity(name, table),
+            _replay(machine, name, table),
+            _inverse_dynamics(machine, name, table),
+            _energy(machine, name, table),
+            _impulse(machine, name, table),
+            *_limits(machine, robot, design, name, table),
+        ]
+    return checks
+
+
+def _start(machine: Machine, design: Design, stance: Table) -> Check:
+    """At rest, the foot on the ground where the problem file puts it."""
+    q, v, start = stance.q[0, 0], stance.v[0, 0], design.start
+    points = machine.points(q)
+    if start.joint_angles is not None:
+        wrong = q[BASE:] - np.array(start.joint_angles)
+    else:
+        wrong = points["foot"] - q[:BASE] - np.array([start.foot_x, -float(start.hip_height or 0.0)])
+    residual = max(np.abs(wrong).max(), np.abs(points["foot"]).max(), np.abs(v).max())
+    return Check("start", float(residual), EXACT, "SI")
+
+
+def _lift_off(stance: Table, flight: Table) -> Check:
+    """Flight begins where stance ends."""
+    jump = max(np.abs(stance.q[-1, -1] - flight.q[0, 0]).max(), np.abs(stance.v[-1, -1] - flight.v[0, 0]).max())
+    return Check("lift-off continuity", float(jump), EXACT, "SI")
+
+
+def _clearance(machine: Machine, design: Design, flight: Table, claims: Mapping[str, float]) -> Check:
+    """Height of the lowest point at the end, by Pinocchio's forward kinematics, against the claim."""
+    points = machine.points(flight.q[-1, -1])
+    lowest = min(points[name][1] for name in machine.frames)
+    wrong = abs(lowest - claims["clearance_m"])
+    if "apex_m" in claims:
+        wrong = max(wrong, abs(flight.q[-1, -1, 1] - claims["apex_m"]))
+    return Check("claimed height", float(wrong), EXACT, "m")
+
+
+def _continuity(phase: str, table: Table) -> Check:
+    """Each interval begins where the one before it ends."""
+    jumps = [np.abs(x[1:, 0] - x[:-1, -1]).max(initial=0.0) for x in (table.q, table.v, table.t)]
+    return Check(f"{phase} continuity", float(max(jumps)), EXACT, "SI")
+
+
+def _replay(machine: Machine, phase: str, table: Table) -> Check:
+    """The plan's torques played into Pinocchio, interval by interval, from the plan's own state."""
+    worst, at = 0.0, 0.0
+    for k in range(len(table.t)):
+        wrong = _replay_interval(machine, phase == STANCE, *(getattr(table, s)[k] for s in ("t", "q", "v", "tau")))
+        if wrong > worst:
+            worst, at = wrong, float(table.t[k, 0])
+    return Check(f"{phase} replay", worst, STATE, "SI", f"interval from {at:.4f} s")
+
+
+def _replay_interval(
+    machine: Machine, contact: bool, t: np.ndarray, q: np.ndarray, v: np.ndarray, tau: np.ndarray
+) -> float:
+    m = q.shape[1]
+    torque = BarycentricInterpolator(PLACES, tau)
+    h = t[-1] - t[0]
+
+    def rates(s: float, x: np.ndarray) -> np.ndarray:
+        return h * np.concatenate([x[m:], machine.acceleration(x[:m], x[m:], torque(s), contact)])
+
+    x0 = np.concatenate([q[0], v[0]])
+    run = solve_ivp(rates, (0.0, 1.0), x0, method="DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)
+    return float(np.abs(run.y[:, -1] - np.concatenate([q[-1], v[-1]])).max()) if run.success else np.inf
+
+
+def _flat(table: Table) -> tuple[np.ndarray, ...]:
+    return tuple(x.reshape(-1, x.shape[-1]) for x in (table.q, table.v, table.a, table.tau, table.f))
+
+
+def _inverse_dynamics(machine: Machine, phase: str, table: Table) -> Check:
+    """Pinocchio's inverse dynamics against the plan's torques and contact forces, relative to the largest."""
+    wrong = []
+    for q, v, a, tau, f in zip(*_flat(table), strict=True):
+        given = np.concatenate([np.zeros(BASE), tau]) + machine.foot_jacobian(q).T @ f
+        wrong.append(np.abs(pin.rnea(machine.model, machine.data, q, v, a) - given).max())
+    size = max(1.0, np.abs(table.tau).max(), np.abs(table.f).max())
+    at = table.t.ravel()[int(np.argmax(wrong))]
+    return Check(f"{phase} inverse dynamics", float(max(wrong) / size), 1e-9, "relative", f"at {at:.4f} s")
+
+
+def _quadrature() -> np.ndarray:
+    """Clenshaw-Curtis weights of PLACES on [0, 1], shape (K,)."""
+    moments = 1.0 / np.arange(1, len(PLACES) + 1)
+    return np.linalg.solve(np.vander(PLACES, increasing=True).T, moments)
+
+
+def _energy(machine: Machine, phase: str, table: Table) -> Check:
+    """Work of the joints = change of kinetic and potential energy, relative to the work done."""
+    power = np.sum(table.tau * table.v[..., BASE:], axis=-1)
+    h = table.t[:, -1] - table.t[:, 0]
+    work = float(np.sum(h * (power @ _quadrature())))
+    size = float(np.sum(h * (np.abs(power) @ _quadrature())))
+    gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
+    return Check(f"{phase} energy balance", abs(gained - work) / max(size, 1e-3), BALANCE, "relative")
+
+
+def _impulse(machine: Machine, phase: str, table: Table) -> Check:
+    """Impulse of ground force and weight = change of momentum, relative to the weight's impulse."""
+    h = table.t[:, -1] - table.t[:, 0]
+    impulse = np.einsum("i,k,ikx->x", h, _quadrature(), table.f) + machine.mass * machine.gravity * h.sum()
+    momentum = [machine.mass * machine.com_velocity(table.q[i, i], table.v[i, i]) for i in (-1, 0)]
+    size = machine.mass * float(np.linalg.norm(machine.gravity)) * h.sum()
+    return Check(f"{phase} impulse balance", float(np.abs(momentum[0] - momentum[1] - impulse).max() / size), BALANCE, "relative")
+
+
+def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table) -> list[Check]:
+    """Every limit at 25 places of every interval, its excess as a share of the limit's range."""
+    weights = BarycentricInterpolator(PLACES, np.eye(len(PLACES)))(BETWEEN)
+    t, q, v, tau, f = (
+        np.einsum("kp,ip...->ik...", weights, x).reshape(-1, *x.shape[2:])
+        for x in (table.t, table.q, table.v, table.tau, table.f)
+    )
+    found: dict[str, np.ndarray] = {}
+    for k, joint in enumerate(robot.joints):
+        use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k]))
+        found[f"{joint} operating region"] = use.max(axis=0) - 1.0
+        low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
+        angle = q[:, BASE + k]
+        found[f"{joint} angle"] = np.maximum(low - angle, angle - high) / (high - low)
+    found |= _ground(machine, design, phase, q, v, f)
+    if phase == FLIGHT and "foot window" not in found:
+        found |= _window(machine, robot, design, q)
+    checks = []
+    for name, excess in found.items():
+        at = int(np.argmax(excess))
+        when = t[at] if len(excess) == len(t) else t[-1]
+        checks.append(Check(f"{phase} {name}", float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s"))
+    return checks
+
+
+def _ground(
+    machine: Machine, design: Design, phase: str, q: np.ndarray, v: np.ndarray, f: np.ndarray
+) -> dict[str, np.ndarray]:
+    reach = sum(link.length for link in design.leg.link.values())
+    points = [machine.points(row) for row in q]
+    found = {}
+    names = design.hop.above_ground or tuple(machine.frames)
+    for name in names:
+        if phase == FLIGHT or name != "foot":
+            found[f"{name} above ground"] = np.array([-p[name][1] for p in points]) / reach
+    if phase == STANCE:
+        size = max(np.abs(f).max(), 1.0)
+        found["foot at rest"] = np.array([np.abs(p["foot"]).max() for p in points]) / reach
+        found["ground pushes"] = -f[:, 1] / size
+        if design.contact.friction is not None:
+            found["friction cone"] = (np.abs(f[:, 0]) - design.contact.friction * f[:, 1]) / size
+        if not design.hop.counter_movement:
+            found["body never descends"] = -v[:, 1] / max(np.abs(v[:, 1]).max(), 1e-3)
+    return found
+
+
+def _window(machine: Machine, robot: Robot, design: Design, q: np.ndarray) -> dict[str, np.ndarray]:
+    points = machine.points(q[-1])
+    offset = abs(points["foot"][0] - points[robot.joints[0]][0])
+    return {"foot window": np.array([(offset - design.hop.foot_window) / (2 * design.hop.foot_window)])}
+
+
+def failed(checks: list[Check]) -> list[Check]:
+    """The checks that did not pass, worst first."""
+    bad = [c for c in checks if not c.passed]
+    return sorted(bad, key=lambda c: -c.residual / c.tolerance)
+
+
+Progress = Callable[[str], None]
