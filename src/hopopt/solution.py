@@ -14,6 +14,7 @@ from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.verify import PLACES, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -132,6 +133,23 @@ class Solution:
         t, x, u = self.phases[phase].everywhere(places)
         start = 0.0 if phase == STANCE else self.lift_off
         return self._evaluate(phase, t.ravel() + start, x.reshape(t.size, -1), u.reshape(t.size, -1))
+
+    @cached_property
+    def tables(self) -> dict[str, Table]:
+        """The plan at Chebyshev points of every interval: what is stored and verified."""
+        return {phase: self._table(phase) for phase in self.phases}
+
+    def _table(self, phase: str) -> Table:
+        samples, N = self.everywhere(phase, PLACES), len(self.phases[phase].x_start)
+        return Table(*(getattr(samples, s).reshape(N, len(PLACES), *getattr(samples, s).shape[1:]) for s in ("t", "q", "v", "a", "tau", "f")))
+
+    def claims(self) -> dict[str, float]:
+        """What verification is to confirm: the height of the lowest point at the end, and the body's for apex [m]."""
+        end = self.sample(self.duration)
+        claims = {"clearance_m": float(min(end.points[name][0, 1] for name in self.robot.points))}
+        if self.objective == "apex":
+            claims["apex_m"] = float(end.q[0, 1])
+        return claims
 
     def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
         """All figures by name, or the one called ``name`` (heights, joints, operating_region, stick, ground_force)."""

@@ -58,6 +58,7 @@ def _excess(solution: NlpSolution, phase: str) -> tuple[list[str], np.ndarray]:
     """By how much of its scale each limit is exceeded in each interval, (N, limits), and the limits' names."""
     layout = solution.transcription.layouts[phase]
     x, _, path = stage_values(solution, phase, PLACES)
+    u = solution.phases[phase].everywhere(PLACES)[2]
     names = [label for labels in layout.stage.path_labels for label in labels]
     sizes, constraints = layout.stage.path_sizes, layout.phase.path
     lower, upper, scale = (
@@ -65,11 +66,11 @@ def _excess(solution: NlpSolution, phase: str) -> tuple[list[str], np.ndarray]:
         if constraints else np.zeros(0)
         for side in ("lower", "upper", "scale")
     )  # fmt: skip
-    states = layout.phase.states
-    names += [name for s in states for name in s.component_names()]
-    value = np.concatenate([path, x], axis=2)
-    lower = np.concatenate([lower, layout.phase.columns(states, "lower")])
-    upper = np.concatenate([upper, layout.phase.columns(states, "upper")])
-    scale = np.concatenate([scale, layout.phase.columns(states, "scale")])
+    bounded = (*layout.phase.states, *layout.phase.controls)
+    names += [name for variable in bounded for name in variable.component_names()]
+    value = np.concatenate([path, x, u], axis=2)
+    lower = np.concatenate([lower, layout.phase.columns(bounded, "lower")])
+    upper = np.concatenate([upper, layout.phase.columns(bounded, "upper")])
+    scale = np.concatenate([scale, layout.phase.columns(bounded, "scale")])
     over = np.maximum(np.maximum(value - upper, lower - value), 0.0) / scale
     return names, over.max(axis=1)

@@ -35,17 +35,22 @@ def refine(solution: NlpSolution, errors: Mapping[str, IntervalErrors], toleranc
         short = np.diff(solution.phases[name].edges) < BRACKET * solution.phases[name].duration
         switch = (e.excess > excess) & short & ~mesh.is_ramp
         flags = ((e.excess > excess) | (e.local > tolerance)) & ~switch
-        meshes[name] = _divide(solution, name, flags, switch)
+        meshes[name] = _divide(solution, name, np.where(flags, PARTS, 1), mesh.is_ramp | switch)
         cut, ramps = cut + int(flags.sum()), ramps + int(switch.sum())
     return Refinement(meshes, cut, ramps)
 
 
-def _divide(solution: NlpSolution, phase: str, flags: np.ndarray, switch: np.ndarray) -> PhaseMesh:
+def _divide(solution: NlpSolution, phase: str, parts: np.ndarray, ramps: np.ndarray) -> PhaseMesh:
+    """Every interval cut into its number of equal parts; the parts of a ramp are ramps."""
     mesh, trajectory = solution.transcription.mesh[phase], solution.phases[phase]
     t = trajectory.edges / trajectory.duration
-    parts = np.where(flags, PARTS, 1)
     pieces = [t[k] + (t[k + 1] - t[k]) * np.arange(n) / n for k, n in enumerate(parts)]
     first = np.concatenate([[0], np.cumsum(parts)])
-    ramps = np.repeat(mesh.is_ramp | switch, parts)
+    ramps = np.repeat(ramps, parts)
     free = tuple(int(first[k]) for k in mesh.free)
     return PhaseMesh((*np.concatenate(pieces).tolist(), 1.0), free, tuple(int(k) for k in np.flatnonzero(ramps)))
+
+
+def refine_everywhere(solution: NlpSolution) -> dict[str, PhaseMesh]:
+    """Every interval cut in two, ramps kept."""
+    return {name: _divide(solution, name, np.where(mesh.is_ramp, 1, 2), mesh.is_ramp) for name, mesh in solution.transcription.mesh.items()}

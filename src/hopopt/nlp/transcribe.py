@@ -19,6 +19,7 @@ from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import Scheme
 from hopopt.nlp.terms import Matrix, Term, csc, shifted
 from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.ocp.guess import Guess as Guess
 from hopopt.ocp.problem import Ends, Instant, Problem, split, stack, symbols
 
 SHORTEST_ARC = 1e-4  # of the phase's guessed duration: an arc that shrinks to this is spurious
@@ -48,25 +49,18 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Guess:
-    """Where the solver starts in one phase: interpolants over the fraction of the phase, and its duration [s].
+class FromTrajectory:
+    """An earlier solution of a phase as a guess, sampled by its own interpolant."""
 
-    x (m, nx) and u (m, nu) at ``fraction`` (m,); or a trajectory of an earlier mesh.
-    """
+    trajectory: PhaseTrajectory
 
-    duration: float
-    fraction: np.ndarray
-    x: np.ndarray
-    u: np.ndarray
+    @property
+    def duration(self) -> float:
+        return self.trajectory.duration
 
     def sample(self, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States (k, nx) and controls (k, nu), linear between the points."""
-        return tuple(
-            np.stack([np.interp(fraction, self.fraction, column) for column in table.T], axis=1)
-            if table.shape[1]
-            else np.zeros((len(fraction), 0))
-            for table in (self.x, self.u)
-        )  # type: ignore[return-value]
+        """States and controls at fractions of the phase."""
+        return self.trajectory.sample(np.asarray(fraction) * self.trajectory.duration)
 
 
 class Transcription:
@@ -269,6 +263,10 @@ class Transcription:
         if self.free:
             z[self.parameters] = np.concatenate([np.broadcast_to(values[q.name], (q.size,)) for q in self.free])
         return z / self.scale
+
+    def guess_from(self, phases: Mapping[str, PhaseTrajectory]) -> dict[str, "FromTrajectory"]:
+        """Trajectories of an earlier solve as a guess."""
+        return {name: FromTrajectory(trajectory) for name, trajectory in phases.items()}
 
     def parameter_values(self, parameters: Mapping[str, Any] | None = None) -> np.ndarray:
         """The NLP's fixed parameters, from their own values and the overrides given."""

@@ -161,6 +161,22 @@ class Hop:
             (linkage("lift-off", self.lift_off, scale, labels=labels), *goal.boundary(self)),
         )
 
+    def static_faults(self) -> list[str]:
+        """A sentence for each joint whose drive cannot even hold the start pose against gravity."""
+        q = start_angles(self.design)
+        symbols = [ca.SX.sym(name, self.n) for name in "qva"]
+        tau = LegDynamics(self.robot, self.robot.parameters).stance(*symbols).tau
+        hold = np.array(ca.Function("hold", symbols, [tau])(q, 0, 0)).ravel()
+        faults = []
+        for k, joint in enumerate(self.leg.joints):
+            lower, upper = operating_region(self.leg, joint, self.robot.parameters).torque_bounds(0.0)
+            if not lower <= hold[k] <= upper:
+                faults.append(
+                    f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose in stance at 0 s; "
+                    f"its drive gives {float(upper):.1f} N m: a stronger motor, a higher gear ratio or a higher start"
+                )
+        return faults
+
     @property
     def tie_break_bias(self) -> float:
         """What the tie-break can have cost the objective at most [m]: |tau| never exceeds the stall torque."""

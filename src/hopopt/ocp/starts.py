@@ -4,7 +4,6 @@ Every start is a rough motion of the joints in stance and in flight; the planner
 The first is the paper's idea: a push with the knee saturated and the body held on the plumb line.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -17,6 +16,7 @@ from scipy.stats import qmc
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import foot_offset, start_angles
+from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 
 POINTS = 41  # of a guess, each phase
@@ -46,24 +46,6 @@ NAMED = (
 )
 
 
-@dataclass(frozen=True)
-class PhaseGuess:
-    """States x (m, nx) and controls u (m, nu) at fractions (m,) of a phase of some duration [s]."""
-
-    duration: float
-    fraction: np.ndarray
-    x: np.ndarray
-    u: np.ndarray
-
-    def sample(self, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States and controls (k, ·), linear between the points."""
-        return _interpolate(fraction, self.fraction, self.x), _interpolate(fraction, self.fraction, self.u)
-
-
-def _interpolate(at: np.ndarray, fraction: np.ndarray, table: np.ndarray) -> np.ndarray:
-    return np.stack([np.interp(at, fraction, column) for column in table.T], axis=1)
-
-
 def starts(count: int, seed: int) -> list[Start]:
     """The named starts, then seeded Sobol points over the same directions."""
     extra = count - len(NAMED)
@@ -74,14 +56,14 @@ def starts(count: int, seed: int) -> list[Start]:
     return [*NAMED, *(Start(f"drawn {k + 1}", *map(float, p)) for k, p in enumerate(points))]
 
 
-def make_guess(hop: Hop, start: Start) -> dict[str, PhaseGuess]:
+def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
     """The start as guesses of both phases, by phase name."""
     pushed = saturated_push(hop) if start.name == NAMED[0].name and hop.n == 2 else None
     stance = pushed or _stance_guess(hop, start)
     return {STANCE: stance, FLIGHT: _flight_guess(hop, stance)}
 
 
-def _stance_guess(hop: Hop, start: Start) -> PhaseGuess:
+def _stance_guess(hop: Hop, start: Start) -> Guess:
     """Body path through start, dip and lift-off; joints by inverse kinematics."""
     shortest, longest = hop.design.hop.stance_duration
     T = shortest + start.duration * (longest - shortest)
@@ -99,10 +81,10 @@ def _stance_guess(hop: Hop, start: Start) -> PhaseGuess:
     return _differentiate(T, s, np.array(angles))
 
 
-def _differentiate(T: float, s: np.ndarray, q: np.ndarray) -> PhaseGuess:
+def _differentiate(T: float, s: np.ndarray, q: np.ndarray) -> Guess:
     v = np.gradient(q, s * T, axis=0)
     v[0] = 0.0
-    return PhaseGuess(T, s, np.hstack([q, v]), np.gradient(v, s * T, axis=0))
+    return Guess(T, s, np.hstack([q, v]), np.gradient(v, s * T, axis=0))
 
 
 def inverse_kinematics(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarray:
@@ -116,7 +98,7 @@ def inverse_kinematics(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarr
     return least_squares(residual, inner, bounds=(lower, upper), xtol=1e-8, ftol=1e-8).x
 
 
-def _flight_guess(hop: Hop, stance: PhaseGuess) -> PhaseGuess:
+def _flight_guess(hop: Hop, stance: Guess) -> Guess:
     """Ballistic flight from the end of stance; joints go smoothly to the tucked pose."""
     n, s = hop.n, np.linspace(0, 1, POINTS)
     com, com_v = _com_at(hop, stance.x[-1, :n], stance.x[-1, n:])
@@ -128,7 +110,7 @@ def _flight_guess(hop: Hop, stance: PhaseGuess) -> PhaseGuess:
     v = np.gradient(q, t, axis=0)
     fall = np.array([0.0, -GRAVITY])
     x = np.hstack([com + t[:, None] * com_v + 0.5 * t[:, None] ** 2 * fall, com_v + t[:, None] * fall, q, v])
-    return PhaseGuess(T, s, x, np.gradient(v, t, axis=0))
+    return Guess(T, s, x, np.gradient(v, t, axis=0))
 
 
 def _com_at(hop: Hop, q_j: np.ndarray, v_j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -151,7 +133,7 @@ def tucked(hop: Hop) -> np.ndarray:
     return poses[int(np.argmax(height))]
 
 
-def saturated_push(hop: Hop) -> PhaseGuess | None:
+def saturated_push(hop: Hop) -> Guess | None:
     """The knee at its operating limit, the hip keeping the body on the plumb line through the foot.
 
     A simple simulation up to the stretched leg or the moment the ground would have to pull; None if the leg
@@ -186,9 +168,4 @@ def saturated_push(hop: Hop) -> PhaseGuess | None:
         return None
     x = run.y.T
     u = np.array([acceleration(row)[0] for row in x])
-    return PhaseGuess(float(run.t[-1]), run.t / run.t[-1], x, u)
-
-
-def named(names: Sequence[str]) -> list[Start]:
-    """Named starts by name."""
-    return [s for s in NAMED if s.name in names]
+    return Guess(float(run.t[-1]), run.t / run.t[-1], x, u)

@@ -1,0 +1,33 @@
+"""Why a problem was not solved: the worst constraints of the last iterate, in words."""
+
+import numpy as np
+
+from hopopt.nlp.ipopt import NlpSolution
+
+FEASIBLE = 1e-6  # scaled violation below which a row counts as met
+
+
+def violations(solution: NlpSolution, most: int = 3) -> list[str]:
+    """One sentence for each of the worst violated constraints: which, in which phase, when and by how much."""
+    t, found = solution.transcription, []
+    over = np.maximum(np.maximum(t.lbg - solution.g, solution.g - t.ubg), 0.0)
+    for rows in t.rows:
+        block = over[rows.start : rows.stop].reshape(-1, len(rows.labels))
+        for k, label in enumerate(rows.labels):
+            worst = int(block[:, k].argmax())
+            if block[worst, k] > FEASIBLE:
+                found.append((float(block[worst, k]), _sentence(solution, rows, label, k, worst, block[worst, k])))
+    return [sentence for _, sentence in sorted(found, key=lambda pair: -pair[0])[:most]]
+
+
+def _sentence(solution: NlpSolution, rows, label: str, component: int, worst: int, amount: float) -> str:  # noqa: ANN001
+    unit = f" {rows.unit}" if rows.unit else ""
+    text = f"{label} is missed by {amount * rows.scale[component]:.3g}{unit}"
+    if rows.kind == "defect":
+        text = f"the equation of motion of {label} is missed by {amount * rows.scale[component]:.3g}"
+    if not len(rows.interval):
+        return f"{text} between the phases or at the end"
+    trajectory = solution.phases[rows.phase]
+    k = int(rows.interval[worst])
+    when = trajectory.edges[k] + rows.place[worst] * trajectory.lengths[k]
+    return f"{text} in {rows.phase}, {when:.3f} s after it began"

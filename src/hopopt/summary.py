@@ -1,0 +1,185 @@
+"""Every figure that is printed of a solution, computed once."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopopt.leg.robot import BASE
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.solution import Samples, Solution
+from hopopt.verify import Check, failed
+
+if TYPE_CHECKING:
+    from hopopt.solve import MeshStep, StartOutcome, Stopwatch
+
+ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
+FINE = np.linspace(0.0, 1.0, 9)
+
+
+def summarize(
+    hop: Hop,
+    plan: Solution,
+    solution: NlpSolution,
+    checks: Sequence[Check],
+    outcomes: "Sequence[StartOutcome]",
+    chosen: "StartOutcome",
+    history: "Sequence[MeshStep]",
+    clock: "Stopwatch",
+) -> Solution:
+    """The plan with its summary: what ``--json`` prints and ``summary.json`` keeps."""
+    stance, flight = plan.everywhere(STANCE, FINE), plan.everywhere(FLIGHT, FINE)
+    bad = failed(list(checks))
+    summary: dict[str, Any] = {
+        "problem": plan.design.name,
+        "title": plan.design.title,
+        "objective": plan.objective,
+        "status": "verified" if not bad else "solved, not verified",
+        "verified": not bad,
+        "exit_code": 0 if not bad else 3,
+        **plan.claims(),
+        "objective_value": solution.objective,
+        "tie_break_bias_m": hop.tie_break_bias,
+        "parts": parts(plan),
+        "lowest_point": _lowest(plan),
+        "phases": {name: phase_figures(plan, name, s) for name, s in ((STANCE, stance), (FLIGHT, flight))},
+        "lift_off": lift_off(plan),
+        "peak_ground_force_N": float(np.hypot(*stance.f.T).max()),
+        "saturation_mean": saturation_mean(plan, stance),
+        "energy": energy(plan, stance, flight),
+        "active_limits": active_limits(plan, stance),
+        "gain_per_percent_m": limit_gains(solution),
+        "verification": [c.as_dict() for c in checks],
+        "failed_checks": [c.name for c in bad],
+        "mesh": [asdict(step) for step in history],
+        "scheme": solution.transcription.scheme.name,
+        "starts": start_figures(outcomes, chosen),
+        "seed": plan.design.solver.seed,
+        "timings_s": clock.stages,
+        "wall_s": clock.last - clock.begin,
+        "result_dir": None,
+    }
+    kkt = {"z": solution.z, "p": solution.p, "lam_g": solution.lam_g, "lam_x": solution.lam_x, "g": solution.g}
+    return replace(plan, summary=summary, kkt=kkt)
+
+
+def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FINE)) -> float:
+    """Mean over time [values' unit] of values at FINE places of every interval (trapezoids)."""
+    t, y = samples.t.reshape(-1, per_interval), values.reshape(-1, per_interval)
+    return float(np.trapezoid(y, t, axis=1).sum() / (t[-1, -1] - t[0, 0]))
+
+
+def parts(plan: Solution) -> dict[str, float]:
+    """The three exact, signed parts [m] that sum to the clearance (COM is the whole leg's centre of mass)."""
+    start, end = plan.sample_phase(FLIGHT, np.array([0.0])), plan.sample(plan.duration)
+    low, high = float(start.points["com"][0, 1]), float(end.points["com"][0, 1])
+    return {
+        "com_height_at_lift_off_m": low,
+        "ballistic_rise_m": high - low,
+        "com_height_over_lowest_point_m": plan.claims()["clearance_m"] - high,
+    }
+
+
+def _lowest(plan: Solution) -> str:
+    end = plan.sample(plan.duration)
+    heights = {name: round(float(end.points[name][0, 1]), 9) for name in ("foot", *plan.robot.joints)}
+    return min(heights, key=lambda name: heights[name])
+
+
+def phase_figures(plan: Solution, phase: str, samples: Samples) -> dict[str, Any]:
+    """Duration, mesh and the extremes of one phase."""
+    joints = plan.robot.joints
+    return {
+        "duration_s": plan.phases[phase].duration,
+        "intervals": len(plan.phases[phase].x_start),
+        "peak_torque_Nm": {j: float(np.abs(samples.tau[:, k]).max()) for k, j in enumerate(joints)},
+        "peak_speed_rad_s": {j: float(np.abs(samples.v[:, BASE + k]).max()) for k, j in enumerate(joints)},
+    }
+
+
+def lift_off(plan: Solution) -> dict[str, float]:
+    """Time [s], speed of the centre of mass [m/s] and its direction at lift-off."""
+    s = plan.sample_phase(FLIGHT, np.array([0.0]))
+    vx, vz = (float(x) for x in s.com_v[0])
+    return {"time_s": plan.lift_off, "speed_m_s": float(np.hypot(vx, vz)), "vertical_m_s": vz, "horizontal_m_s": vx}
+
+
+def saturation_mean(plan: Solution, stance: Samples) -> dict[str, float]:
+    """C_avg of every joint in stance (eq. sim_cactavg), capped at 1 between the nodes."""
+    means = {}
+    for k, joint in enumerate(plan.robot.joints):
+        ratio = plan.region(joint).saturation(stance.v[:, BASE + k], stance.tau[:, k])
+        means[joint] = _time_mean(stance, np.minimum(ratio, 1.0))
+    return means
+
+
+def energy(plan: Solution, stance: Samples, flight: Samples) -> dict[str, float]:
+    """Mechanical work of the joints [J]: net and positive, in stance and in flight."""
+    figures = {}
+    for name, s in ((STANCE, stance), (FLIGHT, flight)):
+        power, T = s.tau * s.v[:, BASE:], plan.phases[name].duration
+        figures[f"{name}_net_J"] = _time_mean(s, power.sum(axis=1)) * T
+        figures[f"{name}_positive_J"] = sum(_time_mean(s, np.maximum(column, 0.0)) * T for column in power.T)
+    return figures
+
+
+def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
+    """Share of stance in which each limit is active, largest first."""
+    shares: dict[str, np.ndarray] = {}
+    leg, reach = plan.design.leg, sum(link.length for link in plan.design.leg.link.values())
+    for k, joint in enumerate(plan.robot.joints):
+        region, angle = plan.region(joint), stance.q[:, BASE + k]
+        use = np.array(region.use(stance.v[:, BASE + k], stance.tau[:, k]))
+        shares[f"{joint} operating region"] = use.max(axis=0) > 1 - ACTIVE
+        margin = ACTIVE * (leg.joint[joint].upper - leg.joint[joint].lower)
+        near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)
+        shares[f"{joint} angle"] = near < margin
+    shares["ground cannot pull"] = stance.f[:, 1] < ACTIVE * np.abs(stance.f).max()
+    for name in plan.design.hop.above_ground or tuple(plan.robot.points):
+        if name != "foot":
+            shares[f"{name} on the ground"] = stance.points[name][:, 1] < ACTIVE * reach
+    means = {name: _time_mean(stance, active.astype(float)) for name, active in shares.items()}
+    return dict(sorted(((n, m) for n, m in means.items() if m > 1e-3), key=lambda pair: -pair[1]))
+
+
+def limit_gains(solution: NlpSolution) -> dict[str, float]:
+    """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers."""
+    t, gains = solution.transcription, {}
+    for rows in t.rows:
+        if rows.kind in ("path", "boundary") and rows.name.endswith(("operating region", "foot window")):
+            bound = np.abs(t.ubg[rows.start : rows.stop])
+            gains[rows.name] = gains.get(rows.name, 0.0) + 0.01 * float(np.abs(solution.lam_g[rows.start : rows.stop]) @ bound)
+    for name, where in t.variables.items():
+        phase = t.problem.phase(name)
+        gains[f"longest {name}"] = 0.01 * phase.duration[1] / t.scale[where.durations][0] * float(np.maximum(solution.lam_x[where.durations], 0).sum())
+        q = next(s for s in phase.states if s.name == "q")
+        at = sum(s.size for s in phase.states[: phase.states.index(q)])
+        size = sum(s.size for s in phase.states)
+        lam = solution.lam_x[where.x].reshape(-1, size)[1:, at : at + q.size]  # the start itself is given
+        span = q.column("upper") - q.column("lower")
+        for k, joint in enumerate(q.labels):
+            gains[f"{joint} angle"] = gains.get(f"{joint} angle", 0.0) + 0.01 * float(np.abs(lam[:, k]).sum() * span[k] / q.column("scale")[k])
+    return dict(sorted(((n, g) for n, g in gains.items() if g > 1e-6), key=lambda pair: -pair[1]))
+
+
+def start_figures(outcomes: "Sequence[StartOutcome]", chosen: "StartOutcome") -> dict[str, Any]:
+    """How many starts ended where, on the first mesh."""
+    from hopopt.solve import distinct, same
+
+    ends: list[Mapping[str, Any]] = []
+    for optimum in distinct(outcomes):
+        members = [o.name for o in outcomes if o.success and same(o.objective, optimum.objective)]
+        ends.append({"objective": optimum.objective, "count": len(members), "starts": members})
+    return {
+        "count": len(outcomes),
+        "agreeing": sum(o.success and same(o.objective, chosen.objective) for o in outcomes),
+        "failed": [o.name for o in outcomes if not o.success],
+        "chosen": chosen.name,
+        "optima": ends,
+        "each": [
+            {"name": o.name, "status": o.status, "objective": o.objective, "iterations": o.iterations, "seconds": o.seconds}
+            for o in outcomes
+        ],
+    }
