@@ -1,0 +1,28 @@
+"""hopopt: how high can a leg possibly lift its foot in a hop with the motors it has.
+
+    import hopopt as ho
+    s = ho.solve(ho.load("paper"), objective="clearance")
+    s.plot()
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hopopt.problem_file import load
+    from hopopt.solution import Solution
+    from hopopt.solve import solve
+    from hopopt.storage import read, save
+
+__all__ = ["Solution", "load", "read", "save", "solve"]
+_HOME = {"load": "problem_file", "solve": "solve", "Solution": "solution", "read": "storage", "save": "storage"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use, so that ``hopopt --help`` answers at once."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'hopopt' has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f"hopopt.{_HOME[name]}"), name)
+    globals()[name] = value  # the function solve, not the module of the same name
+    return value

@@ -137,9 +137,10 @@ class Solution:
     @cached_property
     def tables(self) -> dict[str, Table]:
         """The plan at Chebyshev points of every interval: what is stored and verified."""
-        return {phase: self._table(phase) for phase in self.phases}
+        return {phase: self.fresh_table(phase) for phase in self.phases}
 
-    def _table(self, phase: str) -> Table:
+    def fresh_table(self, phase: str) -> Table:
+        """The table of one phase, computed from its trajectory."""
         samples, N = self.everywhere(phase, PLACES), len(self.phases[phase].x_start)
         return Table(*(getattr(samples, s).reshape(N, len(PLACES), *getattr(samples, s).shape[1:]) for s in ("t", "q", "v", "a", "tau", "f")))
 

@@ -287,11 +287,18 @@ def _progress_line(hop: Hop, history: Sequence[MeshStep]) -> str:
 
 def numerical_checks(design: Design, solution: NlpSolution, history: Sequence[MeshStep]) -> list[Check]:
     """First-order conditions recomputed, error of every interval, settled objective."""
-    r, last = residuals(solution), history[-1]
+    return [
+        *kkt_checks(solution),
+        Check("local error of the intervals", history[-1].local_error, design.solver.tolerance, "scaled"),
+        Check("change of the objective", relative_change(history), design.solver.objective_tolerance, "relative"),
+    ]
+
+
+def kkt_checks(solution: NlpSolution) -> list[Check]:
+    """First-order conditions of the nonlinear program, recomputed."""
+    r = residuals(solution)
     return [
         Check("stationarity", r.stationarity, KKT, "scaled"),
         Check("constraints", r.feasibility, KKT, "scaled"),
         Check("complementarity", r.complementarity, KKT, "scaled"),
-        Check("local error of the intervals", last.local_error, design.solver.tolerance, "scaled"),
-        Check("change of the objective", relative_change(history), design.solver.objective_tolerance, "relative"),
     ]

@@ -54,6 +54,7 @@ def summarize(
         "verification": [c.as_dict() for c in checks],
         "failed_checks": [c.name for c in bad],
         "mesh": [asdict(step) for step in history],
+        "ramps": {name: list(mesh.ramps) for name, mesh in solution.transcription.mesh.items()},
         "scheme": solution.transcription.scheme.name,
         "starts": start_figures(outcomes, chosen),
         "seed": plan.design.solver.seed,

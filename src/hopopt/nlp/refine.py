@@ -35,8 +35,9 @@ def refine(solution: NlpSolution, errors: Mapping[str, IntervalErrors], toleranc
         short = np.diff(solution.phases[name].edges) < BRACKET * solution.phases[name].duration
         switch = (e.excess > excess) & short & ~mesh.is_ramp
         flags = ((e.excess > excess) | (e.local > tolerance)) & ~switch
-        meshes[name] = _divide(solution, name, np.where(flags, PARTS, 1), mesh.is_ramp | switch)
-        cut, ramps = cut + int(flags.sum()), ramps + int(switch.sum())
+        parts = np.where(flags, PARTS, 1)
+        meshes[name] = _divide(solution, name, parts, mesh.is_ramp | switch)
+        cut, ramps = cut + int((parts > 1).sum()), ramps + int(switch.sum())
     return Refinement(meshes, cut, ramps)
 
 

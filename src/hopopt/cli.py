@@ -1,0 +1,194 @@
+"""The command line. Heavy imports happen inside the commands, so that ``--help`` answers at once."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+
+from hopopt.errors import HopoptError, UsageError
+
+if TYPE_CHECKING:
+    from hopopt.solution import Solution
+
+app = App(
+    name="hopopt",
+    help="How high can a leg possibly lift its foot in a hop with the motors it has?",
+    help_epilogue="Start with: hopopt solve --objective clearance",
+    version_flags=["--version"],
+)
+
+Overrides = Annotated[
+    list[str] | None,
+    Parameter(name="--set", negative=(), consume_multiple=False, help="Override an entry: --set leg.gear.ratio=80 (repeat)."),
+]
+AsJson = Annotated[bool, Parameter(name="--json", negative=(), help="Print one JSON object on standard output, nothing else.")]
+
+
+@app.command
+def solve(
+    problem: str = "paper",
+    *,
+    objective: str = "clearance",
+    set_: Overrides = None,
+    starts: int | None = None,
+    processes: int | None = None,
+    results: Path = Path("results"),
+    figures: bool = True,
+    json_: AsJson = False,
+) -> int:
+    """Find the highest hop of a leg, verify it, and save it with its figures.
+
+    Exit code: 0 solved and verified, 1 not solved, 2 wrong usage, 3 solved but not verified.
+
+    Parameters
+    ----------
+    problem
+        A problem file, or the name of a built-in one: paper, paper_no_countermovement, paper_four_quadrant.
+    objective
+        What to make as large as possible: clearance (of the leg's lowest point) or apex (height of the body).
+    starts
+        How many different starting points to solve from (default: the problem's solver.starts).
+    processes
+        How many of them side by side (default: one for each core).
+    results
+        Folder for the results; each run gets a new folder inside it.
+    figures
+        Draw the figures.
+    """
+    from hopopt.problem_file import load
+
+    design = load(problem, set_ or ())
+    if starts is not None and starts < 1 or processes is not None and processes < 1:
+        raise UsageError("--starts and --processes must be at least 1")
+    from hopopt.solve import solve as run
+    from hopopt.storage import save
+
+    draw: Callable[[Solution, Path], Any] | None = None
+    with _progress(quiet=json_) as say:
+        solution = run(design, objective, starts=starts, processes=processes, progress=say)
+        if figures:
+            from hopopt.plots import save_all as draw
+
+            say("drawing")
+        solution = save(solution, results, draw)
+    _answer(solution, json_)
+    return int(solution.summary["exit_code"])
+
+
+@app.command
+def show(problem: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:
+    """Print a problem with everything filled in: every entry, its value, unit and meaning.
+
+    Parameters
+    ----------
+    problem
+        A problem file, or the name of a built-in one.
+    """
+    from hopopt.problem_file import as_json, load, rows
+
+    design = load(problem, set_ or ())
+    if json_:
+        print(json.dumps(as_json(design)))
+        return 0
+    from hopopt.screen import print_rows
+
+    print_rows(design.title or design.name, rows(design))
+    return 0
+
+
+@app.command
+def new(name: str) -> int:
+    """Write NAME.toml: a commented problem file to start from. An existing file is never overwritten.
+
+    Parameters
+    ----------
+    name
+        Name of the problem, with or without .toml; may lie in a folder: legs/mine.
+    """
+    from hopopt.problem_file import template
+
+    path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    text = template(path.stem)
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise UsageError(f"{path} exists already and is not overwritten: choose another name") from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written ({error.strerror}): choose another name or folder") from None
+    print(f"{path} written. Change it, then: hopopt solve {path}")
+    return 0
+
+
+@app.command
+def verify(result: Path, *, json_: AsJson = False) -> int:
+    """Check a stored result again, from its files alone. Exit code 0 if it is verified, 3 if not.
+
+    Parameters
+    ----------
+    result
+        A folder that hopopt solve wrote.
+    """
+    from hopopt.recheck import recheck
+    from hopopt.storage import as_json, read
+
+    solution = read(result)
+    checks = recheck(solution)
+    verified = all(c.passed for c in checks)
+    if json_:
+        print(as_json({"verified": verified, "exit_code": 0 if verified else 3, "checks": [c.as_dict() for c in checks]}))
+    else:
+        from hopopt.screen import print_checks
+
+        print_checks(str(result), checks)
+    return 0 if verified else 3
+
+
+def _answer(solution: "Solution", as_object: bool) -> None:
+    if as_object:
+        from hopopt.storage import as_json
+
+        print(as_json(solution.summary))
+        return
+    from hopopt.screen import print_answer
+
+    print_answer(solution)
+
+
+def _progress(quiet: bool) -> Any:
+    from hopopt.screen import progress
+
+    return progress(quiet)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point: runs a command and exits with its code; every expected fault is a sentence on standard error."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run one command line and return its exit code."""
+    try:
+        result = app(
+            arguments, exit_on_error=False, print_error=False, result_action="return_value", help_on_error=False
+        )
+        return result if isinstance(result, int) else 0
+    except CycloptsError as error:
+        print(f"hopopt: {error}", file=sys.stderr)
+        print("Try: hopopt --help", file=sys.stderr)
+        return 2
+    except HopoptError as error:
+        print(f"hopopt: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("hopopt: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        return 0
+
+
+if __name__ == "__main__":
+    main()

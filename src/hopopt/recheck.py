@@ -1,0 +1,62 @@
+"""Verification of a stored result, from its files alone."""
+
+import numpy as np
+
+from hopopt.errors import ResultError
+from hopopt.nlp.accuracy import interval_errors
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.schemes import scheme
+from hopopt.nlp.transcribe import Transcription
+from hopopt.ocp.hop import Hop
+from hopopt.solution import Solution
+from hopopt.verify import Check, verify_plan
+
+AGREE = 1e-9  # stored tables against the stored trajectories, relative
+
+
+def recheck(solution: Solution) -> list[Check]:
+    """All checks of a stored solution: the plan's table, the NLP's conditions, and that the two belong together."""
+    from hopopt.solve import kkt_checks
+
+    nlp = stored_nlp(solution)
+    local = max(float(interval_errors(nlp, name).local.max()) for name in solution.phases)
+    change = next(c for c in solution.summary["verification"] if c["name"] == "change of the objective")
+    checks = kkt_checks(nlp)
+    checks.append(Check("local error of the intervals", local, solution.design.solver.tolerance, "scaled"))
+    residual = change["residual"] if change["residual"] is not None else float("inf")
+    checks.append(Check("change of the objective", residual, solution.design.solver.objective_tolerance, "relative"))
+    checks.append(_agreement(solution))
+    names = ("clearance_m", "apex_m") if solution.objective == "apex" else ("clearance_m",)
+    claims = {name: float(solution.summary[name]) for name in names}
+    return checks + verify_plan(solution.design, solution.tables, claims)
+
+
+def stored_nlp(solution: Solution) -> NlpSolution:
+    """The nonlinear program of the last mesh with its stored point and multipliers."""
+    hop, mesh = Hop(solution.design, solution.objective), {}
+    ramps = solution.summary["ramps"]
+    for name, trajectory in solution.phases.items():
+        edges = trajectory.edges / trajectory.duration
+        free = np.flatnonzero(np.diff(trajectory.arc)) + 1
+        mesh[name] = PhaseMesh(tuple(edges.tolist()), tuple(free.tolist()), tuple(ramps[name]))
+    order = scheme(next(iter(solution.phases.values())).scheme.name)
+    t, kkt = Transcription(hop.problem, order, mesh), solution.kkt
+    if len(kkt["z"]) != len(t.scale):
+        raise ResultError(f"{solution.result_dir}: mesh and NLP vectors do not belong together")
+    phases, values = t.unpack(kkt["z"], kkt["p"])
+    objective = float(solution.summary["objective_value"])
+    return NlpSolution(
+        t, phases, values, objective, "stored", True, 0, kkt["z"], kkt["p"], kkt["g"], kkt["lam_g"], kkt["lam_x"]
+    )
+
+
+def _agreement(solution: Solution) -> Check:
+    """The stored tables against the motion that the stored collocation data describe."""
+    wrong = 0.0
+    for name, table in solution.tables.items():
+        fresh = solution.fresh_table(name)
+        for part in ("t", "q", "v", "a", "tau", "f"):
+            stored, computed = getattr(table, part), getattr(fresh, part)
+            wrong = max(wrong, float(np.abs(stored - computed).max() / max(1.0, np.abs(computed).max())))
+    return Check("tables agree with the collocation data", wrong, AGREE, "relative")

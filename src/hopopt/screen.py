@@ -1,0 +1,133 @@
+"""What the command line shows a person: answer, tables, progress."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from hopopt.problem_file import Row
+    from hopopt.solution import Solution
+    from hopopt.verify import Check
+
+
+def console() -> Console:
+    """Standard output; wide enough for whole lines when piped."""
+    return Console(highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
+    """A function that shows one line of progress on standard error; silent when piped or ``quiet``."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda text: None
+        return
+    screen = Console(stderr=True, highlight=False)
+    with screen.status("starting") as status:
+        yield lambda text: status.update(text)
+
+
+def print_answer(solution: "Solution") -> None:
+    """The answer, short: what was reached, how it comes about, what holds it back, and why to believe it."""
+    s, out = solution.summary, console()
+    out.print(f"[bold]{s['title'] or s['problem']}[/bold]  ({s['problem']}, objective {s['objective']})", markup=True)
+    out.print(_headline(s), markup=True)
+    for name, lines in (
+        ("hop", _hop(s)),
+        ("effort", _effort(s)),
+        ("limits", _limits(s)),
+        ("evidence", _evidence(s)),
+        ("results", [f"{s['result_dir']}   ({s['wall_s']:.1f} s)"]),
+    ):
+        for k, line in enumerate(lines):
+            out.print(f"  {name if k == 0 else '':9s} {line}", markup=False)
+
+
+def _headline(s: dict[str, Any]) -> str:
+    if not s["verified"]:
+        return (
+            "[bold red]Solved, but NOT verified[/bold red]: no answer is stated. "
+            f"Failed: {', '.join(s['failed_checks'])}. The attempt is kept for inspection."
+        )
+    p = s["parts"]
+    lines = f"[bold green]clearance {s['clearance_m']:.4f} m[/bold green], verified"
+    if s["objective"] == "apex":
+        lines = f"[bold green]body apex {s['apex_m']:.4f} m[/bold green], verified; clearance then {s['clearance_m']:.4f} m"
+    return (
+        f"{lines}\n  = COM height at lift-off {p['com_height_at_lift_off_m']:.4f} + ballistic rise {p['ballistic_rise_m']:.4f} "
+        f"- COM height over the {s['lowest_point']} {-p['com_height_over_lowest_point_m']:.4f} m"
+    )
+
+
+def _hop(s: dict[str, Any]) -> list[str]:
+    stance, flight, lift = s["phases"]["stance"], s["phases"]["flight"], s["lift_off"]
+    return [
+        f"stance {stance['duration_s']:.3f} s, flight to the apex {flight['duration_s']:.3f} s, lift-off at "
+        f"{lift['vertical_m_s']:.2f} m/s up and {lift['horizontal_m_s']:+.2f} m/s along, peak ground force {s['peak_ground_force_N']:.0f} N"
+    ]
+
+
+def _effort(s: dict[str, Any]) -> list[str]:
+    means = ", ".join(f"{joint} {mean:.0%}" for joint, mean in s["saturation_mean"].items())
+    e = s["energy"]
+    return [f"mean saturation in stance: {means}; work in stance {e['stance_positive_J']:.0f} J in, {e['stance_net_J']:.0f} J net"]
+
+
+def _limits(s: dict[str, Any]) -> list[str]:
+    active = ", ".join(f"{name} {share:.0%}" for name, share in list(s["active_limits"].items())[:5]) or "none"
+    gains = ", ".join(f"{name} +{1000 * gain:.1f} mm" for name, gain in list(s["gain_per_percent_m"].items())[:4]) or "none"
+    return [f"active in stance: {active}", f"1 % more would give: {gains}"]
+
+
+def _evidence(s: dict[str, Any]) -> list[str]:
+    starts, mesh, checks = s["starts"], s["mesh"][-1], {c["name"]: c for c in s["verification"]}
+    ends = ", ".join(f"{o['count']} at {o['objective']:.3f} m" for o in starts["optima"])
+    failed = f", {len(starts['failed'])} failed" if starts["failed"] else ""
+    sizes = " + ".join(str(n) for n in mesh["intervals"].values())
+    replay = max(checks[f"{phase} replay"]["residual"] for phase in ("stance", "flight"))
+    change = checks["change of the objective"]["residual"]
+    lines = [
+        f"{starts['count']} starts on the first mesh: {ends}{failed}",
+        f"{len(s['mesh'])} meshes, last {sizes} intervals ({s['scheme']}); objective settled to {change:.0e}, "
+        f"tie-break bias below {s['tie_break_bias_m']:.0e} m",
+        f"{sum(c['passed'] for c in checks.values())} of {len(checks)} checks passed; replay in Pinocchio within {replay:.0e}, "
+        f"limits between nodes within {mesh['excess']:.0e} of their range",
+    ]
+    return lines + [f"FAILED {_check_line(c)}" for c in s["verification"] if not c["passed"]]
+
+
+def _check_line(c: dict[str, Any]) -> str:
+    where = f", {c['where']}" if c["where"] else ""
+    return f"{c['name']}: {c['residual']:.1e} {c['unit']} (allowed {c['tolerance']:.0e}){where}"
+
+
+def print_rows(title: str, rows: "Sequence[Row]") -> None:
+    """Every entry of a problem with value, unit and meaning."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for column, style in (("entry", "bold"), ("value", ""), ("unit", "dim"), ("meaning", "")):
+        table.add_column(column, style=style, overflow="fold")
+    for row in rows:
+        value = "not set" if row.value is None else _plain(row.value)
+        table.add_row(row.path, value, row.unit, row.meaning)
+    out = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 160)
+    out.print(table)
+
+
+def _plain(value: Any) -> str:
+    return ", ".join(map(_plain, value)) if isinstance(value, (list, tuple)) else str(value)
+
+
+def print_checks(title: str, checks: "Sequence[Check]") -> None:
+    """Every check with its residual and tolerance."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for column in ("check", "residual", "allowed", "unit", "", "worst"):
+        table.add_column(column)
+    for c in checks:
+        table.add_row(c.name, f"{c.residual:.1e}", f"{c.tolerance:.0e}", c.unit, "ok" if c.passed else "FAILED", c.where)
+    out = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
+    out.print(table)
+    bad = sum(not c.passed for c in checks)
+    out.print(f"{'verified' if not bad else 'NOT verified'}: {len(checks) - bad} of {len(checks)} checks passed")
