@@ -24,8 +24,8 @@ ALLOWED = {
 FORBIDDEN = {
     "sim/": ("hopopt.ocp", "hopopt.nlp"),
     "control/": ("hopopt.ocp", "hopopt.nlp"),
-    "problem_": ("hopopt.ocp", "hopopt.nlp", "hopopt.solve", "hopopt.solution", "hopopt.verify"),
-    "solution.py": ("hopopt.solve", "hopopt.storage", "hopopt.cli"),
+    "problem_": ("hopopt.ocp", "hopopt.nlp", "hopopt.planner", "hopopt.solution", "hopopt.verify"),
+    "solution.py": ("hopopt.planner", "hopopt.storage", "hopopt.cli"),
     "solve.py": ("hopopt.storage", "hopopt.cli", "hopopt.plots"),
 }
 ONLY = {  # libraries with one home

@@ -14,7 +14,7 @@ from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import build_robot
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
-from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
+from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.transcribe import Guess, Transcription
 from hopopt.ocp.hop import FLIGHT, Hop
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State, linkage
@@ -23,6 +23,7 @@ from hopopt.solution import PlanEvaluator
 
 G = 9.81
 RELATIVE = 1e-6
+HASTE = 0.1  # m/s, weight of the push's duration: full force is both the highest and the fastest, waiting is neither
 
 
 def solve(problem: Problem, guess: dict[str, Guess], intervals: int, scheme: Scheme | None = None) -> NlpSolution:
@@ -54,7 +55,8 @@ def lift_off_of_hopper(m: float, F0: float, v0: float, s: float) -> tuple[float,
 
 
 def push(m: float, F0: float, v0: float, s: float) -> Phase:
-    states = (State("x", lower=0.0, upper=s, scale=s, initial=0.0, final=s), State("v", scale=v0, initial=0.0))
+    place = State("x", lower=0.0, upper=s, scale=s, initial=0.0, final=s)
+    states = (place, State("v", lower=0.0, scale=v0, initial=0.0))
     path = (
         PathConstraint("motor", lambda i: i.F / F0 + i.v / v0, upper=1.0),
         PathConstraint("only pushes", lambda i: i.F, lower=0.0, scale=F0, unit="N"),
@@ -62,17 +64,17 @@ def push(m: float, F0: float, v0: float, s: float) -> Phase:
     return Phase("push", states, (Control("F", scale=F0),), lambda i: {"x": i.v, "v": i.F / m - G}, (1e-3, 5.0), path)
 
 
-@pytest.mark.parametrize("scheme", [radau(2), radau(3), radau(5), HERMITE_SIMPSON], ids=lambda s: s.name)
+@pytest.mark.parametrize("scheme", [radau(3), radau(4), radau(5)], ids=lambda s: s.name)
 @pytest.mark.parametrize("hopper", HOPPERS, ids=lambda h: f"{h[0]:g} kg")
 def test_hopper_of_one_dimension(hopper: tuple[float, float, float, float], scheme: Scheme) -> None:
-    """Full force throughout, as the stroke leaves no room for a counter-movement; rise = v_lo^2 / (2 g)."""
+    """Full force throughout, in one push that never descends; rise = v_lo^2 / (2 g)."""
     _, F0, v0, s = hopper
     T, v_lo = lift_off_of_hopper(*hopper)
-    goal = Objective("rise", lambda e: e.final["push"].v ** 2 / (2 * G), maximize=True, unit="m")
+    goal = Objective("rise", lambda e: e.final["push"].v ** 2 / (2 * G) - HASTE * e.duration["push"], maximize=True)
     guess = {"push": line(1.3 * T, [0.0, 0.0], [s, 0.7 * v_lo], 0.5 * F0)}
-    solution = solve(Problem("hopper", (push(*hopper),), goal), guess, 80 if scheme.order < 5 else 30, scheme)
-    assert abs(solution.objective / (v_lo**2 / (2 * G)) - 1) < RELATIVE
+    solution = solve(Problem("hopper", (push(*hopper),), goal), guess, 30, scheme)
     trajectory = solution.phases["push"]
+    assert abs((trajectory.x_end[1] / v_lo) ** 2 - 1) < RELATIVE
     assert abs(trajectory.duration / T - 1) < RELATIVE
     _, x, F = trajectory.everywhere(np.array(scheme.control_c))
     np.testing.assert_allclose(F[..., 0], F0 * (1 - x[..., 1] / v0), rtol=1e-5)
@@ -87,7 +89,7 @@ def test_hopper_with_its_flight(hopper: tuple[float, float, float, float]) -> No
     problem = Problem(
         "hopper",
         (push(*hopper), flight),
-        Objective("apex", lambda e: e.final["flight"].x, maximize=True, unit="m"),
+        Objective("apex", lambda e: e.final["flight"].x - HASTE * e.duration["push"], maximize=True),
         (),
         (
             linkage("place", lambda e: e.initial["flight"].x - e.final["push"].x),
@@ -99,7 +101,7 @@ def test_hopper_with_its_flight(hopper: tuple[float, float, float, float]) -> No
         "flight": line(0.1, [s, v_lo], [s + 0.1, 0.0]),
     }
     solution = solve(problem, guess, 30)
-    rise = solution.objective - s
+    rise = solution.phases["flight"].x_end[0] - s
     assert abs(rise / (v_lo**2 / (2 * G)) - 1) < RELATIVE
     assert abs(solution.phases["flight"].duration / (v_lo / G) - 1) < 1e-4  # the apex is flat in time
     assert abs(solution.phases["flight"].x_end[1]) < 1e-4 * v_lo
@@ -107,7 +109,7 @@ def test_hopper_with_its_flight(hopper: tuple[float, float, float, float]) -> No
 
 # ---- two massless links under a point body ------------------------------------------------------------------
 
-KNEE = (-2.3, -0.6)  # rad, start and lift-off
+KNEE = (-2.3, -1.2)  # rad, start and lift-off
 
 
 def knee_push(l1: float, l2: float, m: float, stall: float, no_load: float) -> tuple[float, float]:
@@ -133,10 +135,15 @@ def knee_push(l1: float, l2: float, m: float, stall: float, no_load: float) -> t
     start = [height(KNEE[0]), 0.0]
     run = solve_ivp(rates, (0, 5), start, "DOP853", events=stretched, rtol=1e-12, atol=1e-13)
     assert run.status == 1
+    assert np.all(np.diff(run.y[1]) > 0)  # the motor pushes to the end: it is nowhere too fast for its torque
     return float(run.y_events[0][0, 1]), float(run.t_events[0][0])
 
 
-@pytest.mark.parametrize("own", [[], ["leg.thigh.length=0.3", "leg.shank.length=0.45", "leg.knee.gear.ratio=60", "leg.hip.upper=2.0"]])
+LENGTHS = ["leg.thigh.length=0.3", "leg.shank.length=0.45"]
+OTHER = [*LENGTHS, "leg.knee.gear.ratio=60", "leg.hip.upper=2", "leg.knee.lower=-3"]
+
+
+@pytest.mark.parametrize("own", [[], OTHER], ids=["paper", "other"])
 def test_massless_leg_with_the_foot_under_the_hip(own: list[str]) -> None:
     """The leg's own stance dynamics and drive on the one motion that keeps the hip over the foot."""
     leg = load("paper", own).leg
@@ -170,18 +177,20 @@ def test_massless_leg_with_the_foot_under_the_hip(own: list[str]) -> None:
         PathConstraint("hip torque", lambda s: motion(s)[3][0]),  # these two without bounds, to be looked at
         PathConstraint("body beside the plumb line", body),
     )
-    states = (State("k", lower=KNEE[0], initial=KNEE[0], final=KNEE[1]), State("w", scale=10.0, initial=0.0))
+    states = (State("k", lower=KNEE[0], initial=KNEE[0], final=KNEE[1]), State("w", lower=0.0, scale=10.0, initial=0.0))
     phase = Phase("push", states, (Control("a", scale=300.0),), lambda s: {"k": s.w, "w": s.a}, (1e-2, 1.0), path)
 
     def rise(e: Any) -> Any:
-        return values(e.final["push"].k, e.final["push"].w, 0)[1][1] ** 2 / (2 * G)
+        return values(e.final["push"].k, e.final["push"].w, 0)[1][1] ** 2 / (2 * G) - HASTE * e.duration["push"]
 
     guess = {"push": line(0.2, [KNEE[0], 0.0], [KNEE[1], 8.0], 50.0)}
     solution = solve(Problem("knee", (phase,), Objective("rise", rise, maximize=True)), guess, 40, radau(4))
     gear, motor = leg.drive("knee", "gear", "ratio")[1], leg.motor
     v_lo, T = knee_push(l1, l2, m, gear * motor.max_torque, motor.max_speed / gear)
-    assert abs(solution.objective / (v_lo**2 / (2 * G)) - 1) < RELATIVE
-    assert abs(solution.phases["push"].duration / T - 1) < RELATIVE
+    trajectory = solution.phases["push"]
+    speed = float(values(*trajectory.x_end, 0)[1][1])
+    assert abs((speed / v_lo) ** 2 - 1) < RELATIVE
+    assert abs(trajectory.duration / T - 1) < RELATIVE
     rows = {r.name: solution.g[r.start : r.stop] for r in solution.transcription.rows}
     np.testing.assert_allclose(rows["hip torque"], 0, atol=1e-9)  # a massless leg is a strut
     np.testing.assert_allclose(rows["body beside the plumb line"], 0, atol=1e-9)

@@ -15,7 +15,7 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.problem_file import load
 from hopopt.solution import Solution
-from hopopt.solve import solve
+from hopopt.planner import solve
 from hopopt.verify import FLIGHT, PLACES, STANCE, Check, Machine, Table, failed, verify_plan
 
 Tables = Mapping[str, Table]
@@ -34,11 +34,25 @@ def coarse() -> Solution:
     return solve(load("paper", COARSE), starts=1)
 
 
+@pytest.fixture(scope="module")
+def rough() -> Solution:
+    """A plan of few intervals whose motion is exact; only limits between its nodes and the mesh are not met."""
+    s = solve(load("paper", {**COARSE, "solver.scheme": "hermite-simpson"}), starts=1)
+    missed = failures(s).keys()
+    assert all(name.endswith(("operating region", "ground pushes", "angle", "above ground")) for name in missed), missed
+    return s
+
+
 def failures(plan: Solution, tables: Tables | None = None, **changed: Any) -> dict[str, Check]:
     """The checks that fail, by name, when tables or claims are what is given, or the problem has other values."""
     design = load("paper", changed.pop("overrides", {}))
     checks = verify_plan(design, tables or plan.tables, {**plan.claims(), **changed})
     return {c.name: c for c in failed(checks)}
+
+
+def found_in(plan: Solution, tables: Tables | None = None, **changed: Any) -> set[str]:
+    """The checks that fail now and did not before."""
+    return failures(plan, tables, **changed).keys() - failures(plan).keys()
 
 
 def altered(plan: Solution, phase: str, name: str, change: Any) -> dict[str, Table]:
@@ -91,11 +105,11 @@ def test_saturation_is_a_share(hop: Solution) -> None:
 
 @pytest.mark.parametrize("phase", [STANCE, FLIGHT])
 def test_work_of_the_joints_is_what_the_leg_gains(hop: Solution, phase: str) -> None:
-    """By energies of Pinocchio; the summary's trapezoids are good to a thousandth."""
+    """By energies of Pinocchio; the summary's trapezoids are good to a per cent."""
     machine, table, figures = Machine(hop.robot), hop.tables[phase], hop.summary["energy"]
     gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
     positive = figures[f"{phase}_positive_J"]
-    assert abs(figures[f"{phase}_net_J"] - gained) < 1e-3 * positive
+    assert abs(figures[f"{phase}_net_J"] - gained) < 1e-2 * positive
     assert positive >= figures[f"{phase}_net_J"]
 
 
@@ -138,82 +152,91 @@ def replayed(machine: Machine, x: np.ndarray, h: float, tau: np.ndarray, contact
 # ---- lies -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("phase", [STANCE, FLIGHT])
-def test_torques_of_one_percent_more(hop: Solution, phase: str) -> None:
-    found = failures(hop, altered(hop, phase, "tau", lambda tau: np.multiply(tau, 1.01, out=tau)))
-    assert {f"{phase} replay", f"{phase} inverse dynamics", f"{phase} energy balance"} <= found.keys()
+def test_the_verified_plan_with_other_torques(hop: Solution) -> None:
+    found = failures(hop, altered(hop, STANCE, "tau", lambda tau: np.multiply(tau, 1.01, out=tau)))
+    assert {"stance replay", "stance inverse dynamics", "stance energy balance"} <= found.keys()
+    assert not any(name.startswith("flight") for name in found)
 
 
 @pytest.mark.parametrize("phase", [STANCE, FLIGHT])
-def test_a_torque_in_one_interval(hop: Solution, phase: str) -> None:
+def test_torques_of_one_percent_more(rough: Solution, phase: str) -> None:
+    found = found_in(rough, altered(rough, phase, "tau", lambda tau: np.multiply(tau, 1.01, out=tau)))
+    assert {f"{phase} replay", f"{phase} inverse dynamics", f"{phase} energy balance"} <= found
+
+
+@pytest.mark.parametrize("phase", [STANCE, FLIGHT])
+def test_a_torque_in_one_interval(rough: Solution, phase: str) -> None:
     """Found, and found there."""
-    k = longest(hop, phase)
+    k = longest(rough, phase)
 
     def shift(tau: np.ndarray) -> None:
         tau[k, :, 1] -= 0.5
 
-    found = failures(hop, altered(hop, phase, "tau", shift))
+    found = failures(rough, altered(rough, phase, "tau", shift))
     assert {f"{phase} replay", f"{phase} inverse dynamics"} <= found.keys()
-    assert found[f"{phase} replay"].where == f"interval from {hop.tables[phase].t[k, 0]:.4f} s"
+    assert found[f"{phase} replay"].where == f"interval from {rough.tables[phase].t[k, 0]:.4f} s"
 
 
 @pytest.mark.parametrize("phase", [STANCE, FLIGHT])
 @pytest.mark.parametrize(("name", "by"), [("q", 1e-5), ("v", 1e-4), ("a", 1e-3)])
-def test_a_state_at_one_place(hop: Solution, phase: str, name: str, by: float) -> None:
+def test_a_state_at_one_place(rough: Solution, phase: str, name: str, by: float) -> None:
     """Inside an interval, where neither continuity nor replay looks."""
-    k = longest(hop, phase)
+    k = longest(rough, phase)
 
     def shift(x: np.ndarray) -> None:
         x[k, 4, -1] += by
 
-    found = failures(hop, altered(hop, phase, name, shift))
+    found = found_in(rough, altered(rough, phase, name, shift))
     assert f"{phase} inverse dynamics" in found
     if name == "q" and phase == STANCE:
         assert f"{phase} continuity" not in found
 
 
 @pytest.mark.parametrize("name", ["q", "v", "t"])
-def test_a_jump_between_intervals(hop: Solution, name: str) -> None:
-    k = longest(hop, STANCE)
+def test_a_jump_between_intervals(rough: Solution, name: str) -> None:
+    k = longest(rough, STANCE)
 
     def shift(x: np.ndarray) -> None:
         x[k] += 1e-6
 
-    assert "stance continuity" in failures(hop, altered(hop, STANCE, name, shift))
+    assert "stance continuity" in found_in(rough, altered(rough, STANCE, name, shift))
 
 
 @pytest.mark.parametrize("by", [1e-6, -1e-6, 0.1])
-def test_a_claim_of_another_height(hop: Solution, by: float) -> None:
-    assert failures(hop, clearance_m=hop.clearance + by).keys() == {"claimed height"}
+def test_a_claim_of_another_height(rough: Solution, by: float) -> None:
+    assert found_in(rough, clearance_m=rough.clearance + by) == {"claimed height"}
 
 
-def test_a_contact_force_that_is_not_there(hop: Solution) -> None:
-    found = failures(hop, altered(hop, STANCE, "f", lambda f: np.multiply(f, 1.001, out=f)))
-    assert found.keys() == {"stance inverse dynamics", "stance impulse balance"}
-    found = failures(hop, altered(hop, STANCE, "f", lambda f: np.negative(f, out=f)))
-    assert {"stance ground pushes", "stance inverse dynamics", "stance impulse balance"} <= found.keys()
-    found = failures(hop, altered(hop, FLIGHT, "f", lambda f: np.add(f, 1.0, out=f)))
-    assert found.keys() == {"flight inverse dynamics", "flight impulse balance"}
+def test_a_contact_force_that_is_not_there(rough: Solution) -> None:
+    found = found_in(rough, altered(rough, STANCE, "f", lambda f: np.multiply(f, 1.001, out=f)))
+    assert found == {"stance inverse dynamics", "stance impulse balance"}
+    found = found_in(rough, altered(rough, STANCE, "f", lambda f: np.negative(f, out=f)))
+    assert {"stance inverse dynamics", "stance impulse balance"} <= found
+    down = np.full_like(rough.tables[STANCE].f, -1.0)
+    pulling = failures(rough, {**rough.tables, STANCE: replace(rough.tables[STANCE], f=down)})
+    assert pulling["stance ground pushes"].residual == 1.0
+    found = found_in(rough, altered(rough, FLIGHT, "f", lambda f: np.add(f, 1.0, out=f)))
+    assert found == {"flight inverse dynamics", "flight impulse balance"}
 
 
 @pytest.mark.parametrize("name", ["q", "v"])
-def test_another_start(hop: Solution, name: str) -> None:
+def test_another_start(rough: Solution, name: str) -> None:
     def shift(x: np.ndarray) -> None:
         x[0, 0, -1] += 1e-6
 
-    assert "start" in failures(hop, altered(hop, STANCE, name, shift))
+    assert "start" in found_in(rough, altered(rough, STANCE, name, shift))
 
 
 @pytest.mark.parametrize("name", ["q", "v"])
-def test_a_flight_that_begins_elsewhere(hop: Solution, name: str) -> None:
+def test_a_flight_that_begins_elsewhere(rough: Solution, name: str) -> None:
     def shift(x: np.ndarray) -> None:
         x[0, 0, 0] += 1e-6
 
-    assert "lift-off continuity" in failures(hop, altered(hop, FLIGHT, name, shift))
+    assert "lift-off continuity" in found_in(rough, altered(rough, FLIGHT, name, shift))
 
 
-def test_numbers_that_are_none(hop: Solution) -> None:
-    assert "claimed height" in failures(hop, clearance_m=float("nan"))
+def test_numbers_that_are_none(rough: Solution) -> None:
+    assert "claimed height" in found_in(rough, clearance_m=float("nan"))
     assert not Check("c", float("nan"), 1.0, "m").passed
     assert not Check("c", float("inf"), float("inf"), "m").passed
 
@@ -238,9 +261,11 @@ def test_numbers_that_are_none(hop: Solution) -> None:
     ],
     ids=lambda x: x if isinstance(x, str) else next(iter(x)),
 )
-def test_the_same_plan_for_another_problem(hop: Solution, overrides: dict[str, Any], name: str) -> None:
+def test_the_same_plan_for_another_problem(rough: Solution, overrides: dict[str, Any], name: str) -> None:
     """What was optimal for one leg and its limits breaks the tighter limit or the heavier leg's dynamics."""
-    assert name in failures(hop, overrides=overrides)
+    before = {c.name: c.residual for c in verify_plan(rough.design, rough.tables, rough.claims())}
+    found = failures(rough, overrides=overrides)
+    assert found[name].residual > before.get(name, 0.0) + found[name].tolerance
 
 
 # ---- plans of coarse meshes ---------------------------------------------------------------------------------
@@ -270,18 +295,17 @@ def test_replay_of_a_coarse_radau_plan_improves_with_its_mesh(coarse: Solution) 
         assert max(r[f"{phase} inverse dynamics"] for r in (a, b)) < 1e-12
 
 
-def test_replay_of_a_hermite_simpson_plan(coarse: Solution) -> None:
+def test_replay_of_a_hermite_simpson_plan(coarse: Solution, rough: Solution) -> None:
     """Joint accelerations that are linear make speeds and angles of degree 2 and 3, which the scheme has exactly.
 
     They are a part of what Radau's polynomials can do, so the height is less.
     """
-    s = solve(load("paper", {**COARSE, "solver.scheme": "hermite-simpson"}), starts=1)
-    r = residuals(s)
+    r = residuals(rough)
     for phase in (STANCE, FLIGHT):
         assert r[f"{phase} replay"] < 1e-8
         assert r[f"{phase} inverse dynamics"] < 1e-12
         assert r[f"{phase} energy balance"] < 1e-6
-    assert s.clearance < coarse.clearance
+    assert rough.clearance < coarse.clearance
 
 
 # ---- what a limit is worth ----------------------------------------------------------------------------------

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hopopt.problem_file import load
     from hopopt.solution import Solution
-    from hopopt.solve import solve
+    from hopopt.planner import solve
     from hopopt.storage import read, save
 
 __all__ = ["Solution", "load", "read", "save", "solve"]
-_HOME = {"load": "problem_file", "solve": "solve", "Solution": "solution", "read": "storage", "save": "storage"}
+_HOME = {"load": "problem_file", "solve": "planner", "Solution": "solution", "read": "storage", "save": "storage"}
 
 
 def __getattr__(name: str) -> Any:
@@ -24,5 +24,5 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     value = getattr(import_module(f"hopopt.{_HOME[name]}"), name)
-    globals()[name] = value  # the function solve, not the module of the same name
+    globals()[name] = value
     return value

@@ -63,7 +63,7 @@ def solve(
     design = load(problem, set_ or ())
     if starts is not None and starts < 1 or processes is not None and processes < 1:
         raise UsageError("--starts and --processes must be at least 1")
-    from hopopt.solve import solve as run
+    from hopopt.planner import solve as run
     from hopopt.storage import save
 
     draw: Callable[[Solution, Path], Any] | None = None

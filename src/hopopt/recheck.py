@@ -17,7 +17,7 @@ AGREE = 1e-9  # stored tables against the stored trajectories, relative
 
 def recheck(solution: Solution) -> list[Check]:
     """All checks of a stored solution: the plan's table, the NLP's conditions, and that the two belong together."""
-    from hopopt.solve import kkt_checks
+    from hopopt.planner import kkt_checks
 
     nlp = stored_nlp(solution)
     local = max(float(interval_errors(nlp, name).local.max()) for name in solution.phases)

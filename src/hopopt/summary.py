@@ -13,7 +13,7 @@ from hopopt.solution import Samples, Solution
 from hopopt.verify import Check, failed
 
 if TYPE_CHECKING:
-    from hopopt.solve import MeshStep, StartOutcome, Stopwatch
+    from hopopt.planner import MeshStep, StartOutcome, Stopwatch
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
 FINE = np.linspace(0.0, 1.0, 9)
@@ -167,7 +167,7 @@ def limit_gains(solution: NlpSolution) -> dict[str, float]:
 
 def start_figures(outcomes: "Sequence[StartOutcome]", chosen: "StartOutcome") -> dict[str, Any]:
     """How many starts ended where, on the first mesh."""
-    from hopopt.solve import distinct, same
+    from hopopt.planner import distinct, same
 
     ends: list[Mapping[str, Any]] = []
     for optimum in distinct(outcomes):

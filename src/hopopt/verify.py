@@ -233,7 +233,7 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
     found: dict[str, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
         use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k]))
-        found[f"{joint} operating region"] = use.max(axis=0) - 1.0
+        found[f"{joint} operating region"] = (use.max(axis=0) - 1.0) / 2  # a tau + b w goes from -1 to 1
         low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
         angle = q[:, BASE + k]
         found[f"{joint} angle"] = np.maximum(low - angle, angle - high) / (high - low)

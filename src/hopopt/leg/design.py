@@ -188,7 +188,7 @@ class Solver(Section):
     objective_tolerance: float = quantity(
         "relative change of the objective at which refinement has settled", "1", 1e-9, 1e-1, 1e-4
     )
-    max_refinements: int = choice("mesh refinements at most", 12, ge=0, le=40)
+    max_refinements: int = choice("mesh refinements at most", 20, ge=0, le=40)
     max_iterations: int = choice("Ipopt iterations at most, each mesh", 600, ge=1, le=100000)
     tie_break: float = quantity(
         "weight of the integral of (tau / tau_max)^2 that decides between equal optima; its bias is reported",

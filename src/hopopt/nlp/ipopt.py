@@ -17,7 +17,7 @@ OPTIONS = {
     "ipopt.sb": "yes",
     "ipopt.linear_solver": "mumps",
     "ipopt.nlp_scaling_method": "none",
-    "ipopt.tol": 1e-9,
+    "ipopt.tol": 1e-11,
     "ipopt.acceptable_iter": 0,
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.mu_strategy": "adaptive",

@@ -33,8 +33,9 @@ def refine(solution: NlpSolution, errors: Mapping[str, IntervalErrors], toleranc
     for name, e in errors.items():
         mesh = solution.transcription.mesh[name]
         short = np.diff(solution.phases[name].edges) < BRACKET * solution.phases[name].duration
-        switch = (e.excess > excess) & short & ~mesh.is_ramp
-        flags = ((e.excess > excess) | (e.local > tolerance)) & ~switch
+        over = e.excess > excess
+        switch = over & short & ~mesh.is_ramp
+        flags = (over | (e.local > tolerance)) & ~switch
         parts = np.where(flags, PARTS, 1)
         meshes[name] = _divide(solution, name, parts, mesh.is_ramp | switch)
         cut, ramps = cut + int((parts > 1).sum()), ramps + int(switch.sum())

@@ -23,7 +23,8 @@ def operating_region_constraint(leg: Leg, joint: str, motion: MotionAt) -> PathC
         return ca.vertcat(*operating_region(leg, joint, s.p).use(m.v[BASE + k], m.tau[k]))
 
     planes = operating_region(leg, joint, physical_parameters(leg)).planes
-    return PathConstraint(f"{joint} operating region", value, upper=1.0, labels=tuple(h.name for h in planes))
+    labels = tuple(h.name for h in planes)
+    return PathConstraint(f"{joint} operating region", value, upper=1.0, scale=2.0, labels=labels)  # -1 to 1
 
 
 def unilateral_contact(motion: MotionAt, weight: float) -> PathConstraint:

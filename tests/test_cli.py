@@ -1,0 +1,201 @@
+"""What a user sees: exit codes, messages, files."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import hopopt as ho
+
+ROOT = Path(__file__).parents[1]
+HOPOPT = [sys.executable, "-m", "hopopt.cli"]
+COARSE = ["--starts", "1", "--no-figures", "--set", "solver.refine=false"]
+
+
+def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*HOPOPT, *arguments], cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path]:
+    """The paper's leg solved by the command line with one start, as JSON; and the folder it ran in."""
+    folder = tmp_path_factory.mktemp("solved")
+    done = run("solve", "--objective", "clearance", "--starts", "1", "--json", cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stderr == ""  # silent when piped
+    return json.loads(done.stdout), folder
+
+
+def test_json_answer(solved: tuple[dict, Path]) -> None:
+    s, _ = solved
+    expected = "objective clearance_m status verified exit_code phases saturation_mean verification starts wall_s result_dir"
+    assert set(expected.split()) <= set(s)
+    assert s["verified"] is True
+    assert s["exit_code"] == 0
+    assert all(check["passed"] for check in s["verification"])
+    assert sum(s["parts"].values()) == pytest.approx(s["clearance_m"], abs=1e-12)
+    assert s["phases"]["stance"]["duration_s"] <= 0.4 + 1e-9
+
+
+def test_result_folder(solved: tuple[dict, Path]) -> None:
+    s, folder = solved
+    result = folder / s["result_dir"]
+    assert re.fullmatch(r"paper-[0-9a-f]{8}", result.name)
+    assert {p.name for p in result.iterdir()} == {"solution.nc", "summary.json", "problem.toml", "manifest.json", "figures"}
+    assert json.loads((result / "summary.json").read_text())["clearance_m"] == s["clearance_m"]
+    assert len(list((result / "figures").glob("*.png"))) == 5
+    assert ho.load(result / "problem.toml") == ho.load("paper")
+    with xr.open_dataset(result / "solution.nc", group="stance", engine="h5netcdf") as data:
+        assert data["tau"].attrs["units"] == "N m"
+        assert list(data["joint"].values) == ["hip", "knee"]
+
+
+def test_stored_solution_samples_as_the_tables_say(solved: tuple[dict, Path]) -> None:
+    s, folder = solved
+    solution = ho.read(folder / s["result_dir"])
+    table = solution.tables["flight"]
+    samples = solution.sample(table.t[1:-1, 4])
+    np.testing.assert_allclose(samples.q, table.q[1:-1, 4], atol=1e-9)
+    np.testing.assert_allclose(samples.tau, table.tau[1:-1, 4], atol=1e-5)
+    assert solution.clearance == s["clearance_m"]
+
+
+def test_verify_command_agrees(solved: tuple[dict, Path]) -> None:
+    s, folder = solved
+    done = run("verify", s["result_dir"], "--json", cwd=folder)
+    assert done.returncode == 0, done.stdout
+    assert json.loads(done.stdout)["verified"] is True
+
+
+@pytest.mark.parametrize(("group", "name", "fails"), [("stance", "tau", "stance replay"), ("flight", "q", "claimed height")])
+def test_a_tampered_file_fails(solved: tuple[dict, Path], tmp_path: Path, group: str, name: str, fails: str) -> None:
+    s, folder = solved
+    copy = tmp_path / "tampered"
+    shutil.copytree(folder / s["result_dir"], copy)
+    with xr.open_datatree(copy / "solution.nc", engine="h5netcdf") as tree:
+        tree = tree.load()
+    tree[group][name] = tree[group][name] * 1.01
+    tree.to_netcdf(copy / "solution.nc", engine="h5netcdf")
+    done = run("verify", str(copy), "--json", cwd=tmp_path)
+    assert done.returncode == 3
+    failed = [c["name"] for c in json.loads(done.stdout)["checks"] if not c["passed"]]
+    assert fails in failed
+    assert "tables agree with the collocation data" in failed
+
+
+def test_coarse_hop_is_not_stated_as_an_answer(tmp_path: Path) -> None:
+    mesh = ["--set", "solver.stance_intervals=12", "--set", "solver.flight_intervals=12"]
+    done = run("solve", *COARSE, *mesh, cwd=tmp_path)
+    assert done.returncode == 3
+    assert "NOT verified" in done.stdout
+    assert "clearance 0" not in done.stdout
+    assert "FAILED" in done.stdout
+    (result,) = (tmp_path / "results").iterdir()
+    summary = json.loads((result / "summary.json").read_text())
+    assert summary["verified"] is False
+    assert summary["starts"]["each"][0]["status"] == "Solve_Succeeded"  # Ipopt's word is not the truth
+    again = run("solve", *COARSE, *mesh, cwd=tmp_path)
+    assert again.returncode == 3
+    assert len(list((tmp_path / "results").iterdir())) == 2  # nothing is overwritten
+
+
+def test_motor_too_weak_to_stand(tmp_path: Path) -> None:
+    done = run("solve", *COARSE, "--set", "leg.motor.max_torque=0.1", "--set", "solver.max_iterations=60", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert re.search(r"the knee needs [\d.]+ N m to hold the start pose in stance at 0 s; its drive gives 10.0 N m", done.stderr)
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["solve", "nowhere.toml"], ["nowhere.toml"]),
+        (["solve", "--objective", "glory"], ["glory", "clearance", "apex"]),
+        (["solve", "--set", "leg.gear.rato=80"], ["leg.gear.rato", "ratio"]),
+        (["solve", "--set", "leg.shank.length=361"], ["leg.shank.length", "361", "millimetres"]),
+        (["solve", "--set", "start.hip_height=0.2"], ["start.hip_height", "limits"]),
+        (["solve", "--starts", "0"], ["--starts"]),
+        (["solve", "--starts", "many"], ["many"]),
+        (["sovle"], ["sovle"]),
+        (["verify", "nowhere"], ["nowhere", "solution.nc"]),
+    ],
+)
+def test_wrong_usage(arguments: list[str], words: list[str], tmp_path: Path) -> None:
+    done = run(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    for word in words:
+        assert word in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_show(tmp_path: Path) -> None:
+    done = run("show", "--json", "--set", "leg.gear.ratio=80", cwd=tmp_path)
+    entries = json.loads(done.stdout)
+    assert entries["leg.gear.ratio"]["value"] == 80
+    assert entries["leg.thigh.length"] == {"value": 0.38, "unit": "m", "meaning": entries["leg.thigh.length"]["meaning"]}
+    text = run("show", cwd=tmp_path).stdout
+    assert re.search(r"leg\.motor\.max_torque +2\.0 +N m", text)
+
+
+def test_new_never_overwrites(tmp_path: Path) -> None:
+    assert run("new", "mine", cwd=tmp_path).returncode == 0
+    text = (tmp_path / "mine.toml").read_text()
+    assert ho.load(tmp_path / "mine.toml").name == "mine"
+    done = run("new", "mine.toml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "exists already" in done.stderr
+    assert (tmp_path / "mine.toml").read_text() == text
+
+
+def test_help_answers_at_once(tmp_path: Path) -> None:
+    """Nothing heavy is imported for the help; the time itself is shown by the benchmark."""
+    code = "import sys, hopopt.cli as c; c.run(['--help']); print(sorted({'casadi','numpy','pinocchio','scipy'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.strip().endswith("[]")
+    assert "hopopt solve --objective clearance" in done.stdout
+
+
+def test_several_starts_side_by_side(tmp_path: Path) -> None:
+    done = run("solve", "--json", "--no-figures", "--starts", "5", "--set", "solver.refine=false", cwd=tmp_path)
+    s = json.loads(done.stdout)
+    assert done.returncode == 3
+    assert s["starts"]["count"] == 5
+    assert sum(o["count"] for o in s["starts"]["optima"]) + len(s["starts"]["failed"]) == 5
+    best = max(o["objective"] for o in s["starts"]["optima"])
+    assert best == max(e["objective"] for e in s["starts"]["each"] if e["status"] == "Solve_Succeeded")
+
+
+def readme_block(language: str, containing: str) -> str:
+    blocks = re.findall(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
+    return next(block for block in blocks if containing in block)
+
+
+@pytest.mark.slow
+def test_readme_commands(tmp_path: Path) -> None:
+    for line in readme_block("sh", "hopopt new").splitlines():
+        command = line.split("#")[0].split()
+        if "verify" in command:
+            command[2] = str(next(p for p in (tmp_path / "results").iterdir() if p.name.startswith("my_leg")))
+        began = time.perf_counter()
+        done = run(*command[1:], cwd=tmp_path)
+        assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+        assert time.perf_counter() - began < 300
+
+
+@pytest.mark.slow
+def test_readme_python(tmp_path: Path) -> None:
+    code = readme_block("python", "import hopopt")
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("True\n")
+    assert (tmp_path / "heights.png").stat().st_size > 10_000
