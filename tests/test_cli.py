@@ -35,7 +35,9 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path]:
 
 def test_json_answer(solved: tuple[dict, Path]) -> None:
     s, _ = solved
-    expected = "objective clearance_m status verified exit_code phases saturation_mean verification starts wall_s result_dir"
+    expected = (
+        "objective clearance_m status verified exit_code phases saturation_mean verification starts wall_s result_dir"
+    )
     assert set(expected.split()) <= set(s)
     assert s["verified"] is True
     assert s["exit_code"] == 0
@@ -48,7 +50,13 @@ def test_result_folder(solved: tuple[dict, Path]) -> None:
     s, folder = solved
     result = folder / s["result_dir"]
     assert re.fullmatch(r"paper-[0-9a-f]{8}", result.name)
-    assert {p.name for p in result.iterdir()} == {"solution.nc", "summary.json", "problem.toml", "manifest.json", "figures"}
+    assert {p.name for p in result.iterdir()} == {
+        "solution.nc",
+        "summary.json",
+        "problem.toml",
+        "manifest.json",
+        "figures",
+    }
     assert json.loads((result / "summary.json").read_text())["clearance_m"] == s["clearance_m"]
     assert len(list((result / "figures").glob("*.png"))) == 5
     assert ho.load(result / "problem.toml") == ho.load("paper")
@@ -74,7 +82,9 @@ def test_verify_command_agrees(solved: tuple[dict, Path]) -> None:
     assert json.loads(done.stdout)["verified"] is True
 
 
-@pytest.mark.parametrize(("group", "name", "fails"), [("stance", "tau", "stance replay"), ("flight", "q", "claimed height")])
+@pytest.mark.parametrize(
+    ("group", "name", "fails"), [("stance", "tau", "stance replay"), ("flight", "q", "claimed height")]
+)
 def test_a_tampered_file_fails(solved: tuple[dict, Path], tmp_path: Path, group: str, name: str, fails: str) -> None:
     s, folder = solved
     copy = tmp_path / "tampered"
@@ -107,11 +117,24 @@ def test_coarse_hop_is_not_stated_as_an_answer(tmp_path: Path) -> None:
 
 
 def test_motor_too_weak_to_stand(tmp_path: Path) -> None:
-    done = run("solve", *COARSE, "--set", "leg.motor.max_torque=0.1", "--set", "solver.max_iterations=60", cwd=tmp_path)
+    done = run("solve", *COARSE, "--set", "leg.motor.max_torque=0.1", cwd=tmp_path)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
-    assert re.search(r"the knee needs [\d.]+ N m to hold the start pose in stance at 0 s; its drive gives 10.0 N m", done.stderr)
+    assert re.search(
+        r"the knee needs [\d.]+ N m to hold the start pose in stance at 0 s; its drive gives 10.0 N m", done.stderr
+    )
     assert not (tmp_path / "results").exists()
+
+
+def test_infeasible_hop_names_the_worst_constraints(tmp_path: Path) -> None:
+    """A stance too short to leave the ground rising: nothing on the paper's leg can accelerate it so fast."""
+    short = ["--set", "hop.stance_duration=[0.03, 0.031]", "--set", "hop.flight_duration=[0.6, 0.7]"]
+    done = run("solve", *COARSE, *short, "--set", "solver.max_iterations=150", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert re.search(
+        r"is missed by [\d.e+-]+ ?\S* (in (stance|flight), [\d.]+ s after it began|between the phases)", done.stderr
+    )
 
 
 @pytest.mark.parametrize(
@@ -142,7 +165,11 @@ def test_show(tmp_path: Path) -> None:
     done = run("show", "--json", "--set", "leg.gear.ratio=80", cwd=tmp_path)
     entries = json.loads(done.stdout)
     assert entries["leg.gear.ratio"]["value"] == 80
-    assert entries["leg.thigh.length"] == {"value": 0.38, "unit": "m", "meaning": entries["leg.thigh.length"]["meaning"]}
+    assert entries["leg.thigh.length"] == {
+        "value": 0.38,
+        "unit": "m",
+        "meaning": entries["leg.thigh.length"]["meaning"],
+    }
     text = run("show", cwd=tmp_path).stdout
     assert re.search(r"leg\.motor\.max_torque +2\.0 +N m", text)
 

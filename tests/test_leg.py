@@ -56,7 +56,8 @@ def legs_in_motion(draw: st.DrawFn) -> tuple[Leg, np.ndarray, np.ndarray, np.nda
     leg = draw(legs())
     m = BASE + len(leg.joints)
     state = [draw(st.lists(st.floats(-s, s), min_size=m, max_size=m)) for s in (3.0, 15.0, 300.0)]
-    return leg, *(np.array(x) for x in state)
+    q, v, a = (np.array(x) for x in state)
+    return leg, q, v, a
 
 
 def evaluate(outputs: Any, inputs: list[ca.SX], values: list[Any]) -> list[np.ndarray]:
@@ -133,7 +134,7 @@ def test_rotors_add_their_reflected_inertia_and_nothing_else(case: tuple[Leg, np
     with_rotors, without = evaluate([ca.jacobian(f, a) for f in both], [q, v, a], [at, speed, 0])
     reflected = np.zeros(robot.model.nv)
     for k, name in enumerate(leg.joints):
-        own = leg.joint[name]
+        own: Any = leg.joint[name]
         ratio = own.gear.ratio if own.gear.ratio is not None else leg.gear.ratio
         rotor = own.motor.rotor_inertia if own.motor.rotor_inertia is not None else leg.motor.rotor_inertia
         reflected[BASE + k] = ratio**2 * rotor

@@ -9,6 +9,12 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 import pytest
+
+from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
+from hopopt.nlp.schemes import Scheme, radau
+from hopopt.nlp.transcribe import Guess, Transcription
+from hopopt.ocp.problem import Control, Ends, Objective, Phase, Problem, State
 from known_problems import (
     PROBLEMS,
     SCHEMES,
@@ -20,12 +26,6 @@ from known_problems import (
     throw,
     two_prices,
 )
-
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
-from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
-from hopopt.nlp.schemes import Scheme, radau
-from hopopt.nlp.transcribe import Guess, Transcription
-from hopopt.ocp.problem import Control, Ends, Objective, Phase, Problem, State
 
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
 SOLVER = 1e-6  # Ipopt stops at a scaled error of 1e-9; the multipliers of these problems are below 1e3

@@ -1,16 +1,16 @@
 """hopopt: how high can a leg possibly lift its foot in a hop with the motors it has.
 
-    import hopopt as ho
-    s = ho.solve(ho.load("paper"), objective="clearance")
-    s.plot()
+import hopopt as ho
+s = ho.solve(ho.load("paper"), objective="clearance")
+s.plot()
 """
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from hopopt.planner import solve
     from hopopt.problem_file import load
     from hopopt.solution import Solution
-    from hopopt.planner import solve
     from hopopt.storage import read, save
 
 __all__ = ["Solution", "load", "read", "save", "solve"]

@@ -22,9 +22,13 @@ app = App(
 
 Overrides = Annotated[
     list[str] | None,
-    Parameter(name="--set", negative=(), consume_multiple=False, help="Override an entry: --set leg.gear.ratio=80 (repeat)."),
+    Parameter(
+        name="--set", negative=(), consume_multiple=False, help="Override an entry: --set leg.gear.ratio=80 (repeat)."
+    ),
 ]
-AsJson = Annotated[bool, Parameter(name="--json", negative=(), help="Print one JSON object on standard output, nothing else.")]
+AsJson = Annotated[
+    bool, Parameter(name="--json", negative=(), help="Print one JSON object on standard output, nothing else.")
+]
 
 
 @app.command
@@ -61,7 +65,7 @@ def solve(
     from hopopt.problem_file import load
 
     design = load(problem, set_ or ())
-    if starts is not None and starts < 1 or processes is not None and processes < 1:
+    if (starts is not None and starts < 1) or (processes is not None and processes < 1):
         raise UsageError("--starts and --processes must be at least 1")
     from hopopt.planner import solve as run
     from hopopt.storage import save
@@ -139,7 +143,9 @@ def verify(result: Path, *, json_: AsJson = False) -> int:
     checks = recheck(solution)
     verified = all(c.passed for c in checks)
     if json_:
-        print(as_json({"verified": verified, "exit_code": 0 if verified else 3, "checks": [c.as_dict() for c in checks]}))
+        print(
+            as_json({"verified": verified, "exit_code": 0 if verified else 3, "checks": [c.as_dict() for c in checks]})
+        )
     else:
         from hopopt.screen import print_checks
 

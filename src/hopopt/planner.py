@@ -52,6 +52,7 @@ class MeshStep:
     local_error: float
     excess: float
     iterations: int
+    solve_seconds: float
     seconds: float
 
 
@@ -81,6 +82,9 @@ def solve(
     """
     say, clock = progress or (lambda text: None), Stopwatch()
     hop = Hop(design, objective)
+    faults = hop.static_faults()
+    if faults:
+        raise NotSolvedError(f"{design.name}: the leg cannot stand at its start.", faults)
     clock.mark("model")
     count = starts or design.solver.starts
     outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say)
@@ -125,8 +129,10 @@ def run_starts(hop: Hop, count: int, processes: int, say: Progress) -> list[Star
 
         data = hop.design.model_dump(exclude_none=True)
         jobs = (delayed(_chunk_in_worker)(data, hop.objective.name, chunk) for chunk in chunks)
-        parts = Parallel(n_jobs=processes, backend="loky")(jobs)
-    by_index = {k: outcome for chunk, part in zip(chunks, parts, strict=True) for k, outcome in zip(chunk, part, strict=True)}
+        parts = list(Parallel(n_jobs=processes, backend="loky")(jobs) or ())
+    by_index = {
+        k: outcome for chunk, part in zip(chunks, parts, strict=True) for k, outcome in zip(chunk, part, strict=True)
+    }
     return [by_index[k] for k in range(count)]
 
 
@@ -168,8 +174,9 @@ def not_solved(hop: Hop, outcomes: Sequence[StartOutcome]) -> NotSolvedError:
     tries = [_evaluate(transcription, o) for o in outcomes]
     closest = min(tries, key=lambda s: float(np.maximum(transcription.lbg - s.g, s.g - transcription.ubg).sum()))
     statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
-    lines = hop.static_faults() + violations(closest)
-    return NotSolvedError(f"{hop.design.name}: no start led to a feasible hop ({statuses}).", lines)
+    return NotSolvedError(
+        f"{hop.design.name}: no start led to a feasible hop ({statuses}). Worst:", violations(closest)
+    )
 
 
 def _evaluate(transcription: Transcription, outcome: StartOutcome) -> NlpSolution:
@@ -181,14 +188,27 @@ def _evaluate(transcription: Transcription, outcome: StartOutcome) -> NlpSolutio
     phases, values = transcription.unpack(outcome.z, p)
     none = np.zeros(0)
     return NlpSolution(
-        transcription, phases, values, outcome.objective, outcome.status, outcome.success, 0, outcome.z, p, g, none, none
+        transcription,
+        phases,
+        values,
+        outcome.objective,
+        outcome.status,
+        outcome.success,
+        0,
+        outcome.z,
+        p,
+        g,
+        none,
+        none,
     )
 
 
 # ---- refinement ----------------------------------------------------------------------------------------------
 
 
-def _finish(hop: Hop, outcome: StartOutcome, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch) -> Solution:
+def _finish(
+    hop: Hop, outcome: StartOutcome, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> Solution:
     """Refine one start's optimum, verify it and sum it up."""
     solution, history = refine_solution(hop, outcome, say)
     clock.mark("refinement")
@@ -212,12 +232,12 @@ def refine_solution(hop: Hop, outcome: StartOutcome, say: Progress) -> tuple[Nlp
         if guess is None:
             phases, values = transcription.unpack(outcome.z, transcription.parameter_values())
             guess, parameters = transcription.guess_from(phases), _free(transcription, values)
-        attempt = _solve_mesh(transcription, guess, parameters, settings.max_iterations)
+        attempt, solve_seconds = _solve_mesh(transcription, guess, parameters, settings.max_iterations)
         if not attempt.success:
             break
         solution = attempt
         errors = {name: interval_errors(solution, name) for name in mesh}
-        history.append(_step(solution, errors, time.perf_counter() - began))
+        history.append(_step(solution, errors, solve_seconds, time.perf_counter() - began))
         say(_progress_line(hop, history))
         if not settings.refine or _accurate(hop.design, history):
             break
@@ -228,20 +248,28 @@ def refine_solution(hop: Hop, outcome: StartOutcome, say: Progress) -> tuple[Nlp
     return solution, history
 
 
-def _solve_mesh(transcription: Transcription, guess: Mapping[str, Any], parameters: Any, iterations: int) -> NlpSolution:
-    """One solve, and a second with another barrier strategy if the first fails."""
-    options = {"ipopt.max_iter": iterations}
-    attempt = NlpSolver(transcription, options)(guess, parameters)
-    if attempt.success:
-        return attempt
-    return NlpSolver(transcription, {**options, "ipopt.mu_strategy": "monotone"})(guess, parameters)
+def _solve_mesh(
+    transcription: Transcription, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None, iterations: int
+) -> tuple[NlpSolution, float]:
+    """One solve, and a second with another barrier strategy if the first fails; and the time in Ipopt [s]."""
+    options, seconds = {"ipopt.max_iter": iterations}, 0.0
+    for strategy in ("adaptive", "monotone"):
+        solver = NlpSolver(transcription, {**options, "ipopt.mu_strategy": strategy})
+        began = time.perf_counter()
+        attempt = solver(guess, parameters)
+        seconds += time.perf_counter() - began
+        if attempt.success:
+            break
+    return attempt, seconds
 
 
 def _free(transcription: Transcription, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {q.name: values[q.name] for q in transcription.free}
 
 
-def _step(solution: NlpSolution, errors: Mapping[str, IntervalErrors], seconds: float) -> MeshStep:
+def _step(
+    solution: NlpSolution, errors: Mapping[str, IntervalErrors], solve_seconds: float, seconds: float
+) -> MeshStep:
     mesh = solution.transcription.mesh
     return MeshStep(
         {name: m.intervals for name, m in mesh.items()},
@@ -250,6 +278,7 @@ def _step(solution: NlpSolution, errors: Mapping[str, IntervalErrors], seconds: 
         max(float(e.local.max()) for e in errors.values()),
         max(float(e.excess.max()) for e in errors.values()),
         solution.iterations,
+        solve_seconds,
         seconds,
     )
 

@@ -85,9 +85,7 @@ def _joined(motion: Motion, value: Callable[[Samples], np.ndarray]) -> np.ndarra
     return np.concatenate([value(s) for s in motion.values()])
 
 
-def _by_phase(
-    ax: Axes, motion: Motion, x: Callable[[Samples], np.ndarray], y: Callable[[Samples], np.ndarray]
-) -> None:
+def _by_phase(ax: Axes, motion: Motion, x: Callable[[Samples], np.ndarray], y: Callable[[Samples], np.ndarray]) -> None:
     """A curve in the colours of the phases."""
     for phase, s in motion.items():
         ax.plot(x(s), y(s), color=COLOR[phase], lw=2, label=phase)

@@ -55,7 +55,9 @@ def _headline(s: dict[str, Any]) -> str:
     p = s["parts"]
     lines = f"[bold green]clearance {s['clearance_m']:.4f} m[/bold green], verified"
     if s["objective"] == "apex":
-        lines = f"[bold green]body apex {s['apex_m']:.4f} m[/bold green], verified; clearance then {s['clearance_m']:.4f} m"
+        lines = (
+            f"[bold green]body apex {s['apex_m']:.4f} m[/bold green], verified; clearance then {s['clearance_m']:.4f} m"
+        )
     return (
         f"{lines}\n  = COM height at lift-off {p['com_height_at_lift_off_m']:.4f} + ballistic rise {p['ballistic_rise_m']:.4f} "
         f"- COM height over the {s['lowest_point']} {-p['com_height_over_lowest_point_m']:.4f} m"
@@ -66,19 +68,24 @@ def _hop(s: dict[str, Any]) -> list[str]:
     stance, flight, lift = s["phases"]["stance"], s["phases"]["flight"], s["lift_off"]
     return [
         f"stance {stance['duration_s']:.3f} s, flight to the apex {flight['duration_s']:.3f} s, lift-off at "
-        f"{lift['vertical_m_s']:.2f} m/s up and {lift['horizontal_m_s']:+.2f} m/s along, peak ground force {s['peak_ground_force_N']:.0f} N"
+        f"{lift['vertical_m_s']:.2f} m/s up and {lift['horizontal_m_s']:+.2f} m/s along, peak ground force "
+        f"{s['peak_ground_force_N']:.0f} N ({s['peak_vertical_force_N']:.0f} N vertical)"
     ]
 
 
 def _effort(s: dict[str, Any]) -> list[str]:
     means = ", ".join(f"{joint} {mean:.0%}" for joint, mean in s["saturation_mean"].items())
     e = s["energy"]
-    return [f"mean saturation in stance: {means}; work in stance {e['stance_positive_J']:.0f} J in, {e['stance_net_J']:.0f} J net"]
+    return [
+        f"mean saturation in stance: {means}; work in stance {e['stance_positive_J']:.0f} J in, {e['stance_net_J']:.0f} J net"
+    ]
 
 
 def _limits(s: dict[str, Any]) -> list[str]:
     active = ", ".join(f"{name} {share:.0%}" for name, share in list(s["active_limits"].items())[:5]) or "none"
-    gains = ", ".join(f"{name} +{1000 * gain:.1f} mm" for name, gain in list(s["gain_per_percent_m"].items())[:4]) or "none"
+    gains = (
+        ", ".join(f"{name} +{1000 * gain:.1f} mm" for name, gain in list(s["gain_per_percent_m"].items())[:4]) or "none"
+    )
     return [f"active in stance: {active}", f"1 % more would give: {gains}"]
 
 
@@ -89,9 +96,10 @@ def _evidence(s: dict[str, Any]) -> list[str]:
     sizes = " + ".join(str(n) for n in mesh["intervals"].values())
     replay = max(checks[f"{phase} replay"]["residual"] for phase in ("stance", "flight"))
     change = checks["change of the objective"]["residual"]
+    settled = f"objective settled to {change:.0e}" if change < float("inf") else "no second mesh to compare with"
     lines = [
-        f"{starts['count']} starts on the first mesh: {ends}{failed}",
-        f"{len(s['mesh'])} meshes, last {sizes} intervals ({s['scheme']}); objective settled to {change:.0e}, "
+        f"{starts['count']} start{'s' if starts['count'] > 1 else ''} on the first mesh: {ends}{failed}",
+        f"{len(s['mesh'])} mesh{'es' if len(s['mesh']) > 1 else ''}, last {sizes} intervals ({s['scheme']}); {settled}, "
         f"tie-break bias below {s['tie_break_bias_m']:.0e} m",
         f"{sum(c['passed'] for c in checks.values())} of {len(checks)} checks passed; replay in Pinocchio within {replay:.0e}, "
         f"limits between nodes within {mesh['excess']:.0e} of their range",
@@ -126,7 +134,9 @@ def print_checks(title: str, checks: "Sequence[Check]") -> None:
     for column in ("check", "residual", "allowed", "unit", "", "worst"):
         table.add_column(column)
     for c in checks:
-        table.add_row(c.name, f"{c.residual:.1e}", f"{c.tolerance:.0e}", c.unit, "ok" if c.passed else "FAILED", c.where)
+        table.add_row(
+            c.name, f"{c.residual:.1e}", f"{c.tolerance:.0e}", c.unit, "ok" if c.passed else "FAILED", c.where
+        )
     out = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
     out.print(table)
     bad = sum(not c.passed for c in checks)

@@ -39,8 +39,8 @@ class Samples:
     def __getitem__(self, rows: Any) -> "Samples":
         """The samples at some rows (an index array, mask or slice)."""
         points = {name: p[rows] for name, p in self.points.items()}
-        arrays = (getattr(self, name)[rows] for name in ("t", "phase", "q", "v", "a", "tau", "f"))
-        return Samples(*arrays, points, self.com_v[rows])
+        arrays = {name: getattr(self, name)[rows] for name in ("t", "phase", "q", "v", "a", "tau", "f", "com_v")}
+        return Samples(**arrays, points=points)
 
 
 class PlanEvaluator:
@@ -49,7 +49,9 @@ class PlanEvaluator:
     def __init__(self, robot: Robot):
         self.robot = robot
         dynamics, n = LegDynamics(robot, robot.parameters), len(robot.joints)
-        q, v, a, com, com_v = (ca.SX.sym(s, m) for s, m in (("q", n), ("v", n), ("a", n), ("com", BASE), ("com_v", BASE)))
+        q, v, a, com, com_v = (
+            ca.SX.sym(s, m) for s, m in (("q", n), ("v", n), ("a", n), ("com", BASE), ("com_v", BASE))
+        )
         self.names = [*robot.points, "com"]
         self.functions = {}
         for phase, x, m in (
@@ -142,7 +144,12 @@ class Solution:
     def fresh_table(self, phase: str) -> Table:
         """The table of one phase, computed from its trajectory."""
         samples, N = self.everywhere(phase, PLACES), len(self.phases[phase].x_start)
-        return Table(*(getattr(samples, s).reshape(N, len(PLACES), *getattr(samples, s).shape[1:]) for s in ("t", "q", "v", "a", "tau", "f")))
+        return Table(
+            *(
+                getattr(samples, s).reshape(N, len(PLACES), *getattr(samples, s).shape[1:])
+                for s in ("t", "q", "v", "a", "tau", "f")
+            )
+        )
 
     def claims(self) -> dict[str, float]:
         """What verification is to confirm: the height of the lowest point at the end, and the body's for apex [m]."""
@@ -164,6 +171,7 @@ class Solution:
 def _join(parts: list[Samples]) -> Samples:
     if len(parts) == 1:
         return parts[0]
-    arrays = (np.concatenate([getattr(p, n) for p in parts]) for n in ("t", "phase", "q", "v", "a", "tau", "f"))
+    names = ("t", "phase", "q", "v", "a", "tau", "f", "com_v")
+    arrays = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
     points = {name: np.concatenate([p.points[name] for p in parts]) for name in parts[0].points}
-    return Samples(*arrays, points, np.concatenate([p.com_v for p in parts]))
+    return Samples(**arrays, points=points)

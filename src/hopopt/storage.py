@@ -1,9 +1,9 @@
 """Results folders: written whole or not at all, never overwritten, read back as data (no pickle).
 
-    results/<problem>-<hash8>/
-        solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors
-        summary.json    every printed number          problem.toml   all defaults filled in, runs again
-        manifest.json   versions, seed, mesh history  figures/       PNG and SVG
+results/<problem>-<hash8>/
+    solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors
+    summary.json    every printed number          problem.toml   all defaults filled in, runs again
+    manifest.json   versions, seed, mesh history  figures/       PNG and SVG
 """
 
 import hashlib
@@ -49,7 +49,9 @@ def save(solution: Solution, results: Path, figures: Callable[[Solution, Path], 
         results.mkdir(parents=True, exist_ok=True)
         work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
     except OSError as error:
-        raise ResultError(f"{results}: results cannot be written here ({error.strerror}): choose another folder") from error
+        raise ResultError(
+            f"{results}: results cannot be written here ({error.strerror}): choose another folder"
+        ) from error
     try:
         return _write(solution, results, work, figures)
     except BaseException:
@@ -107,7 +109,9 @@ def _manifest(solution: Solution) -> dict[str, Any]:
 
 
 def _write_netcdf(solution: Solution, path: Path) -> None:
-    datasets = {"/": xr.Dataset(attrs={"objective": solution.objective, "problem": solution.design.name, "format": FORMAT})}
+    datasets = {
+        "/": xr.Dataset(attrs={"objective": solution.objective, "problem": solution.design.name, "format": FORMAT})
+    }
     for phase, trajectory in solution.phases.items():
         datasets[f"/{phase}"] = _phase_dataset(solution, solution.tables[phase], trajectory)
     datasets["/nlp"] = xr.Dataset({name: (f"{name}_row", value) for name, value in solution.kkt.items()})
@@ -138,7 +142,9 @@ def read(folder: str | Path) -> Solution:
     """
     folder = Path(folder)
     if not (folder / "solution.nc").is_file():
-        raise ResultError(f"{folder}: no results folder (solution.nc is missing): give a folder that `hopopt solve` wrote")
+        raise ResultError(
+            f"{folder}: no results folder (solution.nc is missing): give a folder that `hopopt solve` wrote"
+        )
     try:
         design = load(folder / "problem.toml")
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
@@ -156,8 +162,8 @@ def read(folder: str | Path) -> Solution:
 
 
 def _trajectory(data: xr.Dataset) -> PhaseTrajectory:
-    arrays = (np.array(data[name]) for name in ("edges", "x_start", "xdot", "u"))
-    return PhaseTrajectory(scheme(str(data.attrs["scheme"])), *arrays, np.array(data["arc"]))
+    arrays = {name: np.array(data[name]) for name in ("edges", "x_start", "xdot", "u", "arc")}
+    return PhaseTrajectory(scheme(str(data.attrs["scheme"])), **arrays)
 
 
 def _table(data: xr.Dataset) -> Table:

@@ -47,6 +47,7 @@ def summarize(
         "phases": {name: phase_figures(plan, name, s) for name, s in ((STANCE, stance), (FLIGHT, flight))},
         "lift_off": lift_off(plan),
         "peak_ground_force_N": float(np.hypot(*stance.f.T).max()),
+        "peak_vertical_force_N": float(stance.f[:, 1].max()),
         "saturation_mean": saturation_mean(plan, stance),
         "energy": energy(plan, stance, flight),
         "active_limits": active_limits(plan, stance),
@@ -151,17 +152,26 @@ def limit_gains(solution: NlpSolution) -> dict[str, float]:
     for rows in t.rows:
         if rows.kind in ("path", "boundary") and rows.name.endswith(("operating region", "foot window")):
             bound = np.abs(t.ubg[rows.start : rows.stop])
-            gains[rows.name] = gains.get(rows.name, 0.0) + 0.01 * float(np.abs(solution.lam_g[rows.start : rows.stop]) @ bound)
+            gains[rows.name] = gains.get(rows.name, 0.0) + 0.01 * float(
+                np.abs(solution.lam_g[rows.start : rows.stop]) @ bound
+            )
     for name, where in t.variables.items():
         phase = t.problem.phase(name)
-        gains[f"longest {name}"] = 0.01 * phase.duration[1] / t.scale[where.durations][0] * float(np.maximum(solution.lam_x[where.durations], 0).sum())
+        gains[f"longest {name}"] = (
+            0.01
+            * phase.duration[1]
+            / t.scale[where.durations][0]
+            * float(np.maximum(solution.lam_x[where.durations], 0).sum())
+        )
         q = next(s for s in phase.states if s.name == "q")
         at = sum(s.size for s in phase.states[: phase.states.index(q)])
         size = sum(s.size for s in phase.states)
         lam = solution.lam_x[where.x].reshape(-1, size)[1:, at : at + q.size]  # the start itself is given
         span = q.column("upper") - q.column("lower")
         for k, joint in enumerate(q.labels):
-            gains[f"{joint} angle"] = gains.get(f"{joint} angle", 0.0) + 0.01 * float(np.abs(lam[:, k]).sum() * span[k] / q.column("scale")[k])
+            gains[f"{joint} angle"] = gains.get(f"{joint} angle", 0.0) + 0.01 * float(
+                np.abs(lam[:, k]).sum() * span[k] / q.column("scale")[k]
+            )
     return dict(sorted(((n, g) for n, g in gains.items() if g > 1e-6), key=lambda pair: -pair[1]))
 
 
@@ -180,7 +190,13 @@ def start_figures(outcomes: "Sequence[StartOutcome]", chosen: "StartOutcome") ->
         "chosen": chosen.name,
         "optima": ends,
         "each": [
-            {"name": o.name, "status": o.status, "objective": o.objective, "iterations": o.iterations, "seconds": o.seconds}
+            {
+                "name": o.name,
+                "status": o.status,
+                "objective": o.objective,
+                "iterations": o.iterations,
+                "seconds": o.seconds,
+            }
             for o in outcomes
         ],
     }

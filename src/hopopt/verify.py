@@ -81,7 +81,9 @@ class Machine:
         bias = pin.nonLinearEffects(self.model, self.data, q, v)
         J = self.foot_jacobian(q)
         pin.forwardKinematics(self.model, self.data, q, v, np.zeros_like(v))
-        drift = pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED).linear[[0, 2]]
+        drift = pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED).linear[
+            [0, 2]
+        ]
         matrix = np.block([[M, -J.T], [J, np.zeros((2, 2))]])
         return np.linalg.solve(matrix, np.concatenate([forces - bias, -drift]))[: len(v)]
 
@@ -220,7 +222,9 @@ def _impulse(machine: Machine, phase: str, table: Table) -> Check:
     impulse = np.einsum("i,k,ikx->x", h, _quadrature(), table.f) + machine.mass * machine.gravity * h.sum()
     momentum = [machine.mass * machine.com_velocity(table.q[i, i], table.v[i, i]) for i in (-1, 0)]
     size = machine.mass * float(np.linalg.norm(machine.gravity)) * h.sum()
-    return Check(f"{phase} impulse balance", float(np.abs(momentum[0] - momentum[1] - impulse).max() / size), BALANCE, "relative")
+    return Check(
+        f"{phase} impulse balance", float(np.abs(momentum[0] - momentum[1] - impulse).max() / size), BALANCE, "relative"
+    )
 
 
 def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table, windowed: bool) -> list[Check]:

@@ -107,7 +107,11 @@ def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingReg
             HalfPlane("torque-speed line, forward", torque, speed),
             HalfPlane("torque-speed line, backward", -torque, -speed),
         ]
-    drive_cap, gear_cap, speed_cap = entry("motor", "torque_cap"), entry("gear", "torque_cap"), entry("gear", "speed_cap")
+    drive_cap, gear_cap, speed_cap = (
+        entry("motor", "torque_cap"),
+        entry("gear", "torque_cap"),
+        entry("gear", "speed_cap"),
+    )
     if drive_cap is not None:
         planes += _pair("drive torque cap", 1 / (ratio * drive_cap), 0.0)
     if gear_cap is not None:

@@ -5,6 +5,7 @@ throughout. Values marked ``physical`` are the leg's design parameters and enter
 """
 
 from collections.abc import Iterator
+from copy import copy as copy_of
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_serializer, model_validator
@@ -23,14 +24,10 @@ RESERVED = ("joints", "links", "joint", "link", "body", "motor", "gear")
 RESERVED_JOINTS = (*RESERVED, "foot", "com", "x", "z")  # points and guides of every leg have these names
 
 
-def quantity(
-    meaning: str, unit: str, low: float, high: float, default: Any = ..., *, physical: bool = False
-) -> Any:
+def quantity(meaning: str, unit: str, low: float, high: float, default: Any = ..., *, physical: bool = False) -> Any:
     """Declare a number in ``unit`` between ``low`` and ``high``; ``physical`` makes it a design parameter."""
     extra = {"unit": unit, "physical": physical}
-    return Field(
-        default, ge=low, le=high, allow_inf_nan=False, description=meaning, json_schema_extra=extra
-    )
+    return Field(default, ge=low, le=high, allow_inf_nan=False, description=meaning, json_schema_extra=extra)
 
 
 def choice(meaning: str, default: Any = ..., *, unit: str = "", allowed: str = "", **bounds: Any) -> Any:
@@ -71,26 +68,20 @@ class Motor(Section):
         ("paper",),
         min_length=1,
     )
-    torque_cap: float | None = quantity(
-        "drive's torque limit, motor side", "N m", 1e-3, 1000, None, physical=True
-    )
+    torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-3, 1000, None, physical=True)
 
 
 class Gear(Section):
     ratio: float = quantity("R: motor turns for one turn of the joint", "1", 1.0, 1000, physical=True)
-    torque_cap: float | None = quantity(
-        "repeated peak torque, joint side", "N m", 0.1, 1e4, None, physical=True
-    )
-    speed_cap: float | None = quantity(
-        "input speed limit, motor side", "rad/s", 1.0, 6000, None, physical=True
-    )
+    torque_cap: float | None = quantity("repeated peak torque, joint side", "N m", 0.1, 1e4, None, physical=True)
+    speed_cap: float | None = quantity("input speed limit, motor side", "rad/s", 1.0, 6000, None, physical=True)
 
 
 def _overrides(section: type[Section]) -> type[Section]:
     """The same table with every entry optional: a joint's own values over the leg's."""
     fields: dict[str, Any] = {}
     for name, info in section.model_fields.items():
-        copy = info._copy() if hasattr(info, "_copy") else info
+        copy = copy_of(info)
         copy.default = None
         fields[name] = (Annotated[info.annotation | None, copy], None)  # type: ignore[operator]
     return create_model(f"{section.__name__}Overrides", __base__=Section, **fields)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.transcribe import Rows
 
 FEASIBLE = 1e-6  # scaled violation below which a row counts as met
 
@@ -20,11 +21,13 @@ def violations(solution: NlpSolution, most: int = 3) -> list[str]:
     return [sentence for _, sentence in sorted(found, key=lambda pair: -pair[0])[:most]]
 
 
-def _sentence(solution: NlpSolution, rows, label: str, component: int, worst: int, amount: float) -> str:  # noqa: ANN001
-    unit = f" {rows.unit}" if rows.unit else ""
-    text = f"{label} is missed by {amount * rows.scale[component]:.3g}{unit}"
+def _sentence(solution: NlpSolution, rows: Rows, label: str, component: int, worst: int, amount: float) -> str:
+    unit, name = rows.unit, label
     if rows.kind == "defect":
-        text = f"the equation of motion of {label} is missed by {amount * rows.scale[component]:.3g}"
+        states = solution.transcription.problem.phase(rows.phase).states
+        unit = next(s.unit for s in states if label in s.component_names())
+        name = f"the motion of {label} (its state at the end of an interval)"
+    text = f"{name} is missed by {amount * rows.scale[component]:.3g} {unit}".rstrip()
     if not len(rows.interval):
         return f"{text} between the phases or at the end"
     trajectory = solution.phases[rows.phase]

@@ -7,8 +7,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hopopt.nlp.transcribe import Transcription
 from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.nlp.transcribe import Transcription
 
 OPTIONS = {
     "print_time": False,
@@ -50,9 +50,7 @@ class NlpSolver:
         settings = OPTIONS | transcription.program.options() | dict(options or {})
         self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
 
-    def __call__(
-        self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None
-    ) -> NlpSolution:
+    def __call__(self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None) -> NlpSolution:
         """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters."""
         t = self.transcription
         low, high = t.bounds(guess)

@@ -55,4 +55,7 @@ def _divide(solution: NlpSolution, phase: str, parts: np.ndarray, ramps: np.ndar
 
 def refine_everywhere(solution: NlpSolution) -> dict[str, PhaseMesh]:
     """Every interval cut in two, ramps kept."""
-    return {name: _divide(solution, name, np.where(mesh.is_ramp, 1, 2), mesh.is_ramp) for name, mesh in solution.transcription.mesh.items()}
+    return {
+        name: _divide(solution, name, np.where(mesh.is_ramp, 1, 2), mesh.is_ramp)
+        for name, mesh in solution.transcription.mesh.items()
+    }

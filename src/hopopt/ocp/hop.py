@@ -23,7 +23,19 @@ from hopopt.ocp.constraints import (
     unilateral_contact,
 )
 from hopopt.ocp.objectives import OBJECTIVES
-from hopopt.ocp.problem import Control, Ends, Instant, Objective, Parameter, PathConstraint, Phase, Problem, State, linkage
+from hopopt.ocp.problem import (
+    INF,
+    Control,
+    Ends,
+    Instant,
+    Objective,
+    Parameter,
+    PathConstraint,
+    Phase,
+    Problem,
+    State,
+    linkage,
+)
 
 STANCE, FLIGHT = "stance", "flight"
 SPEED, ACCELERATION = 10.0, 300.0  # scales of joint speed [rad/s] and acceleration [rad/s^2]
@@ -123,7 +135,9 @@ class Hop:
             FLIGHT,
             (
                 State("com", BASE, scale=1.0, unit="m", labels=plane),
-                State("com_v", BASE, scale=BODY_SPEED, unit="m/s", labels=plane),
+                State(
+                    "com_v", BASE, scale=BODY_SPEED, unit="m/s", labels=plane, initial=([-INF, 0.0], [INF, INF])
+                ),  # rises
                 State("q", self.n, lower, upper, 1.0, "rad", names),
                 State("v", self.n, scale=SPEED, unit="rad/s", labels=names),
             ),
@@ -137,7 +151,7 @@ class Hop:
     def lift_off(self, e: Ends) -> ca.SX:
         """What flight begins with less what stance ends with: centre of mass and joints, place and speed."""
         s, f = e.final[STANCE], e.initial[FLIGHT]
-        q, v, _ = self.dynamics(s).stance_pose(s.q, s.v)
+        q = self.dynamics(s).stance_pose(s.q, s.v)[0]
         com = self.dynamics(s).points(q)["com"]
         return ca.vertcat(f.com - com, f.com_v - ca.jtimes(com, s.q, s.v), f.q - s.q, f.v - s.v)
 

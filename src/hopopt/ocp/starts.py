@@ -125,7 +125,9 @@ def _com_at(hop: Hop, q_j: np.ndarray, v_j: np.ndarray) -> tuple[np.ndarray, np.
 def tucked(hop: Hop) -> np.ndarray:
     """Joint angles [rad] within the limits that lift the foot highest, within the foot window."""
     lower, upper = hop.limits
-    grid = np.stack(np.meshgrid(*[np.linspace(a, b, 21 if hop.n < 3 else 7) for a, b in zip(lower, upper, strict=True)]), -1)
+    grid = np.stack(
+        np.meshgrid(*[np.linspace(a, b, 21 if hop.n < 3 else 7) for a, b in zip(lower, upper, strict=True)]), -1
+    )
     poses = grid.reshape(-1, hop.n)
     feet = np.array([foot_offset(hop.leg, q) for q in poses])
     allowed = np.abs(feet[:, 0]) <= hop.design.hop.foot_window
@@ -161,7 +163,9 @@ def saturated_push(hop: Hop) -> Guess | None:
     x0 = np.concatenate([start_angles(hop.design), np.zeros(n)])
     longest = hop.design.hop.stance_duration[1]
     try:
-        run = solve_ivp(lambda _, x: np.concatenate([x[n:], acceleration(x)[0]]), (0, longest), x0, events=stretched, max_step=0.01)
+        run = solve_ivp(
+            lambda _, x: np.concatenate([x[n:], acceleration(x)[0]]), (0, longest), x0, events=stretched, max_step=0.01
+        )
     except np.linalg.LinAlgError:
         return None
     if not run.success or run.t[-1] < hop.design.hop.stance_duration[0] or run.y[1, -1] < x0[1]:
