@@ -129,7 +129,7 @@ def run_starts(hop: Hop, count: int, processes: int, say: Progress) -> list[Star
 
         data = hop.design.model_dump(exclude_none=True)
         jobs = (delayed(_chunk_in_worker)(data, hop.objective.name, chunk) for chunk in chunks)
-        parts = list(Parallel(n_jobs=processes, backend="loky")(jobs) or ())
+        parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
     by_index = {
         k: outcome for chunk, part in zip(chunks, parts, strict=True) for k, outcome in zip(chunk, part, strict=True)
     }
