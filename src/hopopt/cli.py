@@ -2,13 +2,14 @@
 
 import json
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from hopopt.errors import HopoptError, UsageError
+from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
 if TYPE_CHECKING:
     from hopopt.solution import Solution
@@ -62,13 +63,16 @@ def solve(
     figures
         Draw the figures.
     """
+    began = time.perf_counter()
     from hopopt.problem_file import load
 
     design = load(problem, set_ or ())
     if (starts is not None and starts < 1) or (processes is not None and processes < 1):
         raise UsageError("--starts and --processes must be at least 1")
     from hopopt.planner import solve as run
-    from hopopt.storage import save
+    from hopopt.storage import prepare, save
+
+    prepare(results)
 
     draw: Callable[[Solution, Path], Any] | None = None
     with _progress(quiet=json_) as say:
@@ -77,6 +81,7 @@ def solve(
             from hopopt.plots import save_all as draw
 
             say("drawing")
+        solution.summary["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         solution = save(solution, results, draw)
     _answer(solution, json_)
     return int(solution.summary["exit_code"])
@@ -139,8 +144,7 @@ def verify(result: Path, *, json_: AsJson = False) -> int:
     from hopopt.recheck import recheck
     from hopopt.storage import as_json, read
 
-    solution = read(result)
-    checks = recheck(solution)
+    checks = recheck(read(result))
     verified = all(c.passed for c in checks)
     if json_:
         print(
@@ -155,9 +159,9 @@ def verify(result: Path, *, json_: AsJson = False) -> int:
 
 def _answer(solution: "Solution", as_object: bool) -> None:
     if as_object:
-        from hopopt.storage import as_json
+        from hopopt.storage import as_json, stated
 
-        print(as_json(solution.summary))
+        print(as_json(stated(solution.summary)))
         return
     from hopopt.screen import print_answer
 
@@ -188,6 +192,9 @@ def run(arguments: list[str] | None = None) -> int:
         return 2
     except HopoptError as error:
         print(f"hopopt: {error}", file=sys.stderr)
+        if isinstance(error, NotSolvedError) and "--json" in (sys.argv[1:] if arguments is None else arguments):
+            failure = {"status": "not solved", "verified": False, "exit_code": 1, "clearance_m": None}
+            print(json.dumps({**failure, "message": str(error), "diagnosis": error.diagnosis}))
         return error.exit_code
     except KeyboardInterrupt:
         print("hopopt: interrupted; nothing was written", file=sys.stderr)

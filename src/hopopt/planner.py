@@ -26,6 +26,7 @@ from hopopt.verify import KKT, LIMIT, Check, verify_plan
 
 Progress = Callable[[str], None]
 SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
+CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
 MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
 
 
@@ -89,15 +90,14 @@ def solve(
     count = starts or design.solver.starts
     outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say)
     clock.mark("starts")
-    best: Solution | None = None
-    for candidate in distinct(outcomes):
+    finished: list[Solution] = []
+    for candidate in contenders(outcomes):
         solution = _finish(hop, candidate, outcomes, say, clock)
-        if solution.verified:
-            return solution
-        best = best or solution
-    if best is None:
+        if solution is not None:
+            finished.append(solution)
+    if not finished:
         raise not_solved(hop, outcomes)
-    return best
+    return max(finished, key=lambda s: (s.verified, s.summary["objective_value"]))
 
 
 class Stopwatch:
@@ -163,6 +163,12 @@ def distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
     return found
 
 
+def contenders(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
+    """The distinct optima that may prove the best once refined."""
+    found = distinct(outcomes)
+    return [o for o in found if o.objective >= found[0].objective - CLOSE * abs(found[0].objective)]
+
+
 def same(a: float, b: float) -> bool:
     """Whether two coarse objectives belong to the same local optimum."""
     return abs(a - b) <= SAME * max(abs(a), abs(b), 1e-3)
@@ -171,12 +177,17 @@ def same(a: float, b: float) -> bool:
 def not_solved(hop: Hop, outcomes: Sequence[StartOutcome]) -> NotSolvedError:
     """What went wrong, from the start that came closest to meeting the constraints."""
     transcription = Transcription(hop.problem, solver_scheme(hop.design), first_mesh(hop.design))
-    tries = [_evaluate(transcription, o) for o in outcomes]
-    closest = min(tries, key=lambda s: float(np.maximum(transcription.lbg - s.g, s.g - transcription.ubg).sum()))
+    closest = min((_evaluate(transcription, o) for o in outcomes), key=_infeasibility)
     statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
-    return NotSolvedError(
-        f"{hop.design.name}: no start led to a feasible hop ({statuses}). Worst:", violations(closest)
-    )
+    worst = violations(closest)
+    reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
+    advice = "Worst constraints:" if worst else "Try a larger solver.max_iterations or more starts."
+    return NotSolvedError(f"{hop.design.name}: {reason} ({statuses}). {advice}", worst)
+
+
+def _infeasibility(s: NlpSolution) -> float:
+    t = s.transcription
+    return float(np.maximum(0.0, np.maximum(t.lbg - s.g, s.g - t.ubg)).sum())
 
 
 def _evaluate(transcription: Transcription, outcome: StartOutcome) -> NlpSolution:
@@ -208,10 +219,12 @@ def _evaluate(transcription: Transcription, outcome: StartOutcome) -> NlpSolutio
 
 def _finish(
     hop: Hop, outcome: StartOutcome, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
-) -> Solution:
-    """Refine one start's optimum, verify it and sum it up."""
+) -> Solution | None:
+    """Refine one start's optimum, verify it and sum it up; None if its first mesh cannot be solved again."""
     solution, history = refine_solution(hop, outcome, say)
     clock.mark("refinement")
+    if solution is None:
+        return None
     say("verifying")
     plan = Solution(hop.design, hop.objective.name, solution.phases, {})
     tables = plan.tables
@@ -221,7 +234,7 @@ def _finish(
     return summarize(hop, plan, solution, checks, outcomes, outcome, history, clock)
 
 
-def refine_solution(hop: Hop, outcome: StartOutcome, say: Progress) -> tuple[NlpSolution, list[MeshStep]]:
+def refine_solution(hop: Hop, outcome: StartOutcome, say: Progress) -> tuple[NlpSolution | None, list[MeshStep]]:
     """Solve on finer and finer meshes until every interval is accurate and the objective has settled."""
     settings, order = hop.design.solver, solver_scheme(hop.design)
     mesh, guess, parameters = first_mesh(hop.design), None, None
@@ -243,8 +256,6 @@ def refine_solution(hop: Hop, outcome: StartOutcome, say: Progress) -> tuple[Nlp
             break
         mesh = _next_mesh(solution, errors, hop.design)
         guess, parameters = transcription.guess_from(solution.phases), _free(transcription, solution.parameters)
-    if solution is None:
-        raise not_solved(hop, [outcome])
     return solution, history
 
 

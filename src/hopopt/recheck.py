@@ -1,5 +1,8 @@
 """Verification of a stored result, from its files alone."""
 
+from typing import Any
+
+import casadi as ca
 import numpy as np
 
 from hopopt.errors import ResultError
@@ -16,7 +19,20 @@ AGREE = 1e-9  # stored tables against the stored trajectories, relative
 
 
 def recheck(solution: Solution) -> list[Check]:
-    """All checks of a stored solution: the plan's table, the NLP's conditions, and that the two belong together."""
+    """All checks of a stored solution: the plan's table, the NLP's conditions, and that the two belong together.
+
+    Raises ResultError if the files do not hold what they must.
+    """
+    try:
+        return _recheck(solution)
+    except (KeyError, ValueError, IndexError, TypeError, StopIteration, RuntimeError) as error:
+        raise ResultError(
+            f"{solution.result_dir}: the result is incomplete or its files do not fit together "
+            f"({type(error).__name__}: {str(error)[:200]}): solve it again"
+        ) from error
+
+
+def _recheck(solution: Solution) -> list[Check]:
     from hopopt.planner import kkt_checks
 
     nlp = stored_nlp(solution)
@@ -26,7 +42,7 @@ def recheck(solution: Solution) -> list[Check]:
     checks.append(Check("local error of the intervals", local, solution.design.solver.tolerance, "scaled"))
     residual = change["residual"] if change["residual"] is not None else float("inf")
     checks.append(Check("change of the objective", residual, solution.design.solver.objective_tolerance, "relative"))
-    checks.append(_agreement(solution))
+    checks += [_agreement(solution), _same_program(solution, nlp)]
     names = ("clearance_m", "apex_m") if solution.objective == "apex" else ("clearance_m",)
     claims = {name: float(solution.summary[name]) for name in names}
     return checks + verify_plan(solution.design, solution.tables, claims)
@@ -49,6 +65,19 @@ def stored_nlp(solution: Solution) -> NlpSolution:
     return NlpSolution(
         t, phases, values, objective, "stored", True, 0, kkt["z"], kkt["p"], kkt["g"], kkt["lam_g"], kkt["lam_x"]
     )
+
+
+def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
+    """The stored NLP vectors against problem.toml's parameters, the stored trajectories and the stated objective."""
+    wrong: list[Any] = [nlp.p - nlp.transcription.parameter_values()]
+    for name, trajectory in solution.phases.items():
+        other = nlp.phases[name]
+        wrong += [getattr(trajectory, s) - getattr(other, s) for s in ("edges", "x_start")]
+        wrong.append((trajectory.u - other.u) / max(1.0, np.abs(other.u).max()))
+    t = nlp.transcription
+    cost = ca.Function("f", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"]])(nlp.z, nlp.p)
+    wrong.append(float(cost) + nlp.objective)  # every objective is maximised
+    return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
 
 
 def _agreement(solution: Solution) -> Check:

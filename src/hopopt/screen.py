@@ -69,8 +69,18 @@ def _hop(s: dict[str, Any]) -> list[str]:
     return [
         f"stance {stance['duration_s']:.3f} s, flight to the apex {flight['duration_s']:.3f} s, lift-off at "
         f"{lift['vertical_m_s']:.2f} m/s up and {lift['horizontal_m_s']:+.2f} m/s along, peak ground force "
-        f"{s['peak_ground_force_N']:.0f} N ({s['peak_vertical_force_N']:.0f} N vertical)"
+        f"{s['peak_ground_force_N']:.0f} N ({s['peak_vertical_force_N']:.0f} N vertical)",
+        _ground(s),
     ]
+
+
+def _ground(s: dict[str, Any]) -> str:
+    if s["friction"] is not None:
+        return f"friction cone {s['friction']:g} held"
+    grip = s["grip_without_load_N"]
+    return (
+        f"the foot is pinned: it holds up to {grip:.0f} N along the ground without load (contact.friction limits that)"
+    )
 
 
 def _effort(s: dict[str, Any]) -> list[str]:

@@ -40,18 +40,33 @@ def folder_name(design: Design, objective: str) -> str:
     return f"{design.name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
+def prepare(results: Path) -> None:
+    """Make sure that results can be written, before the work; ResultError if not."""
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=results):
+            pass
+    except OSError as error:
+        raise ResultError(
+            f"{results}: results cannot be written here ({error.strerror}): choose another folder"
+        ) from error
+
+
+def stated(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """A summary as it may be printed: heights that are not verified are named as such, not as the answer."""
+    if summary["verified"]:
+        return dict(summary)
+    heights = {k: summary[k] for k in ("clearance_m", "apex_m") if k in summary}
+    return {**summary, **dict.fromkeys(heights), **{f"unverified_{k}": v for k, v in heights.items()}}
+
+
 def save(solution: Solution, results: Path, figures: Callable[[Solution, Path], Any] | None = None) -> Solution:
     """Write a solution into a new folder below ``results``; the solution with its folder noted.
 
     figures(solution, folder) draws the pictures. Raises ResultError if the place cannot be written.
     """
-    try:
-        results.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
-    except OSError as error:
-        raise ResultError(
-            f"{results}: results cannot be written here ({error.strerror}): choose another folder"
-        ) from error
+    prepare(results)
+    work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
     try:
         return _write(solution, results, work, figures)
     except BaseException:

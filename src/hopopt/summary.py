@@ -48,6 +48,8 @@ def summarize(
         "lift_off": lift_off(plan),
         "peak_ground_force_N": float(np.hypot(*stance.f.T).max()),
         "peak_vertical_force_N": float(stance.f[:, 1].max()),
+        "friction": plan.design.contact.friction,
+        "grip_without_load_N": float(np.abs(stance.f[stance.f[:, 1] < 1.0, 0]).max(initial=0.0)),
         "saturation_mean": saturation_mean(plan, stance),
         "energy": energy(plan, stance, flight),
         "active_limits": active_limits(plan, stance),

@@ -40,12 +40,15 @@ class OperatingRegion:
         """
         w = np.asarray(w, dtype=float)
         upper, lower = np.full(w.shape, np.inf), np.full(w.shape, -np.inf)
+        empty = np.zeros(w.shape, dtype=bool)
         for h in self.planes:
             if h.a > 0:
                 upper = np.minimum(upper, (1 - h.b * w) / h.a)
             elif h.a < 0:
                 lower = np.maximum(lower, (1 - h.b * w) / h.a)
-        empty = lower > upper
+            else:
+                empty |= h.b * w > 1 + 1e-9  # beyond a speed cap
+        empty |= lower > upper
         return np.where(empty, 0.0, lower), np.where(empty, 0.0, upper)
 
     def clamp(self, w: Any, tau: Any) -> Any:

@@ -16,6 +16,8 @@ from hopopt.nlp.mesh import PhaseMesh
 
 PARTS = 4  # into how many pieces a flagged interval is cut
 BRACKET = 1e-3  # of the phase: a flagged interval this short holds a switch
+ROOM = 2  # short intervals on either side of a switch that become ramps too: it may move a little
+FINEST = 1.5e-4  # of the phase: new ramps longer than this are cut at once (their excess goes with their length)
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,12 @@ def refine(solution: NlpSolution, errors: Mapping[str, IntervalErrors], toleranc
     meshes, cut, ramps = {}, 0, 0
     for name, e in errors.items():
         mesh = solution.transcription.mesh[name]
-        short = np.diff(solution.phases[name].edges) < BRACKET * solution.phases[name].duration
+        lengths = solution.phases[name].lengths
+        short = lengths < BRACKET * solution.phases[name].duration
         over = e.excess > excess
-        switch = over & short & ~mesh.is_ramp
-        flags = (over | (e.local > tolerance)) & ~switch
+        near = np.convolve(over & short, np.ones(2 * ROOM + 1), mode="same") > 0.5
+        switch = near & short & ~mesh.is_ramp
+        flags = over | (e.local > tolerance) | (switch & (lengths > FINEST * solution.phases[name].duration))
         parts = np.where(flags, PARTS, 1)
         meshes[name] = _divide(solution, name, parts, mesh.is_ramp | switch)
         cut, ramps = cut + int((parts > 1).sum()), ramps + int(switch.sum())

@@ -193,6 +193,16 @@ class Hop:
 
     @property
     def tie_break_bias(self) -> float:
-        """What the tie-break can have cost the objective at most [m]: |tau| never exceeds the stall torque."""
-        longest = self.design.hop.stance_duration[1] + self.design.hop.flight_duration[1]
-        return self.design.solver.tie_break * self.n * longest
+        """What the tie-break can have cost the objective at most [m]: weight x longest hop x largest effort.
+
+        A region that no half-plane closes is taken up to twice its stall torque.
+        """
+        longest, effort, p = (
+            self.design.hop.stance_duration[1] + self.design.hop.flight_duration[1],
+            0.0,
+            self.robot.parameters,
+        )
+        for joint in self.leg.joints:
+            stall = p[self.leg.drive(joint, "gear", "ratio")[0]] * p[self.leg.drive(joint, "motor", "max_torque")[0]]
+            effort += float(np.max(np.abs(operating_region(self.leg, joint, p).corners()[:, 1]))) ** 2 / stall**2
+        return self.design.solver.tie_break * effort * longest

@@ -142,6 +142,8 @@ def saturated_push(hop: Hop) -> Guess | None:
     does not rise.
     """
     n, p = hop.n, hop.robot.parameters
+    if hop.limits[1][1] > 0:
+        return None  # written for a knee that folds backwards and stretches towards zero
     a, q, v = (ca.SX.sym(name, n) for name in "aqv")
     m = LegDynamics(hop.robot, p).stance(q, v, a)
     # tau, base x'' and f_z are affine in a: tau = B a + c and so on
