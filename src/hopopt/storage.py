@@ -43,9 +43,12 @@ def folder_name(design: Design, objective: str) -> str:
 def prepare(results: Path) -> None:
     """Make sure that results can be written, before the work; ResultError if not."""
     try:
+        new = not results.exists()
         results.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=results):
             pass
+        if new:
+            results.rmdir()  # nothing is left behind if nothing is solved
     except OSError as error:
         raise ResultError(
             f"{results}: results cannot be written here ({error.strerror}): choose another folder"
@@ -66,6 +69,7 @@ def save(solution: Solution, results: Path, figures: Callable[[Solution, Path], 
     figures(solution, folder) draws the pictures. Raises ResultError if the place cannot be written.
     """
     prepare(results)
+    results.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
     try:
         return _write(solution, results, work, figures)

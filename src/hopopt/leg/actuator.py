@@ -33,22 +33,19 @@ class OperatingRegion:
         return [h.a * tau + h.b * w for h in self.planes]
 
     def torque_bounds(self, w: Any) -> tuple[Any, Any]:
-        """Smallest and largest torque [N m] at speed w [rad/s], shapes as w; (0, 0) beyond every speed.
+        """Smallest and largest torque [N m] at speed w [rad/s], shapes as w; a speed cap bounds no torque.
 
         Where the speed is so high that no torque is admissible (the paper's law above omega_max, eq.
         con_tsat), the drive gives nothing.
         """
         w = np.asarray(w, dtype=float)
         upper, lower = np.full(w.shape, np.inf), np.full(w.shape, -np.inf)
-        empty = np.zeros(w.shape, dtype=bool)
         for h in self.planes:
             if h.a > 0:
                 upper = np.minimum(upper, (1 - h.b * w) / h.a)
             elif h.a < 0:
                 lower = np.maximum(lower, (1 - h.b * w) / h.a)
-            else:
-                empty |= h.b * w > 1 + 1e-9  # beyond a speed cap
-        empty |= lower > upper
+        empty = lower > upper
         return np.where(empty, 0.0, lower), np.where(empty, 0.0, upper)
 
     def clamp(self, w: Any, tau: Any) -> Any:
