@@ -5,7 +5,6 @@ import pytest
 
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.schemes import Scheme
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.planner import solve
@@ -30,24 +29,12 @@ def halved(solution: Solution, phase: str, times: int) -> PhaseMesh:
     return PhaseMesh(tuple(edges.tolist()), (), tuple(int(k) for k in np.flatnonzero(ramp)))
 
 
-def solve_again(
-    answer: Solution,
-    scheme: Scheme,
-    mesh: dict[str, PhaseMesh],
-    tolerance: float,
-    options: dict[str, Any] | None = None,
-) -> float:
-    """The objective of the same problem on another mesh from the answer."""
-    transcription = Transcription(Hop(answer.design).problem, scheme, mesh)
-    solver = NlpSolver(transcription, {"ipopt.max_iter": 600, "ipopt.tol": tolerance})
-    again = solver(transcription.guess_from(answer.phases), {"clearance": answer.clearance})
-    assert again.success
-    return again.objective
-
-
 @pytest.mark.slow
 def test_twice_as_fine_a_mesh(answer: Solution) -> None:
     assert answer.verified
     mesh = {name: halved(answer, name, 1) for name in answer.phases}
-    scheme = answer.phases["stance"].scheme
-    assert solve_again(answer, scheme, mesh, 1e-9) == pytest.approx(answer.clearance, rel=1e-4)
+    transcription = Transcription(Hop(answer.design).problem, answer.phases["stance"].scheme, mesh)
+    solver = NlpSolver(transcription, {"ipopt.max_iter": 600, "ipopt.tol": 1e-9})
+    again = solver(transcription.guess_from(answer.phases), {"clearance": answer.clearance})
+    assert again.success
+    assert again.objective == pytest.approx(answer.clearance, rel=1e-4)
