@@ -226,3 +226,11 @@ def test_readme_python(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith("True\n")
     assert (tmp_path / "heights.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("problem", ["paper_no_countermovement", "paper_four_quadrant"])
+def test_built_in_variants_are_verified(problem: str, tmp_path: Path) -> None:
+    done = run("solve", problem, "--starts", "2", "--no-figures", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert json.loads(done.stdout)["verified"] is True
