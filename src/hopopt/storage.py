@@ -1,18 +1,22 @@
-"""Results folders: written whole or not at all, never overwritten, read back as data (no pickle).
+"""Results folders: data written whole or not at all, never overwritten, read back as data (no pickle).
 
 results/<problem>-<hash8>/
     solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors
     summary.json    every printed number          problem.toml   all defaults filled in, runs again
     manifest.json   versions, seed, mesh history  figures/       PNG and SVG
+
+Figures come last, when the data are safe: one that fails leaves a note in the summary, nothing else.
 """
 
 import hashlib
 import json
+import logging
 import os
 import platform
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -26,12 +30,14 @@ from hopopt.leg.design import Design
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.problem_file import design_hash, load, resolved_toml
+from hopopt.problem_text import printable
 from hopopt.solution import Solution
 from hopopt.verify import Table
 
 PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
 UNITS = {"t": "s", "q": "m or rad", "v": "m/s or rad/s", "a": "m/s^2 or rad/s^2", "tau": "N m", "f": "N"}
 FORMAT = 1  # of the folder's contents
+Figures = Callable[[Solution, Path], Any]
 
 
 def folder_name(design: Design, objective: str) -> str:
@@ -50,9 +56,13 @@ def prepare(results: Path) -> None:
         if new:
             results.rmdir()  # nothing is left behind if nothing is solved
     except OSError as error:
-        raise ResultError(
-            f"{results}: results cannot be written here ({error.strerror}): choose another folder"
-        ) from error
+        raise ResultError(f"{results}: results cannot be written ({_reason(error)}): choose another folder") from error
+
+
+def _reason(error: BaseException) -> str:
+    """Why something failed, on one line of at most 200 characters."""
+    words = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return printable(" ".join((words or type(error).__name__).split()))[:200]
 
 
 def stated(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -63,33 +73,73 @@ def stated(summary: Mapping[str, Any]) -> dict[str, Any]:
     return {**summary, **dict.fromkeys(heights), **{f"unverified_{k}": v for k, v in heights.items()}}
 
 
-def save(solution: Solution, results: Path, figures: Callable[[Solution, Path], Any] | None = None) -> Solution:
+def save(solution: Solution, results: Path, figures: Figures | None = None) -> Solution:
     """Write a solution into a new folder below ``results``; the solution with its folder noted.
 
-    figures(solution, folder) draws the pictures. Raises ResultError if the place cannot be written.
+    figures(solution, folder) draws the pictures; what it cannot draw is noted in the summary's ``notes`` and
+    logged. Raises ResultError, naming the folder and the reason, if ``results`` cannot be written; the data are
+    then kept in a folder for temporary files, which the error names.
     """
-    prepare(results)
+    try:
+        saved = _save_data(solution, results)
+    except OSError as error:
+        words = f"the result cannot be written ({_reason(error)}){_rescued(solution)}"
+        raise ResultError(f"{results}: {words}") from error
+    return saved if figures is None else _with_figures(saved, figures)
+
+
+def _save_data(solution: Solution, results: Path) -> Solution:
     results.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
+    target = _unused(results / folder_name(solution.design, solution.objective))
+    solution = _placed(solution, target)
     try:
-        return _write(solution, results, work, figures)
+        (work / "solution.nc").write_bytes(_netcdf(solution))
+        (work / "problem.toml").write_text(resolved_toml(solution.design), encoding="utf-8")
+        _write_json(solution.summary, work / "summary.json")
+        _write_json(_manifest(solution), work / "manifest.json")
+        os.chmod(work, 0o755)  # mkdtemp makes it private
+        return _publish(solution, work, target)
     except BaseException:
         shutil.rmtree(work, ignore_errors=True)
         raise
 
 
-def _write(solution: Solution, results: Path, work: Path, figures: Callable[[Solution, Path], Any] | None) -> Solution:
-    target = _unused(results / folder_name(solution.design, solution.objective))
-    solution = replace(solution, result_dir=target, summary={**solution.summary, "result_dir": str(target)})
-    _write_netcdf(solution, work / "solution.nc")
-    (work / "summary.json").write_text(json.dumps(_finite(solution.summary), indent=2) + "\n", encoding="utf-8")
-    (work / "problem.toml").write_text(resolved_toml(solution.design), encoding="utf-8")
-    (work / "manifest.json").write_text(json.dumps(_finite(_manifest(solution)), indent=2) + "\n", encoding="utf-8")
-    if figures is not None:
-        (work / "figures").mkdir()
-        figures(solution, work / "figures")
-    os.chmod(work, 0o755)  # mkdtemp makes it private
-    return _publish(solution, work, target)
+def _rescued(solution: Solution) -> str:
+    """Where the data are kept instead, to end a sentence."""
+    place = None
+    with suppress(OSError):
+        place = Path(tempfile.mkdtemp(prefix="hopopt-"))
+        return f"; it is kept in {_save_data(solution, place).result_dir}: move it from there"
+    if place is not None:
+        shutil.rmtree(place, ignore_errors=True)
+    return " and neither can the folder for temporary files: make room or choose another folder, and solve again"
+
+
+def _placed(solution: Solution, target: Path) -> Solution:
+    return replace(solution, result_dir=target, summary={**solution.summary, "result_dir": str(target)})
+
+
+def _write_json(data: Mapping[str, Any], path: Path) -> None:
+    path.write_text(json.dumps(_finite(data), indent=2) + "\n", encoding="utf-8")
+
+
+def _with_figures(solution: Solution, figures: Figures) -> Solution:
+    """Draw the figures into the folder of a saved solution; the solution, with a note if any failed."""
+    folder = solution.result_dir
+    assert folder is not None
+    try:
+        (folder / "figures").mkdir(exist_ok=True)
+        figures(solution, folder / "figures")
+        return solution
+    except (Exception, KeyboardInterrupt) as error:  # the data are what took the time: nothing here may lose them
+        note = f"figures are missing ({_reason(error)}); the data in {folder} are complete"
+    logging.getLogger(__name__).warning(note)
+    solution = replace(solution, summary={**solution.summary, "notes": [*solution.summary.get("notes", ()), note]})
+    with suppress(OSError):
+        _write_json(solution.summary, folder / ".summary.json")
+        (folder / ".summary.json").replace(folder / "summary.json")
+    return solution
 
 
 def _publish(solution: Solution, work: Path, target: Path) -> Solution:
@@ -102,8 +152,8 @@ def _publish(solution: Solution, work: Path, target: Path) -> Solution:
             if not target.exists():
                 raise
             target = _unused(target)
-            solution = replace(solution, result_dir=target, summary={**solution.summary, "result_dir": str(target)})
-            (work / "summary.json").write_text(json.dumps(_finite(solution.summary), indent=2) + "\n", encoding="utf-8")
+            solution = _placed(solution, target)
+            _write_json(solution.summary, work / "summary.json")
 
 
 def _unused(folder: Path) -> Path:
@@ -115,34 +165,26 @@ def _unused(folder: Path) -> Path:
 
 
 def _manifest(solution: Solution) -> dict[str, Any]:
-    s = solution.summary
-    return {
-        "format": FORMAT,
-        "objective": solution.objective,
-        "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
-        "seed": s.get("seed"),
-        "scheme": s.get("scheme"),
-        "mesh": s.get("mesh"),
-        "timings_s": s.get("timings_s"),
-    }
+    versions = {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
+    figures = {name: solution.summary.get(name) for name in ("seed", "scheme", "mesh", "timings_s")}
+    return {"format": FORMAT, "objective": solution.objective, "versions": versions, **figures}
 
 
-def _write_netcdf(solution: Solution, path: Path) -> None:
-    datasets = {
-        "/": xr.Dataset(attrs={"objective": solution.objective, "problem": solution.design.name, "format": FORMAT})
-    }
+def _netcdf(solution: Solution) -> memoryview:
+    """The file's bytes, made in memory: HDF5 itself does not survive a disk that is full."""
+    attributes = {"objective": solution.objective, "problem": solution.design.name, "format": FORMAT}
+    datasets = {"/": xr.Dataset(attrs=attributes)}
     for phase, trajectory in solution.phases.items():
         datasets[f"/{phase}"] = _phase_dataset(solution, solution.tables[phase], trajectory)
     datasets["/nlp"] = xr.Dataset({name: (f"{name}_row", value) for name, value in solution.kkt.items()})
-    xr.DataTree.from_dict(datasets).to_netcdf(path, engine="h5netcdf")
+    return xr.DataTree.from_dict(datasets).to_netcdf(engine="h5netcdf")  # type: ignore[return-value]
 
 
 def _phase_dataset(solution: Solution, table: Table, trajectory: PhaseTrajectory) -> xr.Dataset:
-    joints = list(solution.robot.joints)
-    last = {"q": "coordinate", "v": "coordinate", "a": "coordinate", "tau": "joint", "f": "direction"}
+    joints, last = list(solution.robot.joints), dict.fromkeys("qva", "coordinate")
+    last |= {"tau": "joint", "f": "direction"}
     variables: dict[str, Any] = {"t": (("interval", "place"), table.t, {"units": "s"})}
-    for name, dim in last.items():
-        variables[name] = (("interval", "place", dim), getattr(table, name), {"units": UNITS[name]})
+    variables |= {k: (("interval", "place", dim), getattr(table, k), {"units": UNITS[k]}) for k, dim in last.items()}
     variables |= {
         "edges": ("edge", trajectory.edges, {"units": "s", "long_name": "interval edges since the phase began"}),
         "arc": ("interval", trajectory.arc),
@@ -150,8 +192,8 @@ def _phase_dataset(solution: Solution, table: Table, trajectory: PhaseTrajectory
         "xdot": (("interval", "abscissa", "state"), trajectory.xdot, {"units": "SI"}),
         "u": (("interval", "abscissa", "control"), trajectory.u, {"units": "rad/s^2"}),
     }
-    coordinates = {"coordinate": ["x", "z", *joints], "joint": joints, "direction": ["x", "z"]}
-    return xr.Dataset(variables, coords=coordinates, attrs={"scheme": trajectory.scheme.name})
+    coords = {"coordinate": ["x", "z", *joints], "joint": joints, "direction": ["x", "z"]}
+    return xr.Dataset(variables, coords=coords, attrs={"scheme": trajectory.scheme.name})
 
 
 def read(folder: str | Path) -> Solution:
@@ -160,11 +202,10 @@ def read(folder: str | Path) -> Solution:
     Its ``tables`` are the stored ones, so that verification sees what the file holds.
     """
     folder = Path(folder)
-    if not (folder / "solution.nc").is_file():
-        raise ResultError(
-            f"{folder}: no results folder (solution.nc is missing): give a folder that `hopopt solve` wrote"
-        )
     try:
+        if not (folder / "solution.nc").is_file():
+            words = "no results folder (solution.nc is missing): give a folder that `hopopt solve` wrote"
+            raise ResultError(f"{folder}: {words}{_results_in(folder)}")
         design = load(folder / "problem.toml")
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         with xr.open_datatree(folder / "solution.nc", engine="h5netcdf") as tree:
@@ -173,11 +214,18 @@ def read(folder: str | Path) -> Solution:
         tables = {name: _table(tree[name].to_dataset()) for name in ("stance", "flight")}
         kkt = {str(name): np.array(value) for name, value in tree["nlp"].to_dataset().items()}
         objective = str(tree.attrs["objective"])
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        raise ResultError(f"{folder}: the result cannot be read ({type(error).__name__}: {error})") from error
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+        missing = "an entry is missing: " if isinstance(error, KeyError) else ""
+        raise ResultError(f"{folder}: the result cannot be read ({missing}{_reason(error)})") from error
     solution = Solution(design, objective, phases, summary, kkt, folder)
     solution.__dict__["tables"] = tables
     return solution
+
+
+def _results_in(folder: Path) -> str:
+    """The results that lie in a folder of results, newest first, to end a sentence."""
+    found = sorted(folder.glob("*/solution.nc"), key=lambda path: -path.stat().st_mtime)[:3]
+    return f", such as {', '.join(str(path.parent) for path in found)}" if found else ""
 
 
 def _trajectory(data: xr.Dataset) -> PhaseTrajectory:

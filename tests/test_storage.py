@@ -1,0 +1,177 @@
+"""Results folders: what was computed is never lost, and what cannot be written or read is said in a sentence."""
+
+import json
+import logging
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hopopt import storage
+from hopopt.errors import ResultError
+from hopopt.planner import solve
+from hopopt.problem_file import load
+from hopopt.solution import Solution
+from hopopt.storage import read, save
+
+QUICK = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
+DATA = {"solution.nc", "summary.json", "problem.toml", "manifest.json"}
+
+
+@pytest.fixture(scope="module")
+def solution() -> Solution:
+    """Any solution; that its mesh is too coarse to be true does not matter here."""
+    return solve(load("paper", QUICK), starts=1)
+
+
+def contents(folder: Path | None) -> set[str]:
+    assert folder is not None
+    return {path.name for path in folder.iterdir()}
+
+
+def test_what_is_saved_is_read_back(solution: Solution, tmp_path: Path) -> None:
+    saved = save(solution, tmp_path)
+    assert contents(saved.result_dir) == DATA
+    again = read(str(saved.result_dir))
+    assert again.design == solution.design
+    assert again.summary["clearance_m"] == solution.clearance
+    for phase, table in solution.tables.items():
+        for name in ("t", "q", "v", "a", "tau", "f"):
+            np.testing.assert_array_equal(getattr(again.tables[phase], name), getattr(table, name))
+
+
+def test_data_lie_in_their_folder_before_figures_are_drawn(solution: Solution, tmp_path: Path) -> None:
+    seen = []
+    saved = save(solution, tmp_path, lambda s, folder: seen.append((s.result_dir, contents(folder.parent))))
+    assert seen == [(saved.result_dir, DATA | {"figures"})]
+    assert "notes" not in saved.summary
+
+
+@pytest.mark.parametrize(
+    "fault", [ValueError("no such\nfont"), OSError(28, "No space left on device"), KeyboardInterrupt()]
+)
+def test_figures_that_fail_leave_the_data_and_a_note(
+    solution: Solution, tmp_path: Path, caplog: pytest.LogCaptureFixture, fault: BaseException
+) -> None:
+    def draw(_: Solution, folder: Path) -> None:
+        (folder / "heights.png").write_bytes(b"drawn before the fault")
+        raise fault
+
+    with caplog.at_level(logging.WARNING, "hopopt"):
+        saved = save(solution, tmp_path, draw)
+    (note,) = saved.summary["notes"]
+    assert caplog.messages == [note]
+    assert "figures" in note
+    assert str(saved.result_dir) in note
+    assert "\n" not in note
+    again = read(str(saved.result_dir))
+    assert again.summary["notes"] == [note]
+    assert again.clearance == solution.clearance
+    assert contents(saved.result_dir) == DATA | {"figures"}
+    assert contents(tmp_path) == {saved.result_dir.name}  # type: ignore[union-attr]
+
+
+def test_nothing_is_overwritten(solution: Solution, tmp_path: Path) -> None:
+    first, second = save(solution, tmp_path), save(solution, tmp_path)
+    assert second.result_dir == first.result_dir.with_name(f"{first.result_dir.name}-2")  # type: ignore[union-attr]
+    assert json.loads((second.result_dir / "summary.json").read_text())["result_dir"] == str(second.result_dir)  # type: ignore[operator]
+
+
+def test_a_folder_that_cannot_be_written(solution: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file stands where the folder should be: the error names the folder and the reason, the data are kept."""
+    place, blocked = tmp_path / "temporary", tmp_path / "blocked"
+    place.mkdir()
+    blocked.write_text("a file")
+    monkeypatch.setattr("tempfile.tempdir", str(place))
+    with pytest.raises(ResultError) as caught:
+        save(solution, blocked)
+    assert str(caught.value).startswith(f"{blocked}: the result cannot be written (")
+    (kept,) = place.glob("hopopt-*/paper-*")
+    assert f"it is kept in {kept}" in str(caught.value)
+    assert read(kept).clearance == solution.clearance
+    with pytest.raises(ResultError, match="results cannot be written"):
+        storage.prepare(blocked)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs a limit on the size of files")
+def test_a_disk_that_fills_up_while_writing(solution: Solution, tmp_path: Path) -> None:
+    """HDF5 itself crashes then; in a process of its own, where no file may grow beyond 20 kB."""
+    code = (
+        "import resource, signal, sys; from pathlib import Path; from hopopt.storage import read, save\n"
+        "from hopopt.errors import ResultError\n"
+        "s = read(sys.argv[1]); signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))\n"
+        "try: save(s, Path('full'))\n"
+        "except ResultError as error: print(error)\n"
+    )
+    saved, temporary = save(solution, tmp_path / "results"), tmp_path / "temporary"
+    temporary.mkdir()
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(saved.result_dir)], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+        check=False, env={**os.environ, "TMPDIR": str(temporary)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("full: the result cannot be written (File too large)")
+    assert len(done.stdout.splitlines()) == 1
+    assert not list((tmp_path / "full").iterdir())
+    assert not list(temporary.iterdir())
+
+
+# ---- reading ------------------------------------------------------------------------------------------------
+
+
+def test_a_folder_of_results_names_those_in_it(solution: Solution, tmp_path: Path) -> None:
+    saved = save(solution, tmp_path)
+    with pytest.raises(ResultError, match=r"solution.nc is missing.*such as ") as caught:
+        read(tmp_path)
+    assert str(saved.result_dir) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", sorted(DATA - {"manifest.json"}))
+@pytest.mark.parametrize("damage", ["cut short", "emptied", "removed"])
+def test_damaged_files(solution: Solution, tmp_path: Path, name: str, damage: str) -> None:
+    folder = save(solution, tmp_path).result_dir
+    assert folder is not None
+    path = folder / name
+    raw = path.read_bytes()
+    path.write_bytes({"cut short": raw[: len(raw) // 2], "emptied": b"", "removed": b""}[damage])
+    if damage == "removed":
+        path.unlink()
+    with pytest.raises(Exception) as caught:
+        read(folder)
+    assert type(caught.value).__module__ == "hopopt.errors", caught.value
+    assert str(folder) in str(caught.value) or name in str(caught.value)
+
+
+def test_a_folder_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "is_file", refused)
+    with pytest.raises(ResultError) as caught:
+        read(tmp_path)
+    assert str(caught.value) == f"{tmp_path}: the result cannot be read (Permission denied)"
+
+
+@pytest.mark.parametrize("source", ["x" * 5000, "\0", "", "/dev/null", "ü/ß"])
+def test_folders_that_are_none(source: str) -> None:
+    with pytest.raises(ResultError):
+        read(source)
+
+
+def test_a_phase_that_is_missing(solution: Solution, tmp_path: Path) -> None:
+    saved, other = save(solution, tmp_path / "a"), tmp_path / "b"
+    shutil.copytree(str(saved.result_dir), other)
+    import xarray as xr
+
+    with xr.open_datatree(other / "solution.nc", engine="h5netcdf") as tree:
+        tree = tree.load()
+    del tree["flight"]  # type: ignore[attr-defined]
+    tree.to_netcdf(other / "solution.nc", engine="h5netcdf")
+    with pytest.raises(ResultError, match="an entry is missing"):
+        read(other)
