@@ -17,6 +17,7 @@ from scipy.interpolate import BarycentricInterpolator
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.leg.scales import DESCENT_RANGE, force_range, weight
 from hopopt.sim.machine import Machine
 
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
@@ -81,9 +82,7 @@ def verify_plan(design: Design, tables: Mapping[str, Table], claims: Mapping[str
 
 def _largest(differences: Sequence[Any]) -> float:
     """Largest absolute value of several arrays; not a number if any of it is not."""
-    return float(
-        np.max(np.concatenate([np.abs(np.ravel(d)) for d in differences] or [np.zeros(1)], axis=0), initial=0.0)
-    )
+    return float(np.max(np.concatenate([np.abs(np.ravel(d)) for d in differences]), initial=0.0))
 
 
 def _start(machine: Machine, design: Design, stance: Table) -> Check:
@@ -191,10 +190,9 @@ def _impulse(machine: Machine, phase: str, table: Table) -> Check:
     h = table.t[:, -1] - table.t[:, 0]
     impulse = np.einsum("i,k,ikx->x", h, _quadrature(), table.f) + machine.mass * machine.gravity * h.sum()
     momentum = [machine.mass * machine.com_velocity(table.q[i, i], table.v[i, i]) for i in (-1, 0)]
-    size = machine.mass * float(np.linalg.norm(machine.gravity)) * h.sum()
-    return Check(
-        f"{phase} impulse balance", float(np.abs(momentum[0] - momentum[1] - impulse).max() / size), BALANCE, "relative"
-    )
+    size = weight(machine.model) * h.sum()
+    wrong = float(np.abs(momentum[0] - momentum[1] - impulse).max() / size)
+    return Check(f"{phase} impulse balance", wrong, BALANCE, "relative")
 
 
 def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table, windowed: bool) -> list[Check]:
@@ -226,20 +224,18 @@ def _ground(
     machine: Machine, design: Design, phase: str, q: np.ndarray, v: np.ndarray, f: np.ndarray
 ) -> dict[str, np.ndarray]:
     reach = sum(link.length for link in design.leg.link.values())
-    points = [machine.points(row) for row in q]
-    found = {}
-    names = design.hop.above_ground or tuple(machine.frames)
-    for name in names:
+    points, found = [machine.points(row) for row in q], {}
+    for name in design.hop.above_ground or tuple(machine.frames):
         if phase == FLIGHT or name != "foot":
             found[f"{name} above ground"] = np.array([-p[name][1] for p in points]) / reach
     if phase == STANCE:
-        size = max(np.abs(f).max(), 1.0)
+        size = force_range(machine.model)
         found["foot at rest"] = np.array([np.abs(p["foot"]).max() for p in points]) / reach
         found["ground pushes"] = -f[:, 1] / size
         if design.contact.friction is not None:
             found["friction cone"] = (np.abs(f[:, 0]) - design.contact.friction * f[:, 1]) / size
         if not design.hop.counter_movement:
-            found["body never descends"] = -v[:, 1] / max(np.abs(v[:, 1]).max(), 1e-3)
+            found["body never descends"] = -v[:, 1] / DESCENT_RANGE
     return found
 
 

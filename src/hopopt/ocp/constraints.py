@@ -8,6 +8,7 @@ from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Leg, physical_parameters
 from hopopt.leg.dynamics import LegDynamics, Motion
 from hopopt.leg.robot import BASE
+from hopopt.leg.scales import DESCENT_RANGE
 from hopopt.ocp.problem import INF, Instant, PathConstraint
 
 MotionAt = Callable[[Instant], Motion]
@@ -27,20 +28,20 @@ def operating_region_constraint(leg: Leg, joint: str, motion: MotionAt) -> PathC
     return PathConstraint(f"{joint} operating region", value, upper=1.0, scale=2.0, labels=labels)  # -1 to 1
 
 
-def unilateral_contact(motion: MotionAt, weight: float) -> PathConstraint:
-    """The ground only pushes: f_z >= 0 [N]."""
-    return PathConstraint("ground force", lambda s: motion(s).f[1], lower=0.0, scale=5 * weight, unit="N")
+def unilateral_contact(motion: MotionAt, size: float) -> PathConstraint:
+    """The ground only pushes: f_z >= 0 [N]; ``size`` [N] is the range by which excess is measured."""
+    return PathConstraint("ground force", lambda s: motion(s).f[1], lower=0.0, scale=size, unit="N")
 
 
-def friction_cone(motion: MotionAt, friction: float, weight: float) -> PathConstraint:
-    """|f_x| <= mu f_z [N], as two half-planes."""
+def friction_cone(motion: MotionAt, friction: float, size: float) -> PathConstraint:
+    """|f_x| <= mu f_z [N], as two half-planes; ``size`` [N] as for ``unilateral_contact``."""
 
     def value(s: Instant) -> ca.SX:
         f = motion(s).f
         return ca.vertcat(friction * f[1] - f[0], friction * f[1] + f[0])
 
     labels = ("forward", "backward")
-    return PathConstraint("friction cone", value, lower=0.0, scale=5 * weight, unit="N", labels=labels)
+    return PathConstraint("friction cone", value, lower=0.0, scale=size, unit="N", labels=labels)
 
 
 def above_ground(names: Sequence[str], motion: MotionAt, dynamics: DynamicsAt, size: float) -> PathConstraint:
@@ -55,4 +56,4 @@ def above_ground(names: Sequence[str], motion: MotionAt, dynamics: DynamicsAt, s
 
 def no_counter_movement(motion: MotionAt) -> PathConstraint:
     """The body never descends in stance: z' >= 0 [m/s]."""
-    return PathConstraint("body never descends", lambda s: motion(s).v[1], lower=0.0, upper=INF, unit="m/s")
+    return PathConstraint("body never descends", lambda s: motion(s).v[1], 0.0, INF, DESCENT_RANGE, unit="m/s")

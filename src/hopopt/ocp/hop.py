@@ -15,6 +15,7 @@ from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics, Motion
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
+from hopopt.leg.scales import force_range
 from hopopt.ocp.constraints import (
     above_ground,
     friction_cone,
@@ -51,7 +52,7 @@ class Hop:
         self.design, self.leg, self.objective = design, design.leg, OBJECTIVES[objective]
         self.robot = build_robot(design.leg)
         self.n = len(self.leg.joints)
-        self.weight = float(sum(i.mass for i in self.robot.model.inertias)) * 9.81
+        self.force_range = force_range(self.robot.model)
         self.reach = sum(link.length for link in self.leg.link.values())
 
     # ---- what holds at an instant ----------------------------------------------------------------------
@@ -104,9 +105,9 @@ class Hop:
         q0 = start_angles(self.design)
         motion = self.stance_motion
         path = [operating_region_constraint(self.leg, j, motion) for j in names]
-        path.append(unilateral_contact(motion, self.weight))
+        path.append(unilateral_contact(motion, self.force_range))
         if self.design.contact.friction is not None:
-            path.append(friction_cone(motion, self.design.contact.friction, self.weight))
+            path.append(friction_cone(motion, self.design.contact.friction, self.force_range))
         clear = [name for name in self.must_clear_ground if name != "foot"]
         if clear:
             path.append(above_ground(clear, motion, self.dynamics, self.reach))
