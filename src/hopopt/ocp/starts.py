@@ -1,7 +1,8 @@
 """Starting points that differ in what the leg does: where it leans, how deep it dips, how long it pushes.
 
 Every start is a rough motion of the joints in stance and in flight; the planner makes it obey the dynamics.
-The first is the paper's idea: a push with the knee saturated and the body held on the plumb line.
+The first is the paper's idea: a push straight up, the knee saturated and the body held on the plumb line. A leg
+that this does not lift (or that has other than two joints) goes straight up as slowly as it may instead.
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize
 from scipy.stats import qmc
 
 from hopopt.leg.actuator import operating_region
@@ -20,7 +21,8 @@ from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 
 POINTS = 41  # of a guess, each phase
-GRAVITY = 9.81
+POSES = 1024  # among which the tucked pose is looked for
+OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class Start:
 
 
 NAMED = (
-    Start("saturated push"),
+    Start("upright push", duration=1.0),
     Start("straight push", duration=0.4),
     Start("lean back, swing", sway=-0.35, lean=0.1, dip=0.1, duration=1.0),
     Start("lean forward, swing", sway=0.5, lean=0.3, dip=0.1, duration=1.0),
@@ -58,7 +60,7 @@ def starts(count: int, seed: int) -> list[Start]:
 
 def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
     """The start as guesses of both phases, by phase name."""
-    pushed = saturated_push(hop) if start.name == NAMED[0].name and hop.n == 2 else None
+    pushed = saturated_push(hop) if start == NAMED[0] and hop.n == 2 else None
     stance = pushed or _stance_guess(hop, start)
     return {STANCE: stance, FLIGHT: _flight_guess(hop, stance)}
 
@@ -102,13 +104,13 @@ def _flight_guess(hop: Hop, stance: Guess) -> Guess:
     """Ballistic flight from the end of stance; joints go smoothly to the tucked pose."""
     n, s = hop.n, np.linspace(0, 1, POINTS)
     com, com_v = _com_at(hop, stance.x[-1, :n], stance.x[-1, n:])
+    fall = np.array(hop.robot.model.gravity.linear)[[0, 2]]
     shortest, longest = hop.design.hop.flight_duration
-    T = float(np.clip(com_v[1] / GRAVITY, max(shortest, 0.1), min(longest, 0.6)))
+    T = float(np.clip(-com_v[1] / fall[1], max(shortest, 0.1), min(longest, 0.6)))
     t = s * T
     blend = (s * s * (3 - 2 * s))[:, None]
     q = stance.x[-1, :n] + (tucked(hop) - stance.x[-1, :n]) * blend
     v = np.gradient(q, t, axis=0)
-    fall = np.array([0.0, -GRAVITY])
     x = np.hstack([com + t[:, None] * com_v + 0.5 * t[:, None] ** 2 * fall, com_v + t[:, None] * fall, q, v])
     return Guess(T, s, x, np.gradient(v, t, axis=0))
 
@@ -123,27 +125,44 @@ def _com_at(hop: Hop, q_j: np.ndarray, v_j: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def tucked(hop: Hop) -> np.ndarray:
-    """Joint angles [rad] within the limits that lift the foot highest, within the foot window."""
-    lower, upper = hop.limits
-    grid = np.stack(
-        np.meshgrid(*[np.linspace(a, b, 21 if hop.n < 3 else 7) for a, b in zip(lower, upper, strict=True)]), -1
-    )
-    poses = grid.reshape(-1, hop.n)
-    feet = np.array([foot_offset(hop.leg, q) for q in poses])
-    allowed = np.abs(feet[:, 0]) <= hop.design.hop.foot_window
-    height = np.where(allowed, feet[:, 1], -np.inf if allowed.any() else -np.abs(feet[:, 0]))
-    return poses[int(np.argmax(height))]
+    """Joint angles [rad] within the limits that lift the foot highest, within the foot window (or nearest to it).
+
+    The best of quasi-random poses, refined: what it costs hardly depends on the number of joints.
+    """
+    (lower, upper), window = hop.limits, hop.design.hop.foot_window
+    lengths = np.array([hop.leg.link[name].length for name in hop.leg.links])
+
+    def foot(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        angles = np.cumsum(q, axis=-1)
+        return np.sin(angles) @ lengths, -np.cos(angles) @ lengths
+
+    def merit(q: np.ndarray) -> np.ndarray:
+        x, z = foot(q)
+        return z - OUTSIDE * np.maximum(np.abs(x) - window, 0.0)
+
+    def room(q: np.ndarray) -> np.ndarray:
+        x = foot(q)[0]
+        return np.concatenate([q - lower, upper - q, [window - x, window + x]])
+
+    drawn = qmc.scale(qmc.Sobol(hop.n, scramble=False).random(POSES), lower, upper)
+    best = drawn[np.argsort(-merit(drawn))[:4]]
+    refined = [
+        minimize(lambda q: -foot(q)[1], q, method="SLSQP", constraints={"type": "ineq", "fun": room}).x for q in best
+    ]
+    found = np.clip([*best, *refined], lower, upper)
+    return found[np.argmax(merit(found))]
 
 
 def saturated_push(hop: Hop) -> Guess | None:
     """The knee at its operating limit, the hip keeping the body on the plumb line through the foot.
 
-    A simple simulation up to the stretched leg or the moment the ground would have to pull; None if the leg
-    does not rise.
+    For legs of two joints, the knee folded to either side. A simple simulation up to the stretched leg or the
+    moment the ground would have to pull; None if the leg does not rise.
     """
     n, p = hop.n, hop.robot.parameters
-    if hop.limits[1][1] > 0:
-        return None  # written for a knee that folds backwards and stretches towards zero
+    q0 = start_angles(hop.design)
+    side, inner = (-1, hop.limits[1][1]) if q0[1] < 0 else (1, hop.limits[0][1])
+    straight = max(side * inner, 0.0) + 0.1  # [rad], how far the knee may stretch
     a, q, v = (ca.SX.sym(name, n) for name in "aqv")
     m = LegDynamics(hop.robot, p).stance(q, v, a)
     # tau, base x'' and f_z are affine in a: tau = B a + c and so on
@@ -153,24 +172,23 @@ def saturated_push(hop: Hop) -> Guess | None:
 
     def acceleration(x: np.ndarray) -> tuple[np.ndarray, float]:
         B, c = (np.array(r) for r in affine(x[:n], x[n:]))
-        tau = knee.torque_bounds(x[n + 1])[1]
+        tau = knee.torque_bounds(x[n + 1])[0 if side > 0 else 1]
         A = np.stack([B[1], B[n]])
         result = np.linalg.solve(A, np.array([tau - c[1, 0], -c[n, 0]]))
         return result, float((B[n + 1] @ result + c[n + 1])[0])
 
     def stretched(_: float, x: np.ndarray) -> float:
-        return min(hop.limits[1][1] - 0.1 - x[1], acceleration(x)[1])
+        return min(side * x[1] - straight, acceleration(x)[1])
 
     stretched.terminal = True  # type: ignore[attr-defined]
-    x0 = np.concatenate([start_angles(hop.design), np.zeros(n)])
-    longest = hop.design.hop.stance_duration[1]
+    x0, (shortest, longest) = np.concatenate([q0, np.zeros(n)]), hop.design.hop.stance_duration
     try:
         run = solve_ivp(
             lambda _, x: np.concatenate([x[n:], acceleration(x)[0]]), (0, longest), x0, events=stretched, max_step=0.01
         )
     except np.linalg.LinAlgError:
         return None
-    if not run.success or run.t[-1] < hop.design.hop.stance_duration[0] or run.y[1, -1] < x0[1]:
+    if not run.success or run.t[-1] < shortest or side * run.y[1, -1] > side * x0[1]:
         return None
     x = run.y.T
     u = np.array([acceleration(row)[0] for row in x])
