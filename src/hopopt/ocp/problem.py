@@ -61,10 +61,18 @@ class Control(Variable):
 
 @dataclass(frozen=True)
 class State(Variable):
-    """A state; ``initial`` and ``final`` are None (free), values, or (lower, upper)."""
+    """A state; ``initial`` and ``final`` are None (free), values (a number, list or array), or two lists or arrays
+    (lower, upper). TypeError for a tuple of numbers, which might be either."""
 
     initial: Numbers | tuple[Numbers, Numbers] | None = None
     final: Numbers | tuple[Numbers, Numbers] | None = None
+
+    def __post_init__(self) -> None:
+        for given in (self.initial, self.final):
+            if isinstance(given, tuple) and [np.ndim(side) for side in given] != [1, 1]:
+                raise TypeError(
+                    f"{self.name} = {given}: write values as a list, bounds as two lists ([lower], [upper])"
+                )
 
     def end_bounds(self, end: str) -> tuple[np.ndarray, np.ndarray]:
         """Bounds at the ``initial`` or ``final`` instant, within the state's own bounds, (size,) each."""
