@@ -35,7 +35,8 @@ class TwoMass:
     g: float = 9.81
 
     def __post_init__(self) -> None:
-        if not (min(self.m, self.m_e, self.k, self.l0, self.C_amp, self.g) > 0 and 0 <= self.C_max < 1):
+        positive = (self.m, self.m_e, self.k, self.l0, self.C_amp, self.g)
+        if not (all(value > 0 for value in positive) and 0 <= self.C_max < 1):
             raise ValueError(f"m, m_e, k, l0, C_amp and g must be greater than 0, and 0 <= C_max < 1: {self}")
 
     @classmethod
@@ -93,8 +94,7 @@ class TwoMass:
     @cached_property
     def t_lo(self) -> float:
         """Time [s] from mid-stance to lift-off (eq. kin_tlold). Raises ValueError if the foot never lifts off."""
-        pull, weight = self.k * self.C_amp, self.m_e * self.g
-        if pull <= weight:
+        if (pull := self.k * self.C_amp) <= (weight := self.m_e * self.g):
             raise ValueError(
                 f"The foot never lifts off: the spring pulls it with at most k C_amp = {pull:.3g} N, its weight is "
                 f"{weight:.3g} N. It takes k > {weight / self.C_amp:.4g} N/m or C_amp > {weight / self.k:.4g} m."
@@ -184,7 +184,7 @@ class TwoMass:
     def soft_landing_stiffness(self, n: int) -> float:
         """The k [N/m] with which these masses and C_amp touch down without speed, n = 1, 2, ...; 0: just lift off.
 
-        There t_f = (2 pi n + 2 arctan a) / omega_f = 2 v_c / g, so tan a = a, with a^2 M m_e = (k C_amp / g + m)^2 - M^2.
+        There t_f = (2 pi n + 2 arctan a) / omega_f = 2 v_c / g, so tan a = a, and a^2 M m_e = (k C_amp / g + m)^2 - M^2.
         """
         return self.g / self.C_amp * float(np.sqrt(self.M**2 + _soft_landing(n) ** 2 * self.M * self.m_e) - self.m)
 
