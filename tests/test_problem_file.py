@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hopopt.errors import HopoptError, ProblemFileError
-from hopopt.leg.design import Design
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.design import Design, physical_parameters
 from hopopt.problem_file import as_json, builtin_names, design_hash, load, resolved_toml, rows, template
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -194,7 +195,7 @@ SENTENCES = [
     (('"radau"', '"radua"'), 'solver.scheme = "radua" is not allowed: "radau" or "hermite-simpson" or "trapezoidal" is needed; did you mean "radau"?'),
     (('["paper"]', '["4-quadrant"]'), 'leg.motor.laws[0] = "4-quadrant" is not allowed: a list of "paper" or "four-quadrant" is needed; did you mean "four-quadrant"?'),
     (('["paper"]', '"paper"'), 'leg.motor.laws = "paper" is not allowed: a list of "paper" or "four-quadrant" is needed; write it in [ ].'),
-    (('["paper"]', "[]"), 'leg.motor.laws = [] has too few entries: a list of "paper" or "four-quadrant" is needed.'),
+    (('["paper"]', "[]"), 'leg.motor.laws = [] leaves nothing to bound the torque (motor.torque_cap or gear.torque_cap) and the speed (gear.speed_cap) of hip, knee: give these caps, or "paper" or "four-quadrant" in leg.motor.laws.'),
     (("degree = 3", "degree = 3.0"), "solver.degree = 3.0 is not allowed: a whole number from 1 to 9 is needed."),
     (("[0.03, 0.4]", "[30, 0.4]"), "hop.stance_duration[0] = 30 s is too large: a list of two numbers, each from 0.001 to 10 s, is needed; 30 looks like milliseconds: write 0.03."),
     (("[0.03, 0.4]", "[0.03]"), "hop.stance_duration"),
@@ -266,6 +267,45 @@ def test_empty_file_says_what_is_missing(write):
 
 def test_section_that_is_no_table(write):
     assert any("hop = 5 is not a table: write [hop]" in sentence for sentence in faults(write("hop = 5")))
+
+
+CAPS = {"leg.motor.laws": [], "leg.gear.torque_cap": 107.0, "leg.gear.speed_cap": 680.0}
+
+
+@pytest.mark.parametrize("torque", ["leg.gear.torque_cap", "leg.motor.torque_cap"])
+def test_a_drive_of_caps_alone(torque, write):
+    """The region is the rectangle of the caps: R speed <= speed cap, torque <= cap at the joint."""
+    cap, side = {"leg.gear.torque_cap": (107.0, 1), "leg.motor.torque_cap": (1.5, 100)}[torque]
+    design = load("paper", {**CAPS, "leg.gear.torque_cap": None, torque: cap})
+    region = operating_region(design.leg, "knee", physical_parameters(design.leg))
+    corners = {tuple(np.round(corner, 6).tolist()) for corner in region.corners()}
+    assert corners == {(s * 6.8, t * cap * side) for s in (-1, 1) for t in (-1, 1)}
+    assert load(write(resolved_toml(design))) == design
+
+
+@pytest.mark.parametrize(
+    ("without", "words"),
+    [
+        ({"leg.gear.torque_cap": None}, "the torque (motor.torque_cap or gear.torque_cap) of hip, knee: give"),
+        ({"leg.gear.speed_cap": None}, "the speed (gear.speed_cap) of hip, knee: give"),
+        (
+            {"leg.gear.speed_cap": None, "leg.hip.gear.speed_cap": 500.0},
+            "the speed (gear.speed_cap) of knee: give",
+        ),
+    ],
+)
+def test_a_drive_of_caps_that_leave_something_open(without, words):
+    assert only_fault("paper", CAPS | without).startswith(
+        f"override leg.motor.laws = [] leaves nothing to bound {words}"
+    )
+
+
+def test_one_joint_without_a_law():
+    one = {"leg.knee.motor.laws": []}
+    assert only_fault("paper", one).startswith("override leg.knee.motor.laws = [] leaves nothing to bound the torque")
+    capped = load("paper", {**one, "leg.knee.gear.torque_cap": 107.0, "leg.knee.gear.speed_cap": 680.0})
+    names = [h.name for h in operating_region(capped.leg, "knee", physical_parameters(capped.leg)).planes]
+    assert names == [f"gear {what} cap, {way}" for what in ("torque", "speed") for way in ("forward", "backward")]
 
 
 def test_knee_below_ground(write):

@@ -93,6 +93,28 @@ def _above_ground_faults(names: list[str], joints: list[str]) -> Iterator[tuple[
             yield "hop.above_ground", f"has {shown(name)} {names.count(name)} times: once is enough"
 
 
+# ---- the drives ---------------------------------------------------------------------------------------------
+
+
+def drive_rules(leg: Leg, report: "Report") -> None:
+    """Report drives whose torque or speed nothing would bound: without a law both need a cap."""
+    open_ended: dict[tuple[str, str], list[str]] = {}
+    for joint in leg.joints:
+        path, laws = leg.drive(joint, "motor", "laws")
+        if not laws and (missing := _uncapped(leg, joint)):
+            open_ended.setdefault((path, missing), []).append(joint)
+    for (path, missing), joints in open_ended.items():
+        words = f'give these caps, or "paper" or "four-quadrant" in {path}'
+        report.add(path, f"= [] leaves nothing to bound {missing} of {', '.join(joints)}: {words}")
+
+
+def _uncapped(leg: Leg, joint: str) -> str:
+    """What no cap bounds in a joint's drive, with the entries that would; empty if torque and speed have one."""
+    torque = leg.drive(joint, "motor", "torque_cap")[1] or leg.drive(joint, "gear", "torque_cap")[1]
+    found = [] if torque else ["the torque (motor.torque_cap or gear.torque_cap)"]
+    return " and ".join(found if leg.drive(joint, "gear", "speed_cap")[1] else [*found, "the speed (gear.speed_cap)"])
+
+
 # ---- the start ------------------------------------------------------------------------------------------------
 
 

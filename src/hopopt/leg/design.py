@@ -64,9 +64,8 @@ class Motor(Section):
     rotor_inertia: float = quantity("rotor inertia, motor side", "kg m^2", 0.0, 0.05, 0.0, physical=True)
     laws: tuple[Literal["paper", "four-quadrant"], ...] = choice(
         "torque-speed laws, all of which hold: the paper's |tau| <= tau_max (1 - |w| / omega_max), "
-        "or the four-quadrant line in which braking is not weakened by speed",
+        "or the four-quadrant line in which braking is not weakened by speed; [] leaves the caps on torque and speed",
         ("paper",),
-        min_length=1,
     )
     torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-3, 1000, None, physical=True)
 
