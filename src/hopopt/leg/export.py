@@ -1,0 +1,179 @@
+"""The leg as files for other programs: URDF (ROS, Pinocchio, Drake, ...) and MJCF (MuJoCo).
+
+Both are written from the link table the Pinocchio model is made of, every number to its last digit. The body slides
+along x and z and the joints turn about y, so of an inertia only the moment about y enters the motion. Readers demand
+a physical body all the same: positive moments, none larger than the sum of the others. What the leg does not say is
+filled in so, and named as such in the file.
+"""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+from importlib.metadata import version
+from itertools import pairwise
+from typing import Any
+
+from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.leg.robot import BASE, FORWARD, MovingBody, Robot, link_bodies
+
+GUIDES = {"x": (1.0, 0.0, 0.0), "z": (0.0, 0.0, 1.0)}
+TRAVEL = 1000.0  # m and m/s: a URDF guide must have limits; these are as good as none
+SLENDER = 1e-3  # moment about a link's own axis as a share of the one across it; a rod has none
+BALL = 0.1  # m: radius of the ball whose moments the body is given; it does not turn
+FOOT_RADIUS = 1e-6  # m: of the contact point, too small to roll anywhere
+DRAWN = 0.015  # m: radius of what is drawn for a link
+NOTE = (
+    "Made by hopopt {version}. SI units, z up, the leg straight down at zero. It moves in the x-z plane only: of the "
+    "inertias the moments about y are the leg's; those about x and z, and all of the body's, do not enter the motion "
+    "and are placeholders (of a thin rod, of a ball of {ball} m)."
+)
+
+
+def effort_limit(region: OperatingRegion) -> float:
+    """Largest joint torque at standstill [N m]."""
+    return float(region.torque_bounds(0.0)[1])
+
+
+def velocity_limit(region: OperatingRegion) -> float:
+    """Largest joint speed at which no half-plane is left without torque [rad/s]."""
+    return 1 / max(float(h.b) for h in region.planes)
+
+
+# ---- URDF -------------------------------------------------------------------------------------------------
+
+
+def to_urdf(robot: Robot) -> str:
+    """The leg as URDF, its foot a link of its own. URDF has no place for rotor inertias: a comment lists them."""
+    bodies, root = _bodies(robot), ET.Element("robot", name="leg")
+    *links, world, guide, body, foot = _unique([*robot.leg.links, "world", "guide", "body", "foot"])
+    names = [world, guide, body, *links, foot]
+    for name, content in zip(names, [None, None, *bodies[1:], None], strict=True):
+        _urdf_link(root, name, content)
+    *joints, foot_joint = _unique([*GUIDES, *robot.joints, "foot_joint"])
+    limits = [_travel()] * BASE + [_limits(robot, name) for name in robot.joints]
+    kinds, axes = ["prismatic"] * BASE + ["revolute"] * len(robot.joints), _axes(robot)
+    for name, kind, ends, content, axis, limit in zip(
+        joints, kinds, pairwise(names[:-1]), bodies, axes, limits, strict=True
+    ):
+        joint = _urdf_joint(root, name, kind, ends, content.placement)
+        ET.SubElement(joint, "axis", xyz=_text(axis))
+        ET.SubElement(joint, "limit", limit)
+    _urdf_joint(root, foot_joint, "fixed", (names[-2], foot), robot.points["foot"][1])
+    rotors = ", ".join(f"{j} {float(b.armature)!r}" for j, b in zip(robot.joints, bodies[BASE:], strict=True))
+    return _document(root, f"URDF has no rotor inertia. Add to the diagonal of the mass matrix [kg m^2]: {rotors}.")
+
+
+def _urdf_link(root: ET.Element, name: str, body: MovingBody | None) -> None:
+    link = ET.SubElement(root, "link", name=name)
+    if body is not None:
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", xyz=_text(body.com), rpy="0 0 0")
+        ET.SubElement(inertial, "mass", value=_text([body.mass]))
+        moments = dict(zip(("ixx", "iyy", "izz"), map(repr, _moments(body)), strict=True))
+        ET.SubElement(inertial, "inertia", {**moments, "ixy": "0", "ixz": "0", "iyz": "0"})
+
+
+def _urdf_joint(root: ET.Element, name: str, kind: str, ends: tuple[str, str], at: Sequence[Any]) -> ET.Element:
+    joint = ET.SubElement(root, "joint", name=name, type=kind)
+    ET.SubElement(joint, "parent", link=ends[0])
+    ET.SubElement(joint, "child", link=ends[1])
+    ET.SubElement(joint, "origin", xyz=_text(at), rpy="0 0 0")
+    return joint
+
+
+def _travel() -> dict[str, str]:
+    """Limits of a guide: free, and without a motor."""
+    return {"lower": repr(-TRAVEL), "upper": repr(TRAVEL), "effort": "0", "velocity": repr(TRAVEL)}
+
+
+def _limits(robot: Robot, name: str) -> dict[str, str]:
+    joint, region = robot.leg.joint[name], operating_region(robot.leg, name, robot.parameters)
+    values = (joint.lower, joint.upper, effort_limit(region), velocity_limit(region))
+    return dict(zip(("lower", "upper", "effort", "velocity"), map(repr, values), strict=True))
+
+
+# ---- MJCF -------------------------------------------------------------------------------------------------
+
+
+def to_mjcf(robot: Robot) -> str:
+    """The leg as MJCF above a floor that the foot, a site and a contact point, can touch.
+
+    A motor takes its joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left
+    to the controller. Joint limits are stops. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be
+    at the joint.)
+    """
+    bodies, root, axes = _bodies(robot), ET.Element("mujoco", model="leg"), _axes(robot)
+    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
+    ET.SubElement(root, "option", gravity=_text(robot.model.gravity.linear))
+    world = ET.SubElement(root, "worldbody")
+    ET.SubElement(world, "geom", name="floor", type="plane", size="0 0 1", pos=_text((0, 0, -FOOT_RADIUS)))
+    body = ET.SubElement(world, "body", name="body")
+    for name, axis in zip(GUIDES, axes, strict=False):
+        ET.SubElement(body, "joint", name=name, type="slide", axis=_text(axis))
+    _mjcf_inertial(body, bodies[1])
+    _, _, *links = _unique(["world", "body", *robot.leg.links])  # MuJoCo's own, and the leg's
+    foot = robot.points["foot"][1]
+    ends = [b.placement for b in bodies[BASE + 1 :]] + [foot]
+    for link, name, content, end in zip(links, robot.joints, bodies[BASE:], ends, strict=True):
+        body = ET.SubElement(body, "body", name=link, pos=_text(content.placement))
+        _mjcf_joint(body, robot, name, content)
+        _mjcf_inertial(body, content)
+        line = _text((0, 0, 0, *end))
+        ET.SubElement(body, "geom", type="capsule", fromto=line, size=repr(DRAWN), contype="0", conaffinity="0")
+    ET.SubElement(body, "site", name="foot", pos=_text(foot))
+    ET.SubElement(body, "geom", name="foot", type="sphere", size=repr(FOOT_RADIUS), pos=_text(foot))
+    actuators = ET.SubElement(root, "actuator")
+    for name in robot.joints:
+        effort = effort_limit(operating_region(robot.leg, name, robot.parameters))
+        ET.SubElement(actuators, "motor", name=name, joint=name, ctrlrange=_text((-effort, effort)))
+    return _document(root, "A motor takes its joint's torque; its limit is the one at standstill.")
+
+
+def _mjcf_joint(body: ET.Element, robot: Robot, name: str, content: MovingBody) -> None:
+    limits = robot.leg.joint[name]
+    joint = {"name": name, "type": "hinge", "axis": _text(FORWARD), "range": _text((limits.lower, limits.upper))}
+    ET.SubElement(body, "joint", joint, armature=_text([content.armature]))
+
+
+def _mjcf_inertial(body: ET.Element, content: MovingBody) -> None:
+    moments = _text(_moments(content))
+    ET.SubElement(body, "inertial", pos=_text(content.com), mass=_text([content.mass]), diaginertia=moments)
+
+
+# ---- both -------------------------------------------------------------------------------------------------
+
+
+def _bodies(robot: Robot) -> list[MovingBody]:
+    return link_bodies(robot.leg, robot.parameters)
+
+
+def _axes(robot: Robot) -> list[Sequence[float]]:
+    return [*GUIDES.values(), *[FORWARD.tolist()] * len(robot.joints)]
+
+
+def _moments(body: MovingBody) -> list[float]:
+    """Moments about x, y, z through the centre of mass [kg m^2]: y is the leg's, the others make it a physical body."""
+    moment = float(body.inertia)
+    return [moment, moment, SLENDER * moment] if moment > 0 else [0.4 * float(body.mass) * BALL**2] * 3
+
+
+def _unique(names: Iterable[str]) -> list[str]:
+    """The names in order, with underscores added to those that were there before."""
+    taken: list[str] = []
+    for name in names:
+        while name in taken:
+            name += "_"
+        taken.append(name)
+    return taken
+
+
+def _text(values: Iterable[Any]) -> str:
+    """Numbers as XML, to the last digit."""
+    return " ".join(repr(float(x) + 0.0) for x in values)
+
+
+def _document(root: ET.Element, remark: str) -> str:
+    ET.indent(root)
+    note = f"{NOTE.format(version=version('hopopt'), ball=BALL)} {remark}"
+    comment = re.sub("-(?=-)", "- ", note)  # two hyphens would end the comment
+    return f'<?xml version="1.0"?>\n<!-- {comment} -->\n{ET.tostring(root, encoding="unicode")}\n'
