@@ -104,6 +104,38 @@ def test_saturation_is_a_share(hop: Solution) -> None:
     assert all(0 < share <= 1 + 1e-12 for share in hop.summary["active_limits"].values())
 
 
+def share_of_stance(plan: Solution, active: np.ndarray) -> float:
+    """Share of time in which a condition (N, K) at the table's places holds."""
+    t = plan.tables[STANCE].t
+    return float(np.trapezoid(active.astype(float), t, axis=1).sum() / (t[-1, -1] - t[0, 0]))
+
+
+def test_active_limits_of_the_paper(hop: Solution) -> None:
+    """More time would help, the ground may not pull, the foot never slips and the body may descend."""
+    active, f = hop.summary["active_limits"], hop.tables[STANCE].f
+    assert active["longest stance"] == pytest.approx(1.0, abs=1e-12)
+    assert active["ground cannot pull"] == pytest.approx(share_of_stance(hop, f[..., 1] < 0.5), abs=0.02)
+    assert not {"shortest stance", "friction cone", "body never descends"} & active.keys()
+
+
+def test_active_limits_on_slippery_ground() -> None:
+    limits = {"contact.friction": 0.3, "hop.counter_movement": False}
+    plan = solve(load("paper", {**COARSE, **limits}), starts=1)
+    active, table = plan.summary["active_limits"], plan.tables[STANCE]
+    sliding = np.abs(table.f[..., 0]) > 0.299 * table.f[..., 1]
+    assert active["friction cone"] == pytest.approx(share_of_stance(plan, sliding), abs=0.03)
+    level = np.abs(table.v[..., 1]) < 1e-3
+    assert active["body never descends"] == pytest.approx(share_of_stance(plan, level), abs=0.03)
+    assert min(active["friction cone"], active["body never descends"]) > 0.1
+    assert table.t[-1, -1] < 0.39
+    assert "longest stance" not in active
+
+
+def test_a_stance_that_must_be_long() -> None:
+    plan = solve(load("paper", {**COARSE, "hop.stance_duration": [0.35, 0.35]}), starts=1)
+    assert {"longest stance", "shortest stance"} <= plan.summary["active_limits"].keys()
+
+
 @pytest.mark.parametrize("phase", [STANCE, FLIGHT])
 def test_work_of_the_joints_is_what_the_leg_gains(hop: Solution, phase: str) -> None:
     """By energies of Pinocchio; the summary's trapezoids are good to a per cent."""

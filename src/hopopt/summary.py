@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopopt.leg.robot import BASE
+from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 from hopopt.solution import Samples, Solution
@@ -130,8 +131,8 @@ def energy(plan: Solution, stance: Samples, flight: Samples) -> dict[str, float]
 
 
 def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
-    """Share of stance in which each limit is active, largest first."""
-    shares: dict[str, np.ndarray] = {}
+    """Share of stance in which each limit is active, largest first; a limit of its duration is active in all of it."""
+    shares: dict[str, np.ndarray | bool] = {}
     leg, reach = plan.design.leg, sum(link.length for link in plan.design.leg.link.values())
     for k, joint in enumerate(plan.robot.joints):
         region, angle = plan.region(joint), stance.q[:, BASE + k]
@@ -140,12 +141,26 @@ def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
         margin = ACTIVE * (leg.joint[joint].upper - leg.joint[joint].lower)
         near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)
         shares[f"{joint} angle"] = near < margin
-    shares["ground cannot pull"] = stance.f[:, 1] < ACTIVE * np.abs(stance.f).max()
+    shares |= _active_at_the_ground(plan, stance)
     for name in plan.design.hop.above_ground or tuple(plan.robot.points):
         if name != "foot":
             shares[f"{name} on the ground"] = stance.points[name][:, 1] < ACTIVE * reach
-    means = {name: _time_mean(stance, active.astype(float)) for name, active in shares.items()}
+    (shortest, longest), lasted = plan.design.hop.stance_duration, plan.phases[STANCE].duration
+    shares["longest stance"] = lasted >= longest - ACTIVE * longest
+    shares["shortest stance"] = lasted <= shortest + ACTIVE * shortest
+    means = {name: _time_mean(stance, np.broadcast_to(active, stance.t.shape) + 0.0) for name, active in shares.items()}
     return dict(sorted(((n, m) for n, m in means.items() if m > 1e-3), key=lambda pair: -pair[1]))
+
+
+def _active_at_the_ground(plan: Solution, stance: Samples) -> dict[str, np.ndarray]:
+    """Where the ground's limits are active: it cannot pull, a loaded foot may not slip, the body may not descend."""
+    margin, friction, (along, up) = ACTIVE * force_range(plan.robot.model), plan.design.contact.friction, stance.f.T
+    active = {"ground cannot pull": up < margin}
+    if friction is not None:
+        active["friction cone"] = (np.abs(along) > friction * up - margin) & (up >= margin)
+    if not plan.design.hop.counter_movement:
+        active["body never descends"] = stance.v[:, 1] < ACTIVE * DESCENT_RANGE
+    return active
 
 
 def limit_gains(solution: NlpSolution) -> dict[str, float]:
