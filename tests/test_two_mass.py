@@ -1,7 +1,9 @@
 """The two-mass hopper: every closed form against its integrated equations of motion, and against what is printed."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -173,6 +175,8 @@ def test_the_readings_of_the_stiffness(row: tuple[Any, ...]) -> None:
     loaded = TwoMass.from_loaded_length(0.45, 5.6, 0.8, float(row[0]), C_amp=0.12, C_max=0.11)
     peak = float(p.ground_force(0.0)) - p.m_e * p.g
     found = [p.t_lo, p.v_lo, p.com_rise, p.clearance, p.t_f, p.T, *p.stance_range, peak, loaded.stance_range[0]]
+    line = next(line for line in DOCUMENT.splitlines() if line.startswith(f"| {row[0]} |"))
+    assert all(printed in re.findall(r"-?[\d.]+", line) for printed in row[1:])
     for value, printed in zip(found, row[1:], strict=True):
         digits = len(printed.partition(".")[2])
         assert round(value, -1 if printed == "2150" else digits) == float(printed)
@@ -326,3 +330,162 @@ def test_compensation_shortens_the_leg_from_apex_to_mid_stance_only() -> None:
     C = p.C_com(np.linspace(0, p.T, 1001))
     assert C.max() == 1
     assert C.min() == pytest.approx(0.89, abs=1e-12)
+
+
+# ---- the equations as they are printed, beside the corrected ones (docs/paper.md quotes these numbers) -------------
+
+M, M_E, K, Y_NEU, C_AMP, C_MAX = 5.6, 0.8, 1700.0, 0.45, 0.12, 0.11  # tables tabF and tabP; k_s as 17 N/cm
+BOTH, AMPLITUDE = M + M_E, C_AMP + M * G / K
+OMEGA_S, OMEGA_F = np.sqrt(K / M), np.sqrt(K * BOTH / (M * M_E))
+LEG = 0.38 + 0.361  # m, thigh and shank
+DOCUMENT = (Path(__file__).parents[1] / "docs" / "paper.md").read_text(encoding="utf-8")
+
+
+def printed_y_s(t: Any) -> Any:
+    return AMPLITUDE * np.cos(OMEGA_S * t + np.pi) + Y_NEU
+
+
+def printed_t_lo() -> float:
+    return float(np.sqrt(M / K) * (np.arccos(M_E * G / (K * AMPLITUDE)) - np.pi))
+
+
+def printed_amplitudes(y_s: float, v_s: float) -> tuple[float, float]:
+    """Both square roots of eq. kin_flight for y_s(t_lo) [m] and y_s'(t_lo) [m/s]."""
+    first = np.sqrt(M * v_s**2 * M_E**3 / (K * BOTH**3) + y_s**2 * M_E**2 / BOTH**2)
+    second = np.sqrt(M * v_s**2 * M**3 / (K * BOTH**3) + y_s**2 * M**2 / BOTH**2)
+    return float(first), float(second)
+
+
+def printed_t_fs(y_s: float, v_s: float) -> float:
+    root = np.sqrt(M * M_E**3 * v_s**2 / (K * BOTH**3) + M_E**2 * y_s**2 / BOTH**2)
+    return float(-np.sqrt(M * M_E / (K * BOTH)) * np.arccos(y_s * M_E / BOTH * root))
+
+
+def quoted(text: str, value: float) -> None:
+    """Holds that the value, rounded to the digits it is quoted with in docs/paper.md, reads as there."""
+    assert f"{value:.{len(text.partition('.')[2])}f}" == text
+    assert re.search(rf"(?<![\d.]){re.escape(text)}(?!\d)", DOCUMENT), f"docs/paper.md does not quote {text}"
+
+
+def test_printed_gravity_pulls_the_body_up() -> None:
+    """Eqs. dyn_stance and dyn_flight with y_s, y_s.neu and y_f as lengths, up positive: off by twice the weight."""
+    p, t, h = PAPER, 0.03, 1e-4
+
+    def acceleration(y: Callable[[float], Any]) -> float:
+        return float((y(t + h) - 2 * y(t) + y(t - h)) / h**2)
+
+    k_f_m, k_f_e = K * BOTH / M_E, K * BOTH / M
+    assert np.sqrt(k_f_m / M) == pytest.approx(p.omega_f)
+    assert np.sqrt(k_f_e / M_E) == pytest.approx(p.omega_f)
+    stretch = p.y_f(t) - p.l0
+    printed = [
+        M * acceleration(p.y_s) - (M * G - K * (p.y_s(t) - Y_NEU)),
+        M * acceleration(p.y_m) - (M * G - k_f_m * M_E / BOTH * stretch),
+        M_E * acceleration(p.y_e) - (M_E * G - k_f_e * -M / BOTH * stretch),
+    ]
+    assert printed == pytest.approx([-2 * M * G, -2 * M * G, -2 * M_E * G], abs=0.01)
+    quoted("109.9", 2 * M * G)
+    quoted("7.8", M_E * G)
+    # with y pointing down the flight equations and the landing condition hold, the foot's displacement being +M/M_tot
+    assert -M_E * acceleration(p.y_e) == pytest.approx(M_E * G - k_f_e * M / BOTH * stretch, abs=0.01)
+    soft = LANDING[2]
+    assert M / BOTH * (soft.y_f(soft.t_f) - soft.l0) == pytest.approx(M_E * G / (soft.k * BOTH / M), rel=1e-3)
+
+
+def test_printed_neutral_length_is_two_lengths() -> None:
+    quoted("0.032", M * G / K)
+    quoted("3.2", M * G / 17.0)
+    # eq. kin_stance oscillates about y_s.neu, so about the loaded length; lift-off then needs the foot's pull from l0
+    assert printed_y_s(0.0) - PAPER.y_s(0.0) == pytest.approx(M * G / K)
+    assert PAPER.ground_force(abs(printed_t_lo())) == pytest.approx(M * G)
+    quoted("54.9", M * G)
+
+
+def test_printed_lift_off_time_is_negative() -> None:
+    quoted("-0.092", printed_t_lo())
+    quoted("0.104", PAPER.t_lo)
+    assert printed_y_s(printed_t_lo()) == pytest.approx(M_E * G / K + Y_NEU)  # the printed condition, on the way down
+    assert printed_y_s(printed_t_lo() + 1e-6) < printed_y_s(printed_t_lo())
+
+
+def test_printed_period_leaves_out_the_ballistic_flight() -> None:
+    swing = 2 * np.pi / OMEGA_F
+    quoted("0.127", swing)
+    quoted("-0.056", 2 * printed_t_lo() + swing)
+    quoted("0.336", 2 * PAPER.t_lo + swing)
+    quoted("0.480", PAPER.t_f)
+    quoted("0.689", PAPER.T)
+    T = 2 * PAPER.t_lo + swing
+    t = np.linspace(0, T, 1001)
+    assert not np.any((t >= 0) & (t < PAPER.t_lo) & (t > T - PAPER.t_lo))  # eq. kin_ydes, first case: "and"
+    unshifted = PAPER.y_s(PAPER.T - PAPER.t_lo)  # y_s on a clock that is not reset
+    quoted("0.528", unshifted)
+    quoted("0.455", PAPER.y_lo)
+
+
+def test_printed_flight_amplitudes() -> None:
+    stretch, v = PAPER.y_lo - PAPER.l0, PAPER.v_lo
+    quoted("0.0046", stretch)
+    first, second = printed_amplitudes(stretch, v)
+    R_f = np.hypot(stretch, v / OMEGA_F)
+    assert first == pytest.approx(M_E / BOTH * R_f)  # the body's is right
+    quoted("0.121", second)
+    quoted("0.0459", M / BOTH * R_f)
+    first, second = printed_amplitudes(PAPER.y_lo, v)  # with the length, as printed
+    quoted("0.92", Y_NEU + first + second)
+    quoted("0.741", LEG)
+    quoted("0.502", PAPER.l0 + R_f)
+    quoted("0.398", PAPER.l0 - R_f)
+
+
+def test_printed_flight_window() -> None:
+    stretch, v = PAPER.y_lo - PAPER.l0, PAPER.v_lo
+    right = -np.arccos(stretch / np.hypot(stretch, v / OMEGA_F)) / OMEGA_F
+    quoted("-0.0301", right)
+    quoted("-0.0318", printed_t_fs(PAPER.y_lo, v))
+    R_f = np.hypot(stretch, v / OMEGA_F)
+
+    def y_f(t: float) -> float:  # eq. kin_flight, amplitudes corrected, its own clock
+        return float(PAPER.l0 + R_f * np.cos(OMEGA_F * t))
+
+    def y_f_rate(t: float) -> float:
+        return float(-R_f * OMEGA_F * np.sin(OMEGA_F * t))
+
+    t = np.linspace(0, 0.3, 7)
+    np.testing.assert_allclose([y_f(right + s) for s in t], PAPER.y_f(t), rtol=1e-12)  # the time shift
+    needed = float(PAPER.y_s_rate(-PAPER.t_lo))
+    assert y_f_rate(right) == pytest.approx(PAPER.v_lo)
+    quoted("5.1", y_f_rate(right + 2 * np.pi / OMEGA_F) - needed)
+    assert y_f(-right + 2 * np.pi / OMEGA_F) == pytest.approx(PAPER.y_lo)
+    assert y_f_rate(-right + 2 * np.pi / OMEGA_F) == pytest.approx(needed)
+    quoted("0.502", y_f(0.0))  # unshifted, at lift-off
+    quoted("0.472", y_f(PAPER.t_lo))  # eq. kin_ydes as printed, on the clock of the stance
+
+
+def test_corrected_reference_still_jumps_where_the_landing_is_hard() -> None:
+    """At touchdown the flight oscillation of 1700 N/m is not in the phase that stance begins with."""
+    p = PAPER
+    (y, rate), (y_next, rate_next) = p.flight_reference(p.t_f), p.touchdown_reference(0.0)
+    quoted("0.369", y)
+    quoted("0.421", y_next)
+    quoted("0.83", rate)
+    quoted("-1.96", rate_next)
+    quoted("2.88", -p.y_e_rate(p.t_f))
+
+
+def test_printed_energy_equation_claims_too_much() -> None:
+    """Eq. con_energy with the two-mass model's own spring as the actuator."""
+    p = PAPER
+    work = K / 2 * ((p.l0 - p.stance_range[0]) ** 2 - (p.y_lo - p.l0) ** 2)
+    quoted("29.0", work)
+    quoted("0.53", work / (M * G))
+    quoted("0.308", p.clearance)
+    stance_rise = M * G * (p.stance_range[1] - p.stance_range[0])
+    quoted("10.4", stance_rise)
+    assert work - stance_rise == pytest.approx(M * p.v_lo**2 / 2)  # and then both masses fly
+    quoted("2.3", M * p.v_lo**2 / 2 - BOTH * p.v_c**2 / 2)  # into the leg's own oscillation
+
+
+def test_printed_gains_and_percentages() -> None:
+    quoted("1.6", np.rad2deg(150 / 5424))
+    quoted("0.58", 0.38 / 0.24 - 1)
