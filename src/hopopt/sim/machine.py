@@ -1,9 +1,52 @@
 """The leg as Pinocchio's C++ moves it: what verification and simulation stand on, apart from the planner's CasADi."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pinocchio as pin
 
 from hopopt.leg.robot import BASE, Robot
+
+
+@dataclass(frozen=True)
+class StanceTerms:
+    """Stance at one state: q, v (BASE + n) with the foot at the origin, mass matrix M (BASE + n square), bias
+    (BASE + n, what M a must be added to when only the joints accelerate), joint part of the foot Jacobian (2 x n).
+
+    With base_a = -jacobian a_j - drift eliminated, tau = mass_matrix a_j + joint_bias.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    M: np.ndarray
+    bias: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def mass_matrix(self) -> np.ndarray:
+        """(n, n) [kg m^2]."""
+        return self._reduced(self._columns())
+
+    @property
+    def joint_bias(self) -> np.ndarray:
+        """(n,) [N m]."""
+        return self._reduced(self.bias)
+
+    def acceleration(self, tau: np.ndarray) -> np.ndarray:
+        """Joint accelerations [rad/s^2] under joint torques tau (n) [N m]."""
+        columns = self._columns()
+        return np.linalg.solve(self._reduced(columns), tau - self._reduced(self.bias))
+
+    def force(self, a_j: np.ndarray) -> np.ndarray:
+        """Contact force (x, z) [N] at joint accelerations a_j."""
+        return self._columns()[:BASE] @ a_j + self.bias[:BASE]
+
+    def _columns(self) -> np.ndarray:
+        """M times the motion that unit joint accelerations make, (BASE + n, n)."""
+        return self.M[:, BASE:] - self.M[:, :BASE] @ self.jacobian
+
+    def _reduced(self, forces: np.ndarray) -> np.ndarray:
+        return forces[BASE:] - self.jacobian.T @ forces[:BASE]
 
 
 class Machine:
@@ -13,6 +56,7 @@ class Machine:
         self.model, self.data, self.n = robot.model, robot.model.createData(), len(robot.joints)
         self.frames = {name: self.model.getFrameId(f"point_{name}") for name in robot.points}
         self.foot = self.frames["foot"]
+        self._lower = np.tril_indices(self.model.nv, -1)
         self.mass = float(sum(i.mass for i in self.model.inertias))
         self.gravity = np.array(self.model.gravity.linear)[[0, 2]]
 
@@ -21,13 +65,18 @@ class Machine:
         pin.computeJointJacobians(self.model, self.data, q)
         return pin.getFrameJacobian(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)[[0, 2]]
 
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        """(BASE + n square), with the rotors' inertia; Pinocchio fills the upper triangle."""
+        M = pin.crba(self.model, self.data, q)
+        M[self._lower] = M.T[self._lower]
+        return M
+
     def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> np.ndarray:
         """Forward dynamics [rad/s^2, m/s^2]; in contact the foot's acceleration is held at zero."""
         forces = np.concatenate([np.zeros(BASE), tau])
         if not contact:
             return pin.aba(self.model, self.data, q, v, forces)
-        M = pin.crba(self.model, self.data, q)
-        M = np.triu(M) + np.triu(M, 1).T
+        M = self.mass_matrix(q)
         bias = pin.nonLinearEffects(self.model, self.data, q, v)
         J = self.foot_jacobian(q)
         pin.forwardKinematics(self.model, self.data, q, v, np.zeros_like(v))
@@ -36,6 +85,40 @@ class Machine:
         ]
         matrix = np.block([[M, -J.T], [J, np.zeros((2, 2))]])
         return np.linalg.solve(matrix, np.concatenate([forces - bias, -drift]))[: len(v)]
+
+    def stance_terms(self, q_j: np.ndarray, v_j: np.ndarray) -> "StanceTerms":
+        """The equations of motion with the foot pinned at the origin, in the joints alone."""
+        q, v = np.concatenate([np.zeros(BASE), q_j]), np.concatenate([np.zeros(BASE), v_j])
+        pin.forwardKinematics(self.model, self.data, q, v, np.zeros_like(v))
+        pin.updateFramePlacement(self.model, self.data, self.foot)
+        q[:BASE] = -self.data.oMf[self.foot].translation[[0, 2]]
+        drift = pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED).linear
+        jacobian = pin.computeFrameJacobian(self.model, self.data, q, self.foot, pin.LOCAL_WORLD_ALIGNED)[[0, 2], BASE:]
+        v[:BASE] = -jacobian @ v_j
+        M = self.mass_matrix(q)
+        bias = pin.nonLinearEffects(self.model, self.data, q, v) - M[:, :BASE] @ drift[[0, 2]]
+        return StanceTerms(q, v, M, bias, jacobian)
+
+    def touch_down(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Speeds just after the foot has hit the ground and stays (plastic impact; Featherstone, RBDA, 11.6)."""
+        M = self.mass_matrix(q)
+        J = self.foot_jacobian(q)
+        step = np.linalg.solve(M, J.T)
+        return v - step @ np.linalg.solve(J @ step, J @ v)
+
+    def foot_motion(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Position [m] and velocity [m/s] of the foot, (2,) each."""
+        pin.forwardKinematics(self.model, self.data, q, v)
+        pin.updateFramePlacement(self.model, self.data, self.foot)
+        velocity = pin.getFrameVelocity(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED).linear
+        return self.data.oMf[self.foot].translation[[0, 2]].copy(), velocity[[0, 2]].copy()
+
+    def foot_acceleration(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Acceleration [m/s^2] of the foot, (2,)."""
+        pin.forwardKinematics(self.model, self.data, q, v, a)
+        pin.updateFramePlacement(self.model, self.data, self.foot)
+        reference = pin.LOCAL_WORLD_ALIGNED
+        return pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, reference).linear[[0, 2]]
 
     def points(self, q: np.ndarray) -> dict[str, np.ndarray]:
         """World x, z [m] of joints, foot and centre of mass."""

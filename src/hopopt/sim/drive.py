@@ -1,0 +1,89 @@
+"""What lies between a controller and the leg: the drive's torque limits, the gear's losses, the encoder."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopopt.leg.actuator import OperatingRegion
+
+SLOW = 0.05  # joint speed [rad/s] over which friction changes its sign smoothly
+
+
+@dataclass(frozen=True)
+class Gear:
+    """Losses at the joint: efficiency (0 to 1), Coulomb friction [N m], viscous friction [N m s/rad]."""
+
+    efficiency: float = 1.0
+    friction: float = 0.0
+    damping: float = 0.0
+
+    @property
+    def ideal(self) -> bool:
+        """Whether nothing is lost."""
+        return self.efficiency == 1.0 and self.friction == 0.0 and self.damping == 0.0
+
+    def loss(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Torque [N m] taken from the motors' tau (n) at joint speeds w (n) [rad/s]; it always opposes the motion."""
+        return ((1 - self.efficiency) * np.abs(tau) + self.friction) * np.tanh(w / SLOW) + self.damping * w
+
+
+class Drive:
+    """The motors of a leg as a controller meets them: commands are clamped to the operating regions (eq. con_tdes).
+
+    torque_gain is each motor's true torque constant over the one the controller believes in.
+    """
+
+    def __init__(
+        self, regions: Sequence[OperatingRegion], gear: Gear | None = None, torque_gain: np.ndarray | None = None
+    ):
+        self.gear = gear or Gear()
+        self.torque_gain = np.ones(len(regions)) if torque_gain is None else np.asarray(torque_gain, dtype=float)
+        bounding = [[(float(h.a), float(h.b)) for h in region.planes if h.a != 0] for region in regions]
+        self.upper = [[(1 / a, b / a) for a, b in planes if a > 0] for planes in bounding]
+        self.lower = [[(1 / a, b / a) for a, b in planes if a < 0] for planes in bounding]
+
+    def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Joint torques tau (n) [N m] brought into the regions at speeds w (n): OperatingRegion.clamp, but quick."""
+        out = np.empty(len(tau))
+        for k, speed in enumerate(w.tolist()):
+            high = min(c - d * speed for c, d in self.upper[k])
+            low = max(c - d * speed for c, d in self.lower[k])
+            out[k] = min(max(tau[k], low), high) if low <= high else 0.0
+        return out
+
+    def torque(self, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]."""
+        motor = self.torque_gain * self.clamp(w, command)
+        return motor, motor if self.gear.ideal else motor - self.gear.loss(w, motor)
+
+
+@dataclass
+class Encoder:
+    """Absolute encoders at the joints: angles in steps of 2 pi / 2^bits, speed from their differences.
+
+    The speed is the slope over the last ``window`` control periods; bits = 0 means perfect sensors.
+    """
+
+    bits: int
+    window: int
+    period: float
+
+    def __post_init__(self) -> None:
+        self.readings: list[np.ndarray] = []
+
+    @property
+    def step(self) -> float:
+        """Resolution [rad]."""
+        return 2 * np.pi / 2**self.bits
+
+    def read(self, q_j: np.ndarray, v_j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Measured angles [rad] and speeds [rad/s], (n) each, at this control instant."""
+        if not self.bits:
+            return q_j, v_j
+        self.readings.append(self.step * np.round(q_j / self.step))
+        del self.readings[: -self.window - 1]
+        spans = len(self.readings) - 1
+        if not spans:
+            return self.readings[-1], np.zeros_like(q_j)
+        return self.readings[-1], (self.readings[-1] - self.readings[0]) / (spans * self.period)

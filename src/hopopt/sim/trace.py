@@ -1,0 +1,78 @@
+"""What a simulation did: its samples, its events, and the figures that are read off them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hopopt.leg.robot import BASE, Robot
+from hopopt.sim.machine import Machine
+
+
+@dataclass(frozen=True)
+class Event:
+    """A lift-off or touchdown at time t [s], and the energy the impact took [J]."""
+
+    kind: str
+    t: float
+    lost: float
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A simulated run at k instants: t (k,) [s]; q, v (k, 2 + n); command, motor (after the drives' limits) and tau
+    (after the gears' losses) (k, n) [N m]; contact force f (k, 2) [N]; contact (k,); work (k, 2) [J] done by the
+    motors and lost in the gears so far. At an event there are two samples, before and after."""
+
+    robot: Robot
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    command: np.ndarray
+    motor: np.ndarray
+    tau: np.ndarray
+    f: np.ndarray
+    contact: np.ndarray
+    work: np.ndarray
+    events: Sequence[Event]
+    outcome: str
+
+    @cached_property
+    def machine(self) -> Machine:
+        return Machine(self.robot)
+
+    @cached_property
+    def points(self) -> dict[str, np.ndarray]:
+        """name -> (k, 2) x, z [m] of every joint, "foot" and "com"."""
+        rows = [self.machine.points(q) for q in self.q]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    @cached_property
+    def com_v(self) -> np.ndarray:
+        """Velocity of the centre of mass (k, 2) [m/s]."""
+        return np.array([self.machine.com_velocity(q, v) for q, v in zip(self.q, self.v, strict=True)])
+
+    @cached_property
+    def lowest(self) -> np.ndarray:
+        """Height of the leg's lowest point (k,) [m]."""
+        return np.min([self.points[name][:, 1] for name in self.robot.points], axis=0)
+
+    @cached_property
+    def energy(self) -> np.ndarray:
+        """Kinetic and potential energy (k,) [J]."""
+        return np.array([self.machine.energy(q, v) for q, v in zip(self.q, self.v, strict=True)])
+
+    def times_of(self, kind: str) -> list[float]:
+        """When the foot lifted off, or landed [s]."""
+        return [e.t for e in self.events if e.kind == kind]
+
+    @property
+    def energy_error(self) -> float:
+        """Largest error of motors' work = gain in energy + losses, relative to the largest energy turned over."""
+        impacts = np.array([sum(e.lost for e in self.events if e.t <= t) for t in self.t])
+        at = [int(np.searchsorted(self.t, e.t, side="right")) - 1 for e in self.events]
+        keep = np.setdiff1d(np.arange(len(self.t)), [k - 1 for k in at])  # before an impact the loss is not due yet
+        wrong = self.work[:, 0] - self.work[:, 1] - (self.energy - self.energy[0]) - impacts
+        size = max(float(np.abs(self.work[:, 0]).max()), float(np.ptp(self.energy)), 1e-9)
+        return float(np.abs(wrong[keep]).max()) / size
