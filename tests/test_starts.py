@@ -8,10 +8,10 @@ import pinocchio as pin
 import pytest
 
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.kinematics import foot_offset
+from hopopt.leg.kinematics import foot_offset, tucked
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
-from hopopt.ocp.starts import NAMED, make_guess, saturated_push, starts, tucked
+from hopopt.ocp.starts import NAMED, make_guess, saturated_push, starts
 from hopopt.problem_file import load
 from hopopt.sim.machine import Machine
 
@@ -46,12 +46,17 @@ def heights(hop: Hop, poses: np.ndarray) -> np.ndarray:
 # ---- the tucked pose ----------------------------------------------------------------------------------------
 
 
+def tucked_pose(hop: Hop) -> np.ndarray:
+    """The pose that the guesses of a hop use."""
+    return tucked(hop.leg, hop.design.hop.foot_window)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_tucked_is_at_least_as_high_as_any_pose_of_a_grid(seed: int) -> None:
     hop = random_leg(np.random.default_rng(seed), 2)
     axes = [np.linspace(low, high, 61) for low, high in zip(*hop.limits, strict=True)]
     grid = np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)
-    best, q = heights(hop, grid).max(), tucked(hop)
+    best, q = heights(hop, grid).max(), tucked_pose(hop)
     assert np.all((q >= hop.limits[0]) & (q <= hop.limits[1]))
     if np.isfinite(best):
         foot = foot_offset(hop.leg, q)
@@ -64,7 +69,7 @@ def test_tucked_with_many_joints(n: int) -> None:
     """Allowed, and no small change of the angles lifts the foot any further."""
     rng = np.random.default_rng(n)
     hop = random_leg(rng, n)
-    q = tucked(hop)
+    q = tucked_pose(hop)
     near = np.clip(q + rng.normal(scale=1e-2, size=(2000, n)), *hop.limits)
     assert heights(hop, near).max() <= foot_offset(hop.leg, q)[1] + 1e-6
     assert abs(foot_offset(hop.leg, q)[0]) <= hop.design.hop.foot_window + 1e-6
@@ -72,13 +77,13 @@ def test_tucked_with_many_joints(n: int) -> None:
 
 def test_tucked_pendulum() -> None:
     """One link swings until its foot is at the edge of the window."""
-    (q,) = tucked(leg_of([(-0.2, 1.3)], [0.4], window=0.1))
+    (q,) = tucked_pose(leg_of([(-0.2, 1.3)], [0.4], window=0.1))
     assert q == pytest.approx(np.arcsin(0.1 / 0.4), abs=1e-6)
 
 
 def test_tucked_where_no_pose_is_within_the_window() -> None:
     """Then as near to it as can be: here, both joints at their lower limits."""
-    q = tucked(leg_of([(0.5, 1.0), (0.1, 0.6)], [0.4, 0.3], window=0.1))
+    q = tucked_pose(leg_of([(0.5, 1.0), (0.1, 0.6)], [0.4, 0.3], window=0.1))
     np.testing.assert_allclose(q, [0.5, 0.1], atol=1e-3)
 
 

@@ -3,8 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.optimize import minimize
+from scipy.stats import qmc
 
 from hopopt.leg.design import Design, Leg
+
+POSES = 1024  # among which the tucked pose is looked for
+OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
 
 
 def foot_offset(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -67,3 +72,34 @@ def start_fault(design: Design, solutions: list[np.ndarray]) -> str:
 def _difference(leg: Leg) -> float:
     lengths = [leg.link[name].length for name in leg.links]
     return lengths[0] - lengths[1] if len(lengths) == 2 else 0.0
+
+
+def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
+    """Joint angles [rad] at least ``margin`` [rad] within the limits that lift the foot highest, within the
+    foot window ``window`` [m] of the hip's plumb line (or nearest to it).
+
+    The best of quasi-random poses, refined: what it costs hardly depends on the number of joints.
+    """
+    lower, upper = (np.array([getattr(leg.joint[j], side) for j in leg.joints]) for side in ("lower", "upper"))
+    lower, upper = lower + margin, upper - margin
+    lengths = np.array([leg.link[name].length for name in leg.links])
+
+    def foot(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        angles = np.cumsum(q, axis=-1)
+        return np.sin(angles) @ lengths, -np.cos(angles) @ lengths
+
+    def merit(q: np.ndarray) -> np.ndarray:
+        x, z = foot(q)
+        return z - OUTSIDE * np.maximum(np.abs(x) - window, 0.0)
+
+    def room(q: np.ndarray) -> np.ndarray:
+        x = foot(q)[0]
+        return np.concatenate([q - lower, upper - q, [window - x, window + x]])
+
+    drawn = qmc.scale(qmc.Sobol(len(leg.joints), scramble=False).random(POSES), lower, upper)
+    best = drawn[np.argsort(-merit(drawn))[:4]]
+    refined = [
+        minimize(lambda q: -foot(q)[1], q, method="SLSQP", constraints={"type": "ineq", "fun": room}).x for q in best
+    ]
+    found = np.clip([*best, *refined], lower, upper)
+    return found[np.argmax(merit(found))]

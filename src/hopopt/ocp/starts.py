@@ -11,18 +11,16 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import foot_offset, start_angles
+from hopopt.leg.kinematics import foot_offset, start_angles, tucked
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 
 POINTS = 41  # of a guess, each phase
-POSES = 1024  # among which the tucked pose is looked for
-OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
 
 
 @dataclass(frozen=True)
@@ -109,7 +107,7 @@ def _flight_guess(hop: Hop, stance: Guess) -> Guess:
     T = float(np.clip(-com_v[1] / fall[1], max(shortest, 0.1), min(longest, 0.6)))
     t = s * T
     blend = (s * s * (3 - 2 * s))[:, None]
-    q = stance.x[-1, :n] + (tucked(hop) - stance.x[-1, :n]) * blend
+    q = stance.x[-1, :n] + (tucked(hop.leg, hop.design.hop.foot_window) - stance.x[-1, :n]) * blend
     v = np.gradient(q, t, axis=0)
     x = np.hstack([com + t[:, None] * com_v + 0.5 * t[:, None] ** 2 * fall, com_v + t[:, None] * fall, q, v])
     return Guess(T, s, x, np.gradient(v, t, axis=0))
@@ -122,35 +120,6 @@ def _com_at(hop: Hop, q_j: np.ndarray, v_j: np.ndarray) -> tuple[np.ndarray, np.
     com = dynamics.points(dynamics.stance_pose(q, v)[0])["com"]
     place, speed = ca.Function("com", [q, v], [com, ca.jtimes(com, q, v)])(q_j, v_j)
     return np.array(place).ravel(), np.array(speed).ravel()
-
-
-def tucked(hop: Hop) -> np.ndarray:
-    """Joint angles [rad] within the limits that lift the foot highest, within the foot window (or nearest to it).
-
-    The best of quasi-random poses, refined: what it costs hardly depends on the number of joints.
-    """
-    (lower, upper), window = hop.limits, hop.design.hop.foot_window
-    lengths = np.array([hop.leg.link[name].length for name in hop.leg.links])
-
-    def foot(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        angles = np.cumsum(q, axis=-1)
-        return np.sin(angles) @ lengths, -np.cos(angles) @ lengths
-
-    def merit(q: np.ndarray) -> np.ndarray:
-        x, z = foot(q)
-        return z - OUTSIDE * np.maximum(np.abs(x) - window, 0.0)
-
-    def room(q: np.ndarray) -> np.ndarray:
-        x = foot(q)[0]
-        return np.concatenate([q - lower, upper - q, [window - x, window + x]])
-
-    drawn = qmc.scale(qmc.Sobol(hop.n, scramble=False).random(POSES), lower, upper)
-    best = drawn[np.argsort(-merit(drawn))[:4]]
-    refined = [
-        minimize(lambda q: -foot(q)[1], q, method="SLSQP", constraints={"type": "ineq", "fun": room}).x for q in best
-    ]
-    found = np.clip([*best, *refined], lower, upper)
-    return found[np.argmax(merit(found))]
 
 
 def saturated_push(hop: Hop) -> Guess | None:
