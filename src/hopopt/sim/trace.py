@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hopopt.leg.robot import BASE, Robot
+from hopopt.leg.robot import Robot
 from hopopt.sim.machine import Machine
 
 
