@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -311,6 +311,15 @@ def test_reference_follows_the_contact_of_the_plant() -> None:
         np.testing.assert_allclose(p.y_des(clock + turn * p.T), np.concatenate([y for y, _ in pieces]), rtol=1e-10)
         rates = np.concatenate([rate for _, rate in pieces])
         np.testing.assert_allclose(p.y_des_rate(clock + turn * p.T), rates, atol=1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(hoppers(), st.floats(0, 2))
+@example(TwoMass(1.0, 0.0081, 7.4, 1.0, 0.1, 0.5), 1.0)  # its stance oscillation turns after T/2
+def test_the_push_is_not_compensated(p: TwoMass, at: float) -> None:
+    """From mid-stance on the stance reference is y_s alone, however late the plant lifts off."""
+    t = at * np.pi / p.omega_s
+    assert p.stance_reference(t)[0] == pytest.approx(p.y_s(min(t, np.pi / p.omega_s)), rel=1e-12)
 
 
 def test_reference_of_a_plant_that_is_late() -> None:

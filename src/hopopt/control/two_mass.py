@@ -35,8 +35,7 @@ class TwoMass:
     g: float = 9.81
 
     def __post_init__(self) -> None:
-        positive = (self.m, self.m_e, self.k, self.l0, self.C_amp, self.g)
-        if not (all(value > 0 for value in positive) and 0 <= self.C_max < 1):
+        if not (all(x > 0 for x in (self.m, self.m_e, self.k, self.l0, self.C_amp, self.g)) and 0 <= self.C_max < 1):
             raise ValueError(f"m, m_e, k, l0, C_amp and g must be greater than 0, and 0 <= C_max < 1: {self}")
 
     @classmethod
@@ -184,7 +183,7 @@ class TwoMass:
     def soft_landing_stiffness(self, n: int) -> float:
         """The k [N/m] with which these masses and C_amp touch down without speed, n = 1, 2, ...; 0: just lift off.
 
-        There t_f = (2 pi n + 2 arctan a) / omega_f = 2 v_c / g, so tan a = a, and a^2 M m_e = (k C_amp / g + m)^2 - M^2.
+        There t_f = (2 pi n + 2 arctan a) / omega_f = 2 v_c / g, so tan a = a; a^2 M m_e = (k C_amp / g + m)^2 - M^2.
         """
         return self.g / self.C_amp * float(np.sqrt(self.M**2 + _soft_landing(n) ** 2 * self.M * self.m_e) - self.m)
 
@@ -204,7 +203,7 @@ class TwoMass:
         A plant late to lift off finds the reference go on to the oscillation's top and stay there.
         """
         t = np.minimum(t, np.pi / self.omega_s)
-        clock = self.T + np.minimum(t, 0.0)
+        clock = np.minimum(t, 0.0)  # 1 from mid-stance on; with a light foot the top may come after T/2
         C, C_rate = self.C_com(clock), self.C_com_rate(clock)
         return C * self.y_s(t), C_rate * self.y_s(t) + C * self.y_s_rate(t)
 
