@@ -227,11 +227,12 @@ def _ground(
     points, found = [machine.points(row) for row in q], {}
     for name in design.hop.above_ground or tuple(machine.frames):
         if phase == FLIGHT or name != "foot":
-            found[f"{name} above ground"] = np.array([-p[name][1] for p in points]) / reach
+            least = 0.0 if name == "foot" else design.hop.least_height
+            found[f"{name} above ground"] = np.array([least - p[name][1] for p in points]) / reach
     if phase == STANCE:
         size = force_range(machine.model)
         found["foot at rest"] = np.array([np.abs(p["foot"]).max() for p in points]) / reach
-        found["ground pushes"] = -f[:, 1] / size
+        found["ground pushes"] = (design.contact.least_force - f[:, 1]) / size
         if design.contact.friction is not None:
             found["friction cone"] = (np.abs(f[:, 0]) - design.contact.friction * f[:, 1]) / size
         if not design.hop.counter_movement:

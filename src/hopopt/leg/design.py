@@ -139,6 +139,7 @@ class Leg(Section):
 
 class Contact(Section):
     friction: float | None = quantity("friction coefficient (none: the foot never slips)", "1", 0, 10, None)
+    least_force: float = quantity("vertical ground force that stance keeps at least", "N", 0, 1e4, 0.0)
 
 
 Angle = Annotated[float, Field(ge=-7, le=7, allow_inf_nan=False)]  # rad
@@ -165,6 +166,7 @@ class Hop(Section):
     above_ground: tuple[str, ...] = choice(
         "what stays above the ground: any joint (at the top of its link), 'foot'; default all", ()
     )
+    least_height: float = quantity("height above the ground that joints keep at least", "m", 0, 1, 0.0)
     counter_movement: bool = choice("may the body descend in stance", True)
 
 
@@ -188,6 +190,29 @@ class Solver(Section):
     seed: int = choice("seed of the starting points beyond the named ones", 0, ge=0, le=2**32 - 1)
 
 
+class Simulation(Section):
+    """The machine that a controller meets, beyond the leg and its motors."""
+
+    control_rate: float = quantity("calls of the controller, the torque held in between", "Hz", 10, 1e6, 4000.0)
+    encoder_bits: int = choice(
+        "resolution of the joint encoders, one turn in 2^bits steps; 0: perfect", 14, ge=0, le=32
+    )
+    speed_window: int = choice("control periods over which encoder angles are differenced for speed", 8, ge=1, le=1000)
+    torque_delay: float = quantity("from a measurement to the torque it leads to", "s", 0, 0.1, 0.0)
+    gear_efficiency: float = quantity("share of the motor's torque that the gear passes on", "1", 0.05, 1, 1.0)
+    gear_friction: float = quantity("Coulomb friction of a gear, at the joint", "N m", 0, 1e3, 0.0)
+    gear_damping: float = quantity("viscous friction of a gear, at the joint", "N m s/rad", 0, 1e3, 0.0)
+
+
+class Reserve(Section):
+    """What a plan that is to be tracked holds back from the limits, so that feedback has room."""
+
+    torque: float = quantity("share of the motors' torque", "1", 0, 0.9, 0.02)
+    ground_force: float = quantity("vertical ground force", "N", 0, 1e4, 20.0)
+    height: float = quantity("height of the joints above the ground", "m", 0, 0.5, 0.005)
+    angle: float = quantity("distance from the joint limits", "rad", 0, 1, 0.02)
+
+
 class Design(Section):
     """A whole problem: the leg, the ground, where the hop starts, what it may do and how it is solved."""
 
@@ -207,6 +232,8 @@ class Design(Section):
     start: Start
     hop: Hop = Hop()
     solver: Solver = Solver()
+    simulation: Simulation = Simulation()
+    reserve: Reserve = Reserve()
 
 
 def physical_parameters(leg: Leg) -> dict[str, float]:

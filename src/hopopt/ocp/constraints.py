@@ -28,9 +28,9 @@ def operating_region_constraint(leg: Leg, joint: str, motion: MotionAt) -> PathC
     return PathConstraint(f"{joint} operating region", value, upper=1.0, scale=2.0, labels=labels)  # -1 to 1
 
 
-def unilateral_contact(motion: MotionAt, size: float) -> PathConstraint:
-    """The ground only pushes: f_z >= 0 [N]; ``size`` [N] is the range by which excess is measured."""
-    return PathConstraint("ground force", lambda s: motion(s).f[1], lower=0.0, scale=size, unit="N")
+def unilateral_contact(motion: MotionAt, size: float, least: float) -> PathConstraint:
+    """The ground only pushes: f_z >= least [N]; ``size`` [N] is the range by which excess is measured."""
+    return PathConstraint("ground force", lambda s: motion(s).f[1], lower=least, scale=size, unit="N")
 
 
 def friction_cone(motion: MotionAt, friction: float, size: float) -> PathConstraint:
@@ -44,14 +44,17 @@ def friction_cone(motion: MotionAt, friction: float, size: float) -> PathConstra
     return PathConstraint("friction cone", value, lower=0.0, scale=size, unit="N", labels=labels)
 
 
-def above_ground(names: Sequence[str], motion: MotionAt, dynamics: DynamicsAt, size: float) -> PathConstraint:
-    """Heights of the named points >= 0 [m]."""
+def above_ground(
+    names: Sequence[str], motion: MotionAt, dynamics: DynamicsAt, size: float, least: float
+) -> PathConstraint:
+    """Heights of the named points >= least [m], of the foot >= 0."""
 
     def value(s: Instant) -> ca.SX:
         points = dynamics(s).points(motion(s).q)
         return ca.vertcat(*[points[name][1] for name in names])
 
-    return PathConstraint("height above ground", value, lower=0.0, scale=size, unit="m", labels=tuple(names))
+    lower = [0.0 if name == "foot" else least for name in names]
+    return PathConstraint("height above ground", value, lower=lower, scale=size, unit="m", labels=tuple(names))
 
 
 def no_counter_movement(motion: MotionAt) -> PathConstraint:

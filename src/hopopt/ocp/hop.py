@@ -105,12 +105,12 @@ class Hop:
         q0 = start_angles(self.design)
         motion = self.stance_motion
         path = [operating_region_constraint(self.leg, j, motion) for j in names]
-        path.append(unilateral_contact(motion, self.force_range))
+        path.append(unilateral_contact(motion, self.force_range, self.design.contact.least_force))
         if self.design.contact.friction is not None:
             path.append(friction_cone(motion, self.design.contact.friction, self.force_range))
-        clear = [name for name in self.must_clear_ground if name != "foot"]
+        clear, least = [name for name in self.must_clear_ground if name != "foot"], self.design.hop.least_height
         if clear:
-            path.append(above_ground(clear, motion, self.dynamics, self.reach))
+            path.append(above_ground(clear, motion, self.dynamics, self.reach, least))
         if not self.design.hop.counter_movement:
             path.append(no_counter_movement(motion))
         return Phase(
@@ -130,7 +130,8 @@ class Hop:
         motion, (lower, upper) = self.flight_motion, self.limits
         path: list[PathConstraint] = [operating_region_constraint(self.leg, j, motion) for j in self.leg.joints]
         if self.must_clear_ground:
-            path.append(above_ground(self.must_clear_ground, motion, self.dynamics, self.reach))
+            least = self.design.hop.least_height
+            path.append(above_ground(self.must_clear_ground, motion, self.dynamics, self.reach, least))
         plane, names = ("x", "z"), self.leg.joints
         return Phase(
             FLIGHT,

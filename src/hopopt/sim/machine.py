@@ -11,7 +11,8 @@ from hopopt.leg.robot import BASE, Robot
 @dataclass(frozen=True)
 class StanceTerms:
     """Stance at one state: q, v (BASE + n) with the foot at the origin, mass matrix M (BASE + n square), bias
-    (BASE + n, what M a must be added to when only the joints accelerate), joint part of the foot Jacobian (2 x n).
+    (BASE + n, what M a must be added to when only the joints accelerate), joint part of the foot Jacobian (2 x n),
+    drift (2) of the foot [m/s^2].
 
     With base_a = -jacobian a_j - drift eliminated, tau = mass_matrix a_j + joint_bias.
     """
@@ -21,6 +22,7 @@ class StanceTerms:
     M: np.ndarray
     bias: np.ndarray
     jacobian: np.ndarray
+    drift: np.ndarray
 
     @property
     def mass_matrix(self) -> np.ndarray:
@@ -97,7 +99,7 @@ class Machine:
         v[:BASE] = -jacobian @ v_j
         M = self.mass_matrix(q)
         bias = pin.nonLinearEffects(self.model, self.data, q, v) - M[:, :BASE] @ drift[[0, 2]]
-        return StanceTerms(q, v, M, bias, jacobian)
+        return StanceTerms(q, v, M, bias, jacobian, drift[[0, 2]])
 
     def touch_down(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Speeds just after the foot has hit the ground and stays (plastic impact; Featherstone, RBDA, 11.6)."""

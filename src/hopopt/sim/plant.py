@@ -8,40 +8,19 @@ shortening the last step.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq
 
 from hopopt.leg.robot import BASE, Robot
-from hopopt.sim.drive import Drive, Encoder
+from hopopt.sim.drive import Drive, Encoder, Stops
 from hopopt.sim.machine import Machine
+from hopopt.sim.measurement import Controller, Measurement
 from hopopt.sim.trace import Event, Trace
 
 EVENT = 1e-9  # [s] to which events are located
 SENSELESS = 1e3  # [rad/s] beyond this the simulation has broken down
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """What a controller learns at time t [s]: joint angles q (n) [rad] and speeds v (n) [rad/s] as the encoders
-    give them, whether the foot is on the ground, since how long [s], and how often it has landed."""
-
-    t: float
-    q: np.ndarray
-    v: np.ndarray
-    contact: bool
-    since: float
-    landings: int
-
-
-class Controller(Protocol):
-    """A strategy: torque commands (n) [N m] from measurements, called at every control instant."""
-
-    def torque(self, now: Measurement) -> np.ndarray:
-        """Joint torques to ask of the drives; what they cannot give is clamped."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -67,18 +46,19 @@ class State:
     t: float = 0.0
     since: float = 0.0
     landings: int = 0
-    work: np.ndarray = field(default_factory=lambda: np.zeros(2))  # of the motors, lost in the gears [J]
+    work: np.ndarray = field(default_factory=lambda: np.zeros(3))  # of the motors, lost in gears, taken by stops [J]
 
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # (t, q_j, v_j) -> command
 
 
 class Plant:
-    """A leg that can be hopped; ``friction`` is the ground's coefficient, against which slipping is noted."""
+    """A leg that can be hopped, with its drives and the end stops of its joints."""
 
-    def __init__(self, robot: Robot, drive: Drive, friction: float | None = None):
-        self.robot, self.machine, self.drive, self.friction = robot, Machine(robot), drive, friction
-        self.n = len(robot.joints)
+    def __init__(self, robot: Robot, drive: Drive):
+        self.robot, self.machine, self.drive, self.n = robot, Machine(robot), drive, len(robot.joints)
+        joints = [robot.leg.joint[name] for name in robot.joints]
+        self.stops = Stops(np.array([j.lower for j in joints]), np.array([j.upper for j in joints]))
 
     # ---- equations of motion ---------------------------------------------------------------------------
 
@@ -93,11 +73,12 @@ class Plant:
         q, v = y[:m], y[m : 2 * m]
         w = v[m - self.n :]
         motor, tau = self.drive.torque(w, command)
+        stop = self.stops.torque(q[m - self.n :], w)
         if s.contact:
-            a = self.machine.stance_terms(q, v).acceleration(tau)
+            a = self.machine.stance_terms(q, v).acceleration(tau + stop)
         else:
-            a = pin.aba(self.machine.model, self.machine.data, q, v, np.concatenate([np.zeros(BASE), tau]))
-        return np.concatenate([v, a, [motor @ w, (motor - tau) @ w]])
+            a = pin.aba(self.machine.model, self.machine.data, q, v, np.concatenate([np.zeros(BASE), tau + stop]))
+        return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w]])
 
     def step(self, s: State, torque: Torque, h: float) -> State:
         """One Runge-Kutta step of length h [s] without regard to events."""
@@ -115,7 +96,7 @@ class Plant:
         return self._with(s, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), s.t + h)
 
     def _with(self, s: State, y: np.ndarray, t: float) -> State:
-        m = (len(y) - 2) // 2
+        m = (len(y) - len(s.work)) // 2
         q, v, work = y[:m], y[m : 2 * m], y[2 * m :]
         if s.contact:
             terms = self.machine.stance_terms(q, v)
@@ -126,8 +107,9 @@ class Plant:
         """Contact force (x, z) [N] on the foot under a command; nothing in flight."""
         if not s.contact:
             return np.zeros(BASE)
-        terms = self.machine.stance_terms(s.q[BASE:], s.v[BASE:])
-        return terms.force(terms.acceleration(self.drive.torque(s.v[BASE:], command)[1]))
+        q, v = s.q[BASE:], s.v[BASE:]
+        terms = self.machine.stance_terms(q, v)
+        return terms.force(terms.acceleration(self.drive.torque(v, command)[1] + self.stops.torque(q, v)))
 
     def _margin(self, s: State, torque: Torque) -> float:
         """Below zero where the contact must change: vertical force [N] in stance, height of a sinking foot [m]."""

@@ -22,8 +22,8 @@ class Event:
 @dataclass(frozen=True)
 class Trace:
     """A simulated run at k instants: t (k,) [s]; q, v (k, 2 + n); command, motor (after the drives' limits) and tau
-    (after the gears' losses) (k, n) [N m]; contact force f (k, 2) [N]; contact (k,); work (k, 2) [J] done by the
-    motors and lost in the gears so far. At an event there are two samples, before and after."""
+    (after the gears' losses) (k, n) [N m]; contact force f (k, 2) [N]; contact (k,); work (k, 3) [J] done by the
+    motors, lost in the gears and taken by the joints' end stops so far. At an event there are two samples, before and after."""
 
     robot: Robot
     t: np.ndarray
@@ -73,6 +73,6 @@ class Trace:
         impacts = np.array([sum(e.lost for e in self.events if e.t <= t) for t in self.t])
         at = [int(np.searchsorted(self.t, e.t, side="right")) - 1 for e in self.events]
         keep = np.setdiff1d(np.arange(len(self.t)), [k - 1 for k in at])  # before an impact the loss is not due yet
-        wrong = self.work[:, 0] - self.work[:, 1] - (self.energy - self.energy[0]) - impacts
+        wrong = self.work[:, 0] - self.work[:, 1] - self.work[:, 2] - (self.energy - self.energy[0]) - impacts
         size = max(float(np.abs(self.work[:, 0]).max()), float(np.ptp(self.energy)), 1e-9)
         return float(np.abs(wrong[keep]).max()) / size

@@ -1,0 +1,86 @@
+"""A planned hop as a controller follows it: joint angles, speeds and torques at any time of either phase."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BarycentricInterpolator
+
+from hopopt.leg.robot import BASE
+
+STANCE, FLIGHT = "stance", "flight"
+
+
+@dataclass(frozen=True)
+class PhaseReference:
+    """One phase at the same places (0 to 1, both ends included) of its N intervals: t (N, K) [s] since the phase
+    began, q, v (N, K, n) of the joints, tau (N, K, n) [N m]."""
+
+    places: np.ndarray
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    tau: np.ndarray
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return float(self.t[-1, -1])
+
+    @property
+    def edges(self) -> np.ndarray:
+        """Ends of the intervals [s], (N + 1,); torques may jump there."""
+        return np.append(self.t[:, 0], self.t[-1, -1])
+
+    def at(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, v, tau (n) at t [s] since the phase began, clipped to it; at an edge, what follows."""
+        t = min(max(t, 0.0), self.duration)
+        k = int(np.clip(np.searchsorted(self.t[:, 0], t + 1e-12, side="right") - 1, 0, len(self.t) - 1))
+        weights = self._weights((t - self.t[k, 0]) / (self.t[k, -1] - self.t[k, 0]))
+        return weights @ self.q[k], weights @ self.v[k], weights @ self.tau[k]
+
+    def mean_torque(self, begin: float, end: float) -> np.ndarray:
+        """Mean of tau (n) over a span [s] within the phase (clipped): holding it gives the same impulse."""
+        begin, end = (min(max(t, 0.0), self.duration) for t in (begin, end))
+        if end - begin < 1e-9:
+            return self.at(begin)[2]
+        return (self._impulse(end) - self._impulse(begin)) / (end - begin)
+
+    def _impulse(self, t: float) -> np.ndarray:
+        """Integral of tau from the phase's beginning to t."""
+        return np.array([np.interp(t, self._fine[0], column) for column in self._fine[1].T])
+
+    @cached_property
+    def _fine(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and integrals of tau at all places, by the trapezoidal rule."""
+        t, tau = self.t.ravel(), self.tau.reshape(-1, self.tau.shape[-1])
+        pieces = 0.5 * (tau[1:] + tau[:-1]) * np.diff(t)[:, None]
+        return t, np.vstack([np.zeros(tau.shape[1]), np.cumsum(pieces, axis=0)])
+
+    def _weights(self, place: float) -> np.ndarray:
+        return self._basis(place)
+
+    @cached_property
+    def _basis(self) -> Any:
+        return BarycentricInterpolator(self.places, np.eye(len(self.places)))
+
+
+@dataclass(frozen=True)
+class PlanReference:
+    """Both phases of a planned hop, and the clearance [m] it promises."""
+
+    stance: PhaseReference
+    flight: PhaseReference
+    clearance: float
+
+    @classmethod
+    def from_tables(cls, places: np.ndarray, tables: Mapping[str, Any], clearance: float) -> "PlanReference":
+        """From tables of t, q, v, tau at ``places`` of every interval, whole-leg q and v."""
+
+        def phase(name: str) -> PhaseReference:
+            table = tables[name]
+            return PhaseReference(places, table.t - table.t[0, 0], table.q[..., BASE:], table.v[..., BASE:], table.tau)
+
+        return cls(phase(STANCE), phase(FLIGHT), clearance)

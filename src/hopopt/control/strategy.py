@@ -1,0 +1,53 @@
+"""What a strategy is made from.
+
+A strategy is a class that is made from a ``Setting`` and has ``torque(now: Measurement) -> (n,) [N m]``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hopopt.control.reference import PlanReference
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.design import Design
+from hopopt.leg.kinematics import start_angles
+from hopopt.leg.robot import Robot, build_robot
+from hopopt.sim.drive import Drive
+from hopopt.sim.machine import Machine
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a strategy may know: the leg it believes in, the plan if there is one, the control period [s], and
+    settings of its own by name."""
+
+    design: Design
+    period: float
+    plan: PlanReference | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def robot(self) -> Robot:
+        return build_robot(self.design.leg)
+
+    def machine(self) -> Machine:
+        """The believed leg in Pinocchio, with data of its own."""
+        return Machine(self.robot)
+
+    def drive(self) -> Drive:
+        """The believed drives."""
+        robot = self.robot
+        return Drive([operating_region(self.design.leg, joint, robot.parameters) for joint in robot.joints])
+
+    @property
+    def angle_noise(self) -> float:
+        """Standard error [rad] of an encoder's reading; perfect encoders are taken as very good ones."""
+        bits = self.design.simulation.encoder_bits or 24
+        return 2 * np.pi / 2**bits / np.sqrt(12)
+
+    @property
+    def start(self) -> np.ndarray:
+        """Joint angles [rad] at the start."""
+        return start_angles(self.design)

@@ -1,0 +1,178 @@
+"""Following a planned hop: its torques fed forward, and feedback on the joints.
+
+The phase follows the contact, not the clock: stance runs from rest, flight from the measured lift-off. If the foot
+is still down when the planned stance is over, the torques with which flight begins are applied: they lift it off.
+The feedback is either a plain PD on the encoders, or linear-quadratic-Gaussian along the plan (Anderson and Moore,
+Optimal Control, chapters 3 and 8): a Riccati recursion backwards over the control periods gives the gains, one
+forwards the Kalman filter that makes joint speeds from coarse encoders, both on the dynamics linearised there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import expm
+
+from hopopt.control.reference import PhaseReference
+from hopopt.control.strategy import Setting
+from hopopt.errors import UsageError
+from hopopt.leg.robot import BASE
+from hopopt.sim.machine import Machine
+from hopopt.sim.measurement import Measurement
+
+STEP = 1e-5  # of the central differences that linearise the dynamics
+
+
+@dataclass(frozen=True)
+class TrackingOptions:
+    """feedback: "lqr", "pd" or "none".
+
+    For lqr: the errors that count alike, angle [rad], speed [rad/s], effort [N m]; how much more the end of stance
+    counts than one period of it; disturbance [N m], the torque error the filter expects. For pd: k_p [N m/rad],
+    k_d [N m s/rad].
+    """
+
+    feedback: str = "lqr"
+    angle: float = 0.01
+    speed: float = 0.3
+    effort: float = 30.0
+    end: float = 100.0
+    disturbance: float = 5.0
+    k_p: float = 1000.0
+    k_d: float = 20.0
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Along one phase, for each control period: the error (q, v) moves by A and by held torque B, feedback K
+    (periods, n, 2 n), filter L (periods, 2 n, n)."""
+
+    A: np.ndarray
+    B: np.ndarray
+    K: np.ndarray
+    L: np.ndarray
+
+    def at(self, period: int) -> tuple[np.ndarray, ...]:
+        """A, B, K, L of a period; beyond the last, the last."""
+        k = min(period, len(self.K) - 1)
+        return self.A[k], self.B[k], self.K[k], self.L[k]
+
+
+class Track:
+    """The strategy ``track``: q, v, tau of the plan with feedback; after the plan's end it holds its last pose."""
+
+    def __init__(self, setting: Setting):
+        if setting.plan is None:
+            raise UsageError("the strategy track needs a planned hop to follow: solve the problem first")
+        self.options, self.period = TrackingOptions(**setting.options), setting.period
+        if self.options.feedback not in ("lqr", "pd", "none"):
+            raise UsageError(f"feedback = {self.options.feedback!r}: choose one of lqr, pd, none")
+        self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
+        self.state: Estimate | None = None
+        if self.options.feedback == "lqr":
+            machine, noise = setting.machine(), setting.angle_noise
+            self.gains = {
+                contact: regulator(machine, self.reference(contact), self.period, contact, self.options, noise)
+                for contact in (True, False)
+            }
+
+    def reference(self, contact: bool) -> PhaseReference:
+        """The planned phase."""
+        return self.plan.stance if contact else self.plan.flight
+
+    def torque(self, now: Measurement) -> np.ndarray:
+        """tau_plan - K (q - q_plan, v - v_plan)."""
+        if now.contact and now.landings:  # the hop is over: stand as at the start
+            return self.options.k_p * (self.rest - now.q) - self.options.k_d * now.v
+        if now.contact and now.since > self.plan.stance.duration - 1e-9:
+            return self.plan.flight.at(0.0)[2]
+        q, v, tau = self.planned(now)
+        if self.options.feedback == "none":
+            return tau
+        if self.options.feedback == "pd":
+            return tau - self.options.k_p * (now.q - q) - self.options.k_d * (now.v - v)
+        return self._regulated(now, q, v, tau)
+
+    def planned(self, now: Measurement) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, v now, and the torque whose impulse over the next period is the plan's."""
+        phase = self.reference(now.contact)
+        q, v, tau = phase.at(now.since)
+        if now.since > phase.duration:
+            return q, np.zeros_like(v), np.zeros_like(tau)
+        if self.options.feedback != "none":
+            tau = phase.mean_torque(now.since, now.since + self.period)
+        return q, v, tau
+
+    def _regulated(self, now: Measurement, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        A, B, K, L = self.gains[now.contact].at(round(now.since / self.period))
+        before = self.state
+        if before is None:
+            error = np.concatenate([now.q - q, np.zeros_like(q)])
+        elif before.contact == now.contact:
+            error = A @ before.error + B @ before.extra
+        else:  # another reference
+            ahead = before.q + self.period * before.v
+            error = np.concatenate([ahead - q, before.v - v])
+        error = error + L @ (now.q - q - error[: len(q)])
+        speeds = v + error[len(q) :]
+        command = self.drive.clamp(speeds, tau - K @ error)
+        self.state = Estimate(now.contact, error, command - tau, q + error[: len(q)], speeds)
+        return command
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What the filter thinks: errors (q, v) from the plan, the torque added to it, and the joints' q and v."""
+
+    contact: bool
+    error: np.ndarray
+    extra: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+
+
+def regulator(
+    machine: Machine, phase: PhaseReference, period: float, contact: bool, o: TrackingOptions, noise: float
+) -> Gains:
+    """Feedback and filter gains along a phase; ``noise`` [rad] is the standard error of a measured angle."""
+    n, periods = machine.n, max(1, int(phase.duration / period))
+    pairs = [linearised(machine, phase, k * period, period, contact) for k in range(periods)]
+    A, B = (np.array(matrices) for matrices in zip(*pairs, strict=True))
+    Q, R = np.diag([o.angle**-2] * n + [o.speed**-2] * n), np.eye(n) / o.effort**2
+    K, P = np.empty((periods, n, 2 * n)), Q * (o.end if contact else 1.0)
+    for k in reversed(range(periods)):
+        K[k] = np.linalg.solve(R + B[k].T @ P @ B[k], B[k].T @ P @ A[k])
+        P = Q + A[k].T @ P @ (A[k] - B[k] @ K[k])
+        P = 0.5 * (P + P.T)
+    L, S, V = np.empty((periods, 2 * n, n)), np.eye(2 * n) * noise**2, np.eye(n) * noise**2
+    for k in range(periods):
+        L[k] = np.linalg.solve(S[:n, :n] + V, S[:n]).T
+        S = A[k] @ (S - L[k] @ S[:n]) @ A[k].T + o.disturbance**2 * B[k] @ B[k].T
+        S = 0.5 * (S + S.T)
+    return Gains(A, B, K, L)
+
+
+def linearised(
+    machine: Machine, phase: PhaseReference, t: float, period: float, contact: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """A, B of joint errors over one period of held torque about the plan at t: x+ = A x + B u."""
+    n, z = machine.n, np.concatenate(phase.at(t))
+    columns = [
+        (joint_acceleration(machine, z + step, contact) - joint_acceleration(machine, z - step, contact)) / (2 * STEP)
+        for step in STEP * np.eye(3 * n)
+    ]
+    system = np.zeros((3 * n, 3 * n))
+    system[:n, n : 2 * n] = np.eye(n)
+    system[n : 2 * n] = np.array(columns).T
+    moved = expm(system * period)
+    return moved[: 2 * n, : 2 * n], moved[: 2 * n, 2 * n :]
+
+
+def joint_acceleration(machine: Machine, z: np.ndarray, contact: bool) -> np.ndarray:
+    """Joint accelerations (n) [rad/s^2] from z = (q, v, tau) of the joints; in flight whatever the body does."""
+    q, v, tau = np.split(z, 3)
+    if contact:
+        return machine.stance_terms(q, v).acceleration(tau)
+    base = np.zeros(BASE)
+    whole = (np.concatenate([base, x]) for x in (q, v, tau))
+    return pin.aba(machine.model, machine.data, *whole)[BASE:]
