@@ -148,7 +148,13 @@ def test_infeasible_hop_names_the_worst_constraints(tmp_path: Path) -> None:
         (["solve", "--starts", "0"], ["--starts"]),
         (["solve", "--starts", "many"], ["many"]),
         (["sovle"], ["sovle"]),
-        (["verify", "nowhere"], ["nowhere", "solution.nc"]),
+        (["verify", "nowhere"], ["nowhere: there is no such folder", "hopopt solve"]),
+        (["verify", "."], ["solution.nc is missing", "hopopt solve"]),
+        (["solve", "paper.toml"], ["the built-in problem is called paper"]),
+        (["solve", "--set", "leg.motor.laws=[]"], ["leg.motor.laws", "torque_cap", "speed_cap"]),
+        (["solve", "--set", "leg.body.mass=1e400"], ["leg.body.mass", "not finite"]),
+        (["solve", "--set", "solver.starts=-3"], ["solver.starts", "too small", "1 to 1000"]),
+        (["new", "ü"], ['hopopt: name = "ü" is not allowed']),
     ],
 )
 def test_wrong_usage(arguments: list[str], words: list[str], tmp_path: Path) -> None:

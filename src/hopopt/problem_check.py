@@ -15,6 +15,10 @@ from hopopt.problem_text import printable, shown, shown_path
 from hopopt.problem_words import allowed, did_you_mean, entry_at, hint, homes, is_number, unit_of
 
 OVERRIDE = "override"  # where an entry came from if not from a file
+NEEDED = {  # what to write where a whole section is missing
+    "leg": "the table [leg] with joints and links, and [leg.body], [leg.motor] and [leg.gear]",
+    "start": "the table [start] with hip_height (legs of two joints) or joint_angles",
+}
 LEG_TABLES = {"joint": "joints", "link": "links"}  # field of Leg -> the list that names its tables
 SECTIONS: dict[str, Any] = {
     name: info.annotation
@@ -84,7 +88,7 @@ def check(data: dict[str, Any], report: Report) -> Design | None:
 def _section(name: str, kind: Any, data: Mapping[str, Any], report: Report) -> Any:
     """A section of the problem; None, and its faults reported, if it has any."""
     if name not in data and Design.model_fields[name].is_required():
-        return report.add(name, f"is missing: add the table [{name}] with {_and(kind.model_fields)}")
+        return report.add(name, f'is missing: add {NEEDED[name]}, or begin the file with extends = "paper"')
     table = data.get(name, {})
     if not isinstance(table, dict):
         return report.add(name, f"= {shown(table)} is not a table: write [{name}] and its entries on the lines below")

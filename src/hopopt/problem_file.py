@@ -54,7 +54,10 @@ def template(name: str) -> str:
     Raises ProblemFileError if ``name`` cannot name a problem.
     """
     text = (_builtin_folder() / "paper.toml").read_text(encoding="utf-8")
-    load("paper", {"name": name})
+    try:
+        load("paper", {"name": name})
+    except ProblemFileError as error:
+        raise ProblemFileError(name, [words.removeprefix("override ") for words in error.problems]) from None
     text = re.sub(r'^name = "paper" *', f'name = "{name}"'.ljust(34), text, count=1, flags=re.MULTILINE)
     return re.sub(r"^title = \"[^\"]*\" *", f'title = "{name}"'.ljust(34), text, count=1, flags=re.MULTILINE)
 
@@ -124,8 +127,10 @@ def _read(path: Path, report: Report) -> dict[str, Any]:
             raise _NotAProblem(f"has more than {MAX_BYTES} bytes: this is not a problem file")
         return _parse(raw)
     except FileNotFoundError:
-        siblings = [p.name for p in path.parent.glob("*.toml")]
-        hint = did_you_mean(path.name, siblings) or f"; built in: {', '.join(builtin_names())}"
+        siblings, names = [p.name for p in path.parent.glob("*.toml")], builtin_names()
+        hint = did_you_mean(path.name, siblings) or f"; built in: {', '.join(names)}"
+        if path.stem in names:
+            hint = f"; the built-in problem is called {path.stem}, without .toml"
         report.unusable(f"{shown_path(str(path))}: there is no such file{hint}")
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
@@ -142,6 +147,8 @@ def _parse(raw: bytes) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise _NotAProblem(f"is not text (line {line} is not UTF-8): a problem file is a TOML text file") from None
+    if text.lstrip().startswith("<"):
+        raise _NotAProblem("is XML (a URDF?), not a problem file in TOML: `hopopt new my_leg` writes one to start from")
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -154,11 +161,11 @@ def _parse(raw: bytes) -> dict[str, Any]:
 
 
 def _syntax_fault(message: str, text: str) -> str:
-    found, lines = re.search(r"at line (\d+)", message), text.splitlines()
+    found, lines = re.search(r" \(at line (\d+), column \d+\)$", message), text.splitlines()
     number = int(found[1]) if found else max(len(lines), 1)
     line = lines[number - 1].strip() if number <= len(lines) else ""
     return (
-        f"line {number} is not valid TOML: {message}. It reads {shown(line)}; "
+        f"line {number} is not valid TOML: {message[: found.start()] if found else message}. It reads {shown(line)}; "
         'write key = value, text in "quotes", tables as [leg.gear], comments after #'
     )
 

@@ -204,8 +204,8 @@ def read(folder: str | Path) -> Solution:
     folder = Path(folder)
     try:
         if not (folder / "solution.nc").is_file():
-            words = "no results folder (solution.nc is missing): give a folder that `hopopt solve` wrote"
-            raise ResultError(f"{folder}: {words}{_results_in(folder)}")
+            what = "no results folder (solution.nc is missing)" if folder.exists() else "there is no such folder"
+            raise ResultError(f"{folder}: {what}: give a folder that `hopopt solve` wrote{_results_in(folder)}")
         design = load(folder / "problem.toml")
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         with xr.open_datatree(folder / "solution.nc", engine="h5netcdf") as tree:
