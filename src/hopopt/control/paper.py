@@ -63,6 +63,8 @@ class _Paper:
         self.lower, self.upper = (
             np.array([getattr(self.leg.joint[j], side) for j in self.leg.joints]) for side in ("lower", "upper")
         )
+        self.machine = setting.machine()
+        self.rise = 0.0  # [s] from lift-off to the apex, from the speed when the foot was last down
         self.tuck = tucked(self.leg, setting.design.hop.foot_window, MARGIN)
         self.begin = self._begin(float(-foot_offset(self.leg, setting.start)[1]))
 
@@ -84,9 +86,14 @@ class _Paper:
         return float(y), float(rate)
 
     def desired(self, now: Measurement) -> tuple[np.ndarray, np.ndarray]:
-        """Joint angles [rad] and speeds [rad/s] to strive for (eq. con_angdes)."""
-        if not now.contact and self.options.retraction == "tuck":
-            return self.tuck, np.zeros(2)
+        """Joint angles [rad] and speeds [rad/s] to strive for (eq. con_angdes); tucked up to the apex if so asked."""
+        if now.contact:
+            s = self.machine.stance_terms(now.q, now.v)
+            self.rise = self.machine.com_velocity(s.q, s.v)[1] / self.two_mass.g
+        elif self.options.retraction == "tuck":
+            if now.since < self.rise:
+                return self.tuck, np.zeros(2)
+            return self.angles(float(self.two_mass.touchdown_reference(0.0)[0])), np.zeros(2)
         y, rate = self.length(now)
         angles = self.angles(y)
         return angles, (self.angles(y + RATE) - angles) / RATE * rate
@@ -106,7 +113,7 @@ class Force(_Paper):
 
     def __init__(self, setting: Setting):
         super().__init__(setting)
-        self.machine, self.drive = setting.machine(), setting.drive()
+        self.drive = setting.drive()
 
     def torque(self, now: Measurement) -> np.ndarray:
         """tau_dyn = -k_p (theta - theta_des) - k_d theta' (eq. con_tdyn), clamped (con_tdes); the hip on the plumb line."""

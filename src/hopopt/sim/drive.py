@@ -40,6 +40,11 @@ class Stops:
     stiffness: float = 2e4
     loss: float = 0.3
 
+    def near(self, q: np.ndarray, w: np.ndarray, h: float) -> bool:
+        """Whether a joint is beyond a limit, or will be within h [s] at about this speed."""
+        ahead = q + 1.5 * h * w
+        return bool(np.any((np.maximum(q, ahead) > self.upper) | (np.minimum(q, ahead) < self.lower)))
+
     def torque(self, q: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Torque (n) [N m] of the stops on the joints; they push back and never pull."""
         depth = np.maximum(q - self.upper, 0.0) + np.minimum(q - self.lower, 0.0)

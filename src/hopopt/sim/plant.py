@@ -20,6 +20,7 @@ from hopopt.sim.measurement import Controller, Measurement
 from hopopt.sim.trace import Event, Trace
 
 EVENT = 1e-9  # [s] to which events are located
+AT_STOPS = 8  # parts of a step where a joint touches its end stop: they are stiff
 SENSELESS = 1e3  # [rad/s] beyond this the simulation has broken down
 
 
@@ -81,7 +82,13 @@ class Plant:
         return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w]])
 
     def step(self, s: State, torque: Torque, h: float) -> State:
-        """One Runge-Kutta step of length h [s] without regard to events."""
+        """A step of length h [s] without regard to events; in several parts where a joint meets its end stop."""
+        parts = AT_STOPS if self.stops.near(s.q[BASE:], s.v[BASE:], h) else 1
+        for _ in range(parts):
+            s = self._runge_kutta(s, torque, h / parts)
+        return s
+
+    def _runge_kutta(self, s: State, torque: Torque, h: float) -> State:
         first = BASE if s.contact else 0
         m = len(s.q) - first
         y = np.concatenate([s.q[first:], s.v[first:], s.work])

@@ -1,0 +1,72 @@
+"""A strategy on the simulated leg: the plant that the problem file describes, and what the run amounts to."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hopopt.control.reference import PlanReference
+from hopopt.control.strategies import Strategy
+from hopopt.control.strategy import Setting
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.design import Design
+from hopopt.leg.kinematics import start_angles
+from hopopt.leg.robot import build_robot
+from hopopt.sim.drive import Drive, Encoder, Gear
+from hopopt.sim.hop_figures import HopFigures
+from hopopt.sim.plant import Plant, Timing
+from hopopt.sim.trace import Trace
+
+LONGEST = 1.0  # [s] of a hop beyond its longest stance
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulated run: the strategy, what happened, and the figures of its first hop."""
+
+    strategy: Strategy
+    design: Design
+    trace: Trace
+
+    @cached_property
+    def figures(self) -> HopFigures:
+        return HopFigures(self.design, self.trace)
+
+
+def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
+    """The leg of a problem with its drives, gear losses and encoders; torque_gain as in ``Drive``."""
+    robot, s = build_robot(design.leg), design.simulation
+    regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
+    return Plant(robot, Drive(regions, Gear(s.gear_efficiency, s.gear_friction, s.gear_damping), torque_gain))
+
+
+def simulate(
+    design: Design,
+    strategy: Strategy,
+    *,
+    plan: PlanReference | None = None,
+    plant: Design | None = None,
+    torque_gain: np.ndarray | None = None,
+    hops: int = 1,
+    options: Mapping[str, Any] | None = None,
+) -> Run:
+    """Hop a leg with a strategy, ``hops`` times, from the problem's start.
+
+    plan is what ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
+    options are settings of the strategy. Raises UsageError if the strategy cannot be made.
+    """
+    period, truth = 1 / design.simulation.control_rate, plant or design
+    setting = Setting(design, period, plan, options or {})
+    controller = strategy.controller(setting)
+    s = truth.simulation
+    trace = make_plant(truth, torque_gain).run(
+        start_angles(design),
+        controller,
+        hops * (design.hop.stance_duration[1] + LONGEST),
+        timing=Timing(period, s.torque_delay),
+        encoder=Encoder(s.encoder_bits, s.speed_window, period),
+        landings=hops,
+    )
+    return Run(strategy, truth, trace)

@@ -1,0 +1,75 @@
+"""Strategies by name: built in, from another package's entry points, or a class given as ``package.module:Class``."""
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from importlib.metadata import entry_points
+from typing import Any
+
+from hopopt.control.paper import Force, Position
+from hopopt.control.strategy import Setting
+from hopopt.control.tracking import Track
+from hopopt.errors import UsageError
+from hopopt.sim.measurement import Controller
+
+GROUP = "hopopt.strategies"  # entry points of other packages
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """A way to make controllers: its name, what it is in words, its maker and the maker's settings."""
+
+    name: str
+    meaning: str
+    make: Callable[[Setting], Controller]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    needs_plan: bool = False
+
+    def controller(self, setting: Setting) -> Controller:
+        """A fresh controller; the setting's own options go before the strategy's. UsageError for unknown ones."""
+        options = {**self.options, **setting.options}
+        try:
+            return self.make(replace(setting, options=options))
+        except TypeError as error:
+            raise UsageError(
+                f"strategy {self.name}: {error}: options given were {', '.join(options) or 'none'}"
+            ) from None
+
+
+BUILT_IN = {
+    s.name: s
+    for s in (
+        Strategy("force", "the paper's force control with motor saturation", Force),
+        Strategy("force_tuck", "the same, then a full tuck", Force, {"retraction": "tuck"}),
+        Strategy("position", "the paper's position control", Position),
+        Strategy("position_tuck", "the same, then a full tuck", Position, {"retraction": "tuck"}),
+        Strategy("track", "the optimum tracked, LQG feedback", Track, needs_plan=True),
+        Strategy("track_pd", "the optimum tracked, PD feedback", Track, {"feedback": "pd"}, needs_plan=True),
+    )
+}
+
+
+def find(name: str) -> Strategy:
+    """The strategy called ``name``; UsageError, with what there is, if it cannot be found."""
+    if name in BUILT_IN:
+        return BUILT_IN[name]
+    if ":" in name:
+        return Strategy(name, "your own strategy", _load(name), needs_plan=True)
+    others = {e.name: e for e in entry_points(group=GROUP)}
+    if name in others:
+        return Strategy(name, f"from {others[name].value}", others[name].load(), needs_plan=True)
+    raise UsageError(
+        f"there is no strategy {name!r}: choose one of {', '.join([*BUILT_IN, *others])}, "
+        "or give a class of your own as package.module:Class"
+    )
+
+
+def _load(path: str) -> Any:
+    module, _, attribute = path.partition(":")
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise UsageError(f"strategy {path}: it cannot be imported ({error}): is it on PYTHONPATH?") from None
+    if not callable(getattr(found, "torque", None)):
+        raise UsageError(f"strategy {path}: {attribute} has no method torque(now): see hopopt.control.strategy")
+    return found

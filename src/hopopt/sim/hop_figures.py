@@ -1,0 +1,178 @@
+"""The figures of one simulated hop: clearance and its parts, effort, energy, and the limits that were not kept."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.design import Design
+from hopopt.leg.robot import BASE
+from hopopt.sim.trace import Trace
+
+SLACK = 1e-3  # rad, s or m/s by which a limit may be missed in a simulation
+
+
+@dataclass(frozen=True)
+class HopFigures:
+    """What the first hop of a run amounts to, by the same definitions as the optimum's."""
+
+    design: Design
+    trace: Trace
+
+    @cached_property
+    def stance(self) -> slice:
+        """Samples of the first stance, lift-off included."""
+        off = np.flatnonzero(~self.trace.contact)
+        return slice(0, int(off[0]) if len(off) else len(self.trace.t))
+
+    @cached_property
+    def flight(self) -> slice:
+        """Samples of the first flight, up to touchdown."""
+        begin = self.stance.stop
+        down = np.flatnonzero(self.trace.contact[begin:])
+        return slice(begin, begin + int(down[0]) if len(down) else len(self.trace.t))
+
+    @property
+    def flies(self) -> bool:
+        """Whether the foot left the ground at all."""
+        return self.flight.stop > self.flight.start
+
+    @cached_property
+    def highest(self) -> int | None:
+        """The sample in flight whose lowest point is highest, the foot within its window; None if there is none."""
+        trace, span = self.trace, self.flight
+        offset = trace.points["foot"][span, 0] - trace.points[trace.robot.joints[0]][span, 0]
+        allowed = np.abs(offset) <= self.design.hop.foot_window
+        if not allowed.any():
+            return None
+        return span.start + int(np.argmax(np.where(allowed, trace.lowest[span], -np.inf)))
+
+    @property
+    def clearance(self) -> float:
+        """Height of the leg's lowest point [m], greatest in flight with the foot in its window; 0 if it never is."""
+        return 0.0 if self.highest is None else float(self.trace.lowest[self.highest])
+
+    @property
+    def foot_height(self) -> float:
+        """Greatest height of the foot [m], wherever it is: what the paper measures."""
+        return float(self.trace.points["foot"][self.flight, 1].max(initial=0.0))
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """The exact, signed parts that sum to the clearance [m]."""
+        if self.highest is None:
+            return {"com_height_at_lift_off_m": 0.0, "ballistic_rise_m": 0.0, "com_height_over_lowest_point_m": 0.0}
+        com = self.trace.points["com"][:, 1]
+        low, high = com[self.flight.start], com[self.highest]
+        return {
+            "com_height_at_lift_off_m": float(low),
+            "ballistic_rise_m": float(high - low),
+            "com_height_over_lowest_point_m": float(self.clearance - high),
+        }
+
+    @property
+    def budget(self) -> dict[str, float]:
+        """The clearance [m] as push (COM height its ballistic apex would have), less what timing and posture take."""
+        if self.highest is None:
+            return {"push_m": 0.0, "timing_m": 0.0, "retraction_m": 0.0}
+        p, rise = self.parts, max(self.lift_off["vertical_m_s"], 0.0) ** 2 / (2 * self._gravity)
+        return {
+            "push_m": p["com_height_at_lift_off_m"] + rise,
+            "timing_m": p["ballistic_rise_m"] - rise,
+            "retraction_m": p["com_height_over_lowest_point_m"],
+        }
+
+    @property
+    def _gravity(self) -> float:
+        return float(np.linalg.norm(self.trace.robot.model.gravity.linear))
+
+    @property
+    def lift_off(self) -> dict[str, float]:
+        """Time [s], body height [m] and speed of the centre of mass [m/s] when the foot leaves."""
+        if not self.flies:
+            return {"time_s": 0.0, "body_height_m": 0.0, "vertical_m_s": 0.0, "horizontal_m_s": 0.0}
+        k = self.flight.start
+        vx, vz = (float(x) for x in self.trace.com_v[k])
+        height = float(self.trace.q[k, 1])
+        return {"time_s": float(self.trace.t[k]), "body_height_m": height, "vertical_m_s": vz, "horizontal_m_s": vx}
+
+    def saturation(self, joint: int) -> np.ndarray:
+        """Saturation ratio C of a joint at every sample of stance (eq. sim_cact), at most 1."""
+        trace, span = self.trace, self.stance
+        region = operating_region(self.design.leg, trace.robot.joints[joint], trace.robot.parameters)
+        ratio = region.saturation(trace.v[span, BASE + joint], trace.motor[span, joint])
+        return np.minimum(ratio, 1.0)
+
+    @property
+    def saturation_mean(self) -> dict[str, float]:
+        """C_avg of every joint in stance (eq. sim_cactavg)."""
+        t = self.trace.t[self.stance]
+        span = max(float(t[-1] - t[0]), 1e-12)
+        return {
+            joint: float(np.trapezoid(self.saturation(k), t) / span) for k, joint in enumerate(self.trace.robot.joints)
+        }
+
+    @property
+    def energy(self) -> dict[str, float]:
+        """Up to the clearance [J]: the motors' net work, what gears and end stops took, what the leg gained."""
+        trace = self.trace
+        k = self.highest if self.highest is not None else self.stance.stop - 1
+        motors, gears, stops = (float(x) for x in trace.work[k])
+        gained = float(trace.energy[k] - trace.energy[0])
+        push = float(trace.work[self.stance.stop - 1, 0])
+        return {"stance_net_J": push, "motors_J": motors, "gears_J": gears, "stops_J": stops, "gained_J": gained}
+
+    @property
+    def peaks(self) -> dict[str, dict[str, float] | float]:
+        """Largest torque [N m] and speed [rad/s] of every joint up to the clearance, and ground force [N]."""
+        trace, joints = self.trace, self.trace.robot.joints
+        span = slice(0, (self.highest if self.highest is not None else self.stance.stop - 1) + 1)
+        return {
+            "torque_Nm": {j: float(np.abs(trace.motor[span, k]).max()) for k, j in enumerate(joints)},
+            "speed_rad_s": {j: float(np.abs(trace.v[span, BASE + k]).max()) for k, j in enumerate(joints)},
+            "ground_force_N": float(np.hypot(*trace.f[self.stance].T).max()),
+        }
+
+    @property
+    def slip_ratio(self) -> float:
+        """Largest |f_x| / f_z in stance: the friction coefficient that the hop needs."""
+        f = self.trace.f[self.stance]
+        pressed = f[:, 1] > 1e-6
+        return float((np.abs(f[pressed, 0]) / f[pressed, 1]).max(initial=0.0))
+
+    @property
+    def limits_exceeded(self) -> list[str]:
+        """Limits of the problem that the hop did not keep, in words; the bound does not hold for such a hop."""
+        trace, hop, found = self.trace, self.design.hop, []
+        span = slice(0, (self.highest if self.highest is not None else len(trace.t) - 1) + 1)
+        for k, joint in enumerate(trace.robot.joints):
+            angle, limit = trace.q[span, BASE + k], self.design.leg.joint[joint]
+            excess = max(float((angle - limit.upper).max()), float((limit.lower - angle).max()))
+            if excess > SLACK:
+                found.append(f"{joint} {excess:.3f} rad into its end stop")
+        if self.lift_off["time_s"] > hop.stance_duration[1] + SLACK:
+            found.append(f"stance of {self.lift_off['time_s']:.3f} s")
+        friction = self.design.contact.friction
+        if friction is not None and self.slip_ratio > friction + SLACK:
+            found.append(f"needs friction {self.slip_ratio:.2f}, the ground has {friction:g}")
+        if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SLACK:
+            found.append("the body descends in stance")
+        return found
+
+    def as_dict(self) -> dict[str, object]:
+        """Everything above, for tables and ``--json``."""
+        return {
+            "clearance_m": self.clearance,
+            "foot_height_m": self.foot_height,
+            "parts": self.parts,
+            "budget": self.budget,
+            "lift_off": self.lift_off,
+            "saturation_mean": self.saturation_mean,
+            "energy": self.energy,
+            "peaks": self.peaks,
+            "slip_ratio": self.slip_ratio,
+            "limits_exceeded": self.limits_exceeded,
+            "energy_error": self.trace.energy_error,
+            "outcome": self.trace.outcome,
+        }
