@@ -18,7 +18,8 @@ ALLOWED = {
     "leg/": ("hopopt.errors", "hopopt.leg"),
     "ocp/": ("hopopt.errors", "hopopt.leg", "hopopt.ocp"),
     "nlp/": ("hopopt.errors", "hopopt.nlp", "hopopt.ocp.problem", "hopopt.ocp.guess"),
-    "verify.py": ("hopopt.errors", "hopopt.leg"),
+    "sim/machine.py": ("hopopt.leg",),
+    "verify.py": ("hopopt.errors", "hopopt.leg", "hopopt.sim.machine"),
     "errors.py": (),
 }
 FORBIDDEN = {
@@ -29,7 +30,7 @@ FORBIDDEN = {
     "planner.py": ("hopopt.storage", "hopopt.cli", "hopopt.plots"),
 }
 ONLY = {  # libraries with one home
-    "matplotlib": ("plots.py",),
+    "matplotlib": ("plots.py", "plots_stick.py", "plots_style.py"),
     "xarray": ("storage.py",),
     "h5netcdf": ("storage.py",),
     "h5py": ("storage.py",),
