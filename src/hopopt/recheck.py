@@ -1,5 +1,6 @@
 """Verification of a stored result, from its files alone."""
 
+from dataclasses import fields
 from typing import Any
 
 import casadi as ca
@@ -7,7 +8,7 @@ import numpy as np
 
 from hopopt.errors import ResultError
 from hopopt.nlp.accuracy import interval_errors
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.ipopt import Bounds, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcribe import Transcription
@@ -33,38 +34,42 @@ def recheck(solution: Solution) -> list[Check]:
 
 
 def _recheck(solution: Solution) -> list[Check]:
-    from hopopt.planner import kkt_checks
+    from hopopt.planner import numerical_checks
 
     nlp = stored_nlp(solution)
-    local = max(float(interval_errors(nlp, name).local.max()) for name in solution.phases)
-    change = next(c for c in solution.summary["verification"] if c["name"] == "change of the objective")
-    checks = kkt_checks(nlp)
-    checks.append(Check("local error of the intervals", local, solution.design.solver.tolerance, "scaled"))
-    residual = change["residual"] if change["residual"] is not None else float("inf")
-    checks.append(Check("change of the objective", residual, solution.design.solver.objective_tolerance, "relative"))
-    checks += [_agreement(solution), _same_program(solution, nlp)]
+    change = next(c for c in solution.summary["verification"] if c["name"] == "change of the objective")["residual"]
+    errors = {name: interval_errors(nlp, name) for name in solution.phases}
+    checks = numerical_checks(solution.design, nlp, errors, float("inf") if change is None else change)
+    checks += [_agreement(solution), _same_program(solution, nlp), _same_limits(nlp)]
     names = ("clearance_m", "apex_m") if solution.objective == "apex" else ("clearance_m",)
     claims = {name: float(solution.summary[name]) for name in names}
     return checks + verify_plan(solution.design, solution.tables, claims)
 
 
 def stored_nlp(solution: Solution) -> NlpSolution:
-    """The nonlinear program of the last mesh with its stored point and multipliers."""
-    hop, mesh = Hop(solution.design, solution.objective), {}
-    ramps = solution.summary["ramps"]
+    """The nonlinear program of the last mesh with its stored point, multipliers and bounds."""
+    hop, mesh, kkt = Hop(solution.design, solution.objective), {}, dict(solution.kkt)
     for name, trajectory in solution.phases.items():
         edges = trajectory.edges / trajectory.duration
         free = np.flatnonzero(np.diff(trajectory.arc)) + 1
-        mesh[name] = PhaseMesh(tuple(edges.tolist()), tuple(free.tolist()), tuple(ramps[name]))
-    order = scheme(next(iter(solution.phases.values())).scheme.name)
-    t, kkt = Transcription(hop.problem, order, mesh), solution.kkt
+        mesh[name] = PhaseMesh(tuple(edges.tolist()), tuple(free.tolist()))
+    t = Transcription(hop.problem, scheme(next(iter(solution.phases.values())).scheme.name), mesh)
     if len(kkt["z"]) != len(t.scale):
         raise ResultError(f"{solution.result_dir}: mesh and NLP vectors do not belong together")
+    bounds = Bounds(*(kkt.pop(side.name) for side in fields(Bounds)))
     phases, values = t.unpack(kkt["z"], kkt["p"])
     objective = float(solution.summary["objective_value"])
-    return NlpSolution(
-        t, phases, values, objective, "stored", True, 0, kkt["z"], kkt["p"], kkt["g"], kkt["lam_g"], kkt["lam_x"]
-    )
+    return NlpSolution(t, phases, values, objective, "stored", True, 0, **kkt, bounds=bounds)
+
+
+def _same_limits(nlp: NlpSolution) -> Check:
+    """The stored bounds are the problem's or tighter, those of equations equal."""
+    t, b = nlp.transcription, nlp.bounds
+    low_z, high_z = t.bounds(t.guess_from(nlp.phases))
+    with np.errstate(invalid="ignore"):
+        looser = [low_z - b.low_z, b.high_z - high_z, t.lbg - b.low_g, b.high_g - t.ubg]
+    worst = float(np.nan_to_num(np.concatenate(looser), nan=0.0, posinf=np.inf).max())  # inf - inf: no limit in either
+    return Check("limits are the problem's or tighter", max(worst, 0.0), AGREE, "scaled")
 
 
 def _same_program(solution: Solution, nlp: NlpSolution) -> Check:

@@ -14,7 +14,9 @@ from hopopt.solution import Samples, Solution
 from hopopt.verify import Check, failed
 
 if TYPE_CHECKING:
-    from hopopt.planner import MeshStep, StartOutcome, Stopwatch
+    from hopopt.multistart import StartOutcome
+    from hopopt.nlp.refine import MeshStep
+    from hopopt.planner import Stopwatch
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
 FINE = np.linspace(0.0, 1.0, 9)
@@ -58,7 +60,6 @@ def summarize(
         "verification": [c.as_dict() for c in checks],
         "failed_checks": [c.name for c in bad],
         "mesh": [asdict(step) for step in history],
-        "ramps": {name: list(mesh.ramps) for name, mesh in solution.transcription.mesh.items()},
         "scheme": solution.transcription.scheme.name,
         "starts": start_figures(outcomes, chosen),
         "seed": plan.design.solver.seed,
@@ -66,7 +67,7 @@ def summarize(
         "wall_s": clock.last - clock.begin,
         "result_dir": None,
     }
-    kkt = {"z": solution.z, "p": solution.p, "lam_g": solution.lam_g, "lam_x": solution.lam_x, "g": solution.g}
+    kkt = {name: getattr(solution, name) for name in ("z", "p", "g", "lam_g", "lam_x")} | asdict(solution.bounds)
     return replace(plan, summary=summary, kkt=kkt)
 
 
@@ -194,7 +195,7 @@ def limit_gains(solution: NlpSolution) -> dict[str, float]:
 
 def start_figures(outcomes: "Sequence[StartOutcome]", chosen: "StartOutcome") -> dict[str, Any]:
     """How many starts ended where, on the first mesh."""
-    from hopopt.planner import distinct, same
+    from hopopt.multistart import distinct, same
 
     ends: list[Mapping[str, Any]] = []
     for optimum in distinct(outcomes):

@@ -7,19 +7,26 @@ import numpy as np
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.schemes import radau
 
-PLACES = np.linspace(0.0, 1.0, 9)  # where in every interval the path constraints are looked at
+PLACES = np.linspace(0.0, 1.0, 17)  # where in every interval the path constraints are looked at
 
 
 @dataclass(frozen=True)
 class IntervalErrors:
-    """Per interval of a phase, both relative to the scale: local error of the states, excess over a limit (N,).
+    """What is wrong in each of a phase's N intervals, relative to the scale of each quantity.
 
-    ``worst`` names the limit that is exceeded most in each interval.
+    local (N,): error of the states. below, above (N, limits): by how much the lower and upper limits are passed
+    somewhere in the interval; ``limits`` names the path constraints' components, then the states, the controls.
     """
 
     local: np.ndarray
-    excess: np.ndarray
-    worst: tuple[str, ...]
+    below: np.ndarray
+    above: np.ndarray
+    limits: tuple[str, ...]
+
+    @property
+    def excess(self) -> np.ndarray:
+        """The largest of both over all limits, (N,)."""
+        return np.maximum(self.below, self.above).max(axis=1)
 
 
 def stage_values(solution: NlpSolution, phase: str, places: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -34,10 +41,8 @@ def stage_values(solution: NlpSolution, phase: str, places: np.ndarray) -> tuple
 
 
 def interval_errors(solution: NlpSolution, phase: str) -> IntervalErrors:
-    """Local errors and constraint excess of one phase."""
-    names, excess = _excess(solution, phase)
-    worst = tuple(names[k] for k in excess.argmax(axis=1))
-    return IntervalErrors(_local_error(solution, phase), excess.max(axis=1), worst)
+    """Local errors of one phase, and how far its limits are passed."""
+    return IntervalErrors(_local_error(solution, phase), *_passed(solution, phase))
 
 
 def _local_error(solution: NlpSolution, phase: str) -> np.ndarray:
@@ -54,23 +59,18 @@ def _local_error(solution: NlpSolution, phase: str) -> np.ndarray:
     return np.max(np.abs(x - expected) / scale, axis=(1, 2))
 
 
-def _excess(solution: NlpSolution, phase: str) -> tuple[list[str], np.ndarray]:
-    """By how much of its scale each limit is exceeded in each interval, (N, limits), and the limits' names."""
+def _passed(solution: NlpSolution, phase: str) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """How far the lower and the upper limits are passed in each interval, (N, limits) each, and their names."""
     layout = solution.transcription.layouts[phase]
     x, _, path = stage_values(solution, phase, PLACES)
     u = solution.phases[phase].everywhere(PLACES)[2]
-    names = [label for labels in layout.stage.path_labels for label in labels]
-    sizes, constraints = layout.stage.path_sizes, layout.phase.path
-    lower, upper, scale = (
-        np.concatenate([np.broadcast_to(np.asarray(getattr(c, side), float), (n,)) for c, n in zip(constraints, sizes, strict=True)])
-        if constraints else np.zeros(0)
-        for side in ("lower", "upper", "scale")
-    )  # fmt: skip
     bounded = (*layout.phase.states, *layout.phase.controls)
+    lower, upper, scale = (
+        np.concatenate([layout.stage.path_column(side), layout.phase.columns(bounded, side)])
+        for side in ("lower", "upper", "scale")
+    )
+    names = [label for labels in layout.stage.path_labels for label in labels]
     names += [name for variable in bounded for name in variable.component_names()]
     value = np.concatenate([path, x, u], axis=2)
-    lower = np.concatenate([lower, layout.phase.columns(bounded, "lower")])
-    upper = np.concatenate([upper, layout.phase.columns(bounded, "upper")])
-    scale = np.concatenate([scale, layout.phase.columns(bounded, "scale")])
-    over = np.maximum(np.maximum(value - upper, lower - value), 0.0) / scale
-    return names, over.max(axis=1)
+    below, above = (np.maximum(over, 0.0).max(axis=1) / scale for over in (lower - value, value - upper))
+    return below, above, tuple(names)

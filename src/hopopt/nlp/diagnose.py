@@ -11,7 +11,7 @@ FEASIBLE = 1e-6  # scaled violation below which a row counts as met
 def violations(solution: NlpSolution, most: int = 3) -> list[str]:
     """One sentence for each of the worst violated constraints: which, in which phase, when and by how much."""
     t, found = solution.transcription, []
-    over = np.maximum(np.maximum(t.lbg - solution.g, solution.g - t.ubg), 0.0)
+    over = np.maximum(np.maximum(solution.bounds.low_g - solution.g, solution.g - solution.bounds.high_g), 0.0)
     for rows in t.rows:
         block = over[rows.start : rows.stop].reshape(-1, len(rows.labels))
         for k, label in enumerate(rows.labels):

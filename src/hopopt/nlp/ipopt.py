@@ -24,6 +24,26 @@ OPTIONS = {
 }
 
 
+WARM = {  # for a solution of the same program within slightly other bounds
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.mu_init": 1e-8,
+    **{
+        f"ipopt.warm_start_{what}": 1e-6
+        for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+    },
+}
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Lower and upper bounds of the scaled variables, low_z and high_z, and of the rows, low_g and high_g."""
+
+    low_z: np.ndarray
+    high_z: np.ndarray
+    low_g: np.ndarray
+    high_g: np.ndarray
+
+
 @dataclass(frozen=True)
 class NlpSolution:
     """One solve: trajectories and parameters, the scaled NLP vectors and multipliers, Ipopt's own account."""
@@ -40,6 +60,7 @@ class NlpSolution:
     g: np.ndarray
     lam_g: np.ndarray
     lam_x: np.ndarray
+    bounds: Bounds
 
 
 class NlpSolver:
@@ -53,14 +74,21 @@ class NlpSolver:
     def __call__(self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None) -> NlpSolution:
         """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters."""
         t = self.transcription
-        low, high = t.bounds(guess)
-        z0, p = np.clip(t.pack(guess, parameters), low, high), t.parameter_values(parameters)
-        result = self.solver(x0=z0, p=p, lbx=low, ubx=high, lbg=t.lbg, ubg=t.ubg)
+        bounds = Bounds(*t.bounds(guess), t.lbg, t.ubg)
+        return self._solve(t.pack(guess, parameters), t.parameter_values(parameters), bounds, {})
+
+    def again(self, last: NlpSolution, bounds: Bounds) -> NlpSolution:
+        """Solve from the point and multipliers of an earlier solution of the same program, within other bounds."""
+        return self._solve(last.z, last.p, bounds, {"lam_x0": last.lam_x, "lam_g0": last.lam_g})
+
+    def _solve(self, z: np.ndarray, p: np.ndarray, b: Bounds, multipliers: Mapping[str, np.ndarray]) -> NlpSolution:
+        t, z0 = self.transcription, np.clip(z, b.low_z, b.high_z)
+        result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **multipliers)
         stats = self.solver.stats()
         z, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         phases, values = t.unpack(z, p)
         sign = -1.0 if t.problem.objective.maximize else 1.0
         return NlpSolution(
             t, phases, values, sign * float(result["f"]), str(stats["return_status"]), bool(stats["success"]),
-            int(stats["iter_count"]), z, p, g, lam_g, lam_x,
+            int(stats["iter_count"]), z, p, g, lam_g, lam_x, b,
         )  # fmt: skip

@@ -23,18 +23,21 @@ class Residuals:
 
 def residuals(solution: NlpSolution) -> Residuals:
     """The KKT residuals of a solve, relative to the size of its multipliers as Ipopt scales them."""
-    t = solution.transcription
-    nlp, (low, high) = t.nlp, t.bounds(t.guess_from(solution.phases))
-    lam = ca.MX.sym("lam", len(t.lbg))
+    nlp, b = solution.transcription.nlp, solution.bounds
+    lam = ca.MX.sym("lam", len(b.low_g))
     gradient = ca.gradient(nlp["f"] + ca.dot(lam, nlp["g"]), nlp["x"])
     evaluate = ca.Function("kkt", [nlp["x"], nlp["p"], lam], [gradient, nlp["g"]])
     slope, g = (np.array(r).ravel() for r in evaluate(solution.z, solution.p, solution.lam_g))
     size = max(1.0, float(np.mean(np.abs(np.concatenate([solution.lam_g, solution.lam_x])))))
-    movable = low < high
+    movable = b.low_z < b.high_z
     return Residuals(
         float(np.abs((slope + solution.lam_x)[movable]).max() / size),
-        max(_outside(g, t.lbg, t.ubg), _outside(solution.z, low, high)),
-        max(_slackness(g, t.lbg, t.ubg, solution.lam_g), _slackness(solution.z, low, high, solution.lam_x)) / size,
+        max(_outside(g, b.low_g, b.high_g), _outside(solution.z, b.low_z, b.high_z)),
+        max(
+            _slackness(g, b.low_g, b.high_g, solution.lam_g),
+            _slackness(solution.z, b.low_z, b.high_z, solution.lam_x),
+        )
+        / size,
     )
 
 

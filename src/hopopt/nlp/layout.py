@@ -28,6 +28,13 @@ class Stage:
         """Components of each path constraint."""
         return tuple(len(labels) for labels in self.path_labels)
 
+    def path_column(self, what: str) -> np.ndarray:
+        """``lower``, ``upper`` or ``scale`` of all components of the path constraints, stacked."""
+        sides = [np.asarray(getattr(c, what), dtype=float) for c in self.phase.path]
+        return np.concatenate(
+            [np.zeros(0), *(np.broadcast_to(*pair) for pair in zip(sides, self.path_sizes, strict=True))]
+        )
+
     @property
     def row_outputs(self) -> int:
         """Outputs that enter rows of the NLP: x' and path."""
@@ -85,32 +92,32 @@ class PhaseVariables:
 class PhaseLayout:
     """Where one phase's nodes lie, and where its right-hand sides are evaluated.
 
-    Points are the abscissae of every interval, and the left end of a ramp; path constraints hold at those that
-    are control abscissae too, as many as there are controls to meet them. State nodes, control nodes and points
-    are counted from the phase's beginning.
+    Points are the abscissae of every interval, interval by interval: an edge that two intervals collocate is two
+    points, for each has controls of its own, which may jump there. Path constraints hold at those points that are
+    control abscissae too, as many as there are controls to meet them. State nodes, control nodes and points are
+    counted from the phase's beginning.
     """
 
     def __init__(self, stage: Stage, scheme: Scheme, mesh: PhaseMesh):
         self.stage, self.scheme, self.mesh, self.phase = stage, scheme, mesh, stage.phase
-        N, n, steps, shared = mesh.intervals, len(scheme.c), scheme.steps, scheme.starts_at_node
-        ramps = np.zeros(N, dtype=bool) if shared else mesh.is_ramp  # Lobatto controls are continuous already
-        self.control_places = [np.array((0.0, 1.0) if ramp else scheme.control_c) for ramp in ramps]
-        starts_arc = np.concatenate([[True], np.diff(mesh.arc) > 0])
-        self.controls_of = _numbering([len(c) for c in self.control_places], shared, starts_arc)
-        self.point_of = np.array(_numbering([n] * N, shared, starts_arc))  # (N, n) point of each abscissa
-        first = np.unique(self.point_of, return_index=True)[1]
-        state_of = np.arange(N)[:, None] * steps + np.arange(n) + (0 if shared else 1)
-        at = np.flatnonzero(ramps)  # a ramp is evaluated at its left end too
-        self.interval = np.concatenate([first // n, at])
-        self.place = np.concatenate([np.array(scheme.c)[first % n], np.zeros(len(at))])
-        self.state_at = np.concatenate([state_of.ravel()[first], at * steps])
-        self.points, self.state_nodes = len(self.interval), N * steps + 1
-        self.control_nodes = int(self.controls_of[-1][-1]) + 1
-        on_control = np.isin(self.place, scheme.control_c)
-        self.constrained = np.where(ramps[self.interval], np.isin(self.place, (0.0, 1.0)), on_control)
+        N, n, steps = mesh.intervals, len(scheme.c), scheme.steps
+        self.points, self.state_nodes, self.control_nodes = N * n, N * steps + 1, N * len(scheme.control_c)
+        self.interval, self.place = np.repeat(np.arange(N), n), np.tile(scheme.c, N)
+        self.state_at = self.states_of[:, steps + 1 - n :].ravel()
+        self.constrained = np.isin(self.place, scheme.control_c)
         self.arc_at = mesh.arc[self.interval]
         # time since the phase began = duration of earlier arcs + share of its own: t = time_matrix @ durations
         self.time_matrix = self.times_of(self.interval, self.place)
+
+    @cached_property
+    def states_of(self) -> np.ndarray:
+        """State nodes of every interval, both ends included, (N, steps + 1)."""
+        return np.arange(self.mesh.intervals)[:, None] * self.scheme.steps + np.arange(self.scheme.steps + 1)
+
+    @cached_property
+    def controls_of(self) -> np.ndarray:
+        """Control nodes of every interval, (N, controls)."""
+        return np.arange(self.control_nodes).reshape(self.mesh.intervals, -1)
 
     def times_of(self, interval: np.ndarray, place: np.ndarray) -> np.ndarray:
         """Weights (k, arcs) that give times from arc durations."""
@@ -131,31 +138,22 @@ class PhaseLayout:
     @cached_property
     def control_place(self) -> tuple[np.ndarray, np.ndarray]:
         """Interval and place of every control node, (control_nodes,) each."""
-        first = np.unique(np.concatenate(self.controls_of), return_index=True)[1]
-        interval = np.repeat(np.arange(self.mesh.intervals), [len(c) for c in self.control_places])
-        return interval[first], np.concatenate(self.control_places)[first]
+        N, places = self.mesh.intervals, self.scheme.control_c
+        return np.repeat(np.arange(N), len(places)), np.tile(places, N)
 
     @cached_property
     def control_matrix(self) -> Matrix:
         """C with controls at the points = U C, shape (control_nodes, points)."""
-        weights = [lagrange(self.control_places[i], s)[0] for i, s in zip(self.interval, self.place, strict=True)]
-        rows = np.concatenate([self.controls_of[i] for i in self.interval])
-        cols = np.repeat(np.arange(self.points), [len(w) for w in weights])
-        return _sparse(np.concatenate(weights), rows, cols, (self.control_nodes, self.points))
+        weights = lagrange(self.scheme.control_c, np.array(self.scheme.c)).T
+        return _tidy(sparse.kron(sparse.identity(self.mesh.intervals), np.where(np.abs(weights) < 1e-14, 0, weights)))
 
     def defect_matrices(self) -> tuple[Matrix, Matrix]:
         """S and Q with defects = X S - (X' times arc duration) Q, one column for each new state node."""
-        N, n, steps = self.mesh.intervals, len(self.scheme.c), self.scheme.steps
-        column = np.arange(N * steps).reshape(N, steps)
-        flat, first = column.ravel(), np.repeat(np.arange(N) * steps, steps)
-        signs = np.concatenate([np.ones(N * steps), -np.ones(N * steps)])
-        S = _sparse(
-            signs, np.concatenate([flat + 1, first]), np.concatenate([flat, flat]), (self.state_nodes, N * steps)
-        )
-        weights = self.mesh.shares[:, None, None] * self.scheme.A[None]  # (N, steps, n)
-        rows = np.broadcast_to(self.point_of[:, None, :], (N, steps, n))
-        cols = np.broadcast_to(column[:, :, None], (N, steps, n))
-        return S, _sparse(weights, rows, cols, (self.points, N * steps))
+        steps, columns = self.scheme.steps, np.arange(self.state_nodes - 1)
+        first, shape = columns // steps * steps, (self.state_nodes, self.state_nodes - 1)
+        signs = np.repeat([1.0, -1.0], len(columns))
+        S = csc((signs, (np.concatenate([columns + 1, first]), np.tile(columns, 2))), shape)
+        return S, _tidy(sparse.kron(sparse.diags(self.mesh.shares), self.scheme.A.T))
 
     def gather(self, where: PhaseVariables, parameters: slice, width: int) -> Matrix:
         """Each point's (x, u, t, free parameters, T), stacked, from the NLP vector of ``width``."""
@@ -179,21 +177,11 @@ class PhaseLayout:
 
     def quadrature(self) -> np.ndarray:
         """Weight of each point in an integral, per duration of its arc, shape (points,)."""
-        weights = self.mesh.shares[:, None] * self.scheme.b
-        return np.bincount(self.point_of.ravel(), weights.ravel(), self.points)
+        return np.outer(self.mesh.shares, self.scheme.b).ravel()
 
 
-def _numbering(counts: Sequence[int], shared: bool, starts_arc: np.ndarray) -> list[np.ndarray]:
-    """Consecutive numbers for each interval; if ``shared``, neighbours in an arc share their common end."""
-    numbers, at = [], 0
-    for count, new_arc in zip(counts, starts_arc, strict=True):
-        at -= int(shared and not new_arc)
-        numbers.append(np.arange(at, at + count))
-        at += count
-    return numbers
-
-
-def _sparse(values: np.ndarray, rows: np.ndarray, cols: np.ndarray, shape: tuple[int, int]) -> Matrix:
-    matrix = csc((values.ravel(), (rows.ravel(), cols.ravel())), shape)
+def _tidy(matrix: Any) -> Matrix:
+    """By columns, without stored zeros."""
+    matrix = csc(matrix)
     matrix.eliminate_zeros()
     return matrix

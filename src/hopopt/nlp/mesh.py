@@ -9,17 +9,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class PhaseMesh:
-    """Interval edges as fractions of the phase, shape (N + 1,), 0 to 1, free interior edges, and ramps.
+    """Interval edges as fractions of the phase, shape (N + 1,), 0 to 1, and free interior edges.
 
     Between the free edges (by index) lie arcs. An arc's intervals keep their proportions; its duration is a
-    decision, so that a switch of the controls can fall exactly on an edge. In the intervals listed in ``ramps``
-    the controls are linear between the two ends, where the path constraints hold: a switch inside cannot
-    overshoot the limits.
+    decision, so that a switch of the controls can fall exactly on an edge.
     """
 
     edges: tuple[float, ...]
     free: tuple[int, ...] = ()
-    ramps: tuple[int, ...] = ()
 
     @property
     def intervals(self) -> int:
@@ -29,11 +26,6 @@ class PhaseMesh:
     def arc(self) -> np.ndarray:
         """Arc index of every interval, shape (N,)."""
         return np.searchsorted(np.array(self.free, dtype=int), np.arange(self.intervals), side="right")
-
-    @cached_property
-    def is_ramp(self) -> np.ndarray:
-        """Whether each interval is a ramp, shape (N,)."""
-        return np.isin(np.arange(self.intervals), self.ramps)
 
     @property
     def arcs(self) -> int:

@@ -1,65 +1,161 @@
-"""Mesh refinement: cut intervals whose error is too large; make ramps where the controls switch.
+"""Mesh refinement, then back-off: accurate states on a settled mesh, then limits that hold between the nodes too.
 
-A switch inside an interval cannot be represented by its polynomial: cutting brackets it ever closer, but the
-overshoot between the nodes stays. Once it is bracketed closely, the interval becomes a ramp: its controls are
-linear between its ends, where the limits hold, so that nothing is gained by overshooting.
+Intervals are cut where the states are not accurate, and where drawing in the limits would cost too much: the price
+of an interval with a switch in it falls with the square of its length. On the last mesh the limits are drawn in
+until they hold everywhere.
 """
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from hopopt.nlp.accuracy import IntervalErrors
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.accuracy import interval_errors
+from hopopt.nlp.backoff import PRICE, drawn_in, price, prices
+from hopopt.nlp.ipopt import WARM, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.transcribe import Transcription
 
-PARTS = 4  # into how many pieces a flagged interval is cut
-BRACKET = 1e-3  # of the phase: a flagged interval this short holds a switch
-ROOM = 2  # short intervals on either side of a switch that become ramps too: it may move a little
-FINEST = 1.5e-4  # of the phase: new ramps longer than this are cut at once (their excess goes with their length)
+MOST = 4  # pieces into which an interval is cut at once
+BUDGET = PRICE  # of the intervals' prices before anything is drawn in: an estimate from above
+ROUNDS = 10  # of drawing in the limits on one mesh
+Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 
 
 @dataclass(frozen=True)
+class Aims:
+    """Local error (scaled), relative change of the objective, excess over the limits; meshes, iterations at most."""
+
+    local_error: float
+    change: float
+    excess: float
+    meshes: int
+    iterations: int
+
+
+@dataclass(frozen=True)
+class MeshStep:
+    """One solve: intervals by phase, how often the limits were drawn in, objective, largest errors, effort."""
+
+    intervals: dict[str, int]
+    drawn_in: int
+    objective: float
+    local_error: float
+    excess: float
+    iterations: int
+    build_seconds: float
+    solve_seconds: float
+    seconds: float
+
+
 class Refinement:
-    """The next mesh; ``cut`` intervals were cut and ``ramps`` became ramps."""
+    """From a solution on a first mesh to an accurate one that keeps its limits: ``solution`` and ``history``."""
 
-    mesh: dict[str, PhaseMesh]
-    cut: int
-    ramps: int
+    def __init__(self, solution: NlpSolution, aims: Aims, report: Callable[[MeshStep], None] = lambda step: None):
+        self.aims, self.report, self.history = aims, report, list[MeshStep]()
+        self.clock = time.perf_counter()
+        self._accept(solution, 0, 0.0, 0.0)
+
+    def run(self) -> None:
+        """Refine until the aims are met, or no mesh is left, or one cannot be solved."""
+        for _ in range(self.aims.meshes):
+            parts = self._faults()
+            if not _any(parts):
+                parts = self._draw_in() if self.change <= self.aims.change else _all(parts)
+            if not _any(parts) or not self._solve_on({n: cut(self.solution, n, p) for n, p in parts.items()}):
+                return
+
+    @property
+    def change(self) -> float:
+        """Relative change of the objective with the last mesh, before its limits were drawn in; infinite after one."""
+        meshes = [step.objective for step in self.history if not step.drawn_in]
+        return relative(meshes[-1], meshes[-2]) if len(meshes) > 1 else float("inf")
+
+    def _faults(self) -> Parts:
+        """What is to be cut: inaccurate intervals, and the dearest until the rest is within the budget."""
+        price, budget = prices(self.solution, self.errors), BUDGET * abs(self.solution.objective)
+        total = np.sort(np.concatenate(list(price.values())))
+        dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
+        return {
+            name: np.where((e.local > self.aims.local_error) | (price[name] >= dear), MOST, 1)
+            for name, e in self.errors.items()
+        }
+
+    def _draw_in(self) -> Parts:
+        """Draw in the limits until they hold; what is to be cut if that fails."""
+        began, solver = time.perf_counter(), None
+        for k in range(ROUNDS):
+            if max(float(e.excess.max()) for e in self.errors.values()) <= self.aims.excess:
+                break
+            solver = solver or NlpSolver(self.solution.transcription, self._options(**WARM))
+            built = time.perf_counter()
+            solution = solver.again(self.solution, drawn_in(self.solution, self.errors, self.aims.excess))
+            if not solution.success or price(solution) > PRICE:
+                break
+            self._accept(solution, k + 1, built - began, time.perf_counter() - built)
+            began = time.perf_counter()
+        return {
+            name: np.where((e.excess > self.aims.excess) | (e.local > self.aims.local_error), MOST, 1)
+            for name, e in self.errors.items()
+        }
+
+    def _options(self, **more):
+        return {"ipopt.max_iter": self.aims.iterations, **more}
+
+    def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
+        """Solve on another mesh, with another barrier strategy if the first fails; whether it succeeded."""
+        began, old = time.perf_counter(), self.solution.transcription
+        t = Transcription(old.problem, old.scheme, mesh)
+        guess, free = t.guess_from(self.solution.phases), {q.name: self.solution.parameters[q.name] for q in t.free}
+        for strategy in ("adaptive", "monotone"):
+            solver = NlpSolver(t, self._options(**{"ipopt.mu_strategy": strategy}))
+            built = time.perf_counter()
+            solution = solver(guess, free)
+            if solution.success:
+                self._accept(solution, 0, built - began, time.perf_counter() - built)
+                return True
+        return False
+
+    def _accept(self, s: NlpSolution, drawn_in: int, build_seconds: float, solve_seconds: float) -> None:
+        self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}
+        sizes = {name: m.intervals for name, m in s.transcription.mesh.items()}
+        local, excess = (max(float(getattr(e, w).max()) for e in self.errors.values()) for w in ("local", "excess"))
+        now = time.perf_counter()
+        self.history.append(
+            MeshStep(
+                sizes,
+                drawn_in,
+                s.objective,
+                local,
+                excess,
+                s.iterations,
+                build_seconds,
+                solve_seconds,
+                now - self.clock,
+            )
+        )
+        self.clock = now
+        self.report(self.history[-1])
 
 
-def refine(solution: NlpSolution, errors: Mapping[str, IntervalErrors], tolerance: float, excess: float) -> Refinement:
-    """The next mesh: intervals with a local error above ``tolerance`` or an excess above ``excess`` change."""
-    meshes, cut, ramps = {}, 0, 0
-    for name, e in errors.items():
-        mesh = solution.transcription.mesh[name]
-        lengths = solution.phases[name].lengths
-        short = lengths < BRACKET * solution.phases[name].duration
-        over = e.excess > excess
-        near = np.convolve(over & short, np.ones(2 * ROOM + 1), mode="same") > 0.5
-        switch = near & short & ~mesh.is_ramp
-        flags = over | (e.local > tolerance) | (switch & (lengths > FINEST * solution.phases[name].duration))
-        parts = np.where(flags, PARTS, 1)
-        meshes[name] = _divide(solution, name, parts, mesh.is_ramp | switch)
-        cut, ramps = cut + int((parts > 1).sum()), ramps + int(switch.sum())
-    return Refinement(meshes, cut, ramps)
+def relative(a: float, b: float) -> float:
+    """|a - b| relative to |a|."""
+    return abs(a - b) / max(abs(a), 1e-9)
 
 
-def _divide(solution: NlpSolution, phase: str, parts: np.ndarray, ramps: np.ndarray) -> PhaseMesh:
-    """Every interval cut into its number of equal parts; the parts of a ramp are ramps."""
-    mesh, trajectory = solution.transcription.mesh[phase], solution.phases[phase]
+def cut(solution: NlpSolution, phase: str, parts: np.ndarray) -> PhaseMesh:
+    """Every interval of a phase cut into its number of equal parts."""
+    trajectory, first = solution.phases[phase], np.concatenate([[0], np.cumsum(parts)])
     t = trajectory.edges / trajectory.duration
     pieces = [t[k] + (t[k + 1] - t[k]) * np.arange(n) / n for k, n in enumerate(parts)]
-    first = np.concatenate([[0], np.cumsum(parts)])
-    ramps = np.repeat(ramps, parts)
-    free = tuple(int(first[k]) for k in mesh.free)
-    return PhaseMesh((*np.concatenate(pieces).tolist(), 1.0), free, tuple(int(k) for k in np.flatnonzero(ramps)))
+    free = tuple(int(first[k]) for k in solution.transcription.mesh[phase].free)
+    return PhaseMesh((*np.concatenate(pieces).tolist(), 1.0), free)
 
 
-def refine_everywhere(solution: NlpSolution) -> dict[str, PhaseMesh]:
-    """Every interval cut in two, ramps kept."""
-    return {
-        name: _divide(solution, name, np.where(mesh.is_ramp, 1, 2), mesh.is_ramp)
-        for name, mesh in solution.transcription.mesh.items()
-    }
+def _any(parts: Parts) -> bool:
+    return any((p > 1).any() for p in parts.values())
+
+
+def _all(parts: Parts) -> Parts:
+    return {name: np.full_like(p, 2) for name, p in parts.items()}

@@ -27,7 +27,7 @@ class Scheme:
 
     @property
     def starts_at_node(self) -> bool:
-        """Whether the left end of an interval is collocated too (Lobatto), so that its controls are shared."""
+        """Whether the left end of an interval is collocated too (Lobatto)."""
         return self.c[0] == 0.0
 
     @property

@@ -291,6 +291,7 @@ class Transcription:
         intervals = np.arange(layout.mesh.intervals)
         edges = np.append(layout.times_of(intervals, np.zeros(len(intervals))) @ durations, durations.sum())
         starts = X[intervals * self.scheme.steps]
+        by_interval = (len(intervals), len(self.scheme.c), -1)
         return PhaseTrajectory(
-            self.scheme, edges, starts, xdot[layout.point_of], controls[layout.point_of], layout.mesh.arc
+            self.scheme, edges, starts, xdot.reshape(by_interval), controls.reshape(by_interval), layout.mesh.arc
         )

@@ -16,16 +16,16 @@ DynamicsAt = Callable[[Instant], LegDynamics]
 
 
 def operating_region_constraint(leg: Leg, joint: str, motion: MotionAt) -> PathConstraint:
-    """a tau + b w <= 1 for every half-plane of the joint's admissible operating region (eq. con_tsat)."""
+    """-1 <= a tau + b w <= 1 for every pair of half-planes of the joint's operating region (eq. con_tsat)."""
     k = leg.joints.index(joint)
 
     def value(s: Instant) -> ca.SX:
         m = motion(s)
-        return ca.vertcat(*operating_region(leg, joint, s.p).use(m.v[BASE + k], m.tau[k]))
+        return ca.vertcat(*operating_region(leg, joint, s.p).use(m.v[BASE + k], m.tau[k])[::2])
 
-    planes = operating_region(leg, joint, physical_parameters(leg)).planes
-    labels = tuple(h.name for h in planes)
-    return PathConstraint(f"{joint} operating region", value, upper=1.0, scale=2.0, labels=labels)  # -1 to 1
+    planes = operating_region(leg, joint, physical_parameters(leg)).planes  # each followed by its mirror image
+    labels = tuple(h.name.removesuffix(", forward") for h in planes[::2])
+    return PathConstraint(f"{joint} operating region", value, -1.0, 1.0, scale=2.0, labels=labels)
 
 
 def unilateral_contact(motion: MotionAt, size: float, least: float) -> PathConstraint:

@@ -1,0 +1,119 @@
+"""Every starting point solved on the first mesh, side by side, and what they led to."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hopopt.errors import NotSolvedError
+from hopopt.leg.design import Design
+from hopopt.nlp.diagnose import violations
+from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.mesh import uniform
+from hopopt.nlp.schemes import scheme
+from hopopt.nlp.transcribe import Transcription
+from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.ocp.starts import Start, make_guess, starts
+
+Progress = Callable[[str], None]
+SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
+CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
+
+
+@dataclass(frozen=True)
+class StartOutcome:
+    """How one start ended on the first mesh: in words and figures, and the NLP's vectors (as in ``NlpSolution``)."""
+
+    name: str
+    status: str
+    success: bool
+    objective: float
+    iterations: int
+    seconds: float
+    vectors: dict[str, np.ndarray] = field(repr=False)
+
+
+def first_transcription(hop: Hop) -> Transcription:
+    """The program that every start is solved on."""
+    s = hop.design.solver
+    mesh = {STANCE: uniform(s.stance_intervals), FLIGHT: uniform(s.flight_intervals)}
+    return Transcription(hop.problem, scheme(s.scheme, s.degree), mesh)
+
+
+def run_starts(hop: Hop, count: int, processes: int, say: Progress) -> list[StartOutcome]:
+    """Solve every start on the first mesh, in chunks side by side; in the order of the starts."""
+    say(f"solving from {count} starting point{'s' if count > 1 else ''}")
+    processes = min(processes, count)
+    if processes == 1:
+        return _run_chunk(hop, range(count))
+    from joblib import Parallel, delayed
+
+    data, chunks = hop.design.model_dump(exclude_none=True), [range(k, count, processes) for k in range(processes)]
+    jobs = (delayed(_chunk_in_worker)(data, hop.objective.name, chunk) for chunk in chunks)
+    parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
+    return [parts[k % processes][k // processes] for k in range(count)]
+
+
+def _chunk_in_worker(data: dict[str, Any], objective: str, chunk: Sequence[int]) -> list[StartOutcome]:
+    return _run_chunk(Hop(Design.model_validate(data), objective), chunk)
+
+
+def _run_chunk(hop: Hop, chunk: Sequence[int]) -> list[StartOutcome]:
+    solver = NlpSolver(first_transcription(hop), {"ipopt.max_iter": hop.design.solver.max_iterations})
+    chosen = starts(max(chunk) + 1, hop.design.solver.seed)
+    return [_run_start(hop, solver, chosen[k]) for k in chunk]
+
+
+def _run_start(hop: Hop, solver: NlpSolver, start: Start) -> StartOutcome:
+    began = time.perf_counter()
+    s = solver(make_guess(hop, start))
+    seconds = time.perf_counter() - began
+    vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
+    return StartOutcome(start.name, s.status, s.success, s.objective, s.iterations, seconds, vectors)
+
+
+def solution_of(outcome: StartOutcome, t: Transcription) -> NlpSolution:
+    """The outcome as a solution of the first mesh's program."""
+    phases, values = t.unpack(outcome.vectors["z"], outcome.vectors["p"])
+    bounds = Bounds(*t.bounds(t.guess_from(phases)), t.lbg, t.ubg)
+    return NlpSolution(
+        t, phases, values, outcome.objective, outcome.status, outcome.success, outcome.iterations,
+        **outcome.vectors, bounds=bounds,
+    )  # fmt: skip
+
+
+def distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
+    """The best representative of each local optimum that was found, best first."""
+    found: list[StartOutcome] = []
+    for outcome in sorted((o for o in outcomes if o.success), key=lambda o: -o.objective):
+        if not any(same(outcome.objective, other.objective) for other in found):
+            found.append(outcome)
+    return found
+
+
+def contenders(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
+    """The distinct optima that may prove the best once refined."""
+    found = distinct(outcomes)
+    return [o for o in found if o.objective >= found[0].objective - CLOSE * abs(found[0].objective)]
+
+
+def same(a: float, b: float) -> bool:
+    """Whether two coarse objectives belong to the same local optimum."""
+    return abs(a - b) <= SAME * max(abs(a), abs(b), 1e-3)
+
+
+def not_solved(hop: Hop, outcomes: Sequence[StartOutcome]) -> NotSolvedError:
+    """What went wrong, from the start that came closest to meeting the constraints."""
+    transcription = first_transcription(hop)
+    closest = min((solution_of(o, transcription) for o in outcomes), key=_infeasibility)
+    statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
+    worst = violations(closest)
+    reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
+    advice = "Worst constraints:" if worst else "Try a larger solver.max_iterations or more starts."
+    return NotSolvedError(f"{hop.design.name}: {reason} ({statuses}). {advice}", worst)
+
+
+def _infeasibility(s: NlpSolution) -> float:
+    return float(np.maximum(0.0, np.maximum(s.bounds.low_g - s.g, s.g - s.bounds.high_g)).sum())

@@ -1,0 +1,108 @@
+"""Refinement and back-off against closed forms, and their bookkeeping."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hopopt.nlp.accuracy import interval_errors, stage_values
+from hopopt.nlp.backoff import PRICE, drawn_in, limit_nodes, price
+from hopopt.nlp.ipopt import WARM, NlpSolution, NlpSolver
+from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
+from hopopt.nlp.refine import Aims, Refinement, cut
+from hopopt.nlp.schemes import Scheme, radau
+from hopopt.nlp.transcribe import Guess, Transcription
+from hopopt.ocp.problem import Objective, Problem
+from known_problems import SCHEMES, Known, bryson_denham, moved
+
+each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
+ALLOWED = 1e-4
+
+
+def first(known: Known, method: Scheme, mesh: PhaseMesh) -> NlpSolution:
+    """The solution on one mesh of a problem of one phase, from its straight line."""
+    ((name, (duration, (start, end, u))),) = known.guess.items()
+    solver = NlpSolver(Transcription(known.problem, method, {name: mesh}))
+    solution = solver({name: Guess(duration, np.array([0.0, 1.0]), np.array([start, end]), np.array([[u], [u]]))})
+    assert solution.success
+    return solution
+
+
+def bang_bang() -> Known:
+    """From rest to rest in the shortest time with |u| <= 1.3: T = 2 sqrt(d / 1.3), one switch half-way."""
+    phase = moved((-1.3, 1.3), 0.7, (0.1, 10.0))
+    problem = Problem("time", (phase,), Objective("time", lambda e: e.duration["move"]))
+    return Known(problem, 2 * np.sqrt(0.7 / 1.3), {"move": (1.0, ([0, 0], [0.7, 0], 0.0))})
+
+
+@each_scheme
+@pytest.mark.parametrize("intervals", [7, 10])
+def test_bang_bang_is_neither_beaten_nor_missed(method: Scheme, intervals: int) -> None:
+    """The double integrator has no error: what keeps the limits cannot be faster, and gives away the price at most."""
+    known = bang_bang()
+    refinement = Refinement(first(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, 20, 300))
+    refinement.run()
+    end = refinement.history[-1]
+    assert end.excess <= ALLOWED
+    assert known.optimum * (1 - ALLOWED) <= end.objective <= known.optimum * (1 + 2 * PRICE)
+    assert price(refinement.solution) <= PRICE
+
+
+def test_unrefined_bang_bang_is_too_fast() -> None:
+    """What back-off is for: held at the nodes only, the control overshoots and gains by it."""
+    known = bang_bang()
+    assert first(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1])).objective < known.optimum * (1 - 1e-4)
+
+
+@pytest.mark.parametrize("method", [radau(2), radau(3)], ids=lambda s: s.name)
+def test_price_is_what_the_limits_cost(method: Scheme) -> None:
+    """In a convex problem the multipliers of the tightened one bound the gain of relaxing it, of the other the loss."""
+    known = bryson_denham(path=True)
+    before = first(known, method, uniform(10))
+    errors = {"move": interval_errors(before, "move")}
+    assert errors["move"].excess.max() > ALLOWED
+    after = NlpSolver(before.transcription, WARM).again(before, drawn_in(before, errors, ALLOWED))
+    assert after.success
+    assert interval_errors(after, "move").excess.max() < errors["move"].excess.max()
+    assert price(before) == 0.0
+    assert 0.0 < (after.objective - before.objective) / after.objective <= price(after) * (1 + 1e-6)
+
+
+@each_scheme
+def test_nodes_of_a_limit_hold_its_values(method: Scheme) -> None:
+    """The indices by which a limit is drawn in lead to the values whose excess was measured, in their order."""
+    s = first(bryson_denham(path=True), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
+    stacked = np.concatenate([s.z, s.g])
+    limits = interval_errors(s, "move").limits
+    assert limits == ("height", "x", "v", "u")
+    at_controls = stage_values(s, "move", np.array(method.control_c))
+    u = s.phases["move"].everywhere(np.array(method.control_c))[2]
+    nodes = np.array([0.0, *method.c][method.starts_at_node :])
+    x = s.phases["move"].everywhere(nodes)[1]
+    expected = [at_controls[2][..., 0] / 0.25, x[..., 0] / 0.5, x[..., 1], u[..., 0]]
+    for index, value in zip(limit_nodes(s.transcription, "move"), expected, strict=True):
+        np.testing.assert_allclose(stacked[index], value, atol=1e-9)
+
+
+def test_given_values_stay() -> None:
+    """Bounds that would cross, such as those of a given start, are left as they are."""
+    s = first(bryson_denham(), radau(3), uniform(6))
+    errors = interval_errors(s, "move")
+    everywhere = replace(errors, below=np.full_like(errors.below, 0.1), above=np.full_like(errors.above, 0.1))
+    drawn = drawn_in(s, {"move": everywhere}, ALLOWED)
+    assert np.all(drawn.low_z <= drawn.high_z)
+    assert np.all(drawn.low_g <= drawn.high_g)
+    given = s.bounds.low_z == s.bounds.high_z
+    assert given.sum() == 5  # both states at both ends, and the duration
+    np.testing.assert_array_equal(drawn.low_z[given], s.bounds.low_z[given])
+    finite = np.isfinite(s.bounds.high_z) & ~given
+    np.testing.assert_allclose(drawn.high_z[finite], s.bounds.high_z[finite] - 0.1)
+
+
+def test_cutting_keeps_the_edges_there_are() -> None:
+    s = first(bryson_denham(), radau(3), mesh_of_arcs([0, 0.4, 1], [2, 2]))
+    edges, parts = s.phases["move"].edges, np.array([1, 3, 1, 2])
+    mesh = cut(s, "move", parts)
+    assert mesh.intervals == parts.sum()
+    np.testing.assert_allclose(np.array(mesh.edges)[np.concatenate([[0], np.cumsum(parts)])], edges, atol=1e-12)
+    np.testing.assert_allclose(np.array(mesh.edges)[list(mesh.free)], edges[2:3])
