@@ -33,3 +33,11 @@ class NotSolvedError(HopoptError):
 
 class ResultError(UsageError):
     """A results folder that cannot be read."""
+
+
+class MissingExtraError(UsageError):
+    """A part of hopopt that needs a library of an optional extra, which is not installed."""
+
+    def __init__(self, library: str, extra: str):
+        self.library, self.extra = library, extra
+        super().__init__(f"{library} is not installed: pip install 'hopopt[{extra}]'")

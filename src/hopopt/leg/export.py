@@ -98,7 +98,7 @@ def _limits(robot: Robot, name: str) -> dict[str, str]:
 def to_mjcf(robot: Robot) -> str:
     """The leg as MJCF above a floor that the foot, a site and a contact point, can touch.
 
-    A motor takes its joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left
+    The equality constraint "stance", inactive at first, pins the foot to the origin: the ideal ground. A motor takes its joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left
     to the controller. Joint limits are stops. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be
     at the joint.)
     """
@@ -107,6 +107,7 @@ def to_mjcf(robot: Robot) -> str:
     ET.SubElement(root, "option", gravity=_text(robot.model.gravity.linear))
     world = ET.SubElement(root, "worldbody")
     ET.SubElement(world, "geom", name="floor", type="plane", size="0 0 1", pos=_text((0, 0, -FOOT_RADIUS)))
+    ET.SubElement(world, "site", name="foothold")
     body = ET.SubElement(world, "body", name="body")
     for name, axis in zip(GUIDES, axes, strict=False):
         ET.SubElement(body, "joint", name=name, type="slide", axis=_text(axis))
@@ -122,6 +123,8 @@ def to_mjcf(robot: Robot) -> str:
         ET.SubElement(body, "geom", type="capsule", fromto=line, size=repr(DRAWN), contype="0", conaffinity="0")
     ET.SubElement(body, "site", name="foot", pos=_text(foot))
     ET.SubElement(body, "geom", name="foot", type="sphere", size=repr(FOOT_RADIUS), pos=_text(foot))
+    equality = ET.SubElement(root, "equality")
+    ET.SubElement(equality, "connect", name="stance", site1="foot", site2="foothold", active="false")
     actuators = ET.SubElement(root, "actuator")
     for name in robot.joints:
         effort = effort_limit(operating_region(robot.leg, name, robot.parameters))

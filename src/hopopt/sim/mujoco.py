@@ -1,0 +1,171 @@
+"""The leg in MuJoCo: a third party's dynamics, contact and integrator, to check a plan or a controller against.
+
+The ground is the planner's ideal one: in stance the foot is pinned (an equality constraint, as stiff as the time step
+allows), and the ground can only push: the pin lets go for good once it would have to pull. Friction contact would be
+another problem: a plan for the ideal ground may hold the foot along the ground where it carries no load. Joint limits
+are not enforced here: a plan has to keep them by itself.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Protocol
+
+import numpy as np
+
+from hopopt.errors import HopoptError, MissingExtraError, UsageError
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.export import to_mjcf
+from hopopt.leg.robot import BASE, Robot
+
+Controller = Callable[[float, np.ndarray, np.ndarray, bool], np.ndarray]  # (t, q, v, contact) -> tau (n) [N m]
+GRIP = 0.02  # of the weight: what the pin may pull before it lets go; a plan without load is at zero give or take
+SETTLING = 8  # time steps: time constant of the pin. MuJoCo's least, 2, disturbs the contact force by 5e-4, 8 by 2e-6
+PLACED = 1e-6  # m: how far from the origin a foot may be that is to stand there
+SENSELESS = 1e3  # rad/s or m/s: beyond this the motion has run away
+IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # MuJoCo's hardest constraint
+PLANE = [0, 2]  # x and z of a world vector
+
+
+@dataclass(frozen=True)
+class MujocoTrace:
+    """A run at k control instants: t (k,) [s]; q, v (k, 2 + n); tau (k, n) [N m], held until the next instant; contact
+    force f (k, 2) [N]; contact (k,); foot (k, 2) [m]; lowest (k,): height of the leg's lowest point [m]."""
+
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    tau: np.ndarray
+    f: np.ndarray
+    contact: np.ndarray
+    foot: np.ndarray
+    lowest: np.ndarray
+
+    @property
+    def lift_off(self) -> float | None:
+        """First instant at which the foot is free [s]; None if it never is."""
+        return None if self.contact.all() else float(self.t[np.argmin(self.contact)])
+
+
+def simulate(
+    robot: Robot,
+    q0: np.ndarray,
+    v0: np.ndarray,
+    controller: Controller,
+    duration: float,
+    *,
+    time_step: float = 5e-5,
+    control_period: float = 1e-4,
+    contact: bool = True,
+) -> MujocoTrace:
+    """Run a controller on the leg in MuJoCo, from q0, v0 (2 + n), for ``duration`` [s].
+
+    controller(t, q, v, contact) is called every ``control_period`` [s] and its torques (n) [N m] are held; they are
+    not clamped here. A whole number of Runge-Kutta steps of about ``time_step`` [s] fits into each period. With
+    ``contact`` the run begins in stance, the foot at the origin; else in flight. There is no touchdown. Raises
+    MissingExtraError without MuJoCo, UsageError for a foot that is elsewhere, HopoptError if the motion runs away.
+    """
+    steps = max(1, round(control_period / time_step))
+    scene = _Scene(robot, control_period / steps)
+    scene.begin(q0, v0, contact)
+    rows = []
+    for k in range(round(duration / control_period) + 1):
+        if k > 0:
+            scene.advance(steps)
+        rows.append(scene.instant(k * control_period, controller))
+    return MujocoTrace(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+class Plan(Protocol):
+    """What of a solution a replay needs; hopopt.Solution is one."""
+
+    @property
+    def duration(self) -> float: ...
+    def sample(self, t: Any) -> Any:
+        """q, v (k, 2 + n), tau (k, n) at times t (k,) [s]."""
+        ...
+
+
+def replay(
+    robot: Robot,
+    plan: Plan,
+    *,
+    stiffness: float = 2000.0,
+    damping: float = 40.0,
+    time_step: float = 5e-5,
+    control_period: float = 1e-4,
+) -> MujocoTrace:
+    """Play a plan's torques on the leg in MuJoCo, from the plan's start to its apex: replay(s.robot, s).
+
+    A hop is an inverted pendulum, on which open-loop errors grow, so tau = tau_plan + stiffness [N m/rad] (q_plan - q) +
+    damping [N m s/rad] (v_plan - v) at the joints, clamped to their operating regions; tau_plan is the plan's mean over
+    the period. The last instant is the apex to within a period; MujocoTrace.lowest there is the clearance.
+    """
+    instants = np.arange(round(plan.duration / control_period) + 1) * control_period
+    reference, feedforward = plan.sample(instants), _means(plan, instants, control_period)
+    regions = [operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints]
+
+    def controller(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
+        k = round(t / control_period)
+        tau = feedforward[k] + stiffness * (reference.q[k] - q)[BASE:] + damping * (reference.v[k] - v)[BASE:]
+        return np.array([r.clamp(w, wanted) for r, w, wanted in zip(regions, v[BASE:], tau, strict=True)])
+
+    q0, v0, duration = reference.q[0], reference.v[0], float(instants[-1])
+    return simulate(robot, q0, v0, controller, duration, time_step=time_step, control_period=control_period)
+
+
+def _means(plan: Plan, instants: np.ndarray, period: float, places: int = 8) -> np.ndarray:
+    """Mean torque of the plan over the period after each instant (k, n): switches lie anywhere."""
+    times = instants[:, None] + (np.arange(places) + 0.5) / places * period
+    return plan.sample(times.ravel()).tau.reshape(len(instants), places, -1).mean(axis=1)
+
+
+class _Scene:
+    """MuJoCo's model and data of the leg, from the exported file."""
+
+    def __init__(self, robot: Robot, time_step: float):
+        self.mj = _library()
+        self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot))
+        self.data = self.mj.MjData(self.model)
+        option, disable = self.model.opt, self.mj.mjtDisableBit
+        option.timestep, option.integrator = time_step, int(self.mj.mjtIntegrator.mjINT_RK4)
+        option.tolerance = 1e-14  # of the constraint solver: rounding
+        option.disableflags |= int(disable.mjDSBL_LIMIT) | int(disable.mjDSBL_CONTACT) | int(disable.mjDSBL_AUTORESET)
+        self.model.eq_solref[0] = SETTLING * time_step, 1.0  # critically damped
+        self.model.eq_solimp[0] = IMPEDANCE
+        self.grip = GRIP * float(np.linalg.norm(option.gravity)) * float(self.model.body_mass.sum())
+
+    def begin(self, q: np.ndarray, v: np.ndarray, contact: bool) -> None:
+        self.data.qpos[:], self.data.qvel[:], self.data.eq_active[0] = q, v, contact
+        self.mj.mj_forward(self.model, self.data)
+        if contact and np.abs(self._foot()).max() > PLACED:
+            x, z = self._foot()
+            raise UsageError(f"stance begins with the foot at the origin, not at x = {x:.6g} m, z = {z:.6g} m")
+
+    def instant(self, t: float, controller: Controller) -> tuple[Any, ...]:
+        """Ask the controller, let go of the foot if the ground would pull; a row of the trace."""
+        q, v, contact = self.data.qpos.copy(), self.data.qvel.copy(), bool(self.data.eq_active[0])
+        if not np.abs(v).max() < SENSELESS:
+            raise HopoptError(f"the motion ran away at {t:.4f} s: the controller is unstable, or its period too long")
+        tau = np.array(controller(t, q, v, contact), dtype=float)
+        self.data.qfrc_applied[BASE:] = tau
+        self.mj.mj_forward(self.model, self.data)
+        f = self.data.efc_force[PLANE].copy() if contact else np.zeros(BASE)  # the pin is the only constraint
+        if contact and f[1] < -self.grip:
+            self.data.eq_active[0], contact, f = False, False, np.zeros(BASE)
+        foot = self._foot()
+        return t, q, v, tau, f, contact, foot, min(foot[1], self.data.xanchor[BASE:, 2].min())
+
+    def advance(self, steps: int) -> None:
+        self.mj.mj_step(self.model, self.data, steps)
+
+    def _foot(self) -> np.ndarray:
+        return self.data.site("foot").xpos[PLANE].copy()
+
+
+def _library() -> Any:
+    """MuJoCo, which is compiled and without type information; imported when needed, as it is optional."""
+    try:
+        return import_module("mujoco")
+    except ModuleNotFoundError:
+        raise MissingExtraError("MuJoCo", "mujoco") from None
