@@ -62,8 +62,8 @@ def simulate(
 
     controller(t, q, v, contact) is called every ``control_period`` [s] and its torques (n) [N m] are held; they are
     not clamped here. A whole number of Runge-Kutta steps of about ``time_step`` [s] fits into each period. With
-    ``contact`` the run begins in stance, the foot at the origin; else in flight. There is no touchdown. Raises
-    MissingExtraError without MuJoCo, UsageError for a foot that is elsewhere, HopoptError if the motion runs away.
+    ``contact`` the run begins in stance, the foot at the origin; else in flight. It ends early where the foot comes down.
+    Raises MissingExtraError without MuJoCo, UsageError for a foot that is elsewhere, HopoptError if the motion runs away.
     """
     steps = max(1, round(control_period / time_step))
     scene = _Scene(robot, control_period / steps)
@@ -73,6 +73,9 @@ def simulate(
         if k > 0:
             scene.advance(steps)
         rows.append(scene.instant(k * control_period, controller))
+        *_, contact, foot, _ = rows[-1]
+        if not contact and foot[1] < -PLACED:
+            break
     return MujocoTrace(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -99,7 +102,8 @@ def replay(
 
     A hop is an inverted pendulum, on which open-loop errors grow, so tau = tau_plan + stiffness [N m/rad] (q_plan - q) +
     damping [N m s/rad] (v_plan - v) at the joints, clamped to their operating regions; tau_plan is the plan's mean over
-    the period. The last instant is the apex to within a period; MujocoTrace.lowest there is the clearance.
+    the period. The last instant is the apex to within a period, and
+    ``lowest`` there the clearance, unless the foot came down before.
     """
     instants = np.arange(round(plan.duration / control_period) + 1) * control_period
     reference, feedforward = plan.sample(instants), _means(plan, instants, control_period)
