@@ -56,10 +56,10 @@ def prepare(results: Path) -> None:
         if new:
             results.rmdir()  # nothing is left behind if nothing is solved
     except OSError as error:
-        raise ResultError(f"{results}: results cannot be written ({_reason(error)}): choose another folder") from error
+        raise ResultError(f"{results}: results cannot be written ({reason_of(error)}): choose another folder") from error
 
 
-def _reason(error: BaseException) -> str:
+def reason_of(error: BaseException) -> str:
     """Why something failed, on one line of at most 200 characters."""
     words = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return printable(" ".join((words or type(error).__name__).split()))[:200]
@@ -83,7 +83,7 @@ def save(solution: Solution, results: Path, figures: Figures | None = None) -> S
     try:
         saved = _save_data(solution, results)
     except OSError as error:
-        words = f"the result cannot be written ({_reason(error)}){_rescued(solution)}"
+        words = f"the result cannot be written ({reason_of(error)}){_rescued(solution)}"
         raise ResultError(f"{results}: {words}") from error
     return saved if figures is None else _with_figures(saved, figures)
 
@@ -91,13 +91,13 @@ def save(solution: Solution, results: Path, figures: Figures | None = None) -> S
 def _save_data(solution: Solution, results: Path) -> Solution:
     results.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
-    target = _unused(results / folder_name(solution.design, solution.objective))
+    target = unused(results / folder_name(solution.design, solution.objective))
     solution = _placed(solution, target)
     try:
         (work / "solution.nc").write_bytes(_netcdf(solution))
         (work / "problem.toml").write_text(resolved_toml(solution.design), encoding="utf-8")
-        _write_json(solution.summary, work / "summary.json")
-        _write_json(_manifest(solution), work / "manifest.json")
+        write_json(solution.summary, work / "summary.json")
+        write_json(_manifest(solution), work / "manifest.json")
         os.chmod(work, 0o755)  # mkdtemp makes it private
         return _publish(solution, work, target)
     except BaseException:
@@ -120,7 +120,7 @@ def _placed(solution: Solution, target: Path) -> Solution:
     return replace(solution, result_dir=target, summary={**solution.summary, "result_dir": str(target)})
 
 
-def _write_json(data: Mapping[str, Any], path: Path) -> None:
+def write_json(data: Mapping[str, Any], path: Path) -> None:
     path.write_text(json.dumps(_finite(data), indent=2) + "\n", encoding="utf-8")
 
 
@@ -133,11 +133,11 @@ def _with_figures(solution: Solution, figures: Figures) -> Solution:
         figures(solution, folder / "figures")
         return solution
     except (Exception, KeyboardInterrupt) as error:  # the data are what took the time: nothing here may lose them
-        note = f"figures are missing ({_reason(error)}); the data in {folder} are complete"
+        note = f"figures are missing ({reason_of(error)}); the data in {folder} are complete"
     logging.getLogger(__name__).warning(note)
     solution = replace(solution, summary={**solution.summary, "notes": [*solution.summary.get("notes", ()), note]})
     with suppress(OSError):
-        _write_json(solution.summary, folder / ".summary.json")
+        write_json(solution.summary, folder / ".summary.json")
         (folder / ".summary.json").replace(folder / "summary.json")
     return solution
 
@@ -151,12 +151,12 @@ def _publish(solution: Solution, work: Path, target: Path) -> Solution:
         except OSError:
             if not target.exists():
                 raise
-            target = _unused(target)
+            target = unused(target)
             solution = _placed(solution, target)
-            _write_json(solution.summary, work / "summary.json")
+            write_json(solution.summary, work / "summary.json")
 
 
-def _unused(folder: Path) -> Path:
+def unused(folder: Path) -> Path:
     """The folder, or the first of folder-2, folder-3, … that does not exist."""
     candidate, number = folder, 2
     while candidate.exists():
@@ -216,7 +216,7 @@ def read(folder: str | Path) -> Solution:
         objective = str(tree.attrs["objective"])
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         missing = "an entry is missing: " if isinstance(error, KeyError) else ""
-        raise ResultError(f"{folder}: the result cannot be read ({missing}{_reason(error)})") from error
+        raise ResultError(f"{folder}: the result cannot be read ({missing}{reason_of(error)})") from error
     solution = Solution(design, objective, phases, summary, kkt, folder)
     solution.__dict__["tables"] = tables
     return solution

@@ -1,0 +1,204 @@
+"""The optimum beside what controllers make of it: how near they come to the bound, and what is missing.
+
+The bound is the verified optimum of the problem. ``track`` follows a second optimum that holds something back
+from every limit (the problem's [reserve]), because on the limits themselves feedback has no room.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hopopt.closed_loop import Run, simulate
+from hopopt.control.reference import PlanReference
+from hopopt.control.strategies import BUILT_IN, Strategy, find
+from hopopt.errors import UsageError
+from hopopt.leg.design import Design
+from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.sim.hop_figures import HopFigures
+from hopopt.sim.trace import Event, Trace
+from hopopt.solution import Solution
+from hopopt.verify import PLACES
+
+BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
+OPTIMUM = "optimum"
+PAPER = {  # the paper's printed figures: simulation, experiment
+    "force": {"foot_height_m": (0.44, 0.38), "knee_saturation": (1.0, 1.0)},
+    "position": {"foot_height_m": (0.32, 0.24), "knee_saturation": (0.5, 0.7)},
+}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The bound, the runs of every strategy by name, and the plan that ``track`` followed."""
+
+    solution: Solution
+    plan: Solution | None
+    runs: Mapping[str, Run]
+
+    @cached_property
+    def figures(self) -> dict[str, HopFigures]:
+        """The figures of every row by name, the optimum first."""
+        optimum = HopFigures(self.solution.design, planned_trace(self.solution))
+        return {OPTIMUM: optimum, **{name: run.figures for name, run in self.runs.items()}}
+
+    @property
+    def bound(self) -> float:
+        """The verified optimum's clearance [m]."""
+        return self.solution.clearance
+
+    @property
+    def beaten_by(self) -> list[str]:
+        """Strategies that keep every limit and yet pass the bound: then the bound is wrong."""
+        return [
+            name
+            for name, f in self.figures.items()
+            if name != OPTIMUM and not f.limits_exceeded and f.clearance > self.bound + BEATEN
+        ]
+
+    @property
+    def exit_code(self) -> int:
+        """0 if the bound is verified and holds, else 3."""
+        return 0 if self.solution.verified and not self.beaten_by else 3
+
+    def gap(self, name: str) -> dict[str, float]:
+        """What a strategy misses of the bound [m], as push, timing and retraction; they sum to the gap."""
+        best, own = self.figures[OPTIMUM].budget, self.figures[name].budget
+        return {part: best[part] - own[part] for part in best}
+
+    def row(self, name: str) -> dict[str, Any]:
+        """Everything known of one strategy, for ``--json``."""
+        f = self.figures[name]
+        row: dict[str, Any] = {"meaning": "the verified optimum" if name == OPTIMUM else self.runs[name].strategy.meaning}
+        row |= f.as_dict()
+        row |= {"share_of_bound": f.clearance / self.bound, "gap": self.gap(name)}
+        if name in PAPER:
+            row["paper"] = {key: list(values) for key, values in PAPER[name].items()}
+        return row
+
+    def as_dict(self) -> dict[str, Any]:
+        """One object with the bound and every strategy."""
+        return {
+            "problem": self.solution.design.name,
+            "objective": self.solution.objective,
+            "bound_m": self.bound if self.solution.verified else None,
+            "verified": self.solution.verified,
+            "exit_code": self.exit_code,
+            "beaten_by": self.beaten_by,
+            "tracked_plan_m": self.plan.clearance if self.plan else None,
+            "strategies": {name: self.row(name) for name in self.figures},
+        }
+
+
+def compare(
+    design: Design,
+    strategies: Sequence[str] = tuple(BUILT_IN),
+    *,
+    bound: Solution | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Comparison:
+    """Solve for the bound (or take one that was solved), simulate every strategy, and set them side by side.
+
+    Raises UsageError for unknown strategies and for a bound of another problem, NotSolvedError if there is none.
+    """
+    from hopopt.planner import solve
+
+    say, chosen = progress or (lambda text: None), [find(name) for name in strategies]
+    if bound is not None and bound.objective != "clearance":
+        raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
+    solution = bound or solve(design, progress=say)
+    plan = plan_to_track(design, solution, say) if any(s.needs_plan for s in chosen) else None
+    reference = None if plan is None else reference_of(plan)
+    runs = {}
+    for strategy in chosen:
+        say(f"simulating {strategy.name}")
+        runs[strategy.name] = simulate(design, strategy, plan=reference)
+    return Comparison(solution, plan, runs)
+
+
+def plan_to_track(design: Design, solution: Solution, say: Callable[[str], None]) -> Solution:
+    """The optimum that keeps the problem's reserve from every limit."""
+    from hopopt.planner import solve
+
+    say("planning with a reserve")
+    return solve(reserved(design), starts=2, progress=say)
+
+
+def reference_of(plan: Solution) -> PlanReference:
+    """A plan as a controller follows it."""
+    return PlanReference.from_tables(PLACES, plan.tables, plan.clearance)
+
+
+def reserved(design: Design) -> Design:
+    """The problem with its [reserve] taken off every limit, as far as the start itself allows."""
+    from hopopt.leg.kinematics import start_angles
+
+    r, data = design.reserve, design.model_dump(exclude_none=True)
+    data["contact"]["least_force"] += r.ground_force
+    data["hop"]["least_height"] += r.height
+    for name, angle in zip(design.leg.joints, start_angles(design), strict=True):
+        joint = data["leg"][name]
+        joint["lower"] = max(joint["lower"], min(joint["lower"] + r.angle, float(angle) - 1e-6))
+        joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
+        _less_torque(joint, 1 - r.torque)
+    _less_torque(data["leg"], 1 - r.torque)
+    data["solver"] |= {"max_refinements": min(design.solver.max_refinements, 3)}
+    return Design.model_validate(data)
+
+
+def _less_torque(table: dict[str, Any], share: float) -> None:
+    for part, key in (("motor", "max_torque"), ("motor", "torque_cap"), ("gear", "torque_cap")):
+        if key in table.get(part, {}):
+            table[part][key] *= share
+
+
+def planned_trace(solution: Solution) -> Trace:
+    """The optimum as if it had been simulated: samples of its own interpolant, inside every interval."""
+    inside = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    parts = [solution.everywhere(phase, inside) for phase in (STANCE, FLIGHT)]
+    t, q, v, tau, f = (np.concatenate([getattr(p, name) for p in parts]) for name in ("t", "q", "v", "tau", "f"))
+    contact = np.concatenate([np.full(len(p.t), p.phase[0] == STANCE) for p in parts])
+    power = np.sum(tau * v[:, -tau.shape[1] :], axis=1)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(t))])
+    works = np.stack([work, np.zeros_like(work), np.zeros_like(work)], axis=1)
+    events = (Event("lift-off", solution.lift_off, 0.0),)
+    return Trace(solution.robot, t, q, v, tau, tau, tau, f, contact, works, events, "the clearance is reached")
+
+
+def mismatched(design: Design, draws: int, seed: int, mass: float, torque: float) -> list[tuple[Design, np.ndarray]]:
+    """Seeded draws of a true leg: every mass within +- ``mass`` (share), every motor's torque constant within
+    +- ``torque`` (share) of what the controller believes, uniformly; (leg, torque gain (n)) each."""
+    rng, found = np.random.default_rng(seed), []
+    for _ in range(draws):
+        data = design.model_dump(exclude_none=True)
+        for name in ("body", *design.leg.links):
+            data["leg"][name]["mass"] *= 1 + mass * rng.uniform(-1, 1)
+        found.append((Design.model_validate(data), 1 + torque * rng.uniform(-1, 1, len(design.leg.joints))))
+    return found
+
+
+def robustness(
+    comparison: Comparison, strategy: Strategy, draws: list[tuple[Design, np.ndarray]], processes: int
+) -> np.ndarray:
+    """Clearances [m] of a strategy on every drawn leg, (draws,), side by side on the cores."""
+    from joblib import Parallel, delayed
+
+    design = comparison.solution.design
+    reference = None if comparison.plan is None else reference_of(comparison.plan)
+    data, chunks = design.model_dump(exclude_none=True), [draws[k::processes] for k in range(processes)]
+    jobs = (delayed(_clearances)(data, strategy.name, reference, chunk) for chunk in chunks)
+    parts: Any = Parallel(n_jobs=processes, backend="loky")(jobs)
+    found = np.empty(len(draws))
+    for k, part in enumerate(parts):
+        found[k::processes] = part
+    return found
+
+
+def _clearances(
+    data: dict[str, Any], name: str, reference: PlanReference | None, draws: list[tuple[Design, np.ndarray]]
+) -> list[float]:
+    design, strategy = Design.model_validate(data), find(name)
+    runs = (simulate(design, strategy, plan=reference, plant=leg, torque_gain=gain) for leg, gain in draws)
+    return [run.figures.clearance for run in runs]
