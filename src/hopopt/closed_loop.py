@@ -16,6 +16,7 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_figures import HopFigures
+from hopopt.sim.measurement import Controller
 from hopopt.sim.plant import Plant, Timing
 from hopopt.sim.trace import Trace
 
@@ -42,6 +43,13 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
     return Plant(robot, Drive(regions, Gear(s.gear_efficiency, s.gear_friction, s.gear_damping), torque_gain))
 
 
+def make_controller(
+    design: Design, strategy: Strategy, plan: PlanReference | None = None, options: Mapping[str, Any] | None = None
+) -> Controller:
+    """A fresh controller of a strategy for a problem."""
+    return strategy.controller(Setting(design, 1 / design.simulation.control_rate, plan, options or {}))
+
+
 def simulate(
     design: Design,
     strategy: Strategy,
@@ -51,16 +59,16 @@ def simulate(
     torque_gain: np.ndarray | None = None,
     hops: int = 1,
     options: Mapping[str, Any] | None = None,
+    controller: Controller | None = None,
 ) -> Run:
     """Hop a leg with a strategy, ``hops`` times, from the problem's start.
 
     plan is what ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
-    options are settings of the strategy. Raises UsageError if the strategy cannot be made.
+    options are settings of the strategy, unless a fresh controller is given. Raises UsageError if the strategy
+    cannot be made.
     """
     period, truth = 1 / design.simulation.control_rate, plant or design
-    setting = Setting(design, period, plan, options or {})
-    controller = strategy.controller(setting)
-    s = truth.simulation
+    controller, s = controller or make_controller(design, strategy, plan, options), truth.simulation
     trace = make_plant(truth, torque_gain).run(
         start_angles(design),
         controller,

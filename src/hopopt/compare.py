@@ -5,13 +5,14 @@ from every limit (the problem's [reserve]), because on the limits themselves fee
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from hopopt.closed_loop import Run, simulate
+from hopopt.closed_loop import Run, make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.errors import UsageError
@@ -71,7 +72,9 @@ class Comparison:
     def row(self, name: str) -> dict[str, Any]:
         """Everything known of one strategy, for ``--json``."""
         f = self.figures[name]
-        row: dict[str, Any] = {"meaning": "the verified optimum" if name == OPTIMUM else self.runs[name].strategy.meaning}
+        row: dict[str, Any] = {
+            "meaning": "the verified optimum" if name == OPTIMUM else self.runs[name].strategy.meaning
+        }
         row |= f.as_dict()
         row |= {"share_of_bound": f.clearance / self.bound, "gap": self.gap(name)}
         if name in PAPER:
@@ -160,11 +163,19 @@ def planned_trace(solution: Solution) -> Trace:
     parts = [solution.everywhere(phase, inside) for phase in (STANCE, FLIGHT)]
     t, q, v, tau, f = (np.concatenate([getattr(p, name) for p in parts]) for name in ("t", "q", "v", "tau", "f"))
     contact = np.concatenate([np.full(len(p.t), p.phase[0] == STANCE) for p in parts])
-    power = np.sum(tau * v[:, -tau.shape[1] :], axis=1)
-    work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(t))])
+    power = np.sum(tau * v[:, -tau.shape[1] :], axis=1).reshape(-1, len(inside))
+    spans = np.ptp(t.reshape(power.shape), axis=1)[:, None]
+    each = spans * (power @ integrals_to(inside).T)  # since each interval began
+    work = (each + np.concatenate([[0.0], np.cumsum(each[:-1, -1])])[:, None]).ravel()
     works = np.stack([work, np.zeros_like(work), np.zeros_like(work)], axis=1)
     events = (Event("lift-off", solution.lift_off, 0.0),)
     return Trace(solution.robot, t, q, v, tau, tau, tau, f, contact, works, events, "the clearance is reached")
+
+
+def integrals_to(places: np.ndarray) -> np.ndarray:
+    """W with W @ values = integrals from 0 to each place of the polynomial through the values, (k, k)."""
+    powers = np.arange(1, len(places) + 1)
+    return (places[:, None] ** powers / powers) @ np.linalg.inv(np.vander(places, increasing=True))
 
 
 def mismatched(design: Design, draws: int, seed: int, mass: float, torque: float) -> list[tuple[Design, np.ndarray]]:
@@ -200,5 +211,6 @@ def _clearances(
     data: dict[str, Any], name: str, reference: PlanReference | None, draws: list[tuple[Design, np.ndarray]]
 ) -> list[float]:
     design, strategy = Design.model_validate(data), find(name)
-    runs = (simulate(design, strategy, plan=reference, plant=leg, torque_gain=gain) for leg, gain in draws)
+    fresh = make_controller(design, strategy, reference)  # its gains take longer than a hop
+    runs = (simulate(design, strategy, plant=leg, torque_gain=gain, controller=copy(fresh)) for leg, gain in draws)
     return [run.figures.clearance for run in runs]

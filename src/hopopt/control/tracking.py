@@ -7,7 +7,7 @@ Optimal Control, chapters 3 and 8): a Riccati recursion backwards over the contr
 forwards the Kalman filter that makes joint speeds from coarse encoders, both on the dynamics linearised there.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -20,6 +20,7 @@ from hopopt.leg.robot import BASE
 from hopopt.sim.machine import Machine
 from hopopt.sim.measurement import Measurement
 
+EARLY = 0.9  # of the planned stance: a foot that comes off before is taken to bounce
 STEP = 1e-5  # of the central differences that linearise the dynamics
 
 
@@ -69,12 +70,22 @@ class Track:
             raise UsageError(f"feedback = {self.options.feedback!r}: choose one of lqr, pd, none")
         self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
         self.state: Estimate | None = None
+        self.lost = self.early = False
         if self.options.feedback == "lqr":
             machine, noise = setting.machine(), setting.angle_noise
             self.gains = {
                 contact: regulator(machine, self.reference(contact), self.period, contact, self.options, noise)
                 for contact in (True, False)
             }
+
+    def stance_goes_on(self, now: Measurement) -> bool:
+        """Whether to follow the planned stance: on the ground, or only bounced off it long before the lift-off."""
+        if now.contact:
+            self.lost = False
+            return True
+        if not self.lost:  # just left the ground
+            self.lost, self.early = True, now.t < EARLY * self.plan.stance.duration
+        return self.early and now.t < self.plan.stance.duration
 
     def reference(self, contact: bool) -> PhaseReference:
         """The planned phase."""
@@ -84,6 +95,8 @@ class Track:
         """tau_plan - K (q - q_plan, v - v_plan)."""
         if now.contact and now.landings:  # the hop is over: stand as at the start
             return self.options.k_p * (self.rest - now.q) - self.options.k_d * now.v
+        if not now.landings and self.stance_goes_on(now):
+            now = replace(now, contact=True, since=now.t)
         if now.contact and now.since > self.plan.stance.duration - 1e-9:
             return self.plan.flight.at(0.0)[2]
         q, v, tau = self.planned(now)

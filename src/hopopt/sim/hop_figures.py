@@ -10,6 +10,7 @@ from hopopt.leg.design import Design
 from hopopt.leg.robot import BASE
 from hopopt.sim.trace import Trace
 
+BOUNCE = 0.02  # [s] a shorter time off the ground is no flight
 SLACK = 1e-3  # rad, s or m/s by which a limit may be missed in a simulation
 
 
@@ -21,17 +22,18 @@ class HopFigures:
     trace: Trace
 
     @cached_property
-    def stance(self) -> slice:
-        """Samples of the first stance, lift-off included."""
-        off = np.flatnonzero(~self.trace.contact)
-        return slice(0, int(off[0]) if len(off) else len(self.trace.t))
-
-    @cached_property
     def flight(self) -> slice:
-        """Samples of the first flight, up to touchdown."""
-        begin = self.stance.stop
-        down = np.flatnonzero(self.trace.contact[begin:])
-        return slice(begin, begin + int(down[0]) if len(down) else len(self.trace.t))
+        """Samples of the first flight, from lift-off to touchdown; bounces do not count."""
+        t, edges = self.trace.t, np.flatnonzero(np.diff(np.concatenate([[1], self.trace.contact, [1]])))
+        for begin, end in edges.reshape(-1, 2):
+            if t[min(end, len(t) - 1)] - t[begin] >= BOUNCE:
+                return slice(int(begin), int(end))
+        return slice(len(t), len(t))
+
+    @property
+    def stance(self) -> slice:
+        """Samples before the first flight."""
+        return slice(0, self.flight.start)
 
     @property
     def flies(self) -> bool:

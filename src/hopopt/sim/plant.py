@@ -20,6 +20,7 @@ from hopopt.sim.measurement import Controller, Measurement
 from hopopt.sim.trace import Event, Trace
 
 EVENT = 1e-9  # [s] to which events are located
+BOUNCE = 0.02  # [s] a foot off the ground for less has not hopped: its stance goes on
 AT_STOPS = 8  # parts of a step where a joint touches its end stop: they are stiff
 SENSELESS = 1e3  # [rad/s] beyond this the simulation has broken down
 
@@ -38,7 +39,8 @@ class Timing:
 
 @dataclass(frozen=True)
 class State:
-    """Where the leg is: q, v (BASE + n); on the ground the foot rests at (foot, 0)."""
+    """Where the leg is: q, v (BASE + n); on the ground the foot rests at (foot, 0); in this phase since ``since``,
+    in the one before it since ``before`` [s]."""
 
     q: np.ndarray
     v: np.ndarray
@@ -46,6 +48,7 @@ class State:
     foot: float
     t: float = 0.0
     since: float = 0.0
+    before: float = 0.0
     landings: int = 0
     work: np.ndarray = field(default_factory=lambda: np.zeros(3))  # of the motors, lost in gears, taken by stops [J]
 
@@ -150,7 +153,7 @@ class Plant:
         return bool(self.machine.foot_motion(free.q, free.v)[0][1] <= 0)
 
     def _let_go(self, s: State) -> tuple[State, Event]:
-        return replace(s, contact=False, since=s.t), Event("lift-off", s.t, 0.0)
+        return replace(s, contact=False, since=s.t, before=s.since), Event("lift-off", s.t, 0.0)
 
     def _land(self, s: State) -> tuple[State, Event]:
         """Plastic impact; the energy it takes is noted."""
@@ -158,8 +161,10 @@ class Plant:
         lost = self.machine.energy(s.q, s.v) - self.machine.energy(s.q, v)
         x, z = self.machine.foot_motion(s.q, v)[0]
         q = s.q - np.array([0.0, z, *[0.0] * self.n])
-        landed = replace(s, q=q, v=v, contact=True, foot=x, since=s.t, landings=s.landings + 1)
-        return landed, Event("touchdown", s.t, lost)
+        landed = replace(s, q=q, v=v, contact=True, foot=x)
+        if s.t - s.since < BOUNCE:
+            return replace(landed, since=s.before), Event("touchdown", s.t, lost)
+        return replace(landed, since=s.t, landings=s.landings + 1), Event("touchdown", s.t, lost)
 
     # ---- the run ---------------------------------------------------------------------------------------
 
