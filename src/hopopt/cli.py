@@ -5,31 +5,16 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import CycloptsError
 
+from hopopt import cli_runs
+from hopopt.cli_app import AsJson, Overrides, app, progress
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
 if TYPE_CHECKING:
     from hopopt.solution import Solution
-
-app = App(
-    name="hopopt",
-    help="How high can a leg possibly lift its foot in a hop with the motors it has?",
-    help_epilogue="Start with: hopopt solve --objective clearance",
-    version_flags=["--version"],
-)
-
-Overrides = Annotated[
-    list[str] | None,
-    Parameter(
-        name="--set", negative=(), consume_multiple=False, help="Override an entry: --set leg.gear.ratio=80 (repeat)."
-    ),
-]
-AsJson = Annotated[
-    bool, Parameter(name="--json", negative=(), help="Print one JSON object on standard output, nothing else.")
-]
 
 
 @app.command
@@ -75,7 +60,7 @@ def solve(
     prepare(results)
 
     draw: Callable[[Solution, Path], Any] | None = None
-    with _progress(quiet=json_) as say:
+    with progress(quiet=json_) as say:
         solution = run(design, objective, starts=starts, processes=processes, progress=say)
         if figures:
             from hopopt.plots import save_all as draw
@@ -168,10 +153,8 @@ def _answer(solution: "Solution", as_object: bool) -> None:
     print_answer(solution)
 
 
-def _progress(quiet: bool) -> Any:
-    from hopopt.screen import progress
-
-    return progress(quiet)
+app.command(cli_runs.simulate)
+app.command(cli_runs.compare)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -121,7 +121,7 @@ def compare(
     return Comparison(solution, plan, runs)
 
 
-def plan_to_track(design: Design, solution: Solution, say: Callable[[str], None]) -> Solution:
+def plan_to_track(design: Design, solution: Solution | None, say: Callable[[str], None]) -> Solution:
     """The optimum that keeps the problem's reserve from every limit."""
     from hopopt.planner import solve
 
@@ -147,7 +147,7 @@ def reserved(design: Design) -> Design:
         joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
         _less_torque(joint, 1 - r.torque)
     _less_torque(data["leg"], 1 - r.torque)
-    data["solver"] |= {"max_refinements": min(design.solver.max_refinements, 3)}
+    data["solver"] |= {"max_refinements": min(design.solver.max_refinements, 1)}
     return Design.model_validate(data)
 
 
@@ -187,6 +187,28 @@ def mismatched(design: Design, draws: int, seed: int, mass: float, torque: float
         for name in ("body", *design.leg.links):
             data["leg"][name]["mass"] *= 1 + mass * rng.uniform(-1, 1)
         found.append((Design.model_validate(data), 1 + torque * rng.uniform(-1, 1, len(design.leg.joints))))
+    return found
+
+
+def spread(
+    comparison: Comparison, draws: int, seed: int, mass: float, torque: float, processes: int
+) -> dict[str, dict[str, Any]]:
+    """How the tracked optimum fares on drawn legs, for every tracking strategy compared; failed is below half of
+    the plan's clearance."""
+    legs, found = mismatched(comparison.solution.design, draws, seed, mass, torque), {}
+    for name, run in comparison.runs.items():
+        if run.strategy.needs_plan and comparison.plan is not None:
+            heights = robustness(comparison, run.strategy, legs, processes)
+            levels = {"lowest_m": 0, "p05_m": 5, "median_m": 50, "p95_m": 95, "highest_m": 100}
+            found[name] = {
+                "draws": draws,
+                "mass": mass,
+                "torque": torque,
+                "seed": seed,
+                "failed": int(np.sum(heights < 0.5 * comparison.plan.clearance)),
+                **{key: float(np.percentile(heights, level)) for key, level in levels.items()},
+                "clearances_m": heights.tolist(),
+            }
     return found
 
 

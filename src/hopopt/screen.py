@@ -19,6 +19,11 @@ def console() -> Console:
     return Console(highlight=False, soft_wrap=True)
 
 
+def wide_console() -> Console:
+    """Standard output for tables: as wide as the screen, and wide enough for whole lines when piped."""
+    return Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 180)
+
+
 @contextmanager
 def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
     """A function that shows one line of progress on standard error; silent when piped or ``quiet``."""
@@ -130,7 +135,7 @@ def print_rows(title: str, rows: "Sequence[Row]") -> None:
     for row in rows:
         value = "not set" if row.value is None else _plain(row.value)
         table.add_row(row.path, value, row.unit, row.meaning)
-    out = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 160)
+    out = wide_console()
     out.print(table)
 
 
@@ -147,7 +152,7 @@ def print_checks(title: str, checks: "Sequence[Check]") -> None:
         table.add_row(
             c.name, f"{c.residual:.1e}", f"{c.tolerance:.0e}", c.unit, "ok" if c.passed else "FAILED", c.where
         )
-    out = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
+    out = wide_console()
     out.print(table)
     bad = sum(not c.passed for c in checks)
     out.print(f"{'verified' if not bad else 'NOT verified'}: {len(checks) - bad} of {len(checks)} checks passed")

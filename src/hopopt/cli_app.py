@@ -1,0 +1,31 @@
+"""What all commands of the command line share."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+app = App(
+    name="hopopt",
+    help="How high can a leg possibly lift its foot in a hop with the motors it has?",
+    help_epilogue="Start with: hopopt solve --objective clearance",
+    version_flags=["--version"],
+)
+
+Overrides = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--set", negative=(), consume_multiple=False, help="Override an entry: --set leg.gear.ratio=80 (repeat)."
+    ),
+]
+AsJson = Annotated[
+    bool, Parameter(name="--json", negative=(), help="Print one JSON object on standard output, nothing else.")
+]
+
+
+def progress(quiet: bool) -> AbstractContextManager[Callable[[str], None]]:
+    """A function that shows progress on standard error; silent when piped or ``quiet``."""
+    from hopopt import screen
+
+    return screen.progress(quiet)

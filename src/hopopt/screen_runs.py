@@ -1,0 +1,139 @@
+"""What the command line shows of simulated strategies: one table, the gaps, and what was not kept."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.table import Table
+
+from hopopt.screen import console, wide_console
+
+PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
+
+
+def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
+    """The bound, the table, where the centimetres are lost, the paper's figures, and warnings."""
+    rows, out = comparison["strategies"], wide_console()
+    out.print(_headline(comparison))
+    out.print(_table(rows))
+    out.print(_gaps(rows))
+    for name, row in rows.items():
+        if "paper" in row:
+            out.print(_paper(name, row))
+    for name, row in rows.items():
+        if row["limits_exceeded"]:
+            out.print(f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}")
+    for name, spread in comparison.get("mismatch", {}).items():
+        out.print(_spread(name, spread))
+    if comparison["tracked_plan_m"]:
+        out.print(f"tracked: a plan of {comparison['tracked_plan_m']:.4f} m, which holds the problem's [reserve] back")
+    out.print(f"results {where}")
+
+
+def print_run(row: Mapping[str, Any], where: str) -> None:
+    """One strategy's hop."""
+    out = console()
+    p, lift = row["parts"], row["lift_off"]
+    out.print(f"[bold]{row['strategy']}[/bold]: {row['meaning']}", markup=True)
+    out.print(
+        f"  clearance {row['clearance_m']:.4f} m = COM height at lift-off {p[PARTS[0]]:.4f} + ballistic rise {p[PARTS[1]]:.4f} "
+        f"- COM height over the lowest point {-p[PARTS[2]]:.4f} m; foot at most {row['foot_height_m']:.3f} m"
+    )
+    out.print(
+        f"  lift-off at {lift['time_s']:.4f} s, body at {lift['body_height_m']:.3f} m, {lift['vertical_m_s']:.2f} m/s up and "
+        f"{lift['horizontal_m_s']:+.2f} m/s along"
+    )
+    means = ", ".join(f"{joint} {mean:.0%}" for joint, mean in row["saturation_mean"].items())
+    e = row["energy"]
+    out.print(
+        f"  mean saturation in stance: {means}; work of the motors {e['motors_J']:.1f} J, gained {e['gained_J']:.1f} J, "
+        f"gears {e['gears_J']:.1f} J, end stops {e['stops_J']:.1f} J (balance closes to {row['energy_error']:.0e})"
+    )
+    out.print(f"  peak ground force {row['peaks']['ground_force_N']:.0f} N; the run ended: {row['outcome']}")
+    if row["limits_exceeded"]:
+        out.print(f"  limits of the problem not kept: {', '.join(row['limits_exceeded'])}")
+    if row.get("hops", 1) > 1:
+        out.print(f"  hops: {_hops(row['touchdowns'])}")
+    out.print(f"  results {where}")
+
+
+def _hops(times: Sequence[float]) -> str:
+    periods = [b - a for a, b in itertools.pairwise(times)]
+    span = f", {min(periods):.3f} to {max(periods):.3f} s apart" if periods else ""
+    return f"{len(times)} landings{span}"
+
+
+def _headline(c: Mapping[str, Any]) -> str:
+    if not c["verified"]:
+        return "The optimum was NOT verified: no bound is stated, and no shares of it count."
+    if c["beaten_by"]:
+        return (
+            f"The bound of {c['bound_m']:.4f} m is WRONG: {', '.join(c['beaten_by'])} passed it within the same limits."
+        )
+    return f"{c['problem']}: no controller can clear more than {c['bound_m']:.4f} m (verified optimum)"
+
+
+def _table(rows: Mapping[str, Any]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    joints = list(next(iter(rows.values()))["saturation_mean"])
+    table.add_column("strategy", style="bold")
+    heads = [
+        "clearance m",
+        "of bound",
+        "foot max m",
+        "= lift-off",
+        "+ rise",
+        "- posture",
+        *(f"C_avg {j}" for j in joints),
+    ]
+    heads += ["lift-off s", "speed m/s", "work J", "stops J", "torque N m", "speed rad/s", "ground N"]
+    for head in heads:
+        table.add_column(head, justify="right")
+    for name, r in rows.items():
+        table.add_row(name, *_cells(r))
+    return table
+
+
+def _cells(r: Mapping[str, Any]) -> list[str]:
+    parts, peaks, energy = (r[key] for key in ("parts", "peaks", "energy"))
+    return [
+        f"{r['clearance_m']:.3f}",
+        f"{r['share_of_bound']:.0%}",
+        f"{r['foot_height_m']:.3f}",
+        *(f"{abs(parts[key]):.3f}" for key in PARTS),
+        *(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
+        f"{r['lift_off']['time_s']:.3f}",
+        f"{r['lift_off']['vertical_m_s']:.2f}",
+        f"{energy['motors_J']:.0f}",
+        f"{energy['stops_J']:.0f}",
+        f"{max(peaks['torque_Nm'].values()):.0f}",
+        f"{max(peaks['speed_rad_s'].values()):.1f}",
+        f"{peaks['ground_force_N']:.0f}",
+    ]
+
+
+def _gaps(rows: Mapping[str, Any]) -> Table:
+    table = Table(title="Where the centimetres are lost", title_justify="left", box=None, pad_edge=False)
+    table.add_column("strategy", style="bold")
+    for head in ("push cm", "timing cm", "retraction cm", "together cm"):
+        table.add_column(head, justify="right")
+    for name, r in list(rows.items())[1:]:
+        gaps = [100 * r["gap"][part] for part in ("push_m", "timing_m", "retraction_m")]
+        table.add_row(name, *(f"{gap:+.1f}" for gap in gaps), f"{sum(gaps):+.1f}")
+    return table
+
+
+def _paper(name: str, r: Mapping[str, Any]) -> str:
+    (simulated, measured), (c_simulated, c_measured) = r["paper"]["foot_height_m"], r["paper"]["knee_saturation"]
+    knee = list(r["saturation_mean"].values())[1]
+    return (
+        f"paper, {name}: foot {simulated:.2f} m simulated, {measured:.2f} m measured (here {r['foot_height_m']:.2f}); "
+        f"knee C_avg {c_simulated:g} simulated, {c_measured:g} measured (here {knee:.2f})"
+    )
+
+
+def _spread(name: str, s: Mapping[str, Any]) -> str:
+    return (
+        f"{name}, {s['draws']} legs with masses within {s['mass']:.0%} and torque constants within {s['torque']:.0%}: "
+        f"clearance {s['median_m']:.3f} m median, {s['lowest_m']:.3f} to {s['highest_m']:.3f}; {s['failed']} failed"
+    )
