@@ -7,13 +7,14 @@ import pytest
 
 from hopopt.nlp.accuracy import interval_errors, stage_values
 from hopopt.nlp.backoff import PRICE, drawn_in, limit_nodes, price
+from hopopt.nlp.carry import carried
 from hopopt.nlp.ipopt import WARM, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.refine import Aims, Refinement, cut
 from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.transcribe import Guess, Transcription
 from hopopt.ocp.problem import Objective, Problem
-from known_problems import SCHEMES, Known, bryson_denham, moved
+from known_problems import SCHEMES, Known, brachistochrone, bryson_denham, moved
 
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
 ALLOWED = 1e-4
@@ -106,3 +107,29 @@ def test_cutting_keeps_the_edges_there_are() -> None:
     assert mesh.intervals == parts.sum()
     np.testing.assert_allclose(np.array(mesh.edges)[np.concatenate([[0], np.cumsum(parts)])], edges, atol=1e-12)
     np.testing.assert_allclose(np.array(mesh.edges)[list(mesh.free)], edges[2:3])
+
+
+@each_scheme
+def test_carried_multipliers_are_nearly_those_of_the_finer_mesh(method: Scheme) -> None:
+    """Costates and densities do not depend on the mesh, and Ipopt hardly moves from them."""
+    known = brachistochrone()
+    coarse = first(known, method, uniform(12))
+    mesh = {"slide": cut(coarse, "slide", np.where(np.arange(12) % 2, 2, 1))}
+    t = Transcription(known.problem, method, mesh)
+    guess, multipliers = t.guess_from(coarse.phases), carried(coarse, t)
+    cold, warm = NlpSolver(t)(guess), NlpSolver(t, WARM)(guess, None, multipliers)
+    assert cold.success
+    assert warm.success
+    assert warm.objective == pytest.approx(cold.objective, rel=1e-7)
+    assert warm.iterations <= cold.iterations
+    defects = slice(0, t.rows[0].stop)
+    largest = np.abs(cold.lam_g[defects]).max()
+    assert np.abs(multipliers[0][defects] - cold.lam_g[defects]).max() < 0.1 * largest
+
+
+@each_scheme
+def test_multipliers_carried_to_the_same_mesh_are_the_same(method: Scheme) -> None:
+    s = first(bryson_denham(), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
+    lam_g, lam_x = carried(s, s.transcription)
+    np.testing.assert_allclose(lam_g, s.lam_g, atol=1e-6)
+    np.testing.assert_allclose(lam_x, s.lam_x, atol=1e-9)

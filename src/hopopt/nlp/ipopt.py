@@ -24,7 +24,7 @@ OPTIONS = {
 }
 
 
-WARM = {  # for a solution of the same program within slightly other bounds
+WARM = {  # where the point and the multipliers are nearly known
     "ipopt.warm_start_init_point": "yes",
     "ipopt.mu_init": 1e-8,
     **{
@@ -63,6 +63,9 @@ class NlpSolution:
     bounds: Bounds
 
 
+Multipliers = tuple[np.ndarray, np.ndarray] | None  # lam_g, lam_x
+
+
 class NlpSolver:
     """An Ipopt instance for one transcription, to be called with any guess and parameter values."""
 
@@ -71,19 +74,25 @@ class NlpSolver:
         settings = OPTIONS | transcription.program.options() | dict(options or {})
         self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
 
-    def __call__(self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None) -> NlpSolution:
-        """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters."""
+    def __call__(
+        self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None, multipliers: Multipliers = None
+    ) -> NlpSolution:
+        """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters.
+
+        With the options WARM, ``multipliers`` (lam_g, lam_x) are where those begin.
+        """
         t = self.transcription
         bounds = Bounds(*t.bounds(guess), t.lbg, t.ubg)
-        return self._solve(t.pack(guess, parameters), t.parameter_values(parameters), bounds, {})
+        return self._solve(t.pack(guess, parameters), t.parameter_values(parameters), bounds, multipliers)
 
     def again(self, last: NlpSolution, bounds: Bounds) -> NlpSolution:
         """Solve from the point and multipliers of an earlier solution of the same program, within other bounds."""
-        return self._solve(last.z, last.p, bounds, {"lam_x0": last.lam_x, "lam_g0": last.lam_g})
+        return self._solve(last.z, last.p, bounds, (last.lam_g, last.lam_x))
 
-    def _solve(self, z: np.ndarray, p: np.ndarray, b: Bounds, multipliers: Mapping[str, np.ndarray]) -> NlpSolution:
+    def _solve(self, z: np.ndarray, p: np.ndarray, b: Bounds, multipliers: Multipliers) -> NlpSolution:
         t, z0 = self.transcription, np.clip(z, b.low_z, b.high_z)
-        result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **multipliers)
+        begin = {} if multipliers is None else {"lam_g0": multipliers[0], "lam_x0": multipliers[1]}
+        result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
         stats = self.solver.stats()
         z, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         phases, values = t.unpack(z, p)

@@ -13,6 +13,7 @@ import numpy as np
 
 from hopopt.nlp.accuracy import interval_errors
 from hopopt.nlp.backoff import PRICE, drawn_in, price, prices
+from hopopt.nlp.carry import carried
 from hopopt.nlp.ipopt import WARM, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.transcribe import Transcription
@@ -20,6 +21,8 @@ from hopopt.nlp.transcribe import Transcription
 MOST = 4  # pieces into which an interval is cut at once
 BUDGET = PRICE  # of the intervals' prices before anything is drawn in: an estimate from above
 ROUNDS = 10  # of drawing in the limits on one mesh
+STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
+PATIENCE = 100  # iterations from carried multipliers, before starting without
 Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 
 
@@ -55,6 +58,7 @@ class Refinement:
     def __init__(self, solution: NlpSolution, aims: Aims, report: Callable[[MeshStep], None] = lambda step: None):
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock = time.perf_counter()
+        self.solver: NlpSolver | None = None  # of the last mesh
         self._accept(solution, 0, 0.0, 0.0)
 
     def run(self) -> None:
@@ -84,11 +88,11 @@ class Refinement:
 
     def _draw_in(self) -> Parts:
         """Draw in the limits until they hold; what is to be cut if that fails."""
-        began, solver = time.perf_counter(), None
+        began, solver = time.perf_counter(), self.solver or self._warm(self.solution.transcription)
         for k in range(ROUNDS):
-            if max(float(e.excess.max()) for e in self.errors.values()) <= self.aims.excess:
+            last = [step.excess for step in self.history[-3:]]
+            if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]):
                 break
-            solver = solver or NlpSolver(self.solution.transcription, self._options(**WARM))
             built = time.perf_counter()
             solution = solver.again(self.solution, drawn_in(self.solution, self.errors, self.aims.excess))
             if not solution.success or price(solution) > PRICE:
@@ -100,22 +104,26 @@ class Refinement:
             for name, e in self.errors.items()
         }
 
-    def _options(self, **more):
-        return {"ipopt.max_iter": self.aims.iterations, **more}
-
     def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
-        """Solve on another mesh, with another barrier strategy if the first fails; whether it succeeded."""
-        began, old = time.perf_counter(), self.solution.transcription
-        t = Transcription(old.problem, old.scheme, mesh)
-        guess, free = t.guess_from(self.solution.phases), {q.name: self.solution.parameters[q.name] for q in t.free}
+        """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
+        began, old = time.perf_counter(), self.solution
+        t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
+        guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
+        self.solver = self._warm(t)
+        built = time.perf_counter()
+        solution = self.solver(guess, free, carried(old, t))
         for strategy in ("adaptive", "monotone"):
-            solver = NlpSolver(t, self._options(**{"ipopt.mu_strategy": strategy}))
-            built = time.perf_counter()
-            solution = solver(guess, free)
-            if solution.success:
-                self._accept(solution, 0, built - began, time.perf_counter() - built)
-                return True
-        return False
+            if not solution.success:
+                solution = self._cold(t, strategy)(guess, free)
+        if solution.success:
+            self._accept(solution, 0, built - began, time.perf_counter() - built)
+        return solution.success
+
+    def _warm(self, t: Transcription) -> NlpSolver:
+        return NlpSolver(t, WARM | {"ipopt.max_iter": min(PATIENCE, self.aims.iterations)})
+
+    def _cold(self, t: Transcription, strategy: str) -> NlpSolver:
+        return NlpSolver(t, {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy})
 
     def _accept(self, s: NlpSolution, drawn_in: int, build_seconds: float, solve_seconds: float) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}
