@@ -13,10 +13,10 @@ from hopopt.control.strategy import Setting
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
-from hopopt.leg.robot import build_robot
+from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_figures import HopFigures
-from hopopt.sim.measurement import Controller
+from hopopt.sim.measurement import Controller, Measurement
 from hopopt.sim.plant import Plant, Timing
 from hopopt.sim.trace import Trace
 
@@ -78,3 +78,28 @@ def simulate(
         landings=hops,
     )
     return Run(strategy, truth, trace)
+
+
+def clearance_in_mujoco(
+    design: Design, strategy: Strategy, plan: PlanReference | None, options: Mapping[str, Any] | None = None
+) -> float:
+    """The clearance [m] of a strategy's first hop in MuJoCo: the same controller, rate, encoders and drives on another
+    party's dynamics, ground and integrator (its joints have no end stops). Raises MissingExtraError without MuJoCo."""
+    from hopopt.sim import mujoco
+
+    plant, period, s = make_plant(design), 1 / design.simulation.control_rate, design.simulation
+    controller = make_controller(design, strategy, plan, options)
+    encoder, since = Encoder(s.encoder_bits, s.speed_window, period), [0.0, True]
+
+    def torque(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
+        if contact != since[1]:
+            since[:] = [t, contact]
+        measured = encoder.read(q[BASE:], v[BASE:])
+        asked = controller.torque(Measurement(t, *measured, contact, t - since[0], 0))
+        return plant.drive.torque(v[BASE:], asked)[1]
+
+    start = plant.stance_start(start_angles(design))
+    duration = design.hop.stance_duration[1] + LONGEST
+    run = mujoco.simulate(plant.robot, start.q, start.v, torque, duration, control_period=period)
+    allowed = ~run.contact & (np.abs(run.foot[:, 0] - run.q[:, 0]) <= design.hop.foot_window)
+    return float(run.lowest[allowed].max(initial=0.0))
