@@ -11,6 +11,7 @@ from hopopt.leg.robot import BASE
 from hopopt.sim.trace import Trace
 
 BOUNCE = 0.02  # [s] a shorter time off the ground is no flight
+PULL = 1.0  # [N] by which the ground may have to pull: a foot is kept that its own sideways grip presses down
 SLACK = 1e-3  # rad, s or m/s by which a limit may be missed in a simulation
 
 
@@ -27,7 +28,8 @@ class HopFigures:
         t, edges = self.trace.t, np.flatnonzero(np.diff(np.concatenate([[1], self.trace.contact, [1]])))
         for begin, end in edges.reshape(-1, 2):
             if t[min(end, len(t) - 1)] - t[begin] >= BOUNCE:
-                return slice(int(begin), int(end))
+                down = [at for at in self.trace.times_of("touchdown") if at >= t[begin] + BOUNCE]
+                return slice(int(begin), min(int(end), *(int(np.searchsorted(t, at)) + 1 for at in down[:1]), len(t)))
         return slice(len(t), len(t))
 
     @property
@@ -158,6 +160,8 @@ class HopFigures:
         friction = self.design.contact.friction
         if friction is not None and self.slip_ratio > friction + SLACK:
             found.append(f"needs friction {self.slip_ratio:.2f}, the ground has {friction:g}")
+        if (pull := -float(trace.f[self.stance, 1].min())) > PULL:
+            found.append(f"the ground would have to pull with {pull:.0f} N")
         if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SLACK:
             found.append("the body descends in stance")
         return found

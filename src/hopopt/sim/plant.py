@@ -6,8 +6,8 @@ Fixed Runge-Kutta steps of fourth order end at every control instant and at ever
 shortening the last step.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -17,43 +17,14 @@ from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.drive import Drive, Encoder, Stops
 from hopopt.sim.machine import Machine
 from hopopt.sim.measurement import Controller, Measurement
-from hopopt.sim.trace import Event, Trace
+from hopopt.sim.state import Command, State, Timing, Torque
+from hopopt.sim.trace import Event, Trace, TraceWriter
 
 EVENT = 1e-9  # [s] to which events are located
+AHEAD = 1e-5  # [s] over which a foot let go must rise
 BOUNCE = 0.02  # [s] a foot off the ground for less has not hopped: its stance goes on
 AT_STOPS = 8  # parts of a step where a joint touches its end stop: they are stiff
 SENSELESS = 1e3  # [rad/s] beyond this the simulation has broken down
-
-
-@dataclass(frozen=True)
-class Timing:
-    """period [s] between two calls of the controller, the torque held in between; delay [s] before a command acts.
-
-    With ``hold`` False the controller is asked at every stage of every step instead: perfect, and only for plans.
-    """
-
-    period: float = 1 / 4000
-    delay: float = 0.0
-    hold: bool = True
-
-
-@dataclass(frozen=True)
-class State:
-    """Where the leg is: q, v (BASE + n); on the ground the foot rests at (foot, 0); in this phase since ``since``,
-    in the one before it since ``before`` [s]."""
-
-    q: np.ndarray
-    v: np.ndarray
-    contact: bool
-    foot: float
-    t: float = 0.0
-    since: float = 0.0
-    before: float = 0.0
-    landings: int = 0
-    work: np.ndarray = field(default_factory=lambda: np.zeros(3))  # of the motors, lost in gears, taken by stops [J]
-
-
-Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # (t, q_j, v_j) -> command
 
 
 class Plant:
@@ -122,55 +93,65 @@ class Plant:
         return terms.force(terms.acceleration(self.drive.torque(v, command)[1] + self.stops.torque(q, v)))
 
     def _margin(self, s: State, torque: Torque) -> float:
-        """Below zero where the contact must change: vertical force [N] in stance, height of a sinking foot [m]."""
+        """Below zero where the contact must change: vertical force [N] in stance, height of a sinking foot [m].
+
+        A foot that the ground would have to pull, but that would sink if it were let go (its own sideways grip
+        presses it down), stays: it comes off where it would rise.
+        """
         if s.contact:
-            return self.force(s, torque(s.t, s.q[BASE:], s.v[BASE:]))[1]
+            fx, fz = self.force(s, torque(s.t, s.q[BASE:], s.v[BASE:]))
+            return fz if fz >= 0 else fz + max(0.0, self._pressed_by_grip(s) * fx)
         position, velocity = self.machine.foot_motion(s.q, s.v)
         return position[1] if velocity[1] < 0 else max(position[1], 0.0)
 
+    def _pressed_by_grip(self, s: State) -> float:
+        """Upward acceleration of a free foot by a sideways force, over that by the same force upwards."""
+        J = self.machine.foot_jacobian(s.q)
+        mobility = J @ np.linalg.solve(self.machine.mass_matrix(s.q), J.T)
+        return mobility[1, 0] / mobility[1, 1]
+
     # ---- events ----------------------------------------------------------------------------------------
 
-    def advance(self, s: State, torque: Torque, h: float) -> tuple[State, Event | None]:
-        """A step of at most h, cut short where the contact changes; the event, if there was one.
+    def advance(self, s: State, torque: Torque, h: float) -> tuple[State, bool]:
+        """A step of at most h, cut short where the contact has to ``change``; whether it has to."""
+        if self.lets_go(s, torque):
+            return s, True
+        after, here = self.step(s, torque, h), self._margin(s, torque)
+        if self._margin(after, torque) >= 0 or (s.contact and here < 0):
+            return after, False
+        begin = 0.0 if here > 0 else min(AHEAD, h)  # the foot may just have come off
+        if not here > 0 and self._margin(self.step(s, torque, begin), torque) <= 0:
+            return s, True
+        part = brentq(lambda part: self._margin(self.step(s, torque, part), torque), begin, h, xtol=EVENT * 1e-4)
+        cut = self.step(s, torque, float(part))  # type: ignore[arg-type]
+        return (after, False) if s.contact and not self._comes_off(cut, torque) else (cut, True)
 
-        Where the ground would have to pull, but the foot let go would not be off the ground after the step (it
-        is pressed down by its own sideways grip), it stays.
-        """
-        if s.contact and self._margin(s, torque) < 0:
-            return (self.step(s, torque, h), None) if self._stays(s, torque, h) else self._let_go(s)
-        after = self.step(s, torque, h)
-        if self._margin(after, torque) >= 0:
-            return after, None
-        if self._margin(s, torque) > 0:
-            part = brentq(lambda part: self._margin(self.step(s, torque, part), torque), 0.0, h, xtol=EVENT)
-            s = self.step(s, torque, float(part))  # type: ignore[arg-type]
-        if not s.contact:
-            return self._land(s)
-        return (after, None) if self._stays(s, torque, h) else self._let_go(s)
+    def lets_go(self, s: State, torque: Torque) -> bool:
+        """Whether a foot on the ground leaves it at once under this torque."""
+        return s.contact and self._margin(s, torque) < 0 and self._comes_off(s, torque)
 
-    def _stays(self, s: State, torque: Torque, h: float) -> bool:
-        free = self.step(self._let_go(s)[0], torque, h)
-        return bool(self.machine.foot_motion(free.q, free.v)[0][1] <= 0)
+    def _comes_off(self, s: State, torque: Torque) -> bool:
+        free = self.step(replace(s, contact=False), torque, AHEAD)
+        return bool(self.machine.foot_motion(free.q, free.v)[0][1] > 0)
 
-    def _let_go(self, s: State) -> tuple[State, Event]:
-        return replace(s, contact=False, since=s.t, before=s.since), Event("lift-off", s.t, 0.0)
-
-    def _land(self, s: State) -> tuple[State, Event]:
-        """Plastic impact; the energy it takes is noted."""
+    def change(self, s: State) -> tuple[State, Event]:
+        """Let go of the foot; or land it, with a plastic impact, and note the energy that takes."""
+        if s.contact:
+            return replace(s, contact=False, since=s.t, before=s.since), Event("lift-off", s.t, 0.0)
         v = self.machine.touch_down(s.q, s.v)
         lost = self.machine.energy(s.q, s.v) - self.machine.energy(s.q, v)
         x, z = self.machine.foot_motion(s.q, v)[0]
         q = s.q - np.array([0.0, z, *[0.0] * self.n])
-        landed = replace(s, q=q, v=v, contact=True, foot=x)
-        if s.t - s.since < BOUNCE:
-            return replace(landed, since=s.before), Event("touchdown", s.t, lost)
-        return replace(landed, since=s.t, landings=s.landings + 1), Event("touchdown", s.t, lost)
+        landed = replace(s, q=q, v=v, contact=True, foot=x, since=s.before)
+        if s.t - s.since >= BOUNCE:
+            landed = replace(landed, since=s.t, landings=s.landings + 1)
+        return landed, Event("touchdown", s.t, lost)
 
     # ---- the run ---------------------------------------------------------------------------------------
 
     def run(
         self,
-        start: np.ndarray,
+        start: np.ndarray | State,
         controller: Controller,
         duration: float,
         *,
@@ -179,14 +160,16 @@ class Plant:
         landings: int = 0,
         breaks: Sequence[float] = (),
     ) -> Trace:
-        """Hop from rest at joint angles ``start`` (n) [rad], for ``duration`` [s] or up to a number of landings.
+        """Hop from rest at joint angles ``start`` (n) [rad], or from any state at time zero, for ``duration`` [s] or
+        up to a number of landings.
 
         breaks [s] are instants at which a controller without hold jumps: steps end there.
         """
         timing = timing or Timing()
         encoder = encoder or Encoder(0, 1, timing.period)
-        s, writer, outcome = self.stance_start(start), TraceWriter(self), "the time was up"
-        pending: list[tuple[float, Torque]] = [(0.0, lambda t, q, v: np.zeros(self.n))]
+        s = start if isinstance(start, State) else self.stance_start(start)
+        writer, outcome, torque = TraceWriter(self.robot), "the time was up", None
+        pending: list[tuple[float, Command]] = [(0.0, lambda s: lambda t, q, v: np.zeros(self.n))]
         for k in range(max(1, round(duration / timing.period))):
             begin, end = k * timing.period, (k + 1) * timing.period
             s = replace(s, t=begin)
@@ -194,34 +177,57 @@ class Plant:
             pending = pending[max(i for i, (at, _) in enumerate(pending) if at <= begin + EVENT) :]
             cuts = [t for t in (*(at for at, _ in pending), *breaks) if begin + EVENT < t < end - EVENT]
             for until in (*sorted(cuts), end):
-                torque = next(f for at, f in reversed(pending) if at <= s.t + EVENT)
-                s = self._until(s, torque, until, writer)
+                command = next(c for at, c in reversed(pending) if at <= s.t + EVENT)
+                s, torque = self._until(s, command, torque, until, writer)
             outcome = self._fault(s) or (f"landing {landings}" if landings and s.landings >= landings else outcome)
             if outcome != "the time was up":
                 break
-        writer.sample(s, torque)
+        assert torque is not None
+        self._note(writer, s, torque)
         return writer.trace(outcome)
 
-    def _command(self, controller: Controller, s: State, encoder: Encoder, timing: Timing) -> Torque:
+    def _command(self, controller: Controller, s: State, encoder: Encoder, timing: Timing) -> Command:
         """What the controller asks for from now on: a constant, or without hold its answer at every moment."""
 
-        def measured(q: np.ndarray, v: np.ndarray, t: float) -> Measurement:
+        def measured(s: State, t: float, q: np.ndarray, v: np.ndarray) -> Measurement:
             return Measurement(t, q, v, s.contact, t - s.since, s.landings)
 
         if not timing.hold:
-            return lambda t, q, v: controller.torque(measured(q, v, t))
-        asked = np.asarray(controller.torque(measured(*encoder.read(s.q[BASE:], s.v[BASE:]), s.t)), dtype=float)
-        return lambda t, q, v: asked
+            return lambda s: lambda t, q, v: controller.torque(measured(s, t, q, v))
+        asked = np.asarray(controller.torque(measured(s, s.t, *encoder.read(s.q[BASE:], s.v[BASE:]))), dtype=float)
+        return lambda s: lambda t, q, v: asked
 
-    def _until(self, s: State, torque: Torque, end: float, writer: "TraceWriter") -> State:
-        """Advance to ``end`` through whatever contact changes come."""
-        writer.sample(s, torque)
+    def _until(
+        self, s: State, command: Command, before: Torque | None, end: float, writer: TraceWriter
+    ) -> tuple[State, Torque]:
+        """Advance to ``end`` through whatever contact changes come; the state and the torque that led there.
+
+        before is the torque that led here. Samples are taken where the contact has settled: a foot that comes off
+        because the torque jumps leaves with the torque before.
+        """
+
+        def from_here(s: State) -> Torque:
+            torque = command(s)
+            return lambda t, q, v: torque(min(t, end - EVENT), q, v)  # at the end it may jump
+
+        torque = from_here(s)
         while end - s.t > EVENT:
-            s, event = self.advance(s, torque, end - s.t)
-            if event:
-                writer.event(event)
-                writer.sample(s, torque)
-        return replace(s, t=end)
+            settled = not self.lets_go(s, torque)
+            if settled or before:
+                self._note(writer, s, torque if settled else before)  # type: ignore[arg-type]
+            s, changes = self.advance(s, torque, end - s.t)
+            if changes:
+                if settled:
+                    self._note(writer, s, torque)
+                s, event = self.change(s)
+                writer.events.append(event)
+                torque, before = from_here(s), None
+        return replace(s, t=end), torque
+
+    def _note(self, writer: TraceWriter, s: State, torque: Torque) -> None:
+        command = torque(s.t, s.q[BASE:], s.v[BASE:])
+        motor, tau = self.drive.torque(s.v[BASE:], command)
+        writer.rows.append((s.t, s.q, s.v, command, motor, tau, self.force(s, command), s.contact, s.work))
 
     def _fault(self, s: State) -> str:
         """Why the simulation cannot go on, or nothing."""
@@ -230,25 +236,3 @@ class Plant:
         heights = {name: z for name, (_, z) in self.machine.points(s.q).items() if name not in ("foot", "com")}
         lowest = min(heights, key=lambda name: heights[name])
         return f"the {lowest} hit the ground" if heights[lowest] < 0 else ""
-
-
-class TraceWriter:
-    """Collects what a run does."""
-
-    def __init__(self, plant: Plant):
-        self.plant, self.rows, self.events = plant, [], []  # type: ignore[var-annotated]
-
-    def sample(self, s: State, torque: Torque) -> None:
-        """Note one instant."""
-        command = torque(s.t, s.q[BASE:], s.v[BASE:])
-        motor, tau = self.plant.drive.torque(s.v[BASE:], command)
-        self.rows.append((s.t, s.q, s.v, command, motor, tau, self.plant.force(s, command), s.contact, s.work))
-
-    def event(self, event: Event) -> None:
-        """Note a change of contact."""
-        self.events.append(event)
-
-    def trace(self, outcome: str) -> Trace:
-        """Everything noted, as arrays."""
-        columns = [np.array(column) for column in zip(*self.rows, strict=True)]
-        return Trace(self.plant.robot, *columns, events=tuple(self.events), outcome=outcome)

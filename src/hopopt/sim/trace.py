@@ -3,11 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from hopopt.leg.robot import Robot
 from hopopt.sim.machine import Machine
+
+SAME = 1e-8  # [s] samples and events nearer than this are at one instant
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class Event:
 class Trace:
     """A simulated run at k instants: t (k,) [s]; q, v (k, 2 + n); command, motor (after the drives' limits) and tau
     (after the gears' losses) (k, n) [N m]; contact force f (k, 2) [N]; contact (k,); work (k, 3) [J] done by the
-    motors, lost in the gears and taken by the joints' end stops so far. At an event there are two samples, before and after."""
+    motors, lost in the gears and taken by the joints' end stops so far. A change of contact has a sample just before it and one just after, if it lasts."""
 
     robot: Robot
     t: np.ndarray
@@ -70,9 +73,25 @@ class Trace:
     @property
     def energy_error(self) -> float:
         """Largest error of motors' work = gain in energy + losses, relative to the largest energy turned over."""
-        impacts = np.array([sum(e.lost for e in self.events if e.t <= t) for t in self.t])
-        at = [int(np.searchsorted(self.t, e.t, side="right")) - 1 for e in self.events]
-        keep = np.setdiff1d(np.arange(len(self.t)), [k - 1 for k in at])  # before an impact the loss is not due yet
-        wrong = self.work[:, 0] - self.work[:, 1] - self.work[:, 2] - (self.energy - self.energy[0]) - impacts
-        size = max(float(np.abs(self.work[:, 0]).max()), float(np.ptp(self.energy)), 1e-9)
-        return float(np.abs(wrong[keep]).max()) / size
+        spent = self.work[:, 0] - self.work[:, 1] - self.work[:, 2] - (self.energy - self.energy[0])
+        before, after = (self._impacts(self.t + gap) for gap in (-SAME, SAME))  # both at an impact's own instant
+        wrong = np.minimum(np.abs(spent - before), np.abs(spent - after))
+        return float(wrong.max()) / max(float(np.abs(self.work[:, 0]).max()), float(np.ptp(self.energy)), 1e-9)
+
+    def _impacts(self, t: np.ndarray) -> np.ndarray:
+        """Energy [J] that impacts have taken up to times t."""
+        return np.array([sum(e.lost for e in self.events if e.t <= at) for at in t])
+
+
+class TraceWriter:
+    """Collects what a run does: rows in the order of Trace's fields, and events."""
+
+    def __init__(self, robot: Robot):
+        self.robot = robot
+        self.rows: list[tuple[Any, ...]] = []
+        self.events: list[Event] = []
+
+    def trace(self, outcome: str) -> Trace:
+        """Everything noted, as arrays."""
+        columns = [np.array(column) for column in zip(*self.rows, strict=True)]
+        return Trace(self.robot, *columns, events=tuple(self.events), outcome=outcome)

@@ -1,0 +1,38 @@
+"""The plant's state, and how often a controller is asked."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Timing:
+    """period [s] between two calls of the controller, the torque held in between; delay [s] before a command acts.
+
+    With ``hold`` False the controller is asked at every stage of every step instead: perfect, and only for plans.
+    """
+
+    period: float = 1 / 4000
+    delay: float = 0.0
+    hold: bool = True
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the leg is: q, v (BASE + n); on the ground the foot rests at (foot, 0); in this phase since ``since``,
+    in the one before it since ``before`` [s]."""
+
+    q: np.ndarray
+    v: np.ndarray
+    contact: bool
+    foot: float
+    t: float = 0.0
+    since: float = 0.0
+    before: float = 0.0
+    landings: int = 0
+    work: np.ndarray = field(default_factory=lambda: np.zeros(3))  # of the motors, lost in gears, taken by stops [J]
+
+
+Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # (t, q_j, v_j) -> command
+Command = Callable[[State], Torque]  # what is asked for from a state on
