@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.control.reference import PlanReference
-from hopopt.leg.actuator import operating_region
+from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import Robot, build_robot
@@ -36,10 +36,20 @@ class Setting:
         """The believed leg in Pinocchio, with data of its own."""
         return Machine(self.robot)
 
+    def regions(self) -> list[OperatingRegion]:
+        """The believed operating region of every joint."""
+        robot = self.robot
+        return [operating_region(self.design.leg, joint, robot.parameters) for joint in robot.joints]
+
     def drive(self) -> Drive:
         """The believed drives."""
-        robot = self.robot
-        return Drive([operating_region(self.design.leg, joint, robot.parameters) for joint in robot.joints])
+        return Drive(self.regions())
+
+    @property
+    def no_load_speed(self) -> np.ndarray:
+        """Joint speed [rad/s] at which each drive has no torque left in the direction of motion, (n,)."""
+        speeds = [[1 / h.b for h in region.planes if h.b > 0] for region in self.regions()]
+        return np.array([min(of_joint, default=np.inf) for of_joint in speeds])
 
     @property
     def angle_noise(self) -> float:
