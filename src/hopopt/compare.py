@@ -147,7 +147,6 @@ def reserved(design: Design) -> Design:
         joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
         _less_torque(joint, 1 - r.torque)
     _less_torque(data["leg"], 1 - r.torque)
-    data["solver"] |= {"max_refinements": min(design.solver.max_refinements, 1)}
     return Design.model_validate(data)
 
 

@@ -1,0 +1,237 @@
+"""The bound beside what controllers make of it, on the paper's leg."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from hopopt.cli import run
+from hopopt.closed_loop import clearance_in_mujoco
+from hopopt.compare import (
+    OPTIMUM,
+    Comparison,
+    compare,
+    integrals_to,
+    mismatched,
+    planned_trace,
+    reference_of,
+    reserved,
+    spread,
+)
+from hopopt.control.strategies import BUILT_IN, find
+from hopopt.errors import UsageError
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.kinematics import start_angles
+from hopopt.planner import solve
+from hopopt.problem_file import load
+from hopopt.storage import save
+
+
+@pytest.fixture(scope="module")
+def solution():
+    return solve(load("paper"), starts=1, processes=1)
+
+
+@pytest.fixture(scope="module")
+def comparison(solution):
+    return compare(solution.design, ["track", "force", "force_tuck", "position"], bound=solution)
+
+
+def test_every_row_says_what_a_script_needs(comparison):
+    data = comparison.as_dict()
+    assert data["bound_m"] == comparison.solution.clearance
+    assert list(data["strategies"]) == [OPTIMUM, "track", "force", "force_tuck", "position"]
+    for row in data["strategies"].values():
+        assert {"clearance_m", "share_of_bound", "parts", "saturation_mean", "lift_off"} <= set(row)
+    json.dumps(data)
+
+
+def test_parts_gaps_and_shares_add_up(comparison):
+    best = comparison.bound
+    for row in comparison.as_dict()["strategies"].values():
+        assert sum(row["parts"].values()) == pytest.approx(row["clearance_m"], abs=1e-12)
+        assert sum(row["budget"].values()) == pytest.approx(row["clearance_m"], abs=1e-12)
+        assert sum(row["gap"].values()) == pytest.approx(best - row["clearance_m"], abs=1e-7)
+        assert row["share_of_bound"] == pytest.approx(row["clearance_m"] / best)
+
+
+def test_the_optimum_is_measured_as_a_simulation_is(comparison, solution):
+    """The simulator's figures of the plan's own samples are those that the planner printed."""
+    row, s = comparison.as_dict()["strategies"][OPTIMUM], solution.summary
+    assert row["clearance_m"] == pytest.approx(s["clearance_m"], abs=1e-7)
+    assert row["parts"] == pytest.approx(s["parts"], abs=1e-7)
+    assert row["saturation_mean"] == pytest.approx(s["saturation_mean"], abs=2e-3)
+    assert row["energy"]["stance_net_J"] == pytest.approx(s["energy"]["stance_net_J"], rel=1e-4)
+    assert planned_trace(solution).energy_error < 1e-5
+    assert row["limits_exceeded"] == []
+
+
+def test_integrals_of_a_polynomial_are_exact():
+    places = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    assert integrals_to(places) @ places**4 == pytest.approx(places**5 / 5, abs=1e-14)
+
+
+def test_nobody_passes_the_bound(comparison):
+    assert comparison.solution.verified
+    assert comparison.beaten_by == []
+    assert comparison.exit_code == 0
+    assert max(f.clearance for f in comparison.figures.values()) <= comparison.bound + 1e-4
+
+
+def test_a_bound_that_is_passed_is_called_wrong(comparison, solution):
+    low = dataclasses.replace(solution, summary={**solution.summary, "clearance_m": 0.3})
+    wrong = Comparison(low, comparison.plan, comparison.runs)
+    within = [n for n, f in comparison.figures.items() if n != OPTIMUM and not f.limits_exceeded and f.clearance > 0.31]
+    assert within, "some strategy must keep every limit, or this test shows nothing"
+    assert wrong.beaten_by == within
+    assert wrong.exit_code == 3
+
+
+def test_an_unverified_bound_is_not_stated(comparison, solution):
+    doubtful = dataclasses.replace(solution, summary={**solution.summary, "verified": False})
+    data = Comparison(doubtful, comparison.plan, comparison.runs).as_dict()
+    assert data["bound_m"] is None
+    assert data["exit_code"] == 3
+
+
+def test_the_optimum_can_be_tracked(comparison):
+    """4 kHz, 14-bit encoders, no mismatch."""
+    clearance = comparison.figures["track"].clearance
+    assert clearance >= 0.97 * comparison.plan.clearance
+    assert clearance >= 0.97 * comparison.bound
+
+
+def test_energy_balances_close(comparison):
+    for name, f in comparison.figures.items():
+        if name != OPTIMUM:
+            assert f.trace.energy_error < 1e-6, name
+
+
+@pytest.mark.parametrize("name", ["track", "force_tuck"])
+def test_mujoco_agrees(comparison, name):
+    elsewhere = clearance_in_mujoco(comparison.solution.design, find(name), reference_of(comparison.plan))
+    assert elsewhere == pytest.approx(comparison.figures[name].clearance, rel=0.01)
+
+
+def test_a_reserve_is_taken_off_every_limit():
+    design = load("paper", ["leg.motor.torque_cap=1.5", "leg.gear.torque_cap=107", "reserve.torque=0.1"])
+    plan = reserved(design)
+    assert plan.contact.least_force == design.reserve.ground_force
+    assert plan.hop.least_height == design.reserve.height
+    w = np.linspace(-12, 12, 25)
+    for joint in design.leg.joints:
+        before, after = design.leg.joint[joint], plan.leg.joint[joint]
+        assert after.lower >= before.lower + design.reserve.angle - 1e-9
+        assert after.upper <= before.upper - design.reserve.angle + 1e-9
+        inner, outer = (operating_region(d.leg, joint, _parameters(d)).torque_bounds(w)[1] for d in (plan, design))
+        assert inner == pytest.approx(0.9 * outer)
+    start_at_limit = load("paper", ["leg.knee.lower=-2.37"])
+    assert reserved(start_at_limit).leg.joint["knee"].lower < start_angles(start_at_limit)[1]  # it must stay possible
+
+
+def _parameters(design):
+    from hopopt.leg.design import physical_parameters
+
+    return physical_parameters(design.leg)
+
+
+def test_draws_are_seeded_and_within_what_was_asked():
+    design = load("paper")
+    first, again, other = (mismatched(design, 20, seed, 0.05, 0.1) for seed in (3, 3, 4))
+    assert [leg for leg, _ in first] == [leg for leg, _ in again]
+    assert [leg for leg, _ in first] != [leg for leg, _ in other]
+    masses = np.array([[leg.leg.body.mass, leg.leg.link["shank"].mass] for leg, _ in first])
+    assert np.abs(masses / [5.6, 0.8] - 1).max() <= 0.05
+    gains = np.array([gain for _, gain in first])
+    assert 0.05 < np.abs(gains - 1).max() <= 0.1
+
+
+def test_no_mismatch_loses_nothing(comparison):
+    """Draws of no width are the believed leg: the distribution is one number."""
+    only = Comparison(comparison.solution, comparison.plan, {"track": comparison.runs["track"]})
+    found = spread(only, 2, 0, 0.0, 0.0, 2)["track"]
+    assert found["clearances_m"] == pytest.approx([comparison.figures["track"].clearance] * 2)
+    assert found["failed"] == 0
+
+
+@pytest.mark.slow
+def test_fifty_mismatched_legs_hop_if_enough_is_held_back(solution):
+    """5 % of mass and 10 % of torque constant: a plan that holds 12 % of torque back loses none of its hops."""
+    overrides = ["reserve.torque=0.12", "reserve.ground_force=80", "reserve.height=0.02"]
+    robust = compare(load("paper", overrides), ["track"], bound=solution)
+    found = spread(robust, 50, 0, 0.05, 0.1, 2)["track"]
+    assert found["draws"] == len(found["clearances_m"]) == 50
+    assert found["failed"] == 0
+    assert found["p05_m"] > 0.9 * robust.plan.clearance
+
+
+def test_the_command_prints_one_object(comparison, solution, tmp_path, capsys):
+    folder = str(save(solution, tmp_path).result_dir)
+    arguments = ["compare", "--bound", folder, "--strategies", "force", "--results", str(tmp_path), "--no-figures", "--json"]
+    assert run(arguments) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["bound_m"] == pytest.approx(comparison.bound)
+    assert data["strategies"]["force"]["clearance_m"] == pytest.approx(comparison.figures["force"].clearance)
+    assert set(data["strategies"]) == {"optimum", "force"}
+    kept = json.loads((tmp_path / data["result_dir"].rsplit("/", 1)[1] / "comparison.json").read_text())
+    assert kept["strategies"].keys() == data["strategies"].keys()
+
+
+def test_the_command_speaks_plainly(comparison, solution, tmp_path, capsys):
+    folder = str(save(solution, tmp_path).result_dir)
+    assert run(["compare", "--bound", folder, "--strategies", "force", "--results", str(tmp_path), "--no-figures"]) == 0
+    out = capsys.readouterr().out
+    assert "no controller can clear more than 0.79" in out
+    assert "Where the centimetres are lost" in out
+    assert "paper, force: foot 0.44 m simulated" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["compare", "--strategies", "forse"], "there is no strategy 'forse': choose one of force, "),
+        (["compare", "--draws", "-1"], "--draws must be 0 or more"),
+        (["simulate", "--strategy", "no.such:Thing"], "cannot be imported"),
+        (["simulate", "--option", "k_p"], "write it as name=value"),
+        (["simulate", "--option", "k_q=3"], "k_q"),
+        (["simulate", "--hops", "0"], "--hops must be at least 1"),
+        (["simulate", "--plant", "leg.body.mas=5"], "leg.body.mas"),
+    ],
+)
+def test_wrong_use_is_one_sentence(arguments, sentence, tmp_path, capsys):
+    assert run([*arguments, "--results", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert sentence in error
+    assert "Traceback" not in error
+
+
+def test_a_bound_of_another_problem_is_refused(solution, tmp_path, capsys):
+    folder = str(save(solution, tmp_path).result_dir)
+    assert run(["compare", "--set", "leg.gear.ratio=90", "--bound", folder, "--results", str(tmp_path)]) == 2
+    assert "it was solved for another problem" in capsys.readouterr().err
+
+
+def test_a_bound_of_another_objective_is_refused(solution):
+    with pytest.raises(UsageError, match="compared by clearance"):
+        compare(solution.design, ["force"], bound=dataclasses.replace(solution, objective="apex"))
+
+
+def test_simulating_is_told_in_words_and_numbers(tmp_path, capsys):
+    assert run(["simulate", "--strategy", "force", "--results", str(tmp_path), "--no-figures", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert row["strategy"] == "force"
+    assert row["lift_offs"]
+    assert row["clearance_m"] == pytest.approx(sum(row["parts"].values()))
+
+
+def test_a_weaker_plant_than_believed_clears_less(tmp_path, capsys):
+    heights = []
+    for extra in ([], ["--plant", "leg.motor.max_torque=1.6"]):
+        run(["simulate", "--strategy", "force_tuck", *extra, "--results", str(tmp_path), "--no-figures", "--json"])
+        heights.append(json.loads(capsys.readouterr().out)["clearance_m"])
+    assert heights[1] < heights[0] - 0.02
+
+
+def test_every_built_in_strategy_has_words():
+    assert all(strategy.meaning for strategy in BUILT_IN.values())
