@@ -30,8 +30,15 @@ FORBIDDEN = {
     "planner.py": ("hopopt.storage", "hopopt.cli", "hopopt.plots"),
 }
 ONLY = {  # libraries with one home
-    "matplotlib": ("plots.py", "plots_stick.py", "plots_style.py"),
-    "xarray": ("storage.py",),
+    "matplotlib": (
+        "plots.py",
+        "plots_stick.py",
+        "plots_style.py",
+        "plots_runs.py",
+        "plots_runs_stick.py",
+        "plots_runs_budget.py",
+    ),
+    "xarray": ("storage.py", "storage_runs.py"),
     "h5netcdf": ("storage.py",),
     "h5py": ("storage.py",),
 }

@@ -1,0 +1,171 @@
+"""The figures of simulated runs in the paper's form, for one strategy or several side by side.
+
+Runs are given by name; one called "optimum" is the bound. Samples are drawn as recorded.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hopopt.compare import OPTIMUM
+from hopopt.control.paper import PaperOptions
+from hopopt.errors import ResultError
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.robot import BASE
+from hopopt.leg.scales import weight
+from hopopt.plots import FORMATS, save_figure
+from hopopt.plots_runs_budget import budget
+from hopopt.plots_runs_stick import stick
+from hopopt.plots_runs_style import Runs, called, looks, reached, runs_figure
+from hopopt.plots_style import BLACK, GREY, PALE, SIZE, describe, jumping_curve, legend
+from hopopt.sim.hop_figures import HopFigures
+
+NEUTRAL = PaperOptions().y_neu  # [m]
+MARGIN = 0.03  # [m] below the neutral height, where the secant stiffness diverges
+PAPER_RANGE = (0.28, 0.40)  # [m] heights of the body over which the paper compares stiffnesses
+
+
+def foot_height(runs: Runs) -> Figure:
+    """Height [m] of the foot over time [s] (the paper's Fig. sim_graph a), lift-off, and the clearance [m].
+
+    The clearance is the height of the leg's lowest point: it lies below the curve where that is not the foot.
+    """
+    figure = runs_figure(runs, "height of the foot")
+    ax, look = figure.subplots(), looks(runs)
+    ax.axhline(0, color=GREY, lw=3, zorder=1)
+    for name, run in runs.items():
+        t, z, color = run.trace.t, run.trace.points["foot"][:, 1], look[name]["color"]
+        ax.plot(t, z, label=f"{called(name, run)}: {reached(run)}", **look[name])
+        if run.flies:
+            ax.plot(run.lift_off["time_s"], 0, "^", mfc="white", mec=color, mew=2, ms=9, zorder=4)
+        if run.highest is not None:
+            ax.plot(t[run.highest], run.clearance, "o", mfc=color, mec="white", ms=10, zorder=4)
+    if OPTIMUM in runs:
+        bound = runs[OPTIMUM].clearance
+        ax.axhline(bound, color=BLACK, lw=1.5, ls=":", label=f"the optimum's clearance, {bound:.3f} m")
+    ax.plot([], [], "^", mfc="white", mec=GREY, mew=2, ms=9, label="lift-off")
+    ax.plot([], [], "o", mfc=GREY, mec="white", ms=10, label="clearance (of the leg's lowest point)")
+    describe(ax, "time [s]", "height of the foot [m]")
+    ax.set_xlim(0, 1.02 * max(run.trace.t[-1] for run in runs.values()))
+    legend(figure)
+    return figure
+
+
+def saturation(runs: Runs) -> Figure:
+    """Saturation ratio C of every joint over time [s] in stance (eq. sim_cact), and its mean C_avg."""
+    joints, look = _joints(runs), looks(runs)
+    figure = runs_figure(runs, "saturation ratio in stance", (SIZE[0], 2.2 + 2.6 * len(joints)))
+    for k, ax in enumerate(figure.subplots(len(joints), sharex=True, squeeze=False)[:, 0]):
+        ax.axhline(1, color=GREY, lw=1, zorder=1)
+        for name, run in runs.items():
+            t, means = run.trace.t[run.stance], [f"{joint} {c:.2f}" for joint, c in run.saturation_mean.items()]
+            label = f"{called(name, run)}: C_avg {', '.join(means)}"
+            jumping_curve(ax, t, t, run.saturation(k), label=label, **look[name])
+        describe(ax, "time [s]" if k == len(joints) - 1 else "", "saturation ratio [-]", joints[k])
+        ax.set(ylim=(-0.04, 1.08), xlim=(0, 1.01 * max(run.trace.t[run.stance][-1] for run in runs.values())))
+    legend(figure)
+    return figure
+
+
+def _joints(runs: Runs) -> tuple[str, ...]:
+    return next(iter(runs.values())).trace.robot.joints
+
+
+def speed_torque(runs: Runs) -> Figure:
+    """Torque [N m] over speed [rad/s] of every joint in stance on its operating region (Fig. sim_graph c)."""
+    joints, look = _joints(runs), looks(runs)
+    single = len(runs) == 1
+    rows, columns = (1, len(joints)) if single else (len(joints), len(runs))
+    size = max(SIZE[0], 2.3 * columns), max(SIZE[1], 1.6 + 2.3 * rows)
+    figure = runs_figure(runs, "speed and torque in stance on the operating region", size)
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=False if single else "row")
+    grid = grid.reshape(len(joints), len(runs))
+    for column, (name, run) in zip(grid.T, runs.items(), strict=True):
+        for k, ax in enumerate(column):
+            _region(ax, run, k, common=ax is grid[-1, -1])
+            _way(ax, run, k, {**look[name], "ls": "-", "lw": 1.8, "label": called(name, run)})
+            label, title = f"{joints[k]} torque [N m]", called(name, run)
+            describe(ax, "speed [rad/s]", label if ax is grid[k, 0] else "", "" if single or k else title)
+    figure.align_ylabels(grid)
+    legend(figure)
+    return figure
+
+
+def _region(ax: Axes, run: HopFigures, k: int, common: bool) -> None:
+    """The operating region of joint k, start and lift-off; named in the legend in one of the axes, after the runs."""
+    trace = run.trace
+    region = operating_region(run.design.leg, trace.robot.joints[k], trace.robot.parameters)
+    ax.fill(*region.corners().T, fc=PALE, ec=GREY, lw=1.2, label="admissible operating region" if common else None)
+    for row, marker, label in ((0, "o", "start"), (run.stance.stop - 1, "s", "lift-off"))[: 1 + run.flies]:
+        point = trace.v[row, BASE + k], trace.motor[row, k]
+        ax.plot(*point, marker, mfc="white", mec=BLACK, ms=6, zorder=5, label=label if common else None)
+
+
+def _way(ax: Axes, run: HopFigures, k: int, look: dict[str, Any]) -> None:
+    """Torque [N m] of joint k's motor over the joint's speed [rad/s] in stance."""
+    span = run.stance
+    jumping_curve(ax, run.trace.t[span], run.trace.v[span, BASE + k], run.trace.motor[span, k], **look)
+
+
+def stiffness(runs: Runs) -> Figure:
+    """Secant stiffness [N/m] of the two-mass model in stance over the body's height [m] above the foot.
+
+    k = (f_z - m_e g) / (y_neu - y), with the last link's mass for m_e and the paper's y_neu (Fig.
+    exp_sitff_clearance a); only up to a margin below y_neu, where it diverges, and where the ground pushes.
+    """
+    figure = runs_figure(runs, "actual stiffness of the two-mass model in stance")
+    ax, look = figure.subplots(), looks(runs)
+    for name, run in runs.items():
+        ax.plot(*secant_stiffness(run), label=called(name, run), **look[name])
+    ax.axvspan(*PAPER_RANGE, color=PALE, alpha=0.6, lw=0, zorder=0, label="heights that the paper compares")
+    cut = f"cut {MARGIN:g} m below y_neu = {NEUTRAL:g} m, where it diverges"
+    describe(ax, f"height of the body above the foot ({cut}) [m]", "stiffness [N/m]")
+    legend(figure)
+    return figure
+
+
+def secant_stiffness(run: HopFigures) -> tuple[np.ndarray, np.ndarray]:
+    """Height y [m] of the body over the foot and stiffness k [N/m] at every sample of stance, (k,) each.
+
+    Not a number where y is near or above the neutral height, and where the foot is about to be let go (f_z < 0
+    by more than a percent of the weight).
+    """
+    trace, leg, span = run.trace, run.design.leg, run.stance
+    y = trace.q[span, 1] - trace.points["foot"][span, 1]
+    foot = leg.link[leg.links[-1]].mass * float(np.linalg.norm(trace.robot.model.gravity.linear))
+    valid = (y <= NEUTRAL - MARGIN) & (trace.f[span, 1] >= -0.01 * weight(trace.robot.model))
+    return y, np.where(valid, trace.f[span, 1] - foot, np.nan) / np.where(valid, NEUTRAL - y, 1.0)
+
+
+FIGURES: dict[str, Callable[[Runs], Figure]] = {
+    "foot_height": foot_height,
+    "saturation": saturation,
+    "speed_torque": speed_torque,
+    "stiffness": stiffness,
+    "stick": stick,
+    "budget": budget,
+}
+
+
+def save_all(runs: Runs, folder: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
+    """Write every figure in every format to a folder, which is made if need be; the files written.
+
+    The budget is left out unless there is an optimum and something beside it. Raises ResultError, naming the
+    figures that failed and why, when the others are written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    paths, faults = [], []
+    for name, draw in FIGURES.items():
+        if name == "budget" and not (OPTIMUM in runs and len(runs) > 1):
+            continue
+        try:
+            paths += save_figure(draw(runs), folder / name, formats)
+        except Exception as error:  # whatever is wrong with one figure, the others are drawn
+            faults.append(f"{name}: {type(error).__name__}: {error}")
+    if faults:
+        raise ResultError("; ".join(faults))
+    return paths

@@ -1,0 +1,45 @@
+"""What the figures of simulated runs share: one look a strategy, the title, and what a run is called."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from hopopt.compare import OPTIMUM
+from hopopt.plots_style import BLACK, SIZE, Picture, new_figure
+from hopopt.sim.hop_figures import HopFigures
+
+COLORS = ("#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7")  # Okabe and Ito, all that show on white
+STYLES = ("-", (0, (4, 1.5)), "-.", ":")  # in turn, for dashes over a full line show both
+OUTSIDE = "*"  # after the name of a run that did not keep every limit
+
+Runs = Mapping[str, HopFigures]
+
+
+def looks(runs: Runs) -> dict[str, dict[str, Any]]:
+    """Colour, line style and width of every run; the optimum black, thick, and below the others."""
+    found: dict[str, dict[str, Any]] = {}
+    for k, name in enumerate(name for name in runs if name != OPTIMUM):
+        color, style = COLORS[k % 6], STYLES[(k % 2 + k // 6 * 2) % 4]
+        found[name] = {"color": color, "ls": style, "lw": 1.8, "zorder": 3 + 0.01 * k}
+    return {**found, OPTIMUM: {"color": BLACK, "lw": 3.2, "zorder": 2.5, "solid_capstyle": "butt"}}
+
+
+def runs_figure(runs: Runs, title: str, size: tuple[float, float] = SIZE) -> Picture:
+    """An empty figure that says which problem it shows, and whether a run did not keep its limits."""
+    marked = any(f.limits_exceeded for f in runs.values())
+    note = f" ({OUTSIDE}: a limit exceeded)" if marked else ""
+    return new_figure(f"{next(iter(runs.values())).design.name}: {title}{note}", size)
+
+
+def called(name: str, run: HopFigures) -> str:
+    """A run's name, marked if it did not keep every limit of the problem."""
+    return name + OUTSIDE * bool(run.limits_exceeded)
+
+
+def reached(run: HopFigures) -> str:
+    """The clearance [m] of a run in words."""
+    return "no clearance" if run.highest is None else f"clears {run.clearance:.3f} m"
+
+
+def last(run: HopFigures) -> int:
+    """The sample at which the clearance is reached; without one, that before touchdown or the last."""
+    return run.highest if run.highest is not None else (run.flight.stop if run.flies else len(run.trace.t)) - 1
