@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import CycloptsError
 
 from hopopt import cli_runs
-from hopopt.cli_app import AsJson, Overrides, app, progress
+from hopopt.cli_app import AsJson, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
 if TYPE_CHECKING:
@@ -105,14 +105,7 @@ def new(name: str) -> int:
     from hopopt.problem_file import template
 
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
-    text = template(path.stem)
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise UsageError(f"{path} exists already and is not overwritten: choose another name") from None
-    except OSError as error:
-        raise UsageError(f"{path} cannot be written ({error.strerror}): choose another name or folder") from None
+    write_new(path, template(path.stem))
     print(f"{path} written. Change it, then: hopopt solve {path}")
     return 0
 
@@ -155,6 +148,7 @@ def _answer(solution: "Solution", as_object: bool) -> None:
 
 app.command(cli_runs.simulate)
 app.command(cli_runs.compare)
+app.command(cli_runs.export)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -2,9 +2,12 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
+
+from hopopt.errors import UsageError
 
 app = App(
     name="hopopt",
@@ -29,3 +32,14 @@ def progress(quiet: bool) -> AbstractContextManager[Callable[[str], None]]:
     from hopopt import screen
 
     return screen.progress(quiet)
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that must not exist yet; UsageError in a sentence if that cannot be."""
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise UsageError(f"{path} exists already and is not overwritten: choose another name") from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written ({error.strerror}): choose another name or folder") from None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from hopopt.cli_app import AsJson, Overrides, progress
+from hopopt.cli_app import AsJson, Overrides, progress, write_new
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -108,6 +108,7 @@ def compare(
     set_: Overrides = None,
     strategies: str = "track,track_pd,force,force_tuck,position,position_tuck",
     bound: Path | None = None,
+    mujoco: bool = False,
     draws: int = 0,
     mass: float = 0.05,
     torque: float = 0.1,
@@ -128,6 +129,8 @@ def compare(
         Which to simulate, separated by commas; also your own as package.module:Class.
     bound
         A results folder of hopopt solve for the same problem, to save solving again.
+    mujoco
+        Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws
         Also track the optimum on this many legs whose masses and torque constants differ from the believed ones.
     mass
@@ -153,7 +156,7 @@ def compare(
 
     prepare(results)
     with progress(quiet=json_) as say:
-        found = comparing.compare(design, names, bound=_bound(design, bound), progress=say)
+        found = comparing.compare(design, names, bound=_bound(design, bound), mujoco=mujoco, progress=say)
         data = found.as_dict()
         if draws:
             say(f"tracking on {draws} drawn legs")
@@ -168,6 +171,34 @@ def compare(
 
     print_comparison(data, f"{where}   ({data['wall_s']:.1f} s)")
     return found.exit_code
+
+
+def export(
+    problem: str = "paper", *, set_: Overrides = None, urdf: Path | None = None, mjcf: Path | None = None
+) -> int:
+    """Write the leg as URDF or MJCF, for other simulators. An existing file is never overwritten.
+
+    Parameters
+    ----------
+    problem
+        A problem file, or the name of a built-in one.
+    urdf
+        The URDF file to write.
+    mjcf
+        The MuJoCo file to write.
+    """
+    from hopopt.leg.export import to_mjcf, to_urdf
+    from hopopt.leg.robot import build_robot
+    from hopopt.problem_file import load
+
+    robot = build_robot(load(problem, set_ or ()).leg)
+    if urdf is None and mjcf is None:
+        raise UsageError("say what to write: --urdf leg.urdf or --mjcf leg.xml")
+    for path, write in ((urdf, to_urdf), (mjcf, to_mjcf)):
+        if path is not None:
+            write_new(path, write(robot))
+            print(f"{path} written")
+    return 0
 
 
 def _options(given: "list[str] | tuple[str, ...]") -> dict[str, Any]:

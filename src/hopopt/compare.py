@@ -6,19 +6,20 @@ from every limit (the problem's [reserve]), because on the limits themselves fee
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from hopopt.closed_loop import Run, make_controller, simulate
+from hopopt.closed_loop import Run, clearance_in_mujoco, make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.errors import UsageError
 from hopopt.leg.design import Design
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.sim.hop_figures import HopFigures
+from hopopt.sim.mujoco import library
 from hopopt.sim.trace import Event, Trace
 from hopopt.solution import Solution
 from hopopt.verify import PLACES
@@ -38,6 +39,7 @@ class Comparison:
     solution: Solution
     plan: Solution | None
     runs: Mapping[str, Run]
+    mujoco: Mapping[str, float] = field(default_factory=dict)  # clearances [m] there, where asked for
 
     @cached_property
     def figures(self) -> dict[str, HopFigures]:
@@ -77,6 +79,8 @@ class Comparison:
         }
         row |= f.as_dict()
         row |= {"share_of_bound": f.clearance / self.bound, "gap": self.gap(name)}
+        if name in self.mujoco:
+            row["mujoco_clearance_m"] = self.mujoco[name]
         if name in PAPER:
             row["paper"] = {key: list(values) for key, values in PAPER[name].items()}
         return row
@@ -100,25 +104,30 @@ def compare(
     strategies: Sequence[str] = tuple(BUILT_IN),
     *,
     bound: Solution | None = None,
+    mujoco: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Comparison:
     """Solve for the bound (or take one that was solved), simulate every strategy, and set them side by side.
 
-    Raises UsageError for unknown strategies and for a bound of another problem, NotSolvedError if there is none.
+    mujoco: run them in MuJoCo too. Raises MissingExtraError without it, UsageError for unknown strategies and for a bound of another problem, NotSolvedError if there is none.
     """
     from hopopt.planner import solve
 
+    if mujoco:
+        library()
     say, chosen = progress or (lambda text: None), [find(name) for name in strategies]
     if bound is not None and bound.objective != "clearance":
         raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
     solution = bound or solve(design, progress=say)
     plan = plan_to_track(design, solution, say) if any(s.needs_plan for s in chosen) else None
     reference = None if plan is None else reference_of(plan)
-    runs = {}
+    runs, elsewhere = {}, {}
     for strategy in chosen:
         say(f"simulating {strategy.name}")
         runs[strategy.name] = simulate(design, strategy, plan=reference)
-    return Comparison(solution, plan, runs)
+        if mujoco:
+            elsewhere[strategy.name] = clearance_in_mujoco(design, strategy, reference)
+    return Comparison(solution, plan, runs, elsewhere)
 
 
 def plan_to_track(design: Design, solution: Solution | None, say: Callable[[str], None]) -> Solution:

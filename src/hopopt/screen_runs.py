@@ -25,6 +25,9 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
             out.print(f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}")
     for name, spread in comparison.get("mismatch", {}).items():
         out.print(_spread(name, spread))
+    elsewhere = {name: row["mujoco_clearance_m"] for name, row in rows.items() if "mujoco_clearance_m" in row}
+    if elsewhere:
+        out.print("in MuJoCo: " + ", ".join(f"{name} {clearance:.3f} m" for name, clearance in elsewhere.items()))
     if comparison["tracked_plan_m"]:
         out.print(f"tracked: a plan of {comparison['tracked_plan_m']:.4f} m, which holds the problem's [reserve] back")
     out.print(f"results {where}")

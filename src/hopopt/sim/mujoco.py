@@ -128,7 +128,7 @@ class _Scene:
     """MuJoCo's model and data of the leg, from the exported file."""
 
     def __init__(self, robot: Robot, time_step: float):
-        self.mj = _library()
+        self.mj = library()
         self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot))
         self.data = self.mj.MjData(self.model)
         option, disable = self.model.opt, self.mj.mjtDisableBit
@@ -167,7 +167,7 @@ class _Scene:
         return self.data.site("foot").xpos[PLANE].copy()
 
 
-def _library() -> Any:
+def library() -> Any:
     """MuJoCo, which is compiled and without type information; imported when needed, as it is optional."""
     try:
         return import_module("mujoco")
