@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopopt.control.strategy import Setting
+from hopopt.control.strategy import Setting, one_of, read_options
 from hopopt.control.two_mass import TwoMass
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_offset, tucked, two_joint_angles
@@ -42,8 +42,8 @@ class PaperOptions:
     y_neu: float = 0.45
     C_amp: float = 0.12
     C_max: float = 0.11
-    retraction: str = "reference"
-    stance: str = "reference"
+    retraction: str = one_of("reference", "tuck")
+    stance: str = one_of("reference", "step")
     plumb_k: float = 400.0
     plumb_d: float = 40.0
 
@@ -52,7 +52,12 @@ class PaperOptions:
         leg = setting.design.leg
         g = float(-setting.robot.model.gravity.linear[2])
         masses = {"m": leg.body.mass, "m_e": leg.link[leg.links[-1]].mass}
-        return TwoMass(**masses, k=self.k_s, l0=self.y_neu, C_amp=self.C_amp, C_max=self.C_max, g=g)
+        try:
+            model = TwoMass(**masses, k=self.k_s, l0=self.y_neu, C_amp=self.C_amp, C_max=self.C_max, g=g)
+            model.t_lo  # noqa: B018  it has to lift off
+            return model
+        except ValueError as error:
+            raise UsageError(str(error)) from None
 
 
 class _Paper:
@@ -65,7 +70,7 @@ class _Paper:
                 f"{setting.design.name}: the paper's strategies need a leg of two joints, this one has "
                 f"{len(self.leg.joints)}: compare the optimum with a strategy of your own"
             )
-        self.options = PaperOptions(**setting.options)
+        self.options = read_options(PaperOptions, setting.options)
         self.two_mass = self.options.two_mass(setting)
         self.machine, self.drive = setting.machine(), setting.drive()
         self.side = np.sign(setting.start[1]) or 1.0

@@ -26,14 +26,11 @@ class Strategy:
     needs_plan: bool = False
 
     def controller(self, setting: Setting) -> Controller:
-        """A fresh controller; the setting's own options go before the strategy's. UsageError for unknown ones."""
-        options = {**self.options, **setting.options}
+        """A fresh controller; the setting's own options go before the strategy's. UsageError for unusable ones."""
         try:
-            return self.make(replace(setting, options=options))
-        except TypeError as error:
-            raise UsageError(
-                f"strategy {self.name}: {error}: options given were {', '.join(options) or 'none'}"
-            ) from None
+            return self.make(replace(setting, options={**self.options, **setting.options}))
+        except UsageError as error:
+            raise UsageError(f"strategy {self.name}: {error}") from None
 
 
 BUILT_IN = {

@@ -4,18 +4,40 @@ A strategy is a class that is made from a ``Setting`` and has ``torque(now: Meas
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
 
 import numpy as np
 
 from hopopt.control.reference import PlanReference
+from hopopt.errors import UsageError
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import Robot, build_robot
 from hopopt.sim.drive import Drive
 from hopopt.sim.machine import Machine
+
+Options = TypeVar("Options")
+
+
+def one_of(*choices: str) -> Any:
+    """A field of options that takes one of these words, the first by default."""
+    return field(default=choices[0], metadata={"choices": choices})
+
+
+def read_options(kind: type[Options], given: Mapping[str, Any]) -> Options:
+    """A dataclass of numbers and words from settings by name; UsageError for a name or value it does not have."""
+    known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    for name, value in given.items():
+        if name not in known:
+            raise UsageError(f"there is no option {name!r}: choose one of {', '.join(known)}")
+        choices = known[name].metadata.get("choices", ())
+        if choices and value not in choices:
+            raise UsageError(f"{name} = {value!r}: choose one of {', '.join(choices)}")
+        if not choices and (isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value)):
+            raise UsageError(f"{name} = {value!r}: a number is needed")
+    return kind(**given)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.control.reference import PhaseReference
-from hopopt.control.strategy import Setting
+from hopopt.control.strategy import Setting, one_of, read_options
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE
 from hopopt.sim.machine import Machine
@@ -33,7 +33,7 @@ class TrackingOptions:
     k_d [N m s/rad].
     """
 
-    feedback: str = "lqr"
+    feedback: str = one_of("lqr", "pd", "none")
     angle: float = 0.01
     speed: float = 0.3
     effort: float = 30.0
@@ -65,9 +65,7 @@ class Track:
     def __init__(self, setting: Setting):
         if setting.plan is None:
             raise UsageError("the strategy track needs a planned hop to follow: solve the problem first")
-        self.options, self.period = TrackingOptions(**setting.options), setting.period
-        if self.options.feedback not in ("lqr", "pd", "none"):
-            raise UsageError(f"feedback = {self.options.feedback!r}: choose one of lqr, pd, none")
+        self.options, self.period = read_options(TrackingOptions, setting.options), setting.period
         self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
         self.state: Estimate | None = None
         self.lost = self.early = False

@@ -113,11 +113,12 @@ class Plant:
     # ---- events ----------------------------------------------------------------------------------------
 
     def advance(self, s: State, torque: Torque, h: float) -> tuple[State, bool]:
-        """A step of at most h, cut short where the contact has to ``change``; whether it has to."""
-        if self.lets_go(s, torque):
-            return s, True
-        after, here = self.step(s, torque, h), self._margin(s, torque)
-        if self._margin(after, torque) >= 0 or (s.contact and here < 0):
+        """A step of at most h, cut short where the contact has to ``change``; whether it has to.
+
+        A foot that ``lets_go`` at once is the caller's to see to.
+        """
+        after = self.step(s, torque, h)
+        if self._margin(after, torque) >= 0 or ((here := self._margin(s, torque)) < 0 and s.contact):
             return after, False
         begin = 0.0 if here > 0 else min(AHEAD, h)  # the foot may just have come off
         if not here > 0 and self._margin(self.step(s, torque, begin), torque) <= 0:
@@ -212,13 +213,14 @@ class Plant:
 
         torque = from_here(s)
         while end - s.t > EVENT:
-            settled = not self.lets_go(s, torque)
-            if settled or before:
-                self._note(writer, s, torque if settled else before)  # type: ignore[arg-type]
-            s, changes = self.advance(s, torque, end - s.t)
+            changes = self.lets_go(s, torque)
+            if not changes:
+                self._note(writer, s, torque)
+                s, changes = self.advance(s, torque, end - s.t)
+                before = torque
             if changes:
-                if settled:
-                    self._note(writer, s, torque)
+                if before:
+                    self._note(writer, s, before)
                 s, event = self.change(s)
                 writer.events.append(event)
                 torque, before = from_here(s), None
