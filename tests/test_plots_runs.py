@@ -136,8 +136,10 @@ def curve(figure: Figure, axes: int, label: str) -> np.ndarray:
 def test_curves_are_the_recorded_samples(runs: Callable[[str], Runs]) -> None:
     (run,) = runs("one").values()
     trace, stance = run.trace, run.trace.t <= run.lift_off["time_s"]
-    foot = np.column_stack([trace.t, trace.points["foot"][:, 1]])
-    np.testing.assert_array_equal(curve(FIGURES["foot_height"](runs("one")), 0, "force"), foot)
+    for name, own in runs("seven").items():
+        foot = np.column_stack([own.trace.t, own.trace.points["foot"][:, 1]])
+        np.testing.assert_array_equal(curve(FIGURES["foot_height"](runs("seven")), 0, f"{name}: "), foot)
+    assert any((own.trace.lowest < own.trace.points["foot"][:, 1] - 0.01).any() for own in runs("seven").values())
     for k in range(2):
         way = curve(FIGURES["speed_torque"](runs("one")), k, "force")
         assert set(map(tuple, way)) <= set(zip(trace.v[:, 2 + k], trace.motor[:, k], strict=True))
@@ -182,6 +184,13 @@ def test_the_secant_stiffness_of_a_spring_is_the_springs(runs: Callable[[str], R
     pulling = np.where(y[:, None] > 0.35, -0.1 * weight(trace.robot.model), spring)
     _, found = secant_stiffness(replace(run, trace=replace(trace, f=pulling)))
     np.testing.assert_array_equal(np.isnan(found), height > 0.35)
+
+
+def test_a_leg_that_is_never_low_has_no_stiffness(runs: Callable[[str], Runs]) -> None:
+    (run,) = runs("three joints").values()
+    assert run.trace.q[:, 1].min() > NEUTRAL
+    shown = [[text.get_text() for text in FIGURES["stiffness"](runs(case)).axes[0].texts] for case in CASES]
+    assert shown == [["the body is never this low"] if case == "three joints" else [] for case in CASES]
 
 
 def test_the_losses_lead_from_the_bound_to_the_clearance(runs: Callable[[str], Runs]) -> None:
@@ -245,9 +254,10 @@ def test_a_missed_limit_is_marked(runs: Callable[[str], Runs]) -> None:
         for name in FIGURES.keys() - {"budget"}:
             figure = FIGURES[name](figures)
             assert ("*" in figure.get_suptitle()) == star, name
-            if figure.legends:
-                (own,) = [t.get_text() for t in figure.legends[0].get_texts() if t.get_text().startswith("force")]
-                assert "*" not in own
+            texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+            texts = texts or [ax.get_title(loc="left") for ax in figure.axes]
+            named = [match[0] for text in texts if (match := re.match(r"(force|late)\*?", text))]
+            assert named == ["force", "late*"][: 1 + star]
 
 
 @pytest.mark.parametrize(("case", "left_out"), [("one", {"budget"}), ("seven", set())])

@@ -21,7 +21,7 @@ from hopopt.plots import FORMATS, save_figure
 from hopopt.plots_runs_budget import budget
 from hopopt.plots_runs_stick import stick
 from hopopt.plots_runs_style import Runs, called, looks, reached, runs_figure
-from hopopt.plots_style import BLACK, GREY, PALE, SIZE, describe, jumping_curve, legend
+from hopopt.plots_style import BLACK, GREY, PALE, SIZE, TEXT, describe, jumping_curve, legend
 from hopopt.sim.hop_figures import HopFigures
 
 NEUTRAL = PaperOptions().y_neu  # [m]
@@ -30,7 +30,7 @@ PAPER_RANGE = (0.28, 0.40)  # [m] heights of the body over which the paper compa
 
 
 def foot_height(runs: Runs) -> Figure:
-    """Height [m] of the foot over time [s] (the paper's Fig. sim_graph a), lift-off, and the clearance [m].
+    """Height [m] of the foot over time [s] (the paper's Fig. sim_graph a), lift-off and clearance [m] of the first hop.
 
     The clearance is the height of the leg's lowest point: it lies below the curve where that is not the foot.
     """
@@ -96,11 +96,11 @@ def speed_torque(runs: Runs) -> Figure:
 
 
 def _region(ax: Axes, run: HopFigures, k: int, common: bool) -> None:
-    """The operating region of joint k, start and lift-off; named in the legend in one of the axes, after the runs."""
+    """The operating region of joint k, start and end of stance; named in the legend by one axes, after the runs."""
     trace = run.trace
     region = operating_region(run.design.leg, trace.robot.joints[k], trace.robot.parameters)
     ax.fill(*region.corners().T, fc=PALE, ec=GREY, lw=1.2, label="admissible operating region" if common else None)
-    for row, marker, label in ((0, "o", "start"), (run.stance.stop - 1, "s", "lift-off"))[: 1 + run.flies]:
+    for row, marker, label in ((0, "o", "start"), (run.stance.stop - 1, "s", "end of stance")):
         point = trace.v[row, BASE + k], trace.motor[row, k]
         ax.plot(*point, marker, mfc="white", mec=BLACK, ms=6, zorder=5, label=label if common else None)
 
@@ -122,6 +122,8 @@ def stiffness(runs: Runs) -> Figure:
     for name, run in runs.items():
         ax.plot(*secant_stiffness(run), label=called(name, run), **look[name])
     ax.axvspan(*PAPER_RANGE, color=PALE, alpha=0.6, lw=0, zorder=0, label="heights that the paper compares")
+    if not any(np.isfinite(secant_stiffness(run)[1]).any() for run in runs.values()):
+        ax.text(0.5, 0.5, "the body is never this low", fontsize=TEXT, ha="center", transform=ax.transAxes)
     cut = f"cut {MARGIN:g} m below y_neu = {NEUTRAL:g} m, where it diverges"
     describe(ax, f"height of the body above the foot ({cut}) [m]", "stiffness [N/m]")
     legend(figure)

@@ -67,5 +67,5 @@ class _Poses:
             look = {"color": color, "alpha": PALER if contact else 1.0}
             ax.plot(x, z, "-o", lw=2.5, ms=4, mfc="white", zorder=3, **look)
             ax.add_patch(Circle((x[0], z[0]), self.radius, lw=0, zorder=4, **look))
-        if self.clearance is not None:
+        if self.clearance is not None and self.clearance > 0.1 * self.top:  # there is room for an arrow
             height_arrow(ax, across[-1, self.z[-1].argmin()], self.clearance)
