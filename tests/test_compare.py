@@ -26,6 +26,7 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.planner import solve
 from hopopt.problem_file import load
 from hopopt.storage import save
+from hopopt.storage_runs import save_runs
 
 
 @pytest.fixture(scope="module")
@@ -235,3 +236,15 @@ def test_a_weaker_plant_than_believed_clears_less(tmp_path, capsys):
 
 def test_every_built_in_strategy_has_words():
     assert all(strategy.meaning for strategy in BUILT_IN.values())
+
+
+def test_a_figure_that_fails_loses_nothing(comparison, tmp_path, caplog):
+    def fails(folder):
+        raise RuntimeError("no ink")
+
+    runs = {"force": comparison.runs["force"].trace}
+    folder = save_runs("comparison", comparison.solution.design, comparison.as_dict(), runs, tmp_path, fails)
+    assert {p.name for p in folder.iterdir()} >= {"comparison.json", "runs.nc", "problem.toml"}
+    assert "no ink" in caplog.text
+    again = save_runs("comparison", comparison.solution.design, comparison.as_dict(), runs, tmp_path)
+    assert again != folder

@@ -6,6 +6,7 @@ results/<problem>-<what>-<hash8>/
 """
 
 import hashlib
+import logging
 import os
 import shutil
 import tempfile
@@ -35,7 +36,22 @@ def save_runs(
     results: Path,
     figures: Callable[[Path], Any] | None = None,
 ) -> Path:
-    """Write runs into a new folder below ``results``, the figures last; the folder. ResultError if it cannot be."""
+    """Write runs into a new folder below ``results``, the folder; ResultError if it cannot be written.
+
+    The figures come last, when the data are safe: those that fail are logged, nothing else.
+    """
+    folder = _save_data(what, design, data, traces, results)
+    if figures is not None:
+        try:
+            (folder / "figures").mkdir()
+            figures(folder / "figures")
+        except (Exception, KeyboardInterrupt) as error:  # the data are what took the time
+            words = f"figures are missing ({reason_of(error)}); the data in {folder} are complete"
+            logging.getLogger(__name__).warning(words)
+    return folder
+
+
+def _save_data(what: str, design: Design, data: Mapping[str, Any], traces: Mapping[str, Trace], results: Path) -> Path:
     work = None
     try:
         results.mkdir(parents=True, exist_ok=True)
@@ -43,9 +59,6 @@ def save_runs(
         write_json(data, work / f"{what}.json")
         (work / "problem.toml").write_text(resolved_toml(design), encoding="utf-8")
         (work / "runs.nc").write_bytes(_netcdf(design, traces))
-        if figures is not None:
-            (work / "figures").mkdir()
-            figures(work / "figures")
         os.chmod(work, 0o755)
         key = hashlib.sha256(f"{design_hash(design)} {sorted(traces)}".encode()).hexdigest()[:8]
         return work.rename(unused(results / f"{design.name}-{what}-{key}"))
