@@ -122,16 +122,10 @@ def defects(t: Transcription, layout: PhaseLayout, z: np.ndarray) -> list[np.nda
     p = np.concatenate([[0.7], physical[t.parameters], [0.0]])
     for i in range(mesh.intervals):
         h = durations[mesh.arc[i]] * mesh.shares[i]
-        controls = t.scheme.control_weights(np.array(t.scheme.c)) @ held(t.scheme, U, layout, i)
+        controls = U[layout.controls_of[i]]  # every scheme here has a control at each abscissa
         x = X[i * steps : (i + 1) * steps + 1]
         points = zip(x[-len(t.scheme.c) :], controls, begin + h * np.array(t.scheme.c), strict=True)
         f = np.array([layout.stage.function(*point, p)[0].full().ravel() for point in points])
         result.append(x[1:] - x[0] - h * t.scheme.A @ f)
         begin += h
     return result
-
-
-def held(method: Scheme, U: np.ndarray, layout: PhaseLayout, i: int) -> np.ndarray:
-    """The controls of interval i at all abscissae; Hermite-Simpson's are linear."""
-    own = U[layout.controls_of[i]]
-    return np.stack([own[0], own.mean(axis=0), own[1]]) if method is HERMITE_SIMPSON else own

@@ -71,7 +71,8 @@ class NlpSolver:
 
     def __init__(self, transcription: Transcription, options: Mapping[str, Any] | None = None):
         self.transcription = transcription
-        settings = OPTIONS | transcription.program.options() | dict(options or {})
+        undamped = {"ipopt.tol": 1e-8} if transcription.scheme.starts_at_node else {}  # multipliers oscillate
+        settings = OPTIONS | undamped | transcription.program.options() | dict(options or {})
         self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
 
     def __call__(

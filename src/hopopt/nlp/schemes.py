@@ -80,7 +80,7 @@ def radau(degree: int) -> Scheme:
 
 
 TRAPEZOIDAL = Scheme("trapezoidal", (0.0, 1.0), (0.0, 1.0), 2)
-HERMITE_SIMPSON = Scheme("hermite-simpson", (0.0, 0.5, 1.0), (0.0, 1.0), 4)  # controls linear: no overshoot
+HERMITE_SIMPSON = Scheme("hermite-simpson", (0.0, 0.5, 1.0), (0.0, 0.5, 1.0), 4)
 
 
 def scheme(name: str, degree: int = 4) -> Scheme:
