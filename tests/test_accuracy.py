@@ -32,3 +32,13 @@ def test_twice_as_fine_a_mesh(answer: Solution) -> None:
     again = solver(transcription.guess_from(answer.phases), {"clearance": answer.clearance})
     assert again.success
     assert again.objective == pytest.approx(answer.clearance, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_hermite_simpson_agrees(answer: Solution) -> None:
+    """Another scheme, other nodes, other multipliers: the same height."""
+    design = load("paper", ["solver.scheme=hermite-simpson", "solver.max_refinements=1"])
+    other = solve(design, starts=1)
+    assert len(other.summary["mesh"]) > 1
+    assert other.phases["stance"].scheme.name == "hermite-simpson"
+    assert other.clearance == pytest.approx(answer.clearance, rel=1e-4)

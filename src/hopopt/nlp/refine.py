@@ -22,6 +22,7 @@ MOST = 4  # pieces into which an interval is cut at once
 BUDGET = PRICE  # of the intervals' prices before anything is drawn in: an estimate from above
 ROUNDS = 10  # of drawing in the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
+LOST = 0.02  # relative: a finer mesh's objective may be worse by this much and no more
 PATIENCE = 100  # iterations from carried multipliers, before starting without
 Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 
@@ -113,11 +114,16 @@ class Refinement:
         built = time.perf_counter()
         solution = self.solver(guess, free, carried(old, t))
         for strategy in ("adaptive", "monotone"):
-            if not solution.success:
+            if not solution.success or self._lost(solution):
                 solution = self._cold(t, strategy)(guess, free)
         if solution.success:
             self._accept(solution, 0, built - began, time.perf_counter() - built)
         return solution.success
+
+    def _lost(self, solution: NlpSolution) -> bool:
+        """Whether it is another, worse optimum than the last mesh's."""
+        sign = -1.0 if solution.transcription.problem.objective.maximize else 1.0
+        return sign * (solution.objective - self.solution.objective) > LOST * abs(self.solution.objective)
 
     def _warm(self, t: Transcription) -> NlpSolver:
         return NlpSolver(t, WARM | {"ipopt.max_iter": min(PATIENCE, self.aims.iterations)})
