@@ -324,6 +324,14 @@ def test_end_stops_push_back_and_keep_no_more_than_they_are_given(paper: Design)
     assert np.all(trace.work[:, 2] - kept >= -1e-6)
 
 
+def test_a_slow_controller_does_not_make_a_coarse_simulation(paper: Design) -> None:
+    """Torques held for 10 ms: the same motion whether the steps between are asked for or not."""
+    tau, plant = np.array([-10.0, 120.0]), plant_of(paper)
+    slow, fast = (plant.run(start_angles(paper), Fixed(tau), 0.06, timing=Timing(p)) for p in (0.01, PERIOD))
+    assert slow.energy_error < 1e-9
+    np.testing.assert_allclose(slow.q[-1], fast.q[-1], rtol=0, atol=1e-9)
+
+
 # ---- drives and encoders -----------------------------------------------------------------------------------------
 
 
@@ -376,9 +384,9 @@ def test_motor_torque_stays_in_the_operating_region(changes: dict[str, Any]) -> 
 @pytest.mark.parametrize("periods", [0.0, 0.3, 1.0, 2.6, 7.0])
 def test_a_command_acts_exactly_its_delay_later(paper: Design, periods: float) -> None:
     """The k-th call's torque acts from k period + delay to (k + 1) period + delay; before that there is none."""
-    plant, period = plant_of(paper), 1e-3
+    plant, period = plant_of(paper), PERIOD
     controller = Counting(plant.n)
-    trace = plant.run(start_angles(paper), controller, 0.02, timing=Timing(period, periods * period))
+    trace = plant.run(start_angles(paper), controller, 20 * period, timing=Timing(period, periods * period))
     assert controller.calls == 20
     acting = np.maximum(np.floor(trace.t[:-1] / period - periods + 1e-6) + 1, 0)
     np.testing.assert_allclose(trace.command[:-1, 0], 1e-6 * acting, rtol=0, atol=1e-12)

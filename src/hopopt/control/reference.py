@@ -11,6 +11,7 @@ from scipy.interpolate import BarycentricInterpolator
 from hopopt.leg.robot import BASE
 
 STANCE, FLIGHT = "stance", "flight"
+EDGE = 1e-9  # [s] as events are located: an edge this near has been reached
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,9 @@ class PhaseReference:
         return np.append(self.t[:, 0], self.t[-1, -1])
 
     def at(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, v, tau (n) at t [s] since the phase began, clipped to it; at an edge, what follows."""
+        """q, v, tau (n) at t [s] since the phase began, clipped to it; at an edge (to EDGE), what follows."""
         t = min(max(t, 0.0), self.duration)
-        k = int(np.clip(np.searchsorted(self.t[:, 0], t + 1e-12, side="right") - 1, 0, len(self.t) - 1))
+        k = int(np.clip(np.searchsorted(self.t[:, 0], t + EDGE, side="right") - 1, 0, len(self.t) - 1))
         weights = self._weights((t - self.t[k, 0]) / (self.t[k, -1] - self.t[k, 0]))
         return weights @ self.q[k], weights @ self.v[k], weights @ self.tau[k]
 

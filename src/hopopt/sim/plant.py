@@ -2,8 +2,8 @@
 
 In stance the foot is pinned and the joints are the coordinates, so nothing drifts and nothing penetrates; in
 flight the whole leg is free. The foot leaves when the ground would have to pull, and lands with a plastic impact.
-Fixed Runge-Kutta steps of fourth order end at every control instant and at every event, which is located by
-shortening the last step.
+Runge-Kutta steps of fourth order end at every control instant and at every event, which is located by shortening
+the last step.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,9 @@ from hopopt.sim.measurement import Controller, Measurement
 from hopopt.sim.state import Command, State, Timing, Torque
 from hopopt.sim.trace import Event, Trace, TraceWriter
 
+LONGEST = 2.5e-4  # [s] of a step, however slow the controller
 EVENT = 1e-9  # [s] to which events are located
+JUMP = 1e-8  # [s] before the end of a step within which the torque that follows may already hold
 AHEAD = 1e-5  # [s] over which a foot let go must rise
 BOUNCE = 0.02  # [s] a foot off the ground for less has not hopped: its stance goes on
 AT_STOPS = 8  # parts of a step where a joint touches its end stop: they are stiff
@@ -209,14 +211,14 @@ class Plant:
 
         def from_here(s: State) -> Torque:
             torque = command(s)
-            return lambda t, q, v: torque(min(t, end - EVENT), q, v)  # at the end it may jump
+            return lambda t, q, v: torque(min(t, end - JUMP), q, v)
 
         torque = from_here(s)
         while end - s.t > EVENT:
             changes = self.lets_go(s, torque)
             if not changes:
                 self._note(writer, s, torque)
-                s, changes = self.advance(s, torque, end - s.t)
+                s, changes = self.advance(s, torque, min(end - s.t, LONGEST))
                 before = torque
             if changes:
                 if before:
