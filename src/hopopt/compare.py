@@ -26,6 +26,7 @@ from hopopt.verify import PLACES
 
 BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
 OPTIMUM = "optimum"
+SMOOTH = 1e-4  # [m/s] tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
 PAPER = {  # the paper's printed figures: simulation, experiment
     "force": {"foot_height_m": (0.44, 0.38), "knee_saturation": (1.0, 1.0)},
     "position": {"foot_height_m": (0.32, 0.24), "knee_saturation": (0.5, 0.7)},
@@ -156,6 +157,7 @@ def reserved(design: Design) -> Design:
         joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
         _less_torque(joint, 1 - r.torque)
     _less_torque(data["leg"], 1 - r.torque)
+    data["solver"]["tie_break"] = max(design.solver.tie_break, SMOOTH)
     return Design.model_validate(data)
 
 
