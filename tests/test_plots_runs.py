@@ -19,12 +19,13 @@ from hopopt.control.strategies import find
 from hopopt.errors import ResultError
 from hopopt.leg.design import Design
 from hopopt.leg.scales import weight
-from hopopt.plots_runs import FIGURES, MARGIN, NEUTRAL, save_all, secant_stiffness
+from hopopt.plots_runs import FIGURES, save_all
 from hopopt.plots_runs_style import looks
 from hopopt.plots_style import BLACK
 from hopopt.problem_file import load
 from hopopt.sim.hop_figures import HopFigures
 from hopopt.sim.measurement import Measurement
+from hopopt.stiffness import MARGIN, NEUTRAL, secant_stiffness
 
 Runs = dict[str, HopFigures]
 COARSE = {"simulation.control_rate": 500.0, "simulation.encoder_bits": 0}

@@ -55,7 +55,7 @@ def simulate(
     problem
         A problem file, or the name of a built-in one.
     strategy
-        force, force_tuck, position, position_tuck (the paper's), track, track_pd (follow the optimum), an entry point
+        force, force_tuck, position, position_soft, position_tuck (the paper's), track, track_pd (follow the optimum), an entry point
         of the group hopopt.strategies, or your own class as package.module:Class.
     hops
         How many hops one after the other.
@@ -106,8 +106,9 @@ def compare(
     problem: str = "paper",
     *,
     set_: Overrides = None,
-    strategies: str = "track,track_pd,force,force_tuck,position,position_tuck",
+    strategies: str = "track,track_pd,force,force_tuck,position,position_soft,position_tuck",
     bound: Path | None = None,
+    tune: int = 24,
     mujoco: bool = False,
     draws: int = 0,
     mass: float = 0.05,
@@ -129,6 +130,8 @@ def compare(
         Which to simulate, separated by commas; also your own as package.module:Class.
     bound
         A results folder of hopopt solve for the same problem, to save solving again.
+    tune
+        Tune the gains of force and position on so many simulated hops, and show the best beside the printed ones; 0: not.
     mujoco
         Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws
@@ -149,6 +152,8 @@ def compare(
 
     design = load(problem, set_ or ())
     names = [name.strip() for name in strategies.split(",") if name.strip()]
+    if tune and tune < 24:
+        raise UsageError("--tune must be 0 or at least 24")
     if draws < 0 or not (0 <= mass < 1 and 0 <= torque < 1):
         raise UsageError("--draws must be 0 or more; --mass and --torque are shares from 0 to below 1")
     from hopopt import compare as comparing
@@ -156,7 +161,7 @@ def compare(
 
     prepare(results)
     with progress(quiet=json_) as say:
-        found = comparing.compare(design, names, bound=_bound(design, bound), mujoco=mujoco, progress=say)
+        found = comparing.compare(design, names, bound=_bound(design, bound), mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()
         if draws:
             say(f"tracking on {draws} drawn legs")

@@ -21,6 +21,7 @@ from hopopt.sim.plant import Plant, Timing
 from hopopt.sim.trace import Trace
 
 LONGEST = 1.0  # [s] of a hop beyond its longest stance
+PAST_APEX = 1.0  # [m/s] of fall, 5 cm below the apex: no leg rises as fast any more
 
 
 @dataclass(frozen=True)
@@ -58,12 +59,14 @@ def simulate(
     plant: Design | None = None,
     torque_gain: np.ndarray | None = None,
     hops: int = 1,
+    past_apex: bool = False,
     options: Mapping[str, Any] | None = None,
     controller: Controller | None = None,
 ) -> Run:
     """Hop a leg with a strategy, ``hops`` times, from the problem's start.
 
-    plan is what ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
+    past_apex: end well past the first apex, where the clearance is decided, not at the landing. plan is what
+    ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
     options are settings of the strategy, unless a fresh controller is given. Raises UsageError if the strategy
     cannot be made.
     """
@@ -76,6 +79,7 @@ def simulate(
         timing=Timing(period, s.torque_delay),
         encoder=Encoder(s.encoder_bits, s.speed_window, period),
         landings=hops,
+        falling=PAST_APEX if past_apex else np.inf,
     )
     return Run(strategy, truth, trace)
 

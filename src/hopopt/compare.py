@@ -18,19 +18,17 @@ from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.errors import UsageError
 from hopopt.leg.design import Design
 from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.paper_results import PAPER
 from hopopt.sim.hop_figures import HopFigures
 from hopopt.sim.mujoco import library
 from hopopt.sim.trace import Event, Trace
 from hopopt.solution import Solution
 from hopopt.verify import PLACES
 
+TUNED = ("force", "position")  # strategies whose gains can be tuned
 BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
 OPTIMUM = "optimum"
 SMOOTH = 1e-4  # [m/s] tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
-PAPER = {  # the paper's printed figures: simulation, experiment
-    "force": {"foot_height_m": (0.44, 0.38), "knee_saturation": (1.0, 1.0)},
-    "position": {"foot_height_m": (0.32, 0.24), "knee_saturation": (0.5, 0.7)},
-}
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ class Comparison:
         row: dict[str, Any] = {
             "meaning": "the verified optimum" if name == OPTIMUM else self.runs[name].strategy.meaning
         }
-        row |= f.as_dict()
+        row |= f.as_dict() | {"options": {} if name == OPTIMUM else dict(self.runs[name].strategy.options)}
         row |= {"share_of_bound": f.clearance / self.bound, "gap": self.gap(name)}
         if name in self.mujoco:
             row["mujoco_clearance_m"] = self.mujoco[name]
@@ -106,11 +104,12 @@ def compare(
     *,
     bound: Solution | None = None,
     mujoco: bool = False,
+    tune: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Comparison:
     """Solve for the bound (or take one that was solved), simulate every strategy, and set them side by side.
 
-    mujoco: run them in MuJoCo too. Raises MissingExtraError without it, UsageError for unknown strategies and for a bound of another problem, NotSolvedError if there is none.
+    tune: add the paper's strategies with the best gains among so many hops. mujoco: run all in MuJoCo too. Raises MissingExtraError without it, UsageError for unknown strategies and for a bound of another problem, NotSolvedError if there is none.
     """
     from hopopt.planner import solve
 
@@ -122,6 +121,7 @@ def compare(
     solution = bound or solve(design, progress=say)
     plan = plan_to_track(design, solution, say) if any(s.needs_plan for s in chosen) else None
     reference = None if plan is None else reference_of(plan)
+    chosen += [tuned(design, name, tune, say) for name in TUNED if tune and name in strategies]
     runs, elsewhere = {}, {}
     for strategy in chosen:
         say(f"simulating {strategy.name}")
@@ -129,6 +129,15 @@ def compare(
         if mujoco:
             elsewhere[strategy.name] = clearance_in_mujoco(design, strategy, reference)
     return Comparison(solution, plan, runs, elsewhere)
+
+
+def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None]) -> Strategy:
+    """A strategy of the paper with the best gains that so many simulated hops find."""
+    from hopopt.gain_study import tune
+
+    say(f"tuning {name}")
+    best, strategy = tune(design, name, evaluations=evaluations, progress=say).best, find(name)
+    return Strategy(f"{name}_tuned", f"{strategy.meaning}, best of {evaluations} tries", strategy.make, best.options)
 
 
 def plan_to_track(design: Design, solution: Solution | None, say: Callable[[str], None]) -> Solution:

@@ -142,7 +142,9 @@ class Search:
         """A hop with these options, its motors as strong as believed times torque_gain."""
         design = Design.model_validate(self.problem)
         gains = np.full(len(design.leg.joints), torque_gain)
-        hop: HopFigures = simulate(design, BUILT_IN[self.strategy], options=options, torque_gain=gains).figures
+        hop: HopFigures = simulate(
+            design, BUILT_IN[self.strategy], options=options, torque_gain=gains, past_apex=True
+        ).figures
         return Trial(options, hop.clearance, tuple(hop.limits_exceeded))
 
     def cost(self, x: np.ndarray) -> float:

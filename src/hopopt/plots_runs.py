@@ -12,21 +12,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.compare import OPTIMUM
-from hopopt.control.paper import PaperOptions
 from hopopt.errors import ResultError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import BASE
-from hopopt.leg.scales import weight
 from hopopt.plots import FORMATS, save_figure
 from hopopt.plots_runs_budget import budget
 from hopopt.plots_runs_stick import stick
 from hopopt.plots_runs_style import Runs, called, looks, reached, runs_figure
 from hopopt.plots_style import BLACK, GREY, PALE, SIZE, TEXT, describe, jumping_curve, legend
 from hopopt.sim.hop_figures import HopFigures
-
-NEUTRAL = PaperOptions().y_neu  # [m]
-MARGIN = 0.03  # [m] below the neutral height, where the secant stiffness diverges
-PAPER_RANGE = (0.28, 0.40)  # [m] heights of the body over which the paper compares stiffnesses
+from hopopt.stiffness import MARGIN, NEUTRAL, PAPER_RANGE, secant_stiffness
 
 
 def foot_height(runs: Runs) -> Figure:
@@ -128,19 +123,6 @@ def stiffness(runs: Runs) -> Figure:
     describe(ax, f"height of the body above the foot ({cut}) [m]", "stiffness [N/m]")
     legend(figure)
     return figure
-
-
-def secant_stiffness(run: HopFigures) -> tuple[np.ndarray, np.ndarray]:
-    """Height y [m] of the body over the foot and stiffness k [N/m] at every sample of stance, (k,) each.
-
-    Not a number where y is near or above the neutral height, and where the foot is about to be let go (f_z < 0
-    by more than a percent of the weight).
-    """
-    trace, leg, span = run.trace, run.design.leg, run.stance
-    y = trace.q[span, 1] - trace.points["foot"][span, 1]
-    foot = leg.link[leg.links[-1]].mass * float(np.linalg.norm(trace.robot.model.gravity.linear))
-    valid = (y <= NEUTRAL - MARGIN) & (trace.f[span, 1] >= -0.01 * weight(trace.robot.model))
-    return y, np.where(valid, trace.f[span, 1] - foot, np.nan) / np.where(valid, NEUTRAL - y, 1.0)
 
 
 FIGURES: dict[str, Callable[[Runs], Figure]] = {

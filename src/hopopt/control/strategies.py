@@ -12,6 +12,7 @@ from hopopt.control.tracking import Track
 from hopopt.errors import UsageError
 from hopopt.sim.measurement import Controller
 
+SOFT = 180.0  # [N m/rad] the paper prints no gain for position control; `hopopt calibrate --free position.k_p=...`
 GROUP = "hopopt.strategies"  # entry points of other packages
 
 
@@ -39,6 +40,7 @@ BUILT_IN = {
         Strategy("force", "the paper's force control with motor saturation", Force),
         Strategy("force_tuck", "the same, then a full tuck", Force, {"retraction": "tuck"}),
         Strategy("position", "the paper's position control", Position),
+        Strategy("position_soft", "the same, its servo as soft as fits the paper's figures", Position, {"k_p": SOFT}),
         Strategy("position_tuck", "the same, then a full tuck", Position, {"retraction": "tuck"}),
         Strategy("track", "the optimum tracked, LQG feedback", Track, needs_plan=True),
         Strategy("track_pd", "the optimum tracked, PD feedback", Track, {"feedback": "pd"}, needs_plan=True),

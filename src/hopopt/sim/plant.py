@@ -161,10 +161,11 @@ class Plant:
         timing: Timing | None = None,
         encoder: Encoder | None = None,
         landings: int = 0,
+        falling: float = np.inf,
         breaks: Sequence[float] = (),
     ) -> Trace:
         """Hop from rest at joint angles ``start`` (n) [rad], or from any state at time zero, for ``duration`` [s] or
-        up to a number of landings.
+        up to a number of landings, or until the leg falls in flight at the speed ``falling`` [m/s].
 
         breaks [s] are instants at which a controller without hold jumps: steps end there.
         """
@@ -182,7 +183,11 @@ class Plant:
             for until in (*sorted(cuts), end):
                 command = next(c for at, c in reversed(pending) if at <= s.t + EVENT)
                 s, torque = self._until(s, command, torque, until, writer)
-            outcome = self._fault(s) or (f"landing {landings}" if landings and s.landings >= landings else outcome)
+            outcome = self._fault(s) or outcome
+            if landings and s.landings >= landings:
+                outcome = f"landing {landings}"
+            elif falling < np.inf and not s.contact and self.machine.com_velocity(s.q, s.v)[1] < -falling:
+                outcome = "past the apex"
             if outcome != "the time was up":
                 break
         assert torque is not None

@@ -1,17 +1,20 @@
 """The figures that the paper states in its tables and results, each beside what hopopt's simulation gives."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from hopopt.compare import PAPER, Comparison
 from hopopt.leg.robot import BASE
 from hopopt.sim.hop_figures import HopFigures
+from hopopt.stiffness import PAPER_RANGE, mean_stiffness
 
+PAPER = {  # the paper's printed figures: simulation, experiment
+    "force": {"foot_height_m": (0.44, 0.38), "knee_saturation": (1.0, 1.0)},
+    "position": {"foot_height_m": (0.32, 0.24), "knee_saturation": (0.5, 0.7)},
+    "position_soft": {"foot_height_m": (0.32, 0.24), "knee_saturation": (0.5, 0.7)},
+}
 NEAR = 0.1  # relative: the paper's figures have two digits and come from a model it does not give in full
-RANGE = (0.28, 0.40)  # [m] body heights over which the paper compares stiffness (fig. exp_sitff_clearance)
 SATURATED = 0.95  # a ratio "close to 1"
 
 
@@ -25,9 +28,8 @@ class PaperFigure:
     matches: bool
 
 
-def paper_figures(comparison: Comparison) -> list[PaperFigure]:
-    """Every figure of the paper's results that can be computed; the comparison must hold force and position."""
-    force, position = comparison.figures["force"], comparison.figures["position"]
+def paper_results(force: HopFigures, position: HopFigures) -> list[PaperFigure]:
+    """Every figure of the paper's results that can be computed, from a hop of each of its strategies."""
     rows = []
     for name, f in (("force", force), ("position", position)):
         (simulated, measured), (c_simulated, c_measured) = PAPER[name]["foot_height_m"], PAPER[name]["knee_saturation"]
@@ -53,29 +55,11 @@ def _number(statement: str, paper: float, found: float) -> PaperFigure:
 
 
 def _stiffness(force: HopFigures, position: HopFigures) -> PaperFigure:
-    values = [mean_stiffness(f, *RANGE) for f in (force, position)]
-    statement = f"mean actual stiffness, body {RANGE[0]:.2f} to {RANGE[1]:.2f} m: force above position [N/m]"
+    values = [mean_stiffness(f, *PAPER_RANGE) for f in (force, position)]
+    statement = (
+        f"mean actual stiffness, body {PAPER_RANGE[0]:.2f} to {PAPER_RANGE[1]:.2f} m: force above position [N/m]"
+    )
     return PaperFigure(statement, "larger", f"{values[0]:.0f} against {values[1]:.0f}", values[0] > values[1])
-
-
-def stiffness(f: HopFigures, l0: float = 0.45) -> tuple[np.ndarray, np.ndarray]:
-    """Body height over the foot [m] and secant stiffness of the two-mass model [N/m] at every sample of stance.
-
-    k = (f_z - m_e g) / (l0 - y), with m_e the last link's mass: what the spring of the two-mass model would need.
-    """
-    trace, leg = f.trace, f.design.leg
-    height = trace.q[f.stance, 1] - trace.points["foot"][f.stance, 1]
-    own = leg.link[leg.links[-1]].mass * float(np.linalg.norm(trace.robot.model.gravity.linear))
-    with np.errstate(divide="ignore"):
-        return height, (trace.f[f.stance, 1] - own) / (l0 - height)
-
-
-def mean_stiffness(f: HopFigures, low: float, high: float) -> float:
-    """Mean of the actual stiffness [N/m] over body heights from low to high [m] on the way up."""
-    height, k = stiffness(f)
-    heights = np.linspace(low, high, 101)
-    lowest = int(np.argmin(height))
-    return float(np.mean(np.interp(heights, height[lowest:], k[lowest:])))
 
 
 def _early(position: HopFigures) -> PaperFigure:
@@ -110,13 +94,11 @@ def _energy(force: HopFigures) -> PaperFigure:
     )
 
 
-def markdown(rows: Sequence[PaperFigure]) -> str:
-    """The rows as a Markdown table."""
-    lines = ["| the paper says | paper | hopopt | |", "|---|---|---|---|"]
-    lines += [f"| {r.statement} | {r.paper} | {r.hopopt} | {'match' if r.matches else 'mismatch'} |" for r in rows]
+def markdown(columns: Mapping[str, Sequence[PaperFigure]]) -> str:
+    """The same figures from several settings, by name, as a Markdown table."""
+    lines = ["| the paper says | paper |" + "".join(f" {name} | |" for name in columns)]
+    lines.append("|---|---|" + "---|---|" * len(columns))
+    for row in zip(*columns.values(), strict=True):
+        found = "".join(f" {r.hopopt} | {'match' if r.matches else 'mismatch'} |" for r in row)
+        lines.append(f"| {row[0].statement} | {row[0].paper} |{found}")
     return "\n".join(lines)
-
-
-def as_dicts(rows: Sequence[PaperFigure]) -> list[dict[str, Any]]:
-    """For ``--json``."""
-    return [{"statement": r.statement, "paper": r.paper, "hopopt": r.hopopt, "matches": r.matches} for r in rows]
