@@ -1,0 +1,138 @@
+"""Derivatives of the best height confirmed by solving again: the entry a little larger, a little smaller.
+
+Each changed problem is built anew from its file's entries and solved on the optimum's mesh from the optimum, with
+its limits drawn in by as much. So nothing that the derivative was made of is taken for granted but the mesh.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hopopt.errors import UsageError
+from hopopt.leg.design import Design
+from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.transcribe import Transcription
+from hopopt.ocp.hop import Hop
+from hopopt.problem_words import did_you_mean
+from hopopt.recheck import stored_nlp
+from hopopt.sensitivity import Influence, settled_within
+from hopopt.solution import Solution
+
+STEP, WIDEST = 0.005, 0.05  # relative change of an entry, and of one that hardly matters
+LEADING = 5  # entries that are confirmed unless others are named
+NOISE = 0.01  # share of the difference that noise should be
+AGREE = 0.01  # relative difference, beyond the noise, at which derivative and difference still agree
+KINK = 0.1  # relative difference of the slopes to both sides, beyond the noise, that no smooth optimum has
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What solving again gave: (J+ - J-) / 2h, (J+ - J0) / h and (J0 - J-) / h [m per unit], h = step |value|.
+
+    noise is what the mesh can make of each [m per unit]; fault says why there is none.
+    """
+
+    step: float = 0.0
+    central: float = np.nan
+    forward: float = np.nan
+    backward: float = np.nan
+    noise: float = 0.0
+    fault: str = ""
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether more and less of the entry tell different slopes: it is where the active limits change."""
+        return abs(self.forward - self.backward) > KINK * max(abs(self.forward), abs(self.backward)) + 2 * self.noise
+
+    def agrees(self, slope: float) -> bool:
+        """Whether a derivative [m per unit] is confirmed."""
+        return not self.one_sided and bool(abs(self.central - slope) <= AGREE * abs(slope) + self.noise)
+
+    def verdict(self, slope: float) -> str:
+        """In words, what solving again says of a derivative [m per unit]."""
+        if self.fault:
+            return self.fault
+        if self.one_sided:
+            return f"one-sided: {self.forward:+.4g} upwards, {self.backward:+.4g} downwards"
+        return f"{'agrees within' if self.agrees(slope) else 'differs by'} {abs(self.central - slope):.1g}"
+
+
+def chosen(influences: Sequence[Influence], wanted: Sequence[str]) -> list[str]:
+    """Names of the influences to confirm: the leading ones, "all", or those named; UsageError for another name."""
+    names = [i.name for i in influences]
+    if not wanted:
+        return [i.name for i in influences if i.part_of is None][:LEADING]
+    for name in wanted:
+        if name not in (*names, "all"):
+            raise UsageError(f"--confirm {name}: there is no such entry{did_you_mean(name, names)}; or say all")
+    return names if "all" in wanted else list(wanted)
+
+
+def confirmed(solution: Solution, influence: Influence) -> Influence:
+    """The influence with its finite difference, from two solves."""
+    return replace(influence, difference=_difference(solution, stored_nlp(solution), influence))
+
+
+def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Difference:
+    if not i.value:
+        return Difference(fault="not solved again: it is 0, of which there is no share")
+    noise = settled_within(solution)
+    wide = float(np.clip(noise / (NOISE * max(abs(i.value * i.m_per_unit), 1e-12)), STEP, WIDEST))
+    found = _at_step(solution, nlp, i, wide, noise)
+    return _at_step(solution, nlp, i, STEP, noise) if found.fault and wide > STEP else found
+
+
+def _at_step(solution: Solution, nlp: NlpSolution, i: Influence, step: float, noise: float) -> Difference:
+    h, heights = step * abs(i.value), []
+    for value in (i.value + h, i.value - h):
+        try:
+            again = solve_again(nlp, with_entry(solution.design, i.name, value), solution.objective)
+        except ValueError as error:  # what no problem may have, or no start pose
+            return Difference(step, fault=f"not solved again at {value:g}: {str(error).splitlines()[0]}")
+        if not again.success:
+            return Difference(step, fault=f"not solved again at {value:g}: {again.status}")
+        heights.append(again.objective)
+    up, down = heights
+    return Difference(step, (up - down) / (2 * h), (up - nlp.objective) / h, (nlp.objective - down) / h, noise / h)
+
+
+def with_entry(design: Design, path: str, value: float) -> Design:
+    """The problem with another value of one entry, or of one in a list: "hop.stance_duration[1]".
+
+    Raises ValueError if it cannot have that value.
+    """
+    data = design.model_dump(exclude_none=True)
+    *tables, last = path.split(".")
+    inner: Any = data
+    for table in tables:
+        inner = inner.setdefault(table, {})
+    if found := re.fullmatch(r"(.+)\[(\d+)\]", last):
+        last, listed = found[1], list(inner[found[1]])
+        listed[int(found[2])] = value
+        inner[last] = tuple(listed)
+    else:
+        inner[last] = value
+    return Design.model_validate(data)
+
+
+def solve_again(old: NlpSolution, design: Design, objective: str) -> NlpSolution:
+    """The optimum of a slightly different problem on the same mesh, its limits drawn in as the old one's were."""
+    before = old.transcription
+    t = Transcription(Hop(design, objective).problem, before.scheme, before.mesh)
+    guess, b = before.guess_from(old.phases), old.bounds
+    given, new = (*before.bounds(guess), before.lbg, before.ubg), (*t.bounds(guess), t.lbg, t.ubg)
+    drawn = (b.low_z, b.high_z, b.low_g, b.high_g)
+    bounds = Bounds(*(_moved(*sides) for sides in zip(new, drawn, given, strict=True)))
+    start = replace(old, transcription=t, p=t.parameter_values())
+    solution = NlpSolver(t, WARM).again(start, bounds)
+    return solution if solution.success else NlpSolver(t).again(start, bounds)
+
+
+def _moved(new: np.ndarray, drawn: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """New limits, drawn in by as much as the given ones were."""
+    by = np.zeros(len(new))
+    np.subtract(drawn, given, out=by, where=drawn != given)  # not where both are infinite
+    return new + by
