@@ -37,6 +37,7 @@ ONLY = {  # libraries with one home
         "plots_runs.py",
         "plots_runs_stick.py",
         "plots_runs_budget.py",
+        "plots_sensitivity.py",
     ),
     "xarray": ("storage.py", "storage_runs.py"),
     "h5netcdf": ("storage.py",),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import CycloptsError
 
-from hopopt import cli_paper, cli_runs
+from hopopt import cli_paper, cli_runs, cli_studies
 from hopopt.cli_app import AsJson, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
@@ -149,6 +149,7 @@ def _answer(solution: "Solution", as_object: bool) -> None:
 app.command(cli_runs.simulate)
 app.command(cli_runs.compare)
 app.command(cli_runs.export)
+app.command(cli_studies.sensitivity)
 app.command(cli_paper.calibrate)
 app.command(cli_paper.tune)
 app.command(cli_paper.reproduce)

@@ -1,7 +1,7 @@
 """Folders of simulated runs: written whole or not at all, never overwritten, like those of solutions.
 
 results/<problem>-<what>-<hash8>/
-    runs.nc        netCDF: a group for each run, with units        comparison.json or simulation.json
+    runs.nc        netCDF: a group for each run, with units        comparison.json, simulation.json, sensitivity.json
     problem.toml   all defaults filled in                          figures/       PNG and SVG
 """
 
@@ -58,7 +58,8 @@ def _save_data(what: str, design: Design, data: Mapping[str, Any], traces: Mappi
         work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
         write_json(data, work / f"{what}.json")
         (work / "problem.toml").write_text(resolved_toml(design), encoding="utf-8")
-        (work / "runs.nc").write_bytes(_netcdf(design, traces))
+        if traces:  # a study of the optimum itself has none
+            (work / "runs.nc").write_bytes(_netcdf(design, traces))
         os.chmod(work, 0o755)
         key = hashlib.sha256(f"{design_hash(design)} {sorted(traces)}".encode()).hexdigest()[:8]
         return work.rename(unused(results / f"{design.name}-{what}-{key}"))

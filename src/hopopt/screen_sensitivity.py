@@ -1,0 +1,90 @@
+"""What the command line shows of a sensitivity study: the ranked table, and the sentences that say what to change."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+
+from hopopt.screen import wide_console
+
+if TYPE_CHECKING:
+    from hopopt.sensitivity import Influence
+
+ROWS = 16  # of the table
+LEAST = 5e-4  # [cm] per per cent, below which an entry is left out of it
+
+
+def print_sensitivity(data: Mapping[str, Any], influences: "Sequence[Influence]") -> None:
+    """The optimum, the leading entries, what to change first, and how well the figures are known."""
+    out = wide_console()
+    if data["failed_checks"]:
+        out.print(f"{data['problem']}: the optimum was NOT verified, so nothing is said of what it depends on.")
+        out.print(f"Failed: {', '.join(data['failed_checks'])}")
+        return
+    what, height = ("body apex", data["apex_m"]) if "apex_m" in data else ("clearance", data["clearance_m"])
+    out.print(f"{data['problem']}: {what} {height:.4f} m, verified. What 1 % more of an entry would change:")
+    out.print(_table(influences))
+    for line in (*sentences(influences), *_rest(influences), _precision(data)):
+        out.print(line)
+    out.print(f"results {data['result_dir']}")
+
+
+def _table(influences: "Sequence[Influence]") -> Table:
+    again = any(i.difference for i in influences)
+    table = Table(box=None, pad_edge=False)
+    table.add_column("entry", style="bold")
+    for head in ("value", "1 % more gives", "per unit", *(["solved again, per unit"] if again else [])):
+        table.add_column(head, justify="right")
+    table.add_column("")
+    shown = [i for k, i in enumerate(influences) if (k < ROWS and abs(i.cm_per_percent) >= LEAST) or i.difference]
+    for i in shown:
+        unit = "m" if i.unit == "1" else f"m per {i.unit}"
+        cells = [
+            f"{i.value:g} {i.unit}".removesuffix(" 1"),
+            f"{i.cm_per_percent:+.3f} cm",
+            f"{i.m_per_unit:+.4g} {unit}",
+        ]
+        if again:
+            cells.append("" if i.difference is None or i.difference.fault else f"{i.difference.central:+.4g}")
+        notes = [f"part of {i.part_of}"] if i.part_of else []
+        notes += [i.difference.verdict(i.m_per_unit)] if i.difference else []
+        table.add_row(i.name, *cells, "; ".join(notes))
+    return table
+
+
+def sentences(influences: "Sequence[Influence]") -> list[str]:
+    """What to change first: of the leg, of the joints apart, and of what the hop is asked to be."""
+    first = next((i for i in influences if i.of_leg and abs(i.cm_per_percent) >= LEAST), None)
+    if first is None:
+        return ["No entry of the leg changes the height to first order."]
+    lines = [f"What to change first: {_advice(first)}."]
+    for whole in influences:
+        parts = [i for i in influences if i.part_of == whole.name and abs(i.cm_per_percent) >= LEAST]
+        if len({i.cm_per_percent > 0 for i in parts}) > 1:
+            lines.append(f"{whole.name} pulls both ways, give the joints their own: {'; '.join(map(_advice, parts))}.")
+    asked = next((i for i in influences if not i.of_leg and abs(i.cm_per_percent) >= LEAST), None)
+    return lines + ([f"Of what the hop is asked to be: {_advice(asked)}."] if asked else [])
+
+
+def _advice(i: "Influence") -> str:
+    """leg.gear.ratio 1 % down, from 100 to 99, gains 0.24 cm"""
+    up = i.cm_per_percent > 0
+    to = i.value * (1.01 if up else 0.99)
+    unit = "" if i.unit == "1" else f" {i.unit}"
+    size = "1 % more" if up else "1 % less"
+    return f"{i.name} {size}, from {i.value:g} to {to:.4g}{unit}, gains {abs(i.cm_per_percent):.2f} cm"
+
+
+def _rest(influences: "Sequence[Influence]") -> list[str]:
+    """Entries that are 0, of which there is no per cent."""
+    zero = [i for i in influences if not i.value and abs(i.m_per_unit) > 1e-6]
+    each = ", ".join(f"{i.name} {i.m_per_unit:+.3g} m per {i.unit}" for i in zero)
+    return [f"At 0 now, so by the unit: {each}"] if zero else []
+
+
+def _precision(data: Mapping[str, Any]) -> str:
+    return (
+        f"From the multipliers of the optimum, as long as the same limits stay active. The height depends on the mesh "
+        f"within {data['settled_within_m']:.0e} m, on the tie-break within {data['tie_break_bias_m']:.0e} m; "
+        "a derivative depends on the mesh more than the height does (--confirm solves again)."
+    )
