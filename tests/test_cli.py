@@ -226,6 +226,20 @@ def test_readme_commands(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the strategy of one's own that docs/simulation.md shows."""
+    shown = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "simulation.md").read_text(), re.S)[0]
+    (tmp_path / "my_module.py").write_text(shown.replace("class Stand", "class MyController"))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    run("new", "my_leg", cwd=tmp_path)
+    for line in readme_block("sh", "hopopt compare").splitlines():
+        began = time.perf_counter()
+        done = run(*line.split("#")[0].split()[1:], cwd=tmp_path)
+        assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+        assert time.perf_counter() - began < 300
+
+
+@pytest.mark.slow
 def test_readme_python(tmp_path: Path) -> None:
     code = readme_block("python", "import hopopt")
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -248,3 +248,17 @@ def test_a_figure_that_fails_loses_nothing(comparison, tmp_path, caplog):
     assert "no ink" in caplog.text
     again = save_runs("comparison", comparison.solution.design, comparison.as_dict(), runs, tmp_path)
     assert again != folder
+
+
+def test_a_leg_that_only_stands_is_said_to(tmp_path, capsys, monkeypatch):
+    (tmp_path / "standing.py").write_text(
+        "class Stand:\n"
+        "    def __init__(self, setting):\n"
+        "        assert setting.plan is None\n"
+        "        self.rest = setting.start\n\n"
+        "    def torque(self, now):\n"
+        "        return 800 * (self.rest - now.q) - 20 * now.v\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert run(["simulate", "--strategy", "standing:Stand", "--results", str(tmp_path), "--no-figures"]) == 0
+    assert "the foot never left the ground" in capsys.readouterr().out

@@ -38,6 +38,9 @@ def print_run(row: Mapping[str, Any], where: str) -> None:
     out = console()
     p, lift = row["parts"], row["lift_off"]
     out.print(f"[bold]{row['strategy']}[/bold]: {row['meaning']}", markup=True)
+    if not row["lift_offs"]:
+        out.print(f"  the foot never left the ground; the run ended: {row['outcome']}\n  results {where}")
+        return
     out.print(
         f"  clearance {row['clearance_m']:.4f} m = COM height at lift-off {p[PARTS[0]]:.4f} + ballistic rise {p[PARTS[1]]:.4f} "
         f"- COM height over the lowest point {-p[PARTS[2]]:.4f} m; foot at most {row['foot_height_m']:.3f} m"

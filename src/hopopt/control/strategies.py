@@ -53,14 +53,19 @@ def find(name: str) -> Strategy:
     if name in BUILT_IN:
         return BUILT_IN[name]
     if ":" in name:
-        return Strategy(name, "your own strategy", _load(name), needs_plan=True)
+        return _others(name, "your own strategy", _load(name))
     others = {e.name: e for e in entry_points(group=GROUP)}
     if name in others:
-        return Strategy(name, f"from {others[name].value}", others[name].load(), needs_plan=True)
+        return _others(name, f"from {others[name].value}", others[name].load())
     raise UsageError(
         f"there is no strategy {name!r}: choose one of {', '.join([*BUILT_IN, *others])}, "
         "or give a class of your own as package.module:Class"
     )
+
+
+def _others(name: str, meaning: str, made: Any) -> Strategy:
+    """A strategy that is not built in; it asks for a planned hop by an attribute ``needs_plan`` that is true."""
+    return Strategy(name, meaning, made, needs_plan=bool(getattr(made, "needs_plan", False)))
 
 
 def _load(path: str) -> Any:
