@@ -164,6 +164,7 @@ def test_fifty_mismatched_legs_hop_if_enough_is_held_back(solution):
     found = spread(robust, 50, 0, 0.05, 0.1, 2)["track"]
     assert found["draws"] == len(found["clearances_m"]) == 50
     assert found["failed"] == 0
+    assert robust.plan is not None
     assert found["p05_m"] > 0.9 * robust.plan.clearance
 
 
