@@ -302,8 +302,9 @@ def test_one_sided_derivatives_are_called_so() -> None:
 
 def test_verdicts() -> None:
     smooth = Difference(0.005, central=1.0, forward=1.01, backward=0.99, noise=0.001)
-    assert smooth.verdict(1.005).startswith("agrees")
-    assert smooth.verdict(1.02) == "differs by 0.02"
+    assert smooth.verdict(1 / 1.005) == "agrees within 0.5%"
+    assert smooth.verdict(1 / 1.02) == "differs by 2.0%"
+    assert Difference(0.005, 0.0, 0.0, 0.0, noise=1e-3).verdict(1e-9) == "agrees: no more than noise"
     kink = replace(smooth, central=0.5, forward=0.0, backward=1.0)
     for slope in (0.0, 0.5, 1.0):  # whatever side the multipliers speak for
         assert not kink.agrees(slope)

@@ -58,7 +58,8 @@ class Influence:
         if d := self.difference:
             figures |= {"finite_difference_m_per_unit": d.central, "step": d.step, "noise_m_per_unit": d.noise}
             figures |= {"forward_m_per_unit": d.forward, "backward_m_per_unit": d.backward}
-            figures |= {"confirmed": d.agrees(self.m_per_unit), "verdict": d.verdict(self.m_per_unit)}
+            agrees = None if d.fault else d.agrees(self.m_per_unit)
+            figures |= {"confirmed": agrees, "verdict": d.verdict(self.m_per_unit)}
         return figures
 
 

@@ -57,7 +57,10 @@ class Difference:
             return self.fault
         if self.one_sided:
             return f"one-sided: {self.forward:+.4g} upwards, {self.backward:+.4g} downwards"
-        return f"{'agrees within' if self.agrees(slope) else 'differs by'} {abs(self.central - slope):.1g}"
+        if abs(slope) <= self.noise and self.agrees(slope):
+            return "agrees: no more than noise"
+        share = abs(self.central - slope) / max(abs(slope), self.noise)
+        return f"{'agrees within' if self.agrees(slope) else 'differs by'} {share:.1%}"
 
 
 def chosen(influences: Sequence[Influence], wanted: Sequence[str]) -> list[str]:
