@@ -18,7 +18,7 @@ from hopopt.leg.robot import BASE
 from hopopt.plots import FORMATS, save_figure
 from hopopt.plots_runs_budget import budget
 from hopopt.plots_runs_stick import stick
-from hopopt.plots_runs_style import Runs, called, looks, reached, runs_figure
+from hopopt.plots_runs_style import Runs, by_stance, called, looks, reached, runs_figure
 from hopopt.plots_style import BLACK, GREY, PALE, SIZE, TEXT, describe, jumping_curve, legend
 from hopopt.sim.hop_figures import HopFigures
 from hopopt.stiffness import MARGIN, NEUTRAL, PAPER_RANGE, secant_stiffness
@@ -52,6 +52,7 @@ def foot_height(runs: Runs) -> Figure:
 
 def saturation(runs: Runs) -> Figure:
     """Saturation ratio C of every joint over time [s] in stance (eq. sim_cact), and its mean C_avg."""
+    runs = by_stance(runs)
     joints, look = _joints(runs), looks(runs)
     figure = runs_figure(runs, "saturation ratio in stance", (SIZE[0], 2.2 + 2.6 * len(joints)))
     for k, ax in enumerate(figure.subplots(len(joints), sharex=True, squeeze=False)[:, 0]):
@@ -72,6 +73,7 @@ def _joints(runs: Runs) -> tuple[str, ...]:
 
 def speed_torque(runs: Runs) -> Figure:
     """Torque [N m] over speed [rad/s] of every joint in stance on its operating region (Fig. sim_graph c)."""
+    runs = by_stance(runs)
     joints, look = _joints(runs), looks(runs)
     single = len(runs) == 1
     rows, columns = (1, len(joints)) if single else (len(joints), len(runs))
@@ -83,7 +85,7 @@ def speed_torque(runs: Runs) -> Figure:
         for k, ax in enumerate(column):
             _region(ax, run, k, common=ax is grid[-1, -1])
             _way(ax, run, k, {**look[name], "ls": "-", "lw": 1.8, "label": called(name, run)})
-            label, title = f"{joints[k]} torque [N m]", called(name, run)
+            label, title = f"{joints[k]} torque [N m]", called(name, run).replace(", ", ",\n")
             describe(ax, "speed [rad/s]", label if ax is grid[k, 0] else "", "" if single or k else title)
     figure.align_ylabels(grid)
     legend(figure)
@@ -112,6 +114,7 @@ def stiffness(runs: Runs) -> Figure:
     k = (f_z - m_e g) / (y_neu - y), with the last link's mass for m_e and the paper's y_neu (Fig.
     exp_sitff_clearance a); only up to a margin below y_neu, where it diverges, and where the ground pushes.
     """
+    runs = by_stance(runs)
     figure = runs_figure(runs, "actual stiffness of the two-mass model in stance")
     ax, look = figure.subplots(), looks(runs)
     for name, run in runs.items():

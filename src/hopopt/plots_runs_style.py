@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from hopopt.compare import OPTIMUM
 from hopopt.plots_style import BLACK, SIZE, Picture, new_figure
 from hopopt.sim.hop_figures import HopFigures
@@ -21,6 +23,25 @@ def looks(runs: Runs) -> dict[str, dict[str, Any]]:
         color, style = COLORS[k % 6], STYLES[(k % 2 + k // 6 * 2) % 4]
         found[name] = {"color": color, "ls": style, "lw": 1.8, "zorder": 3 + 0.01 * k}
     return {**found, OPTIMUM: {"color": BLACK, "lw": 3.2, "zorder": 2.5, "solid_capstyle": "butt"}}
+
+
+def by_stance(runs: Runs) -> dict[str, HopFigures]:
+    """Runs whose stance differs, for figures of stance; runs of the same stance are named together."""
+    groups: list[tuple[list[str], HopFigures]] = []
+    for name, run in runs.items():
+        same = next((names for names, other in groups if _same_stance(run, other)), None)
+        if same is None:
+            groups.append(([name], run))
+        else:
+            same.append(name)
+    return {", ".join(names): run for names, run in groups}
+
+
+def _same_stance(a: HopFigures, b: HopFigures) -> bool:
+    """Whether both moved alike in stance and are marked alike."""
+    ways = [(run.trace.t[run.stance], run.trace.q[run.stance]) for run in (a, b)]
+    alike = all(np.array_equal(x, y) for x, y in zip(*ways, strict=True))
+    return alike and bool(a.limits_exceeded) == bool(b.limits_exceeded)
 
 
 def runs_figure(runs: Runs, title: str, size: tuple[float, float] = SIZE) -> Picture:
