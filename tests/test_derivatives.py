@@ -129,3 +129,17 @@ def defects(t: Transcription, layout: PhaseLayout, z: np.ndarray) -> list[np.nda
         result.append(x[1:] - x[0] - h * t.scheme.A @ f)
         begin += h
     return result
+
+
+def test_a_fixed_parameter_without_integrals():
+    """Nothing is integrated, and the Hessian still has its shape: minus sin x at the end, per p squared."""
+    phase = Phase("one", (State("x"),), (Control("u"),), lambda s: {"x": s.u * s.p["p"]}, (1.0, 1.0))
+    goal = Objective("goal", lambda e: ca.sin(e.final["one"].x * e.p["p"]))
+    problem = Problem("plain", (phase,), goal, (Parameter("p", value=2.0),))
+    t = Transcription(problem, radau(2), {"one": uniform(2)})
+    z = np.linspace(0.1, 0.9, len(t.scale))
+    H = t.program.hess_lag()(z, t.parameter_values(), 1.0, np.zeros(len(t.lbg)))
+    exact, _ = ca.hessian(t.nlp["f"], t.nlp["x"])
+    expected = ca.Function("h", [t.nlp["x"], t.nlp["p"]], [exact])(z, t.parameter_values())
+    np.testing.assert_allclose(np.array(ca.DM(H)), np.triu(np.array(ca.DM(expected))), atol=1e-13)
+    assert np.abs(np.array(ca.DM(H))).max() > 0.1

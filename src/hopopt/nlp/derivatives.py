@@ -103,7 +103,7 @@ class Program:
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.linear.shape[0])
         lam = ca.vertcat(lam_f, lam_g)
         w = ca.SX.sym("w", self.ends.outputs.numel())
-        by_integral = ca.gradient(ca.dot(w, self.ends.outputs), self.integrals)
+        by_integral = ca.jacobian(ca.dot(w, self.ends.outputs), self.integrals).T
         mixed, twice = ca.jacobian(by_integral, self.ends.y), ca.jacobian(by_integral, self.integrals)
         curved = mixed.nnz() + twice.nnz() > 0
         integral, slope = self.integral_slope(z, p) if curved else (self.no_integrals(), None)
