@@ -232,7 +232,8 @@ def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / "my_module.py").write_text(shown.replace("class Stand", "class MyController"))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     run("new", "my_leg", cwd=tmp_path)
-    for line in readme_block("sh", "hopopt compare").splitlines():
+    lines = readme_block("sh", "hopopt compare") + readme_block("sh", "hopopt sensitivity")
+    for line in lines.splitlines():
         began = time.perf_counter()
         done = run(*line.split("#")[0].split()[1:], cwd=tmp_path)
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
