@@ -37,9 +37,10 @@ ONLY = {  # libraries with one home
         "plots_runs.py",
         "plots_runs_stick.py",
         "plots_runs_budget.py",
+        "plots_sweep.py",
         "plots_sensitivity.py",
     ),
-    "xarray": ("storage.py", "storage_runs.py"),
+    "xarray": ("storage.py", "storage_runs.py", "sweep_store.py"),
     "h5netcdf": ("storage.py",),
     "h5py": ("storage.py",),
 }

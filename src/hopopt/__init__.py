@@ -12,9 +12,13 @@ if TYPE_CHECKING:
     from hopopt.problem_file import load
     from hopopt.solution import Solution
     from hopopt.storage import read, save
+    from hopopt.sweep import Study, sweep
 
-__all__ = ["Solution", "load", "read", "save", "solve"]
-_HOME = {"load": "problem_file", "solve": "planner", "Solution": "solution", "read": "storage", "save": "storage"}
+__all__ = ["Solution", "Study", "load", "read", "save", "solve", "sweep"]
+_HOME = {
+    "load": "problem_file", "solve": "planner", "Solution": "solution", "read": "storage", "save": "storage",
+    "sweep": "sweep", "Study": "sweep",
+}  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

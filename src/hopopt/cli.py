@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import CycloptsError
 
-from hopopt import cli_paper, cli_runs, cli_studies
+from hopopt import cli_paper, cli_runs, cli_studies, cli_sweep
 from hopopt.cli_app import AsJson, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
@@ -153,6 +153,7 @@ app.command(cli_studies.sensitivity)
 app.command(cli_paper.calibrate)
 app.command(cli_paper.tune)
 app.command(cli_paper.reproduce)
+app.command(cli_sweep.sweep)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -69,9 +69,13 @@ def _run_chunk(hop: Hop, chunk: Sequence[int]) -> list[StartOutcome]:
 def _run_start(hop: Hop, solver: NlpSolver, start: Start) -> StartOutcome:
     began = time.perf_counter()
     s = solver(make_guess(hop, start))
-    seconds = time.perf_counter() - began
+    return outcome_of(start.name, s, time.perf_counter() - began)
+
+
+def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
+    """How a solve on the first mesh ended; ``name`` says from where it began."""
     vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
-    return StartOutcome(start.name, s.status, s.success, s.objective, s.iterations, seconds, vectors)
+    return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors)
 
 
 def solution_of(outcome: StartOutcome, t: Transcription) -> NlpSolution:

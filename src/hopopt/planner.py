@@ -20,6 +20,7 @@ from hopopt.nlp.backoff import PRICE, price
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.refine import Aims, MeshStep, Refinement
+from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.solution import Solution
 from hopopt.summary import summarize
@@ -51,7 +52,7 @@ def solve(
     count = starts or design.solver.starts
     outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say)
     clock.mark("starts")
-    finished = [_finish(hop, candidate, outcomes, say, clock) for candidate in contenders(outcomes)]
+    finished = [finish(hop, candidate, outcomes, say, clock) for candidate in contenders(outcomes)]
     if not finished:
         raise not_solved(hop, outcomes)
     return max(finished, key=lambda s: (s.verified, s.summary["objective_value"]))
@@ -71,11 +72,16 @@ class Stopwatch:
         self.last = now
 
 
-def _finish(
-    hop: Hop, outcome: StartOutcome, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+def finish(
+    hop: Hop,
+    outcome: StartOutcome,
+    outcomes: Sequence[StartOutcome],
+    say: Progress,
+    clock: Stopwatch,
+    first: Transcription | None = None,
 ) -> Solution:
-    """Refine one start's optimum, verify it and sum it up."""
-    refinement = refine_outcome(hop, outcome, say)
+    """Refine one start's optimum, verify it and sum it up; ``first`` is the first mesh's program if there is one."""
+    refinement = refine_outcome(hop, outcome, say, first)
     clock.mark("refinement")
     say("verifying")
     plan = Solution(hop.design, hop.objective.name, refinement.solution.phases, {})
@@ -85,13 +91,13 @@ def _finish(
     return summarize(hop, plan, refinement.solution, checks, outcomes, outcome, refinement.history, clock)
 
 
-def refine_outcome(hop: Hop, outcome: StartOutcome, say: Progress) -> Refinement:
+def refine_outcome(hop: Hop, outcome: StartOutcome, say: Progress, first: Transcription | None = None) -> Refinement:
     """A start's optimum, refined as the problem's solver settings ask for."""
     s = hop.design.solver
     meshes = s.max_refinements if s.refine else 0
     aims = Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations)
-    first = solution_of(outcome, first_transcription(hop))
-    refinement = Refinement(first, aims, lambda step: say(_progress_line(hop, step)))
+    solution = solution_of(outcome, first or first_transcription(hop))
+    refinement = Refinement(solution, aims, lambda step: say(_progress_line(hop, step)))
     refinement.run()
     return refinement
 

@@ -43,6 +43,18 @@ def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[s
     return design
 
 
+def changed(design: Design, entries: Mapping[str, Any]) -> Design:
+    """The design with entries (paths to values) replaced; ProblemFileError with one sentence for each fault."""
+    report = Report(design.name, design.name)
+    data = design.model_dump(exclude_none=True)
+    for layer in _override_layers(entries, report):
+        _lay_over(data, _plain(layer), OVERRIDE, report)
+    found = check(data, report)
+    if found is None or report.sentences:
+        raise ProblemFileError(report.source, report.sentences)
+    return found
+
+
 def builtin_names() -> list[str]:
     """Names of the problems that come with hopopt."""
     return sorted(path.stem for path in _builtin_folder().glob("*.toml"))

@@ -1,6 +1,7 @@
 """Ipopt on a transcription: exact Hessian, our own scaling, and an outcome that says what happened."""
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +86,17 @@ class NlpSolver:
         t = self.transcription
         bounds = Bounds(*t.bounds(guess), t.lbg, t.ubg)
         return self._solve(t.pack(guess, parameters), t.parameter_values(parameters), bounds, multipliers)
+
+    def on(self, transcription: Transcription) -> "NlpSolver":
+        """The same compiled program for the numbers of ``transcription`` (nlp/reuse.py)."""
+        other = copy(self)
+        other.transcription = transcription
+        return other
+
+    def from_vector(self, z: np.ndarray, multipliers: Multipliers = None) -> NlpSolution:
+        """Solve from a scaled vector at the program's own parameter values; for meshes of one arc a phase."""
+        t = self.transcription
+        return self._solve(z, t.parameter_values(), Bounds(*t.bounds({}), t.lbg, t.ubg), multipliers)
 
     def again(self, last: NlpSolution, bounds: Bounds) -> NlpSolution:
         """Solve from the point and multipliers of an earlier solution of the same program, within other bounds."""

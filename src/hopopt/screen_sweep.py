@@ -1,0 +1,36 @@
+"""What the command line shows of a design study."""
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from hopopt.screen import wide_console
+from hopopt.sweep_workers import duration
+
+if TYPE_CHECKING:
+    from hopopt.sweep import Study
+
+SHOWN = 60  # points; the rest is in the table's file
+
+
+def print_study(study: "Study") -> None:
+    """Every point with its outcome, the best, what failed and why, and where it lies."""
+    out, entries = wide_console(), [axis.entry for axis in study.definition.axes]
+    table = Table(box=None, pad_edge=False)
+    for column in (*entries, "clearance m", "outcome"):
+        table.add_column(column)
+    best = study.best
+    for p in study.points[:SHOWN]:
+        height = "" if p.clearance_m is None else f"{p.clearance_m:.4f}"
+        what = " best" if best is p else f": {p.sentence}" if p.sentence else ""
+        table.add_row(*(f"{x:g}" for x in p.values.values()), height, f"{p.outcome}{what}")
+    out.print(table)
+    if len(study.points) > SHOWN:
+        out.print(f"… and {len(study.points) - SHOWN} more in {study.folder / 'table.csv'}")
+    verified = sum(p.verified for p in study.points)
+    corrected = f", {study.corrected} improved from other neighbours" if study.corrected else ""
+    out.print(f"{verified} of {len(study.points)} points verified{corrected}, in {duration(study.seconds)}")
+    if best:
+        where = ", ".join(f"{entry} = {x:g}" for entry, x in best.values.items())
+        out.print(f"best: {where}: clearance {best.clearance_m:.4f} m")
+    out.print(f"results {study.folder}")

@@ -1,0 +1,199 @@
+"""A design study run: every point solved and verified, from its neighbours, side by side, and kept as it finishes.
+
+The points form a tree that the definition alone decides: seeds, solved from the problem's starts, then each point
+from the nearest one already in it. So the results depend neither on the number of processes nor on interruptions.
+A second pass solves points again that are not verified, or lie below what their neighbours suggest.
+"""
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hopopt.errors import ProblemFileError, UsageError
+from hopopt.leg.design import Design
+from hopopt.study import Definition, define
+from hopopt.sweep_order import doubtful, tree
+from hopopt.sweep_store import NOT_VERIFIED, Point, check_same, dataset, load_points, open_folder, save_tables
+from hopopt.sweep_workers import Clock, Progress, Workers, workers
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ROUNDS = 3  # of the second pass
+
+
+@dataclass(frozen=True)
+class Study:
+    """A finished study: its definition, every point in order, its folder, the seconds of this run."""
+
+    definition: Definition
+    points: tuple[Point, ...]
+    folder: Path
+    seconds: float
+
+    @property
+    def best(self) -> Point | None:
+        """The verified point with the largest objective."""
+        return max((p for p in self.points if p.verified), key=lambda p: p.objective_value or 0.0, default=None)
+
+    @property
+    def corrected(self) -> int:
+        """How many points the second pass improved."""
+        return sum(p.corrected for p in self.points)
+
+    @property
+    def exit_code(self) -> int:
+        """0 every point decided and one verified, 1 none verified, 3 points that are solved but not verified."""
+        if any(p.outcome == NOT_VERIFIED for p in self.points):
+            return 3
+        return 0 if any(p.verified for p in self.points) else 1
+
+    @property
+    def dataset(self) -> Any:
+        """The points as an xarray.Dataset, with a dimension for each varied entry if they are a grid."""
+        return dataset(self.definition, self.points)
+
+    def plot(self) -> "dict[str, Figure]":
+        """The study's figures by name."""
+        from hopopt.plots_sweep import figures
+
+        return figures(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What ``--json`` prints."""
+        counts = {outcome: sum(p.outcome == outcome for p in self.points) for outcome in dict.fromkeys(self._outcomes)}
+        return {
+            "definition": self.definition.as_dict(),
+            "points": [p.as_dict() for p in self.points],
+            "outcomes": counts,
+            "failures": [{"index": p.index, "outcome": p.outcome, "sentence": p.sentence} for p in self.failures],
+            "best": self.best.index if self.best else None,
+            "corrected": self.corrected,
+            "seconds": self.seconds,
+            "exit_code": self.exit_code,
+            "result_dir": str(self.folder),
+        }
+
+    @property
+    def failures(self) -> list[Point]:
+        """The points without a verified hop."""
+        return [p for p in self.points if not p.verified]
+
+    @property
+    def _outcomes(self) -> list[str]:
+        return [p.outcome for p in self.points]
+
+
+def sweep(
+    design: Design,
+    vary: Mapping[str, Any],
+    *,
+    objective: str = "clearance",
+    sample: str | None = None,
+    seed: int = 0,
+    starts: int | None = None,
+    processes: int | None = None,
+    results: Path = Path("results"),
+    resume: Path | None = None,
+    progress: Progress | None = None,
+) -> Study:
+    """Solve and verify a design at every point of a study.
+
+    vary: entry -> "lower:upper:count", a list of values or, with a sample ("lhs:40", "sobol:64"), (lower, upper).
+    The study lies in a new folder below ``results``, or is continued in ``resume``. Raises UsageError if the study
+    makes no sense, ResultError if its folder cannot be used.
+    """
+    definition = define(design, vary, objective=objective, sample=sample, seed=seed, starts=starts)
+    return run(definition, processes=processes, results=results, resume=resume, progress=progress)
+
+
+def run(
+    definition: Definition,
+    *,
+    processes: int | None = None,
+    results: Path = Path("results"),
+    resume: Path | None = None,
+    progress: Progress | None = None,
+    opened: Callable[[Path], None] = lambda folder: None,
+) -> Study:
+    """The study of a definition, begun or resumed; ``opened`` is told the folder before the work."""
+    began = time.perf_counter()
+    if resume is None:
+        _possible(definition)
+        folder = open_folder(definition, results)
+    else:
+        check_same(resume, definition)
+        folder = resume
+    opened(folder)
+    finished = load_points(folder, definition)
+    with workers(processes or os.cpu_count() or 1) as crew:
+        show = Clock(progress or (lambda text: None), len(definition.points) - len(finished))
+        _first_pass(definition, folder, finished, crew, show)
+        _second_pass(definition, folder, finished, crew, show)
+    points = tuple(finished[k] for k in range(len(definition.points)))
+    study = Study(definition, points, folder, time.perf_counter() - began)
+    save_tables(folder, definition, points, study.as_dict())
+    return study
+
+
+def _possible(definition: Definition) -> None:
+    """UsageError if there is no problem at any point."""
+    fault = ""
+    for k in range(len(definition.points)):
+        try:
+            definition.design_at(k)
+            return
+        except ProblemFileError as error:
+            fault = fault or error.problems[0].removeprefix("override ")
+    raise UsageError(f"no point of the study is a possible problem: {fault}")
+
+
+# ---- the first pass -----------------------------------------------------------------------------------------
+
+
+def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point], crew: Workers, show: Clock) -> None:
+    """Every point that is not finished, each as soon as the point it begins from is."""
+    from hopopt.sweep_point import solve_point
+
+    order, parents = tree(definition.normalized)
+
+    def origin(k: int) -> list[int]:
+        """The nearest ancestor that has a solution."""
+        while k in parents:
+            k = parents[k]
+            if finished[k].solved:
+                return [k]
+        return []
+
+    waiting = [k for k in order if k not in finished]
+    while waiting or crew.busy:
+        ready = [k for k in waiting if k not in parents or parents[k] in finished]
+        for k in ready[: crew.free]:
+            waiting.remove(k)
+            crew.submit(solve_point, definition, folder, k, origin(k))
+        for point in crew.done():
+            finished[point.index] = point
+            show.finished(len(finished), len(order), point)
+
+
+# ---- the second pass ----------------------------------------------------------------------------------------
+
+
+def _second_pass(definition: Definition, folder: Path, finished: dict[int, Point], crew: Workers, show: Clock) -> None:
+    """Solve points again that failed, or lie below their neighbours' trend, from neighbours not tried yet."""
+    from hopopt.sweep_point import solve_again
+
+    for _ in range(ROUNDS):
+        jobs = doubtful(definition, finished)
+        if not jobs:
+            return
+        show.say(f"second pass: {len(jobs)} point{'s' if len(jobs) > 1 else ''} again from other neighbours")
+        waiting = list(jobs.items())
+        while waiting or crew.busy:
+            for k, sources in [waiting.pop(0) for _ in range(min(crew.free, len(waiting)))]:
+                crew.submit(solve_again, definition, folder, finished[k], sources)
+            for point in crew.done():
+                finished[point.index] = point

@@ -1,0 +1,74 @@
+"""Which point of a study begins from which, and which points are to be doubted."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hopopt.study import Definition
+from hopopt.sweep_store import IMPOSSIBLE, VERIFIED, Point
+
+SEED_FOR = 24  # points that one seed may lead to
+DOUBT = 5e-4  # relative: how far below its neighbours' trend a point may lie
+
+
+def tree(x: np.ndarray) -> tuple[list[int], dict[int, int]]:
+    """An order of the points x (n, d), and of all but the seeds the point before it that is nearest (Prim)."""
+    n = len(x)
+    order = [int(np.argmin(np.linalg.norm(x - x.mean(axis=0), axis=1)))]
+    while len(order) < 1 + n // SEED_FOR:
+        order.append(int(np.argmax(np.min([np.linalg.norm(x - x[s], axis=1) for s in order], axis=0))))
+    away, parent = np.full(n, np.inf), np.full(n, -1)
+    for s in order:
+        _attach(s, x, away, parent)
+    parents: dict[int, int] = {}
+    seeds = len(order)
+    away[order] = np.inf
+    while len(order) < n:
+        k = int(np.argmin(away))
+        parents[k] = int(parent[k])
+        order.append(k)
+        _attach(k, x, away, parent)
+        away[order] = np.inf
+    assert len(parents) == n - seeds
+    return order, parents
+
+
+def _attach(k: int, x: np.ndarray, away: np.ndarray, parent: np.ndarray) -> None:
+    distance = np.linalg.norm(x - x[k], axis=1)
+    nearer = distance < away - 1e-12
+    away[nearer], parent[nearer] = distance[nearer], k
+
+
+def doubtful(definition: Definition, finished: Mapping[int, Point]) -> dict[int, list[int]]:
+    """The points to be solved again, and from which verified neighbours."""
+    x = definition.normalized
+    good = [k for k, p in sorted(finished.items()) if p.verified]
+    value = np.array([finished[k].objective_value or 0.0 for k in good])
+    below = _below_trend(x[good], value)
+    suspects = {k for k, low in zip(good, below, strict=True) if low}
+    suspects |= {k for k, p in finished.items() if p.outcome not in (VERIFIED, IMPOSSIBLE)}
+    jobs: dict[int, list[int]] = {}
+    for k in sorted(suspects):
+        p = finished[k]
+        others = [g for g in good if g not in (k, p.begun_from, *p.tried)]
+        near = sorted(others, key=lambda g: float(np.linalg.norm(x[g] - x[k])))[: 2 - min(len(p.tried), 2)]
+        if near:
+            jobs[k] = near
+    return jobs
+
+
+def _below_trend(x: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Which values lie below the plane through their nearest neighbours, by more than such planes are wrong."""
+    n, d = x.shape
+    if n < d + 3:
+        return np.zeros(n, dtype=bool)
+    wrong = np.zeros(n)
+    for k in range(n):
+        distance = np.linalg.norm(x - x[k], axis=1)
+        near = np.argsort(distance, kind="stable")[1 : 2 * d + 3]
+        weight = 1.0 / np.maximum(distance[near], 1e-9)
+        plane = np.column_stack([np.ones(len(near)), x[near] - x[k]])
+        wrong[k] = value[k] - np.linalg.lstsq(plane * weight[:, None], value[near] * weight, rcond=None)[0][0]
+    middle = float(np.median(wrong))
+    spread = 1.4826 * float(np.median(np.abs(wrong - middle)))
+    return wrong < min(middle, 0.0) - 3 * spread - DOUBT * np.abs(value)

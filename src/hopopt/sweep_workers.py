@@ -1,0 +1,100 @@
+"""The processes that solve a study's points, and how long they may still take."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Any
+
+from hopopt.errors import HopoptError
+from hopopt.sweep_store import Point
+
+Progress = Callable[[str], None]
+Job = Callable[..., Point]
+
+
+class Clock:
+    """Says how many points are finished and how long the rest may take."""
+
+    def __init__(self, say: Progress, remaining: int):
+        self.say, self.remaining, self.began, self.count = say, remaining, time.perf_counter(), 0
+
+    def finished(self, done: int, total: int, point: Point) -> None:
+        """One more point."""
+        self.count += 1
+        left = (time.perf_counter() - self.began) / self.count * (self.remaining - self.count)
+        height = f" {point.clearance_m:.4f} m" if point.clearance_m is not None else ""
+        self.say(f"{done} of {total} points, about {duration(left)} left (last: {point.outcome}{height})")
+
+
+def duration(seconds: float) -> str:
+    """A time in words: 45 s, 12 min, 3.5 h."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+class Workers:
+    """A number of processes, or this one if the number is one."""
+
+    def __init__(self, count: int, executor: Any):
+        self.count, self.executor, self.running = count, executor, set[Future[Point]]()
+        self.results: list[Point] = []
+
+    @property
+    def busy(self) -> bool:
+        return bool(self.running or self.results)
+
+    @property
+    def free(self) -> int:
+        return self.count - len(self.running) - len(self.results)
+
+    def submit(self, job: Job, *arguments: Any) -> None:
+        """Begin a job."""
+        if self.executor is None:
+            self.results.append(job(*arguments))
+        else:
+            self.running.add(self.executor.submit(job, *arguments))
+
+    def done(self) -> list[Point]:
+        """What has finished since, at least one; HopoptError if a process died."""
+        if self.running:
+            ended, self.running = wait(self.running, return_when=FIRST_COMPLETED)
+            try:
+                self.results += [future.result() for future in ended]
+            except BrokenProcessPool as error:
+                words = "a process of the study ended unexpectedly (out of memory?); what is finished is kept"
+                raise HopoptError(f"{words}, --resume goes on, with fewer --processes if memory is short") from error
+        results, self.results = self.results, []
+        return results
+
+
+@contextmanager
+def workers(count: int) -> Iterator[Workers]:
+    if count == 1:
+        yield Workers(1, None)
+        return
+    from joblib.externals.loky import get_reusable_executor
+
+    options: dict[str, Any] = {"reuse": False, "initializer": _begin_worker, "env": {"OMP_NUM_THREADS": "1"}}
+    executor = get_reusable_executor(count, **options)
+    try:
+        yield Workers(count, executor)
+    finally:
+        executor.shutdown(kill_workers=True)
+
+
+def _begin_worker() -> None:
+    """Leave Ctrl-C to the parent, and end with it even if it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
