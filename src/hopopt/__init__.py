@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from hopopt.problem_file import load
     from hopopt.solution import Solution
     from hopopt.storage import read, save
-    from hopopt.sweep import Study, sweep
+    from hopopt.sweep_run import Study, sweep
 
 __all__ = ["Solution", "Study", "load", "read", "save", "solve", "sweep"]
 _HOME = {
     "load": "problem_file", "solve": "planner", "Solution": "solution", "read": "storage", "save": "storage",
-    "sweep": "sweep", "Study": "sweep",
+    "sweep": "sweep_run", "Study": "sweep_run",
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
     from hopopt.study import Definition
-    from hopopt.sweep import Study
+    from hopopt.sweep_run import Study
 
 Vary = Annotated[
     list[str] | None,
@@ -67,7 +67,7 @@ def sweep(
     definition = _definition(problem, vary, sample, seed, objective, set_, starts, resume)
     if processes is not None and processes < 1:
         raise UsageError("--processes must be at least 1")
-    from hopopt.sweep import run
+    from hopopt.sweep_run import run
 
     folders = [] if resume is None else [resume]
     try:

@@ -15,7 +15,7 @@ from hopopt.problem_text import rows
 from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 
 if TYPE_CHECKING:
-    from hopopt.sweep import Study
+    from hopopt.sweep_run import Study
 
 BLUE, ORANGE = COLOR.values()
 FAILED = {NOT_VERIFIED: (ORANGE, "x", "///"), NOT_SOLVED: (GREY, "x", "xxx"), IMPOSSIBLE: (BLACK, "+", "...")}

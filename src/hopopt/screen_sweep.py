@@ -8,7 +8,7 @@ from hopopt.screen import wide_console
 from hopopt.sweep_workers import duration
 
 if TYPE_CHECKING:
-    from hopopt.sweep import Study
+    from hopopt.sweep_run import Study
 
 SHOWN = 60  # points; the rest is in the table's file
 

@@ -1,6 +1,6 @@
 """Which point of a study begins from which, and which points are to be doubted."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,17 +11,16 @@ SEED_FOR = 24  # points that one seed may lead to
 DOUBT = 5e-4  # relative: how far below its neighbours' trend a point may lie
 
 
-def tree(x: np.ndarray) -> tuple[list[int], dict[int, int]]:
-    """An order of the points x (n, d), and of all but the seeds the point before it that is nearest (Prim)."""
+def tree(points: np.ndarray, chosen: Sequence[int]) -> tuple[list[int], dict[int, int]]:
+    """An order of the chosen points (n, d), and of all but the seeds the point before it that is nearest (Prim)."""
+    x = points[list(chosen)]
     n = len(x)
     order = [int(np.argmin(np.linalg.norm(x - x.mean(axis=0), axis=1)))]
     while len(order) < 1 + n // SEED_FOR:
         order.append(int(np.argmax(np.min([np.linalg.norm(x - x[s], axis=1) for s in order], axis=0))))
-    away, parent = np.full(n, np.inf), np.full(n, -1)
+    away, parent, parents = np.full(n, np.inf), np.full(n, -1), dict[int, int]()
     for s in order:
         _attach(s, x, away, parent)
-    parents: dict[int, int] = {}
-    seeds = len(order)
     away[order] = np.inf
     while len(order) < n:
         k = int(np.argmin(away))
@@ -29,8 +28,7 @@ def tree(x: np.ndarray) -> tuple[list[int], dict[int, int]]:
         order.append(k)
         _attach(k, x, away, parent)
         away[order] = np.inf
-    assert len(parents) == n - seeds
-    return order, parents
+    return [chosen[k] for k in order], {chosen[k]: chosen[p] for k, p in parents.items()}
 
 
 def _attach(k: int, x: np.ndarray, away: np.ndarray, parent: np.ndarray) -> None:
@@ -58,17 +56,20 @@ def doubtful(definition: Definition, finished: Mapping[int, Point]) -> dict[int,
 
 
 def _below_trend(x: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Which values lie below the plane through their nearest neighbours, by more than such planes are wrong."""
+    """Which values lie below the parabola through their nearest neighbours, by more than such parabolas are wrong."""
     n, d = x.shape
-    if n < d + 3:
+    unknowns = 1 + 2 * d
+    if n <= unknowns + 1:
         return np.zeros(n, dtype=bool)
     wrong = np.zeros(n)
     for k in range(n):
-        distance = np.linalg.norm(x - x[k], axis=1)
-        near = np.argsort(distance, kind="stable")[1 : 2 * d + 3]
+        away = x - x[k]
+        distance = np.linalg.norm(away, axis=1)
+        distance[k] = np.inf
+        near = np.argsort(distance, kind="stable")[: min(2 * unknowns, n - 1)]
         weight = 1.0 / np.maximum(distance[near], 1e-9)
-        plane = np.column_stack([np.ones(len(near)), x[near] - x[k]])
-        wrong[k] = value[k] - np.linalg.lstsq(plane * weight[:, None], value[near] * weight, rcond=None)[0][0]
+        parabola = np.column_stack([np.ones(len(near)), away[near], away[near] ** 2])
+        wrong[k] = value[k] - np.linalg.lstsq(parabola * weight[:, None], value[near] * weight, rcond=None)[0][0]
     middle = float(np.median(wrong))
     spread = 1.4826 * float(np.median(np.abs(wrong - middle)))
     return wrong < min(middle, 0.0) - 3 * spread - DOUBT * np.abs(value)

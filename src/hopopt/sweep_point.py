@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.errors import NotSolvedError, ProblemFileError
+from hopopt.errors import NotSolvedError
 from hopopt.leg.design import physical_parameters
 from hopopt.multistart import StartOutcome, contenders, first_transcription, not_solved, outcome_of, run_starts
 from hopopt.nlp.ipopt import WARM, NlpSolver
@@ -24,7 +24,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.planner import Stopwatch, finish
 from hopopt.solution import Solution
 from hopopt.study import Definition
-from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point, load_begin, save_point
+from hopopt.sweep_store import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point, load_begin, save_point
 
 PATIENCE = 60  # iterations from a neighbour's multipliers
 BETTER = 1e-6  # relative: less is noise
@@ -39,13 +39,7 @@ _compiled: dict[
 def solve_point(definition: Definition, folder: Path, k: int, neighbours: Sequence[int]) -> Point:
     """Solve point k from the neighbours in turn until one leads to a verified hop, then from the starts; keep it."""
     began = time.perf_counter()
-    point = Point(k, definition.values(k), IMPOSSIBLE)
-    try:
-        hop = Hop(definition.design_at(k), definition.objective)
-    except ProblemFileError as error:
-        point = replace(point, sentence=error.problems[0].removeprefix("override "))
-        save_point(folder, point, {})
-        return point
+    point, hop = Point(k, definition.values(k), NOT_SOLVED), Hop(definition.design_at(k), definition.objective)
     begin: dict[str, np.ndarray] = {}
     try:
         if faults := hop.static_faults():
@@ -58,7 +52,7 @@ def solve_point(definition: Definition, folder: Path, k: int, neighbours: Sequen
                 break
     except NotSolvedError as error:
         if not point.solved:
-            point = replace(point, outcome=NOT_SOLVED, sentence=" ".join(str(error).split()))
+            point = replace(point, sentence=" ".join(str(error).split()))
     point = replace(point, seconds=time.perf_counter() - began)
     save_point(folder, point, begin)
     return point

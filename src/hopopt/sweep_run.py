@@ -16,7 +16,17 @@ from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.design import Design
 from hopopt.study import Definition, define
 from hopopt.sweep_order import doubtful, tree
-from hopopt.sweep_store import NOT_VERIFIED, Point, check_same, dataset, load_points, open_folder, save_tables
+from hopopt.sweep_store import (
+    IMPOSSIBLE,
+    NOT_VERIFIED,
+    Point,
+    check_same,
+    dataset,
+    load_points,
+    open_folder,
+    save_point,
+    save_tables,
+)
 from hopopt.sweep_workers import Clock, Progress, Workers, workers
 
 if TYPE_CHECKING:
@@ -121,14 +131,17 @@ def run(
 ) -> Study:
     """The study of a definition, begun or resumed; ``opened`` is told the folder before the work."""
     began = time.perf_counter()
+    impossible = _impossible(definition)
     if resume is None:
-        _possible(definition)
         folder = open_folder(definition, results)
     else:
         check_same(resume, definition)
         folder = resume
     opened(folder)
     finished = load_points(folder, definition)
+    for k in impossible.keys() - finished.keys():
+        save_point(folder, impossible[k], {})
+    finished = impossible | finished
     with workers(processes or os.cpu_count() or 1) as crew:
         show = Clock(progress or (lambda text: None), len(definition.points) - len(finished))
         _first_pass(definition, folder, finished, crew, show)
@@ -139,16 +152,17 @@ def run(
     return study
 
 
-def _possible(definition: Definition) -> None:
-    """UsageError if there is no problem at any point."""
-    fault = ""
+def _impossible(definition: Definition) -> dict[int, Point]:
+    """The points that are no problem at all, each with the reason; UsageError if they all are."""
+    found: dict[int, Point] = {}
     for k in range(len(definition.points)):
         try:
             definition.design_at(k)
-            return
         except ProblemFileError as error:
-            fault = fault or error.problems[0].removeprefix("override ")
-    raise UsageError(f"no point of the study is a possible problem: {fault}")
+            found[k] = Point(k, definition.values(k), IMPOSSIBLE, error.problems[0].removeprefix("override "))
+    if len(found) == len(definition.points):
+        raise UsageError(f"no point of the study is a possible problem: {found[0].sentence}")
+    return found
 
 
 # ---- the first pass -----------------------------------------------------------------------------------------
@@ -158,7 +172,8 @@ def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point]
     """Every point that is not finished, each as soon as the point it begins from is."""
     from hopopt.sweep_point import solve_point
 
-    order, parents = tree(definition.normalized)
+    possible = [k for k in range(len(definition.points)) if k not in finished or finished[k].outcome != IMPOSSIBLE]
+    order, parents = tree(definition.normalized, possible)
 
     def origin(k: int) -> list[int]:
         """The nearest ancestor that has a solution."""
@@ -176,7 +191,7 @@ def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point]
             crew.submit(solve_point, definition, folder, k, origin(k))
         for point in crew.done():
             finished[point.index] = point
-            show.finished(len(finished), len(order), point)
+            show.finished(len(finished), len(definition.points), point)
 
 
 # ---- the second pass ----------------------------------------------------------------------------------------

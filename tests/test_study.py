@@ -1,0 +1,240 @@
+"""Which points a study has, and what is said of one that makes no sense."""
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hopopt as ho
+from hopopt.errors import ProblemFileError, ResultError, UsageError
+from hopopt.study import Axis, Definition, define, parse
+from hopopt.sweep_order import doubtful, tree
+from hopopt.sweep_store import (
+    IMPOSSIBLE,
+    NOT_SOLVED,
+    VERIFIED,
+    Point,
+    check_same,
+    dataset,
+    load_points,
+    open_folder,
+    read_definition,
+    save_point,
+    table,
+)
+
+PAPER = ho.load("paper")
+RATIO, SHANK = "leg.gear.ratio", "leg.shank.length"
+
+
+def test_grid_has_every_combination_the_last_entry_fastest() -> None:
+    study = define(PAPER, {RATIO: "60:160:11", SHANK: "0.30:0.42:7"})
+    assert study.shape == (11, 7)
+    expected = list(product(np.linspace(60, 160, 11), np.linspace(0.30, 0.42, 7)))
+    np.testing.assert_allclose(study.points, expected)
+    design = study.design_at(7 * 4 + 2)
+    assert design.leg.gear.ratio == pytest.approx(100)
+    assert design.leg.link["shank"].length == pytest.approx(0.34)
+    assert design.leg.link["thigh"] == PAPER.leg.link["thigh"]
+
+
+def test_lists_ranges_and_numbers_mean_the_same() -> None:
+    for given in ("60,80,100", "60:100:3", [60, 80, 100], np.array([60.0, 80.0, 100.0])):
+        assert define(PAPER, {RATIO: given}).axes == (Axis(RATIO, (60.0, 80.0, 100.0)),)
+
+
+def test_a_value_of_a_list() -> None:
+    study = define(PAPER, {"hop.stance_duration[1]": [0.2, 0.3]})
+    assert study.design_at(0).hop.stance_duration == (0.03, 0.2)
+    assert study.design_at(1).hop.stance_duration == (0.03, 0.3)
+
+
+def test_an_entry_that_is_not_set() -> None:
+    study = define(PAPER, {"contact.friction": [0.5, 0.8]})
+    assert [study.design_at(k).contact.friction for k in range(2)] == [0.5, 0.8]
+
+
+def test_whole_numbers_stay_whole() -> None:
+    assert define(PAPER, {"solver.stance_intervals": "20:40:3"}).design_at(1).solver.stance_intervals == 30
+    sampled = define(PAPER, {"solver.stance_intervals": "20:40"}, sample="lhs:5")
+    assert np.all(sampled.points == np.round(sampled.points))
+
+
+@pytest.mark.parametrize("count", [1, 7, 40])
+def test_latin_hypercube_has_one_point_in_every_slice(count: int) -> None:
+    study = define(PAPER, {RATIO: (60, 160), SHANK: "0.30:0.42"}, sample=f"lhs:{count}", seed=3)
+    assert study.shape is None
+    for column, (low, high) in zip(study.points.T, [(60, 160), (0.30, 0.42)], strict=True):
+        slices = np.floor((column - low) / (high - low) * count)
+        assert sorted(slices) == list(range(count))
+
+
+def test_sobol_fills_every_dyadic_box() -> None:
+    """A (0, m, 2)-net in base 2: of 64 points, one in each of 8 x 8 boxes, and of 2 x 32."""
+    study = define(PAPER, {RATIO: (60, 160), SHANK: (0.30, 0.42)}, sample="sobol:64", seed=1)
+    for boxes in ((8, 8), (2, 32), (32, 2)):
+        cells = np.floor(study.normalized * boxes).astype(int)
+        assert len({tuple(cell) for cell in cells}) == 64
+
+
+def test_the_seed_decides_the_sample() -> None:
+    def points(seed: int) -> np.ndarray:
+        return define(PAPER, {RATIO: (60, 160)}, sample="sobol:8", seed=seed).points
+
+    np.testing.assert_array_equal(points(5), points(5))
+    assert not np.array_equal(points(5), points(6))
+
+
+@pytest.mark.parametrize(
+    ("vary", "more", "words"),
+    [
+        ({"leg.gear.ration": "1:2:3"}, {}, "did you mean ratio"),
+        ({"leg.gear.ratio": "100:60:3"}, {}, "lower < upper"),
+        ({"leg.gear.ratio": "60:100:1"}, {}, "count of 2 or more"),
+        ({"leg.gear.ratio": "60:100"}, {}, "lower:upper:count"),
+        ({"leg.gear.ratio": "60,eighty"}, {}, "is not a number"),
+        ({"leg.gear.ratio": "60,nan"}, {}, "is not a number"),
+        ({"leg.gear.ratio": "60,60"}, {}, "each value once"),
+        ({"leg.gear.ratio": ""}, {}, "is not a number"),
+        ({"name": "1,2"}, {}, "is not a number"),
+        ({"hop.counter_movement": "0,1"}, {}, "is not a number"),
+        ({"hop.stance_duration": "0.1,0.2"}, {}, "is not a number"),
+        ({"hop.stance_duration[2]": "0.1,0.2"}, {}, "no such value"),
+        ({"hop.stance_duration[x]": "0.1,0.2"}, {}, "hop.stance_duration[1]"),
+        ({"solver.degree": "1:2:3"}, {}, "whole numbers"),
+        ({"leg.gear.ratio": "60:100:3"}, {"sample": "lhs:4"}, "lower:upper"),
+        ({"leg.gear.ratio": "60:100"}, {"sample": "sobol:6"}, "power of two"),
+        ({"leg.gear.ratio": "60:100"}, {"sample": "random:6"}, "lhs:40"),
+        ({"leg.gear.ratio": "60:100:1000", "leg.shank.length": "0.3:0.4:1000"}, {}, "at most"),
+        ({"leg.gear.ratio": "60:100:3"}, {"objective": "speed"}, "choose one of clearance"),
+        ({}, {}, "nothing is varied"),
+    ],
+)
+def test_wrong_use_is_one_sentence(vary: dict, more: dict, words: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        define(PAPER, vary, **more)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["leg.gear.ratio", "=1,2", "leg.gear.ratio="])
+def test_vary_without_a_value(text: str) -> None:
+    with pytest.raises(UsageError, match="write lower:upper:count"):
+        parse([text])
+
+
+def test_vary_twice() -> None:
+    with pytest.raises(UsageError, match="twice"):
+        parse(["leg.gear.ratio=1,2", "leg.gear.ratio=3,4"])
+
+
+def test_a_point_that_is_no_problem() -> None:
+    with pytest.raises(ProblemFileError, match="below the ground"):
+        define(PAPER, {SHANK: [0.2, 0.36]}).design_at(0)
+
+
+# ---- order ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_point_begins_from_the_nearest_before_it(seed: int) -> None:
+    x = np.random.default_rng(seed).random((60, 2))
+    chosen = [k for k in range(60) if k % 7]
+    order, parents = tree(x, chosen)
+    assert sorted(order) == chosen
+    assert 0 < len(chosen) - len(parents) <= 4  # seeds
+    for k, p in parents.items():
+        before = order[: order.index(k)]
+        assert p in before
+        assert np.linalg.norm(x[k] - x[p]) <= np.linalg.norm(x[k] - x[before], axis=1).min() + 1e-9
+
+
+def test_one_point_and_equal_points() -> None:
+    assert tree(np.zeros((1, 1)), [0]) == ([0], {})
+    order, parents = tree(np.zeros((5, 2)), range(5))
+    assert sorted(order) == list(range(5))
+    assert len(parents) == 4
+
+
+def finished(definition: Definition, values: np.ndarray) -> dict[int, Point]:
+    return {
+        k: Point(k, definition.values(k), VERIFIED, objective_value=float(v), clearance_m=float(v))
+        for k, v in enumerate(values)
+    }
+
+
+def test_only_the_point_that_falls_out_of_the_trend_is_doubted() -> None:
+    study = define(PAPER, {RATIO: "60:160:9", SHANK: "0.30:0.42:5"})
+    x, y = study.normalized.T
+    values = 0.7 + 0.2 * x - 0.1 * x**2 + 0.3 * y
+    assert doubtful(study, finished(study, values)) == {}
+    values[17] -= 0.05
+    jobs = doubtful(study, finished(study, values))
+    assert 17 in jobs
+    distance = np.linalg.norm(study.normalized - study.normalized[17], axis=1)
+    assert max(distance[jobs[17]]) <= np.sort(distance)[4]  # its neighbours
+
+
+def test_failed_points_are_solved_again_but_impossible_ones_are_not() -> None:
+    study = define(PAPER, {RATIO: "60:160:5"})
+    points = finished(study, np.linspace(0.9, 0.5, 5))
+    points[1] = Point(1, study.values(1), NOT_SOLVED, "no start led to a hop")
+    points[3] = Point(3, study.values(3), IMPOSSIBLE, "the leg is too short")
+    assert doubtful(study, points) == {1: [0, 2]}
+    points[1] = Point(1, study.values(1), NOT_SOLVED, "no start led to a hop", tried=(0, 2))
+    assert doubtful(study, points) == {}
+
+
+# ---- files ----------------------------------------------------------------------------------------------------
+
+
+def test_a_study_is_read_back_as_it_was(tmp_path: Path) -> None:
+    for given, sample in (({RATIO: "60:100:3", SHANK: [0.34, 0.36]}, None), ({RATIO: "60:100"}, "lhs:5")):
+        study = define(PAPER, given, sample=sample, seed=4)
+        folder = open_folder(study, tmp_path)
+        assert read_definition(folder) == study
+        np.testing.assert_array_equal(read_definition(folder).points, study.points)
+        assert open_folder(study, tmp_path) != folder  # nothing is overwritten
+
+
+def test_another_study_is_not_resumed(tmp_path: Path) -> None:
+    folder = open_folder(define(PAPER, {RATIO: [60, 80]}), tmp_path)
+    check_same(folder, define(PAPER, {RATIO: [60, 80]}))
+    for other in (
+        define(PAPER, {RATIO: [60, 90]}),
+        define(ho.load("paper", {"leg.body.mass": 5.0}), {RATIO: [60, 80]}),
+        define(PAPER, {RATIO: [60, 80]}, objective="apex"),
+    ):
+        with pytest.raises(ResultError, match="another study"):
+            check_same(folder, other)
+    with pytest.raises(ResultError, match="no study to resume"):
+        read_definition(tmp_path)
+
+
+def test_points_are_read_back_and_strangers_refused(tmp_path: Path) -> None:
+    study = define(PAPER, {RATIO: [60, 80, 100]})
+    folder = open_folder(study, tmp_path)
+    points = finished(study, np.array([0.9, 0.8, 0.7]))
+    save_point(folder, points[1], {"x": np.arange(3.0)})
+    (folder / "points" / ".0002.json.99").write_text("{")  # killed while writing
+    assert load_points(folder, study) == {1: points[1]}
+    save_point(folder, Point(2, {RATIO: 55.0}, VERIFIED), {})
+    with pytest.raises(ResultError, match="another study"):
+        load_points(folder, study)
+
+
+def test_table_and_dataset_say_the_same(tmp_path: Path) -> None:
+    study = define(PAPER, {RATIO: [60, 80], SHANK: [0.34, 0.35, 0.36]})
+    found = finished(study, np.linspace(0.5, 1.0, 6))
+    found[4] = Point(4, study.values(4), NOT_SOLVED, 'a "sentence", with a comma')
+    points = [found[k] for k in range(6)]
+    data = dataset(study, points)
+    assert dict(data.sizes) == {RATIO: 2, SHANK: 3}
+    assert float(data["clearance_m"].sel({RATIO: 80, SHANK: 0.34})) == points[3].clearance_m
+    assert np.isnan(data["clearance_m"].sel({RATIO: 80, SHANK: 0.35}))
+    assert str(data["outcome"].values[1, 1]) == NOT_SOLVED
+    lines = table(study, points).splitlines()
+    assert len(lines) == 7
+    assert lines[4].startswith("3,80.0,0.34,verified,0.8")
+    assert lines[5].endswith('"a ""sentence"", with a comma"')

@@ -1,0 +1,177 @@
+"""Design studies as a user runs them: the same answers as single solves, nothing lost, failures kept."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import hopopt as ho
+from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED
+
+HOPOPT = [sys.executable, "-m", "hopopt.cli"]
+SHORT = "hop.stance_duration=[0.03, 0.2]"
+SWEEP = [
+    "sweep",
+    "--set",
+    SHORT,
+    "--set",
+    "solver.tolerance=1e-4",
+    "--starts",
+    "1",
+    "--vary",
+    "leg.gear.ratio=115,130,145",
+]
+Done = subprocess.CompletedProcess[str]
+
+
+def run(*arguments: str, cwd: Path) -> Done:
+    return subprocess.run([*HOPOPT, *arguments], cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> ho.Study:
+    """Ratios, one with a shank too short to stand on."""
+    design = ho.load("paper", [SHORT])
+    vary = {"leg.shank.length": [0.2, 0.361], "leg.gear.ratio": [110, 130]}
+    return ho.sweep(design, vary, starts=1, processes=1, results=tmp_path_factory.mktemp("results"))
+
+
+def test_points_equal_single_solves(study: ho.Study) -> None:
+    for k in (2, 3):
+        alone = ho.solve(study.definition.design_at(k), starts=1)
+        assert study.points[k].verified
+        assert study.points[k].clearance_m == pytest.approx(alone.clearance, rel=1e-4)
+    assert study.points[3].begun_from == 2 or study.points[2].begun_from == 3
+
+
+def test_impossible_points_are_kept_with_a_sentence(study: ho.Study) -> None:
+    for k in (0, 1):
+        assert study.points[k].outcome == IMPOSSIBLE
+        assert "below the ground" in study.points[k].sentence
+        assert study.points[k].clearance_m is None
+    assert study.exit_code == 0
+    assert len(study.as_dict()["failures"]) == 2
+
+
+def test_best_and_parts(study: ho.Study) -> None:
+    best = study.best
+    assert best is not None
+    assert best.clearance_m == max(p.clearance_m for p in study.points if p.clearance_m is not None)
+    assert best.parts is not None
+    assert sum(best.parts.values()) == pytest.approx(best.clearance_m, abs=1e-9)
+
+
+def test_files_and_figures(study: ho.Study) -> None:
+    with xr.open_dataset(study.folder / "sweep.nc", engine="h5netcdf") as data:
+        assert dict(data.sizes) == {"leg.shank.length": 2, "leg.gear.ratio": 2}
+        assert np.isnan(data["clearance_m"].values[0]).all()
+        assert float(data["clearance_m"].values[1, 0]) == study.points[2].clearance_m
+        assert data["clearance_m"].attrs["units"] == "m"
+    assert len((study.folder / "table.csv").read_text().splitlines()) == 5
+    (figure,) = study.plot().values()
+    hatched = [patch for patch in figure.axes[0].patches if patch.get_hatch()]
+    assert len(hatched) == 2  # the two cells without a hop
+
+
+def test_a_finished_study_is_resumed_without_work(study: ho.Study) -> None:
+    began = times(study.folder)
+    design = ho.load("paper", [SHORT])
+    vary = {"leg.shank.length": [0.2, 0.361], "leg.gear.ratio": [110, 130]}
+    again = ho.sweep(design, vary, starts=1, processes=1, resume=study.folder)
+    assert again.points == study.points
+    assert times(study.folder) == began
+
+
+def times(folder: Path) -> dict[str, int]:
+    """When each finished point was written [ns]."""
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "points").glob("[0-9]*.json")}
+
+
+@contextmanager
+def begun(cwd: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
+    """A sweep of its own process group, as soon as it has finished a point; and its folder."""
+    environment, command = {**os.environ, "OMP_NUM_THREADS": "1"}, [*HOPOPT, *SWEEP, "--processes", "2"]
+    with subprocess.Popen(command, cwd=cwd, env=environment, start_new_session=True, stderr=subprocess.PIPE) as running:
+        until = time.monotonic() + 120
+        while time.monotonic() < until and running.poll() is None:
+            folders = list(cwd.glob("results/paper-sweep-*"))
+            if folders and times(folders[0]):
+                yield running, folders[0]
+                return
+            time.sleep(0.02)
+        running.kill()
+        raise AssertionError("the sweep finished no point")
+
+
+def test_killed_at_any_instant_it_goes_on(tmp_path: Path) -> None:
+    with begun(tmp_path) as (running, folder):
+        running.send_signal(signal.SIGKILL)
+    time.sleep(1.5)  # its workers end with it
+    before = times(folder)
+    assert 1 <= len(before) < 3
+    done = run("sweep", "--resume", str(folder), "--json", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr == ""  # silent when piped
+    after = times(folder)
+    assert {name: after[name] for name in before} == before
+    assert len(after) == 3
+    assert len(json.loads(done.stdout)["points"]) == 3
+    assert {p.name for p in folder.iterdir()} >= {"study.json", "table.csv", "sweep.nc", "figures"}
+
+
+def test_interrupted_it_says_how_to_go_on(tmp_path: Path) -> None:
+    with begun(tmp_path) as (running, folder):
+        running.send_signal(signal.SIGINT)
+        words = running.communicate()[1].decode()
+    assert running.returncode == 130
+    assert words.strip().splitlines()[-1].endswith(f"hopopt sweep --resume {folder.relative_to(tmp_path)}")
+    assert len(times(folder)) >= 1
+
+
+def test_a_leg_that_cannot_stand_is_not_solved(tmp_path: Path) -> None:
+    done = run("sweep", "--vary", "leg.motor.max_torque=0.05,0.1", "--no-figures", "--json", cwd=tmp_path)
+    assert done.returncode == 1
+    answer = json.loads(done.stdout)
+    assert [p["outcome"] for p in answer["points"]] == [NOT_SOLVED] * 2
+    assert all("to hold the start pose" in p["sentence"] for p in answer["points"])
+    assert answer["best"] is None
+
+
+def test_points_that_stay_unverified_are_not_stated(tmp_path: Path) -> None:
+    mesh = "solver.refine=false", "solver.stance_intervals=12", "solver.flight_intervals=12"
+    sets = [word for entry in (SHORT, *mesh) for word in ("--set", entry)]
+    done = run("sweep", *sets, "--vary", "leg.gear.ratio=100,110", "--starts", "1", "--json", cwd=tmp_path)
+    assert done.returncode == 3, done.stderr
+    for point in json.loads(done.stdout)["points"]:
+        assert point["outcome"] == "not verified"
+        assert point["clearance_m"] is None
+        assert point["unverified_clearance_m"] > 0
+        assert point["sentence"].startswith("failed: ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--vary", "leg.gear.ration=1:2:3"], "did you mean ratio"),
+        (["--vary", "leg.gear.ratio=3:2:3"], "lower < upper"),
+        ([], "nothing is varied"),
+        (["--vary", "leg.gear.ratio=1:2:3", "--processes", "0"], "at least 1"),
+        (["--resume", "nowhere"], "no study to resume"),
+        (["--vary", "leg.shank.length=0.05,0.1"], "no point of the study is a possible problem"),
+    ],
+)
+def test_wrong_use_exits_with_2_and_a_sentence(tmp_path: Path, arguments: list[str], words: str) -> None:
+    done = run("sweep", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
