@@ -433,6 +433,17 @@ def test_friction_that_a_hop_needs(smooth: dict[float, Trace], paper: Design) ->
     assert not [x for x in HopFigures(paper, slanted).limits_exceeded if "friction" in x]
 
 
+def test_a_foot_that_is_gone_at_once_has_figures(smooth: dict[float, Trace], paper: Design) -> None:
+    """No stance: no push, no effort, but nothing that cannot be said."""
+    trace = smooth[PERIOD]
+    figures = HopFigures(paper, replace(trace, contact=np.zeros_like(trace.contact), events=()))
+    row = figures.as_dict()
+    assert figures.lift_off["time_s"] == 0.0
+    assert figures.energy["stance_net_J"] == 0.0
+    assert set(figures.saturation_mean.values()) == {0.0}
+    assert sum(figures.parts.values()) == pytest.approx(row["clearance_m"])
+
+
 def test_a_ground_that_would_have_to_pull_is_named(smooth: dict[float, Trace], paper: Design) -> None:
     trace = smooth[PERIOD]
     pulled = replace(trace, f=np.where(trace.contact[:, None], [0.0, -25.0], 0.0))

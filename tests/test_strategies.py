@@ -341,6 +341,28 @@ def test_a_class_of_ones_own_is_asked_at_every_control_instant(own_module: str, 
     assert not run.trace.events
 
 
+@pytest.mark.parametrize("asked", [[np.nan, 0.0], [1.0], 5.0])
+def test_torques_that_make_no_sense_are_said_in_a_sentence(own_module: str, paper: Design, asked: Any) -> None:
+    class Wrong(Mute):
+        def torque(self, now: Measurement) -> Any:
+            return np.array(asked)
+
+    vars(sys.modules[own_module])["Wrong"] = Wrong
+    with pytest.raises(UsageError, match="it takes 2 finite numbers"):
+        simulate(paper, find(f"{own_module}:Wrong"))
+
+
+def test_a_simulation_that_breaks_down_ends_and_says_so(own_module: str, paper: Design) -> None:
+    class Pump(Mute):
+        def torque(self, now: Measurement) -> np.ndarray:
+            return 1e9 * np.where(now.v < 0, -1.0, 1.0)
+
+    vars(sys.modules[own_module])["Pump"] = Pump
+    run = simulate(paper, find(f"{own_module}:Pump"), torque_gain=np.full(2, 1e6))
+    assert run.trace.outcome == "the motion ran away"
+    assert np.isfinite(run.trace.v).all()
+
+
 def test_strategies_come_from_other_packages(own_module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def installed(group: str) -> list[EntryPoint]:
         return [EntryPoint("theirs", f"{own_module}:Standing", group)] if group == "hopopt.strategies" else []

@@ -12,7 +12,7 @@ from hopopt.sim.trace import Trace
 
 BOUNCE = 0.02  # [s] a shorter time off the ground is no flight
 PULL = 1.0  # [N] by which the ground may have to pull: a foot is kept that its own sideways grip presses down
-SLACK = 1e-3  # rad, s or m/s by which a limit may be missed in a simulation
+SLACK = 1e-3  # rad, s, m/s or share by which a limit may be missed in a simulation
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class HopFigures:
 
     @property
     def stance(self) -> slice:
-        """Samples before the first flight."""
-        return slice(0, self.flight.start)
+        """Samples before the first flight; the first one at least, should the foot be gone at once."""
+        return slice(0, max(self.flight.start, 1))
 
     @property
     def flies(self) -> bool:
@@ -155,6 +155,10 @@ class HopFigures:
             excess = max(float((angle - limit.upper).max()), float((limit.lower - angle).max()))
             if excess > SLACK:
                 found.append(f"{joint} {excess:.3f} rad into its end stop")
+            region, w = operating_region(self.design.leg, joint, trace.robot.parameters), trace.v[span, BASE + k]
+            use = np.max(region.use(w, region.clamp(w, trace.motor[span, k])), axis=0)  # above 1 by speed alone
+            if use.max() > 1 + SLACK:
+                found.append(f"{joint} at {np.abs(w[use.argmax()]):.1f} rad/s, faster than its drive may turn")
         if self.lift_off["time_s"] > hop.stance_duration[1] + SLACK:
             found.append(f"stance of {self.lift_off['time_s']:.3f} s")
         friction = self.design.contact.friction

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq
 
+from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.drive import Drive, Encoder, Stops
 from hopopt.sim.machine import Machine
@@ -26,7 +27,6 @@ JUMP = 1e-8  # [s] before the end of a step within which the torque that follows
 AHEAD = 1e-5  # [s] over which a foot let go must rise
 BOUNCE = 0.02  # [s] a foot off the ground for less has not hopped: its stance goes on
 AT_STOPS = 8  # parts of a step where a joint touches its end stop: they are stiff
-SENSELESS = 1e3  # [rad/s] beyond this the simulation has broken down
 
 
 class Plant:
@@ -120,7 +120,7 @@ class Plant:
         A foot that ``lets_go`` at once is the caller's to see to.
         """
         after = self.step(s, torque, h)
-        if self._margin(after, torque) >= 0 or ((here := self._margin(s, torque)) < 0 and s.contact):
+        if not after.sane or self._margin(after, torque) >= 0 or ((here := self._margin(s, torque)) < 0 and s.contact):
             return after, False
         begin = 0.0 if here > 0 else min(AHEAD, h)  # the foot may just have come off
         if not here > 0 and self._margin(self.step(s, torque, begin), torque) <= 0:
@@ -191,7 +191,8 @@ class Plant:
             if outcome != "the time was up":
                 break
         assert torque is not None
-        self._note(writer, s, torque)
+        if s.sane:
+            self._note(writer, s, torque)
         return writer.trace(outcome)
 
     def _command(self, controller: Controller, s: State, encoder: Encoder, timing: Timing) -> Command:
@@ -203,6 +204,8 @@ class Plant:
         if not timing.hold:
             return lambda s: lambda t, q, v: controller.torque(measured(s, t, q, v))
         asked = np.asarray(controller.torque(measured(s, s.t, *encoder.read(s.q[BASE:], s.v[BASE:]))), dtype=float)
+        if asked.shape != (self.n,) or not np.isfinite(asked).all():
+            raise UsageError(f"the strategy asks for torques {asked} at {s.t:.4f} s: it takes {self.n} finite numbers")
         return lambda s: lambda t, q, v: asked
 
     def _until(
@@ -219,7 +222,7 @@ class Plant:
             return lambda t, q, v: torque(min(t, end - JUMP), q, v)
 
         torque = from_here(s)
-        while end - s.t > EVENT:
+        while end - s.t > EVENT and s.sane:
             changes = self.lets_go(s, torque)
             if not changes:
                 self._note(writer, s, torque)
@@ -240,7 +243,7 @@ class Plant:
 
     def _fault(self, s: State) -> str:
         """Why the simulation cannot go on, or nothing."""
-        if not np.abs(s.v).max() < SENSELESS:
+        if not s.sane:
             return "the motion ran away"
         heights = {name: z for name, (_, z) in self.machine.points(s.q).items() if name not in ("foot", "com")}
         lowest = min(heights, key=lambda name: heights[name])

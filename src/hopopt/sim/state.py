@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+SENSELESS = 1e3  # [rad/s] beyond this the simulation has broken down
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -32,6 +34,11 @@ class State:
     before: float = 0.0
     landings: int = 0
     work: np.ndarray = field(default_factory=lambda: np.zeros(3))  # of the motors, lost in gears, taken by stops [J]
+
+    @property
+    def sane(self) -> bool:
+        """Whether the speeds are those of a leg, not of a simulation that has broken down."""
+        return bool(np.abs(self.v).max() < SENSELESS)
 
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # (t, q_j, v_j) -> command
