@@ -61,3 +61,8 @@ def test_stiffness_is_force_over_shortening(hops):
     f_z, m_e = hops[0].trace.f[at, 1], 0.8
     assert k[at] * (0.45 - y[at]) == pytest.approx(f_z - m_e * 9.81, rel=1e-6)
     assert np.nanmin(k) < mean_stiffness(hops[0], 0.28, 0.40) < np.nanmax(k)
+
+
+def test_a_leg_too_weak_to_hop_is_said_to_be(capsys):
+    assert run(["reproduce", "--set", "leg.motor.max_torque=0.3"]) == 2
+    assert "never lifts the foot" in capsys.readouterr().err

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE
 from hopopt.sim.hop_figures import HopFigures
 from hopopt.stiffness import PAPER_RANGE, mean_stiffness
@@ -29,10 +30,15 @@ class PaperFigure:
 
 
 def paper_results(force: HopFigures, position: HopFigures) -> list[PaperFigure]:
-    """Every figure of the paper's results that can be computed, from a hop of each of its strategies."""
+    """Every figure of the paper's results that can be computed, from a hop of each of its strategies.
+
+    Raises UsageError if one of them never leaves the ground.
+    """
     rows = []
     for name, f in (("force", force), ("position", position)):
         (simulated, measured), (c_simulated, c_measured) = PAPER[name]["foot_height_m"], PAPER[name]["knee_saturation"]
+        if not f.flies:
+            raise UsageError(f"{name} control never lifts the foot off this leg: the paper's figures are of hops")
         knee = list(f.saturation_mean.values())[1]
         rows += [
             _number(f"{name} control, simulation: greatest foot height [m]", simulated, f.foot_height),
