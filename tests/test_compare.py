@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 
 from hopopt.cli import run
-from hopopt.closed_loop import clearance_in_mujoco
+from hopopt.closed_loop import clearance_in_mujoco, simulate
 from hopopt.compare import (
     OPTIMUM,
     Comparison,
     compare,
     integrals_to,
-    mismatched,
     planned_trace,
     reference_of,
     reserved,
-    spread,
 )
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
+from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
+from hopopt.mismatch import mismatched, spread
 from hopopt.planner import solve
 from hopopt.problem_file import load
 from hopopt.storage import save
@@ -170,7 +170,19 @@ def test_fifty_mismatched_legs_hop_if_enough_is_held_back(solution):
 
 def test_the_command_prints_one_object(comparison, solution, tmp_path, capsys):
     folder = str(save(solution, tmp_path).result_dir)
-    arguments = ["compare", "--bound", folder, "--strategies", "force", "--results", str(tmp_path), "--no-figures", "--json"]
+    arguments = [
+        "compare",
+        "--bound",
+        folder,
+        "--strategies",
+        "force",
+        "--tune",
+        "0",
+        "--results",
+        str(tmp_path),
+        "--no-figures",
+        "--json",
+    ]
     assert run(arguments) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["bound_m"] == pytest.approx(comparison.bound)
@@ -182,7 +194,8 @@ def test_the_command_prints_one_object(comparison, solution, tmp_path, capsys):
 
 def test_the_command_speaks_plainly(comparison, solution, tmp_path, capsys):
     folder = str(save(solution, tmp_path).result_dir)
-    assert run(["compare", "--bound", folder, "--strategies", "force", "--results", str(tmp_path), "--no-figures"]) == 0
+    arguments = ["--bound", folder, "--strategies", "force", "--tune", "0", "--results", str(tmp_path)]
+    assert run(["compare", *arguments, "--no-figures"]) == 0
     out = capsys.readouterr().out
     assert "no controller can clear more than 0.79" in out
     assert "Where the centimetres are lost" in out
@@ -198,6 +211,7 @@ def test_the_command_speaks_plainly(comparison, solution, tmp_path, capsys):
         (["simulate", "--option", "k_p"], "write it as name=value"),
         (["simulate", "--option", "k_q=3"], "k_q"),
         (["simulate", "--hops", "0"], "--hops must be at least 1"),
+        (["simulate", "--plan", "nowhere"], "--plan is for strategies that follow one"),
         (["simulate", "--plant", "leg.body.mas=5"], "leg.body.mas"),
     ],
 )
@@ -212,6 +226,45 @@ def test_a_bound_of_another_problem_is_refused(solution, tmp_path, capsys):
     folder = str(save(solution, tmp_path).result_dir)
     assert run(["compare", "--set", "leg.gear.ratio=90", "--bound", folder, "--results", str(tmp_path)]) == 2
     assert "it was solved for another problem" in capsys.readouterr().err
+
+
+def test_a_bound_holds_for_other_reserves_and_encoders(solution):
+    """They do not touch the optimum, and the simulations are of the problem that was asked for."""
+    design = load("paper", ["reserve.torque=0.1", "simulation.encoder_bits=12"])
+    found = compare(design, ["force"], bound=solution)
+    assert found.bound == solution.clearance
+    assert found.solution.design == found.runs["force"].design == design
+
+
+def test_a_stored_bound_is_verified_again(solution, tmp_path, capsys):
+    folder = save(solution, tmp_path).result_dir
+    summary = json.loads((folder / "summary.json").read_text())
+    (folder / "summary.json").write_text(json.dumps(summary | {"clearance_m": summary["clearance_m"] + 0.01}))
+    arguments = ["--bound", str(folder), "--strategies", "force", "--tune", "0", "--results", str(tmp_path)]
+    assert run(["compare", *arguments, "--no-figures", "--json"]) == 3
+    data = json.loads(capsys.readouterr().out)
+    assert data["bound_m"] is None
+    assert {row["share_of_bound"] for row in data["strategies"].values()} == {None}
+
+
+def test_strategies_that_do_not_suit_the_leg_are_refused_before_the_work(monkeypatch):
+    monkeypatch.setattr("hopopt.planner.solve", lambda *_, **__: pytest.fail("solved in vain"))
+    data = load("paper").model_dump(exclude_none=True)
+    data["leg"] |= {"joints": ("hip", "knee", "ankle"), "links": ("thigh", "shank", "toe")}
+    data["leg"] |= {"ankle": {"lower": -1.0, "upper": 1.0}, "toe": {"length": 0.1, "mass": 0.2}}
+    data["start"] = {"joint_angles": (1.12, -2.3, 1.0)}
+    with pytest.raises(UsageError, match="need a leg of two joints"):
+        compare(Design.model_validate(data), ["track", "force"])
+
+
+def test_a_hop_faster_than_a_gear_may_turn_does_not_disprove_the_bound():
+    """The plant has no brake on a gear's speed cap, the planner keeps it: the hop is not within the same limits."""
+    overrides = ["leg.motor.laws=[]", "leg.gear.torque_cap=107", "leg.gear.speed_cap=680"]
+    design = load("paper", overrides)
+    f = simulate(design, find("force")).figures
+    assert np.abs(f.trace.v[:, -1]).max() > 6.8
+    assert any("faster than its drive may turn" in words for words in f.limits_exceeded)
+    assert not any("faster" in words for words in simulate(load("paper"), find("force")).figures.limits_exceeded)
 
 
 def test_a_bound_of_another_objective_is_refused(solution):

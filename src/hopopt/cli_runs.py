@@ -13,7 +13,6 @@ from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
     from hopopt.leg.design import Design
-    from hopopt.solution import Solution
 
 Options = Annotated[
     list[str] | None,
@@ -157,18 +156,24 @@ def compare(
     if draws < 0 or not (0 <= mass < 1 and 0 <= torque < 1):
         raise UsageError("--draws must be 0 or more; --mass and --torque are shares from 0 to below 1")
     from hopopt import compare as comparing
-    from hopopt.storage import as_json, prepare
+    from hopopt.mismatch import spread
+    from hopopt.recheck import reverified
+    from hopopt.storage import as_json, prepare, read, save
 
     prepare(results)
+    given = reverified(read(bound)) if bound else None
     with progress(quiet=json_) as say:
-        found = comparing.compare(design, names, bound=_bound(design, bound), mujoco=mujoco, tune=tune, progress=say)
+        found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()
         if draws:
             say(f"tracking on {draws} drawn legs")
-            data["mismatch"] = comparing.spread(found, draws, seed, mass, torque, os.cpu_count() or 1)
+            data["mismatch"] = spread(found, draws, seed, mass, torque, os.cpu_count() or 1)
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         traces = {name: f.trace for name, f in found.figures.items()}
         where = _saved("comparison", design, data, traces, results, figures, found.figures)
+        for solution in (found.solution, found.plan):
+            if solution is not None and solution.result_dir is None:  # what the figures stand on
+                save(solution, where)
     if json_:
         print(as_json({**data, "result_dir": str(where)}))
         return found.exit_code
@@ -223,23 +228,16 @@ def _options(given: "list[str] | tuple[str, ...]") -> dict[str, Any]:
 def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
     """What the strategy is to follow: the plan given, or one of its own."""
     if not needed:
+        if folder:
+            raise UsageError("--plan is for strategies that follow one, such as track")
         return None
     from hopopt.compare import plan_to_track, reference_of
     from hopopt.storage import read
 
-    return reference_of(read(folder) if folder else plan_to_track(design, None, say))
-
-
-def _bound(design: "Design", folder: Path | None) -> "Solution | None":
-    if folder is None:
-        return None
-    from hopopt.problem_file import design_hash
-    from hopopt.storage import read
-
-    solution = read(folder)
-    if design_hash(solution.design) != design_hash(design):
-        raise UsageError(f"--bound {folder}: it was solved for another problem; leave it out to solve this one")
-    return solution
+    plan = read(folder) if folder else plan_to_track(design, None, say)
+    if plan.design.leg.joints != design.leg.joints:
+        raise UsageError(f"--plan {folder}: it moves other joints than those of {design.name}")
+    return reference_of(plan)
 
 
 def _saved(what: str, design: "Design", data: Any, traces: Any, results: Path, draw: bool, figures: Any) -> Path:

@@ -5,8 +5,7 @@ from every limit (the problem's [reserve]), because on the limits themselves fee
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +18,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.design import Design
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.paper_results import PAPER
+from hopopt.problem_file import design_hash
 from hopopt.sim.hop_figures import HopFigures
 from hopopt.sim.mujoco import library
 from hopopt.sim.trace import Event, Trace
@@ -77,7 +77,7 @@ class Comparison:
             "meaning": "the verified optimum" if name == OPTIMUM else self.runs[name].strategy.meaning
         }
         row |= f.as_dict() | {"options": {} if name == OPTIMUM else dict(self.runs[name].strategy.options)}
-        row |= {"share_of_bound": f.clearance / self.bound, "gap": self.gap(name)}
+        row |= {"share_of_bound": f.clearance / self.bound if self.solution.verified else None, "gap": self.gap(name)}
         if name in self.mujoco:
             row["mujoco_clearance_m"] = self.mujoco[name]
         if name in PAPER:
@@ -109,16 +109,21 @@ def compare(
 ) -> Comparison:
     """Solve for the bound (or take one that was solved), simulate every strategy, and set them side by side.
 
-    tune: add the paper's strategies with the best gains among so many hops. mujoco: run all in MuJoCo too. Raises MissingExtraError without it, UsageError for unknown strategies and for a bound of another problem, NotSolvedError if there is none.
+    tune: add the paper's strategies with the best gains among so many hops. mujoco: run all in MuJoCo too. Raises
+    MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg and for a bound of
+    another problem, NotSolvedError if there is none.
     """
     from hopopt.planner import solve
 
     if mujoco:
         library()
+        if design.simulation.torque_delay:
+            raise UsageError("runs in MuJoCo have no delay: leave out --mujoco, or set simulation.torque_delay=0")
     say, chosen = progress or (lambda text: None), [find(name) for name in strategies]
-    if bound is not None and bound.objective != "clearance":
-        raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
-    solution = bound or solve(design, progress=say)
+    for strategy in chosen:  # what does not suit the leg is said before the work
+        if not strategy.needs_plan:
+            make_controller(design, strategy)
+    solution = solve(design, progress=say) if bound is None else answering(design, bound)
     plan = plan_to_track(design, solution, say) if any(s.needs_plan for s in chosen) else None
     reference = None if plan is None else reference_of(plan)
     chosen += [tuned(design, name, tune, say) for name in TUNED if tune and name in strategies]
@@ -129,6 +134,17 @@ def compare(
         if mujoco:
             elsewhere[strategy.name] = clearance_in_mujoco(design, strategy, reference)
     return Comparison(solution, plan, runs, elsewhere)
+
+
+def answering(design: Design, bound: Solution) -> Solution:
+    """A bound for this problem's simulations: [reserve] and [simulation] may differ, they do not touch it. UsageError
+    if it answers another question."""
+    if bound.objective != "clearance":
+        raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
+    same = bound.design.model_copy(update={"reserve": design.reserve, "simulation": design.simulation})
+    if design_hash(same) != design_hash(design):
+        raise UsageError("the bound given: it was solved for another problem; leave it out to solve this one")
+    return replace(bound, design=design)
 
 
 def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None]) -> Strategy:
@@ -195,63 +211,3 @@ def integrals_to(places: np.ndarray) -> np.ndarray:
     """W with W @ values = integrals from 0 to each place of the polynomial through the values, (k, k)."""
     powers = np.arange(1, len(places) + 1)
     return (places[:, None] ** powers / powers) @ np.linalg.inv(np.vander(places, increasing=True))
-
-
-def mismatched(design: Design, draws: int, seed: int, mass: float, torque: float) -> list[tuple[Design, np.ndarray]]:
-    """Seeded draws of a true leg: every mass within +- ``mass`` (share), every motor's torque constant within
-    +- ``torque`` (share) of what the controller believes, uniformly; (leg, torque gain (n)) each."""
-    rng, found = np.random.default_rng(seed), []
-    for _ in range(draws):
-        data = design.model_dump(exclude_none=True)
-        for name in ("body", *design.leg.links):
-            data["leg"][name]["mass"] *= 1 + mass * rng.uniform(-1, 1)
-        found.append((Design.model_validate(data), 1 + torque * rng.uniform(-1, 1, len(design.leg.joints))))
-    return found
-
-
-def spread(
-    comparison: Comparison, draws: int, seed: int, mass: float, torque: float, processes: int
-) -> dict[str, dict[str, Any]]:
-    """How the tracked optimum fares on drawn legs, for every tracking strategy compared; failed is below half of
-    the plan's clearance."""
-    legs, found = mismatched(comparison.solution.design, draws, seed, mass, torque), {}
-    for name, run in comparison.runs.items():
-        if run.strategy.needs_plan and comparison.plan is not None:
-            heights = robustness(comparison, run.strategy, legs, processes)
-            levels = {"lowest_m": 0, "p05_m": 5, "median_m": 50, "p95_m": 95, "highest_m": 100}
-            found[name] = {
-                "draws": draws,
-                "mass": mass,
-                "torque": torque,
-                "seed": seed,
-                "failed": int(np.sum(heights < 0.5 * comparison.plan.clearance)),
-                **{key: float(np.percentile(heights, level)) for key, level in levels.items()},
-                "clearances_m": heights.tolist(),
-            }
-    return found
-
-
-def robustness(
-    comparison: Comparison, strategy: Strategy, draws: list[tuple[Design, np.ndarray]], processes: int
-) -> np.ndarray:
-    """Clearances [m] of a strategy on every drawn leg, (draws,), side by side on the cores."""
-    from joblib import Parallel, delayed
-
-    design = comparison.solution.design
-    reference = None if comparison.plan is None else reference_of(comparison.plan)
-    data, chunks = design.model_dump(exclude_none=True), [draws[k::processes] for k in range(processes)]
-    jobs = (delayed(_clearances)(data, strategy.name, reference, chunk) for chunk in chunks)
-    parts: Any = Parallel(n_jobs=processes, backend="loky")(jobs)
-    found = np.empty(len(draws))
-    for k, part in enumerate(parts):
-        found[k::processes] = part
-    return found
-
-
-def _clearances(
-    data: dict[str, Any], name: str, reference: PlanReference | None, draws: list[tuple[Design, np.ndarray]]
-) -> list[float]:
-    design, strategy = Design.model_validate(data), find(name)
-    fresh = make_controller(design, strategy, reference)  # its gains take longer than a hop
-    runs = (simulate(design, strategy, plant=leg, torque_gain=gain, controller=copy(fresh)) for leg, gain in draws)
-    return [run.figures.clearance for run in runs]

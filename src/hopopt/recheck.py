@@ -1,6 +1,6 @@
 """Verification of a stored result, from its files alone."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import casadi as ca
@@ -31,6 +31,12 @@ def recheck(solution: Solution) -> list[Check]:
             f"{solution.result_dir}: the result is incomplete or its files do not fit together "
             f"({type(error).__name__}: {str(error)[:200]}): solve it again"
         ) from error
+
+
+def reverified(solution: Solution) -> Solution:
+    """A stored solution that is ``verified`` only if its summary says so and every check passes again."""
+    verified = solution.verified and all(check.passed for check in recheck(solution))
+    return replace(solution, summary={**solution.summary, "verified": verified})
 
 
 def _recheck(solution: Solution) -> list[Check]:

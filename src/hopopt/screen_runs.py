@@ -16,7 +16,8 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     rows, out = comparison["strategies"], wide_console()
     out.print(_headline(comparison))
     out.print(_table(rows))
-    out.print(_gaps(rows))
+    if comparison["verified"]:
+        out.print(_gaps(rows))
     for name, row in rows.items():
         if "paper" in row:
             out.print(_paper(name, row))
@@ -104,9 +105,9 @@ def _cells(r: Mapping[str, Any]) -> list[str]:
     parts, peaks, energy = (r[key] for key in ("parts", "peaks", "energy"))
     return [
         f"{r['clearance_m']:.3f}",
-        f"{r['share_of_bound']:.0%}",
+        "-" if r["share_of_bound"] is None else f"{r['share_of_bound']:.0%}",
         f"{r['foot_height_m']:.3f}",
-        *(f"{abs(parts[key]):.3f}" for key in PARTS),
+        *(f"{sign * parts[key]:.3f}" for sign, key in zip((1, 1, -1), PARTS, strict=True)),
         *(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
         f"{r['lift_off']['time_s']:.3f}",
         f"{r['lift_off']['vertical_m_s']:.2f}",

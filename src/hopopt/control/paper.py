@@ -68,7 +68,7 @@ class _Paper:
         if len(self.leg.joints) != 2:
             raise UsageError(
                 f"{setting.design.name}: the paper's strategies need a leg of two joints, this one has "
-                f"{len(self.leg.joints)}: compare the optimum with a strategy of your own"
+                f"{len(self.leg.joints)}: simulate track or a strategy of your own (compare --strategies track)"
             )
         self.options = read_options(PaperOptions, setting.options)
         self.two_mass = self.options.two_mass(setting)
