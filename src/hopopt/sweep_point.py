@@ -50,9 +50,10 @@ def solve_point(definition: Definition, folder: Path, k: int, neighbours: Sequen
                 point, begin = _described(point, found[0], source), found[1]
             if point.verified:
                 break
-    except NotSolvedError as error:
+    except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:  # one point does not end a study
         if not point.solved:
-            point = replace(point, sentence=" ".join(str(error).split()))
+            what = "" if isinstance(error, NotSolvedError) else f"stopped by a {type(error).__name__}: "
+            point = replace(point, sentence=what + " ".join(str(error).split()))
     point = replace(point, seconds=time.perf_counter() - began)
     save_point(folder, point, begin)
     return point
@@ -63,8 +64,12 @@ def solve_again(definition: Definition, folder: Path, old: Point, neighbours: Se
     began = time.perf_counter()
     best, begin = old, dict[str, np.ndarray]()
     hop = Hop(definition.design_at(old.index), definition.objective)
+    least = -np.inf
+    if old.verified:  # the same optimum, or a worse one, is told on the first mesh: no need to refine it
+        value = float(load_begin(folder, old.index)["objective"])
+        least = value + CORRECTED * abs(value)
     for source in neighbours:
-        found = _attempt(definition, folder, hop, old.values, source)
+        found = _attempt(definition, folder, hop, old.values, source, least)
         if found and found[0].summary["verified"] and _better(found[0].summary["objective_value"], best):
             best, begin = _described(old, found[0], source), found[1]
     seconds = old.seconds + time.perf_counter() - began
@@ -96,15 +101,25 @@ def _described(point: Point, solution: Solution, source: int | None) -> Point:
     )  # fmt: skip
 
 
-def _attempt(definition: Definition, folder: Path, hop: Hop, values: Mapping[str, float], source: int | None) -> Found:
-    """A refined and verified solution from one neighbour, or from the starts; None if that neighbour leads nowhere."""
+def _attempt(
+    definition: Definition,
+    folder: Path,
+    hop: Hop,
+    values: Mapping[str, float],
+    source: int | None,
+    least: float = -np.inf,
+) -> Found:
+    """A refined and verified solution from one neighbour, or from the starts; None if that neighbour leads nowhere,
+    or to an objective on the first mesh below ``least``."""
     if source is None:
         return _from_starts(hop, definition.starts or hop.design.solver.starts)
     clock = Stopwatch()
     t, solver = _first_program(definition, hop, values)
     outcome = _from_neighbour(hop, t, solver, source, load_begin(folder, source))
     clock.mark("starts")
-    return (finish(hop, outcome, [outcome], _silent, clock, t), _begin(outcome, t)) if outcome.success else None
+    if not outcome.success or outcome.objective < least:
+        return None
+    return finish(hop, outcome, [outcome], _silent, clock, t), _begin(outcome, t)
 
 
 def _from_starts(hop: Hop, count: int) -> Found:
@@ -118,11 +133,12 @@ def _from_starts(hop: Hop, count: int) -> Found:
 
 
 def _begin(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:
-    """What a neighbour begins from: variables (SI) and multipliers on the first mesh."""
+    """What a neighbour begins from: variables (SI), multipliers and objective on the first mesh."""
     return {
         "x": outcome.vectors["z"] * t.scale,
         "lam_g": outcome.vectors["lam_g"],
         "lam_x": outcome.vectors["lam_x"],
+        "objective": np.array(outcome.objective),
     }
 
 
