@@ -94,6 +94,7 @@ def test_an_unverified_bound_is_not_stated(comparison, solution):
     data = Comparison(doubtful, comparison.plan, comparison.runs).as_dict()
     assert data["bound_m"] is None
     assert data["exit_code"] == 3
+    assert "not verified" in data["strategies"][OPTIMUM]["meaning"]
 
 
 def test_the_optimum_can_be_tracked(comparison):

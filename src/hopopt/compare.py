@@ -73,9 +73,8 @@ class Comparison:
     def row(self, name: str) -> dict[str, Any]:
         """Everything known of one strategy, for ``--json``."""
         f = self.figures[name]
-        row: dict[str, Any] = {
-            "meaning": "the verified optimum" if name == OPTIMUM else self.runs[name].strategy.meaning
-        }
+        found = "the verified optimum" if self.solution.verified else "an optimum that was not verified"
+        row: dict[str, Any] = {"meaning": found if name == OPTIMUM else self.runs[name].strategy.meaning}
         row |= f.as_dict() | {"options": {} if name == OPTIMUM else dict(self.runs[name].strategy.options)}
         row |= {"share_of_bound": f.clearance / self.bound if self.solution.verified else None, "gap": self.gap(name)}
         if name in self.mujoco:
@@ -94,6 +93,7 @@ class Comparison:
             "exit_code": self.exit_code,
             "beaten_by": self.beaten_by,
             "tracked_plan_m": self.plan.clearance if self.plan else None,
+            "tracked_plan_verified": self.plan.verified if self.plan else None,
             "strategies": {name: self.row(name) for name in self.figures},
         }
 

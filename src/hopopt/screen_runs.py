@@ -30,7 +30,9 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     if elsewhere:
         out.print("in MuJoCo: " + ", ".join(f"{name} {clearance:.3f} m" for name, clearance in elsewhere.items()))
     if comparison["tracked_plan_m"]:
-        out.print(f"tracked: a plan of {comparison['tracked_plan_m']:.4f} m, which holds the problem's [reserve] back")
+        doubt = "" if comparison["tracked_plan_verified"] else "; it was NOT verified"
+        plan = f"a plan of {comparison['tracked_plan_m']:.4f} m, which holds the problem's [reserve] back"
+        out.print(f"tracked: {plan}{doubt}")
     out.print(f"results {where}")
 
 
