@@ -355,13 +355,15 @@ def regions(draw: st.DrawFn) -> OperatingRegion:
 def test_drive_gives_what_the_operating_regions_allow(
     joints: list[tuple[OperatingRegion, float, float, float]],
 ) -> None:
-    """Drive.clamp is OperatingRegion.clamp, joint by joint; the true torque constant scales what comes out."""
+    """Drive.clamp is OperatingRegion.clamp, joint by joint; a true torque constant that is greater by a gain
+    gives more torque for the same current and, as back-EMF, less speed."""
     own, w, tau, gain = (list(x) for x in zip(*joints, strict=True))
     drive = Drive(own, torque_gain=np.array(gain))
     expected = np.array([float(r.clamp(*x)) for r, *x in zip(own, w, tau, strict=True)])
     np.testing.assert_allclose(drive.clamp(np.array(w), np.array(tau)), expected, rtol=1e-12, atol=1e-12)
     motor, joint = drive.torque(np.array(w), np.array(tau))
-    np.testing.assert_allclose(motor, np.array(gain) * expected, rtol=1e-12, atol=1e-12)
+    slower = np.array([float(r.clamp(g * x, y)) for r, g, x, y in zip(own, gain, w, tau, strict=True)])
+    np.testing.assert_allclose(motor, np.array(gain) * slower, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(joint, motor)
 
 

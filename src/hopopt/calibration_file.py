@@ -26,8 +26,10 @@ def write_motor(path: Path, found: Calibration) -> None:
     """
     p = {x.path: x for x in found.parameters}
     values = {entry: p[f"{TABLE}.{entry}"].rounded for entry in ENTRIES if f"{TABLE}.{entry}" in p}
-    if not found.determined or not values:
-        raise UsageError(f"{path} was not changed: the paper's figures do not determine the motor (see above)")
+    if not found.determined or not found.matched or not values:
+        raise UsageError(
+            f"{path} was not changed: the paper's figures do not determine the motor, or no motor matches them"
+        )
     errors = {entry: p[f"{TABLE}.{entry}"].standard_error or 0.0 for entry in values}
     try:
         before = path.read_bytes().decode("utf-8")

@@ -234,7 +234,7 @@ def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
     from hopopt.compare import plan_to_track, reference_of
     from hopopt.storage import read
 
-    plan = read(folder) if folder else plan_to_track(design, None, say)
+    plan = read(folder) if folder else plan_to_track(design, say)
     if plan.design.leg.joints != design.leg.joints:
         raise UsageError(f"--plan {folder}: it moves other joints than those of {design.name}")
     return reference_of(plan)

@@ -15,7 +15,7 @@ from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim.drive import Drive, Encoder, Gear
-from hopopt.sim.hop_figures import HopFigures
+from hopopt.sim.hop_figures import HopFigures, beyond_limits
 from hopopt.sim.measurement import Controller, Measurement
 from hopopt.sim.plant import Plant, Timing
 from hopopt.sim.trace import Trace
@@ -105,5 +105,6 @@ def clearance_in_mujoco(
     start = plant.stance_start(start_angles(design))
     duration = design.hop.stance_duration[1] + LONGEST
     run = mujoco.simulate(plant.robot, start.q, start.v, torque, duration, control_period=period)
-    allowed = ~run.contact & (np.abs(run.foot[:, 0] - run.q[:, 0]) <= design.hop.foot_window)
+    stopped = np.logical_or.accumulate(~run.contact & beyond_limits(design, run.q[:, BASE:]))
+    allowed = ~run.contact & ~stopped & (np.abs(run.foot[:, 0] - run.q[:, 0]) <= design.hop.foot_window)
     return float(run.lowest[allowed].max(initial=0.0))

@@ -14,7 +14,7 @@ import numpy as np
 from hopopt.closed_loop import Run, clearance_in_mujoco, make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import BUILT_IN, Strategy, find
-from hopopt.errors import UsageError
+from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.design import Design
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.paper_results import PAPER
@@ -39,6 +39,7 @@ class Comparison:
     plan: Solution | None
     runs: Mapping[str, Run]
     mujoco: Mapping[str, float] = field(default_factory=dict)  # clearances [m] there, where asked for
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def figures(self) -> dict[str, HopFigures]:
@@ -92,6 +93,7 @@ class Comparison:
             "verified": self.solution.verified,
             "exit_code": self.exit_code,
             "beaten_by": self.beaten_by,
+            "notes": list(self.notes),
             "tracked_plan_m": self.plan.clearance if self.plan else None,
             "tracked_plan_verified": self.plan.verified if self.plan else None,
             "strategies": {name: self.row(name) for name in self.figures},
@@ -124,7 +126,13 @@ def compare(
         if not strategy.needs_plan:
             make_controller(design, strategy)
     solution = solve(design, progress=say) if bound is None else answering(design, bound)
-    plan = plan_to_track(design, solution, say) if any(s.needs_plan for s in chosen) else None
+    plan, notes = None, []
+    if any(s.needs_plan for s in chosen):
+        try:
+            plan = plan_to_track(design, say)
+        except NotSolvedError as error:  # the bound is solved: the other strategies can still be compared
+            chosen = [s for s in chosen if not s.needs_plan]
+            notes.append(f"nothing is tracked, as no plan keeps the problem's [reserve] back: {error}")
     reference = None if plan is None else reference_of(plan)
     chosen += [tuned(design, name, tune, say) for name in TUNED if tune and name in strategies]
     runs, elsewhere = {}, {}
@@ -133,7 +141,7 @@ def compare(
         runs[strategy.name] = simulate(design, strategy, plan=reference)
         if mujoco:
             elsewhere[strategy.name] = clearance_in_mujoco(design, strategy, reference)
-    return Comparison(solution, plan, runs, elsewhere)
+    return Comparison(solution, plan, runs, elsewhere, tuple(notes))
 
 
 def answering(design: Design, bound: Solution) -> Solution:
@@ -156,7 +164,7 @@ def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None
     return Strategy(f"{name}_tuned", f"{strategy.meaning}, best of {evaluations} tries", strategy.make, best.options)
 
 
-def plan_to_track(design: Design, solution: Solution | None, say: Callable[[str], None]) -> Solution:
+def plan_to_track(design: Design, say: Callable[[str], None]) -> Solution:
     """The optimum that keeps the problem's reserve from every limit."""
     from hopopt.planner import solve
 

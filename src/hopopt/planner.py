@@ -55,7 +55,14 @@ def solve(
     finished = [finish(hop, candidate, outcomes, say, clock) for candidate in contenders(outcomes)]
     if not finished:
         raise not_solved(hop, outcomes)
-    return max(finished, key=lambda s: (s.verified, s.summary["objective_value"]))
+    best = max(finished, key=lambda s: (s.verified, s.summary["objective_value"]))
+    highest = max(finished, key=lambda s: s.summary["objective_value"])
+    if highest is not best:
+        height = highest.summary["objective_value"]
+        best.summary["notes"] = [
+            f"a start led to {height:.4f} m, higher, which failed verification: it may be the better hop"
+        ]
+    return best
 
 
 class Stopwatch:

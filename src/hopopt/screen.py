@@ -45,6 +45,7 @@ def print_answer(solution: "Solution") -> None:
         ("effort", _effort(s)),
         ("limits", _limits(s)),
         ("evidence", _evidence(s)),
+        ("notes", list(s.get("notes", ()))),
         ("results", [f"{s['result_dir']}   ({s['wall_s']:.1f} s)"]),
     ):
         for k, line in enumerate(lines):

@@ -33,6 +33,8 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
         doubt = "" if comparison["tracked_plan_verified"] else "; it was NOT verified"
         plan = f"a plan of {comparison['tracked_plan_m']:.4f} m, which holds the problem's [reserve] back"
         out.print(f"tracked: {plan}{doubt}")
+    for note in comparison["notes"]:
+        out.print(note)
     out.print(f"results {where}")
 
 
@@ -79,7 +81,7 @@ def _headline(c: Mapping[str, Any]) -> str:
         return (
             f"The bound of {c['bound_m']:.4f} m is WRONG: {', '.join(c['beaten_by'])} passed it within the same limits."
         )
-    return f"{c['problem']}: no controller can clear more than {c['bound_m']:.4f} m (verified optimum)"
+    return f"{c['problem']}: the bound is {c['bound_m']:.4f} m, the highest hop found, verified"
 
 
 def _table(rows: Mapping[str, Any]) -> Table:
@@ -95,7 +97,7 @@ def _table(rows: Mapping[str, Any]) -> Table:
         "- posture",
         *(f"C_avg {j}" for j in joints),
     ]
-    heads += ["lift-off s", "speed m/s", "work J", "stops J", "torque N m", "speed rad/s", "ground N"]
+    heads += ["lift-off s", "at m/s", "work J", "stops J", "peak N m", "peak rad/s", "ground N"]
     for head in heads:
         table.add_column(head, justify="right")
     for name, r in rows.items():

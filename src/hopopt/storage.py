@@ -56,7 +56,9 @@ def prepare(results: Path) -> None:
         if new:
             results.rmdir()  # nothing is left behind if nothing is solved
     except OSError as error:
-        raise ResultError(f"{results}: results cannot be written ({reason_of(error)}): choose another folder") from error
+        raise ResultError(
+            f"{results}: results cannot be written ({reason_of(error)}): choose another folder"
+        ) from error
 
 
 def reason_of(error: BaseException) -> str:

@@ -59,7 +59,8 @@ class Stops:
 class Drive:
     """The motors of a leg as a controller meets them: commands are clamped to the operating regions (eq. con_tdes).
 
-    torque_gain is each motor's true torque constant over the one the controller believes in.
+    torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
+    as much more back-EMF.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class Drive:
 
     def torque(self, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]."""
-        motor = self.torque_gain * self.clamp(w, command)
+        motor = self.torque_gain * self.clamp(self.torque_gain * w, command)  # its back-EMF grows with it
         return motor, motor if self.gear.ideal else motor - self.gear.loss(w, motor)
 
 

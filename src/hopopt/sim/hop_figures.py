@@ -8,11 +8,20 @@ import numpy as np
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.robot import BASE
+from hopopt.leg.scales import weight
+from hopopt.sim.state import BOUNCE
 from hopopt.sim.trace import Trace
 
-BOUNCE = 0.02  # [s] a shorter time off the ground is no flight
+LOADED = 0.1  # of the weight: a foot that carries less slips unseen, and for a moment only
 PULL = 1.0  # [N] by which the ground may have to pull: a foot is kept that its own sideways grip presses down
 SLACK = 1e-3  # rad, s, m/s or share by which a limit may be missed in a simulation
+
+
+def beyond_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
+    """Whether any joint is beyond its limits at joint angles q_j (k, n) [rad], (k,)."""
+    joints = [design.leg.joint[name] for name in design.leg.joints]
+    lower, upper = (np.array([getattr(j, side) for j in joints]) for side in ("lower", "upper"))
+    return np.any((q_j < lower - SLACK) | (q_j > upper + SLACK), axis=1)
 
 
 @dataclass(frozen=True)
@@ -44,10 +53,12 @@ class HopFigures:
 
     @cached_property
     def highest(self) -> int | None:
-        """The sample in flight whose lowest point is highest, the foot within its window; None if there is none."""
+        """The sample in flight whose lowest point is highest, the foot within its window, before a joint has come to
+        its end stop; None if there is none."""
         trace, span = self.trace, self.flight
         offset = trace.points["foot"][span, 0] - trace.points[trace.robot.joints[0]][span, 0]
         allowed = np.abs(offset) <= self.design.hop.foot_window
+        allowed &= ~np.logical_or.accumulate(beyond_limits(self.design, trace.q[span, BASE:]))
         if not allowed.any():
             return None
         return span.start + int(np.argmax(np.where(allowed, trace.lowest[span], -np.inf)))
@@ -140,9 +151,10 @@ class HopFigures:
 
     @property
     def slip_ratio(self) -> float:
-        """Largest |f_x| / f_z in stance: the friction coefficient that the hop needs."""
+        """Largest |f_x| / f_z in stance where at least LOADED of the weight presses on the foot: the friction
+        coefficient that the hop needs there; 0 if there is none."""
         f = self.trace.f[self.stance]
-        pressed = f[:, 1] > 1e-6
+        pressed = f[:, 1] > LOADED * weight(self.trace.robot.model)
         return float((np.abs(f[pressed, 0]) / f[pressed, 1]).max(initial=0.0))
 
     @property
@@ -166,6 +178,12 @@ class HopFigures:
             found.append(f"needs friction {self.slip_ratio:.2f}, the ground has {friction:g}")
         if (pull := -float(trace.f[self.stance, 1].min())) > PULL:
             found.append(f"the ground would have to pull with {pull:.0f} N")
+        least, lowest = self.design.contact.least_force, float(self.trace.f[self.stance, 1][:-1].min(initial=np.inf))
+        if least and least - lowest > PULL:
+            found.append(f"{least - lowest:.0f} N less than the least ground force")
+        for name in trace.robot.joints:
+            if hop.least_height and (z := float(trace.points[name][span, 1].min())) < hop.least_height - SLACK:
+                found.append(f"{name} down to {z:.3f} m")
         if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SLACK:
             found.append("the body descends in stance")
         return found

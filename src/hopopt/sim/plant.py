@@ -18,14 +18,13 @@ from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.drive import Drive, Encoder, Stops
 from hopopt.sim.machine import Machine
 from hopopt.sim.measurement import Controller, Measurement
-from hopopt.sim.state import Command, State, Timing, Torque
+from hopopt.sim.state import BOUNCE, Command, State, Timing, Torque
 from hopopt.sim.trace import Event, Trace, TraceWriter
 
 LONGEST = 2.5e-4  # [s] of a step, however slow the controller
 EVENT = 1e-9  # [s] to which events are located
 JUMP = 1e-8  # [s] before the end of a step within which the torque that follows may already hold
 AHEAD = 1e-5  # [s] over which a foot let go must rise
-BOUNCE = 0.02  # [s] a foot off the ground for less has not hopped: its stance goes on
 AT_STOPS = 8  # parts of a step where a joint touches its end stop: they are stiff
 
 

@@ -7,6 +7,8 @@ import numpy as np
 
 SENSELESS = 1e3  # [rad/s] beyond this the simulation has broken down
 
+BOUNCE = 0.02  # [s] a foot off the ground for less has not hopped: its stance goes on
+
 
 @dataclass(frozen=True)
 class Timing:
