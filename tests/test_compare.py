@@ -157,6 +157,15 @@ def test_no_mismatch_loses_nothing(comparison):
     assert found["failed"] == 0
 
 
+@pytest.mark.parametrize("name", ["force", "position"])
+def test_tuned_gains_clear_more_than_the_printed_ones_and_less_than_the_bound(name, solution):
+    printed, tucked, tuned = (
+        simulate(solution.design, find(f"{name}{variant}")).figures for variant in ("", "_tuck", "_tuned")
+    )
+    assert not tuned.limits_exceeded
+    assert printed.clearance < tucked.clearance < tuned.clearance < 0.8 * solution.clearance
+
+
 @pytest.mark.slow
 def test_fifty_mismatched_legs_hop_if_enough_is_held_back(solution):
     """5 % of mass and 10 % of torque constant: a plan that holds 12 % of torque back loses none of its hops."""
@@ -239,6 +248,7 @@ def test_a_bound_holds_for_other_reserves_and_encoders(solution):
 
 def test_a_stored_bound_is_verified_again(solution, tmp_path, capsys):
     folder = save(solution, tmp_path).result_dir
+    assert folder is not None
     summary = json.loads((folder / "summary.json").read_text())
     (folder / "summary.json").write_text(json.dumps(summary | {"clearance_m": summary["clearance_m"] + 0.01}))
     arguments = ["--bound", str(folder), "--strategies", "force", "--tune", "0", "--results", str(tmp_path)]

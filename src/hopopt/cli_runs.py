@@ -54,7 +54,7 @@ def simulate(
     problem
         A problem file, or the name of a built-in one.
     strategy
-        force, force_tuck, position, position_soft, position_tuck (the paper's), track, track_pd (follow the optimum), an entry point
+        force, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the paper's), track, track_pd (follow the optimum), an entry point
         of the group hopopt.strategies, or your own class as package.module:Class.
     hops
         How many hops one after the other.
@@ -105,9 +105,9 @@ def compare(
     problem: str = "paper",
     *,
     set_: Overrides = None,
-    strategies: str = "track,track_pd,force,force_tuck,position,position_soft,position_tuck",
+    strategies: str = "track,track_pd,force,force_tuck,force_tuned,position,position_soft,position_tuck,position_tuned",
     bound: Path | None = None,
-    tune: int = 24,
+    tune: int = 0,
     mujoco: bool = False,
     draws: int = 0,
     mass: float = 0.05,
@@ -130,7 +130,8 @@ def compare(
     bound
         A results folder of hopopt solve for the same problem, to save solving again.
     tune
-        Tune the gains of force and position on so many simulated hops, and show the best beside the printed ones; 0: not.
+        Tune the gains of force and position for this leg on so many simulated hops each (24 or more; half a minute),
+        in place of those tuned for the paper's leg.
     mujoco
         Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws

@@ -111,7 +111,7 @@ def compare(
 ) -> Comparison:
     """Solve for the bound (or take one that was solved), simulate every strategy, and set them side by side.
 
-    tune: add the paper's strategies with the best gains among so many hops. mujoco: run all in MuJoCo too. Raises
+    tune: the tuned ones of the paper's strategies get the best gains among so many hops of this leg. mujoco: run all in MuJoCo too. Raises
     MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg and for a bound of
     another problem, NotSolvedError if there is none.
     """
@@ -134,7 +134,8 @@ def compare(
             chosen = [s for s in chosen if not s.needs_plan]
             notes.append(f"nothing is tracked, as no plan keeps the problem's [reserve] back: {error}")
     reference = None if plan is None else reference_of(plan)
-    chosen += [tuned(design, name, tune, say) for name in TUNED if tune and name in strategies]
+    again = [tuned(design, name, tune, say) for name in TUNED if tune and name in strategies]
+    chosen = [s for s in chosen if s.name not in [t.name for t in again]] + again
     runs, elsewhere = {}, {}
     for strategy in chosen:
         say(f"simulating {strategy.name}")

@@ -13,6 +13,10 @@ from hopopt.errors import UsageError
 from hopopt.sim.measurement import Controller
 
 SOFT = 180.0  # [N m/rad] the paper prints no gain for position control; `hopopt calibrate --free position.k_p=...`
+BEST = {  # found by `hopopt tune --evaluations 60` (seed 0) on problems/paper.toml
+    "force": {"k_p": 8974.0, "k_d": 3.5, "k_s": 2809.0, "retraction": "tuck"},
+    "position": {"k_p": 2107.0, "k_d": 2.1, "k_s": 4403.0, "retraction": "tuck"},
+}
 GROUP = "hopopt.strategies"  # entry points of other packages
 
 
@@ -42,6 +46,8 @@ BUILT_IN = {
         Strategy("position", "the paper's position control", Position),
         Strategy("position_soft", "the same, its servo as soft as fits the paper's figures", Position, {"k_p": SOFT}),
         Strategy("position_tuck", "the same, then a full tuck", Position, {"retraction": "tuck"}),
+        Strategy("force_tuned", "the same with the gains that clear most on the paper's leg", Force, BEST["force"]),
+        Strategy("position_tuned", "the same with the gains that clear most there", Position, BEST["position"]),
         Strategy("track", "the optimum tracked, LQG feedback", Track, needs_plan=True),
         Strategy("track_pd", "the optimum tracked, PD feedback", Track, {"feedback": "pd"}, needs_plan=True),
     )
