@@ -41,7 +41,9 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
     """The leg of a problem with its drives, gear losses and encoders; torque_gain as in ``Drive``."""
     robot, s = build_robot(design.leg), design.simulation
     regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
-    return Plant(robot, Drive(regions, Gear(s.gear_efficiency, s.gear_friction, s.gear_damping), torque_gain))
+    own = [design.leg.drive(joint, "gear", "efficiency")[1] for joint in robot.joints]
+    efficiency = np.array([s.gear_efficiency if e is None else e for e in own])
+    return Plant(robot, Drive(regions, Gear(efficiency, s.gear_friction, s.gear_damping), torque_gain))
 
 
 def make_controller(

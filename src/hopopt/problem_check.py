@@ -10,7 +10,7 @@ from pydantic import ValidationError, create_model
 from pydantic.fields import FieldInfo
 
 from hopopt.leg.design import Design, Leg, Section
-from hopopt.problem_rules import drive_rules, entry_rules, start_rules, stated_once
+from hopopt.problem_rules import drive_rules, entry_rules, loss_rules, start_rules, stated_once
 from hopopt.problem_text import printable, shown, shown_path
 from hopopt.problem_words import allowed, did_you_mean, entry_at, hint, homes, is_number, unit_of
 
@@ -78,6 +78,8 @@ def check(data: dict[str, Any], report: Report) -> Design | None:
     entry_rules(data, report)
     if report.clean("leg"):
         drive_rules(parts["leg"], report)
+    if report.clean("leg") and report.clean("simulation"):
+        loss_rules(parts["leg"], parts["simulation"], report)
     if report.clean("start"):
         stated_once(parts["start"], report)
     if report.clean("leg") and report.clean("start"):

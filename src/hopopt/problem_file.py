@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hopopt.actuators import named, problems_folder, with_numbers
 from hopopt.errors import ProblemFileError
 from hopopt.leg.design import Design
 from hopopt.problem_check import OVERRIDE, Report, check
@@ -34,9 +35,8 @@ def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[s
     report = Report(str(source))
     data: dict[str, Any] = {}
     for label, layer in _layers(source, report):
-        _lay_over(data, _plain(layer), label, report)
-    for layer in _override_layers(overrides, report):
-        _lay_over(data, _plain(layer), OVERRIDE, report)
+        _lay_over(data, with_numbers(_plain(layer), data, label, report), label, report)
+    _lay_overrides(data, overrides, report)
     design = None if report.unreadable else check(data, report)
     if design is None or report.sentences:
         raise ProblemFileError(report.source, report.sentences)
@@ -47,9 +47,8 @@ def changed(design: Design, entries: Mapping[str, Any]) -> Design:
     """The design with entries (paths to values) replaced; ProblemFileError with one sentence for each fault."""
     report = Report(design.name, design.name)
     data = design.model_dump(exclude_none=True)
-    for layer in _override_layers(entries, report):
-        _lay_over(data, _plain(layer), OVERRIDE, report)
-    found = check(data, report)
+    _lay_overrides(data, entries, report)
+    found = None if report.unreadable else check(data, report)
     if found is None or report.sentences:
         raise ProblemFileError(report.source, report.sentences)
     return found
@@ -57,7 +56,7 @@ def changed(design: Design, entries: Mapping[str, Any]) -> Design:
 
 def builtin_names() -> list[str]:
     """Names of the problems that come with hopopt."""
-    return sorted(path.stem for path in _builtin_folder().glob("*.toml"))
+    return sorted(path.stem for path in problems_folder().glob("*.toml"))
 
 
 def template(name: str) -> str:
@@ -65,20 +64,13 @@ def template(name: str) -> str:
 
     Raises ProblemFileError if ``name`` cannot name a problem.
     """
-    text = (_builtin_folder() / "paper.toml").read_text(encoding="utf-8")
+    text = (problems_folder() / "paper.toml").read_text(encoding="utf-8")
     try:
         load("paper", {"name": name})
     except ProblemFileError as error:
         raise ProblemFileError(name, [words.removeprefix("override ") for words in error.problems]) from None
     text = re.sub(r'^name = "paper" *', f'name = "{name}"'.ljust(34), text, count=1, flags=re.MULTILINE)
     return re.sub(r"^title = \"[^\"]*\" *", f'title = "{name}"'.ljust(34), text, count=1, flags=re.MULTILINE)
-
-
-def _builtin_folder() -> Path:
-    """In an installed package beside this file, in a checkout at its top."""
-    here = Path(__file__).resolve()
-    installed = here.parent / "problems"
-    return installed if installed.is_dir() else here.parents[2] / "problems"
 
 
 # ---- reading ------------------------------------------------------------------------------------------------
@@ -102,7 +94,7 @@ def _find(source: str | Path, report: Report) -> Path | None:
     """The file ``source`` means."""
     text, names = str(source), builtin_names()
     if text in names:
-        return _builtin_folder() / f"{text}.toml"
+        return problems_folder() / f"{text}.toml"
     if BARE_NAME.fullmatch(text) and "." not in text and not os.path.exists(text):
         return report.unusable(
             f"there is no built-in problem {shown(text)}{did_you_mean(text, names)}; built in: {', '.join(names)}; "
@@ -117,7 +109,7 @@ def _find_base(base: Any, path: Path, visited: list[Path], report: Report) -> Pa
     where = f"{path.name}: extends = {shown(base)}"
     if not isinstance(base, str) or not BARE_NAME.fullmatch(base) or ".." in base:
         return report.unusable(f"{where} is not allowed: write {known}, without any folder")
-    folder = _builtin_folder() if base in builtin_names() else path.parent
+    folder = problems_folder() if base in builtin_names() else path.parent
     found = folder / f"{base.removesuffix('.toml')}.toml"
     if found.absolute() in visited:
         circle = " -> ".join([*(p.name for p in visited), found.name])
@@ -193,6 +185,13 @@ def _depths(data: Any) -> Iterator[int]:
 
 
 # ---- overrides and layers -------------------------------------------------------------------------------------
+
+
+def _lay_overrides(data: dict[str, Any], overrides: Mapping[str, Any] | Sequence[str], report: Report) -> None:
+    """Lay overrides over ``data``: names of motors and gears first, so that numbers count over them in any order."""
+    layers = [_plain(layer) for layer in _override_layers(overrides, report)]
+    for layer in sorted(layers, key=named, reverse=True):
+        _lay_over(data, with_numbers(layer, data, OVERRIDE, report), OVERRIDE, report)
 
 
 def _override_layers(overrides: Mapping[str, Any] | Sequence[str], report: Report) -> Iterator[dict[str, Any]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopopt.leg.design import RESERVED, RESERVED_JOINTS, Design, Hop, Leg, Start
+from hopopt.leg.design import RESERVED, RESERVED_JOINTS, Design, Hop, Leg, Simulation, Start
 from hopopt.leg.kinematics import foot_offset, start_fault, two_joint_angles, within_limits
 from hopopt.problem_text import shown
 from hopopt.problem_words import did_you_mean, is_number, lookalike
@@ -113,6 +113,15 @@ def _uncapped(leg: Leg, joint: str) -> str:
     torque = leg.drive(joint, "motor", "torque_cap")[1] or leg.drive(joint, "gear", "torque_cap")[1]
     found = [] if torque else ["the torque (motor.torque_cap or gear.torque_cap)"]
     return " and ".join(found if leg.drive(joint, "gear", "speed_cap")[1] else [*found, "the speed (gear.speed_cap)"])
+
+
+def loss_rules(leg: Leg, simulation: Simulation, report: "Report") -> None:
+    """Report an efficiency that would hold for no gear, as each has its own."""
+    own = [leg.drive(joint, "gear", "efficiency") for joint in leg.joints]
+    if simulation.gear_efficiency != 1 and all(value is not None for _, value in own):
+        paths = ", ".join(dict.fromkeys(path for path, _ in own))
+        words = f"holds for no gear, as each has its own: change {paths}, or set simulation.gear_efficiency to 1"
+        report.add("simulation.gear_efficiency", f"= {simulation.gear_efficiency:g} {words}")
 
 
 # ---- the start ------------------------------------------------------------------------------------------------

@@ -22,6 +22,8 @@ LOOKALIKES = {
 }
 RESERVED = ("joints", "links", "joint", "link", "body", "motor", "gear")
 RESERVED_JOINTS = (*RESERVED, "foot", "com", "x", "z")  # points and guides of every leg have these names
+CATALOGUE = "catalogue entry these values began with; says where they are from, changes nothing"
+CATALOGUE_NAME = r"^[a-z0-9][a-z0-9-]{0,49}$"
 
 
 def quantity(meaning: str, unit: str, low: float, high: float, default: Any = ..., *, physical: bool = False) -> Any:
@@ -68,12 +70,22 @@ class Motor(Section):
         ("paper",),
     )
     torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-3, 1000, None, physical=True)
+    catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
 
 
 class Gear(Section):
     ratio: float = quantity("R: motor turns for one turn of the joint", "1", 1.0, 1000, physical=True)
     torque_cap: float | None = quantity("repeated peak torque, joint side", "N m", 0.1, 1e4, None, physical=True)
     speed_cap: float | None = quantity("input speed limit, motor side", "rad/s", 1.0, 6000, None, physical=True)
+    inertia: float | None = quantity(
+        "moment of inertia of what turns with the rotor, motor side (default: none)",
+        "kg m^2", 0.0, 0.05, None, physical=True,
+    )  # fmt: skip
+    efficiency: float | None = quantity(
+        "share of the motor's torque that it passes on, in simulation only: the planner's gears lose nothing "
+        "(default: simulation.gear_efficiency)", "1", 0.05, 1, None,
+    )  # fmt: skip
+    catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
 
 
 def _overrides(section: type[Section]) -> type[Section]:
@@ -199,7 +211,9 @@ class Simulation(Section):
     )
     speed_window: int = choice("control periods over which encoder angles are differenced for speed", 8, ge=1, le=1000)
     torque_delay: float = quantity("from a measurement to the torque it leads to", "s", 0, 0.1, 0.0)
-    gear_efficiency: float = quantity("share of the motor's torque that the gear passes on", "1", 0.05, 1, 1.0)
+    gear_efficiency: float = quantity(
+        "share of the motor's torque that a gear passes on, where leg.gear.efficiency does not say", "1", 0.05, 1, 1.0
+    )
     gear_friction: float = quantity("Coulomb friction of a gear, at the joint", "N m", 0, 1e3, 0.0)
     gear_damping: float = quantity("viscous friction of a gear, at the joint", "N m s/rad", 0, 1e3, 0.0)
 

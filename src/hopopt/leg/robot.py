@@ -59,6 +59,7 @@ def link_bodies(leg: Leg, p: Mapping[str, Any]) -> list[MovingBody]:
         com = p.get(f"leg.{link}.com", 0.5 * length)
         inertia = p.get(f"leg.{link}.inertia", mass * length**2 / 12)
         ratio, rotor = p[leg.drive(joint, "gear", "ratio")[0]], p[leg.drive(joint, "motor", "rotor_inertia")[0]]
+        rotor = rotor + p.get(leg.drive(joint, "gear", "inertia")[0], 0.0)
         bodies.append(MovingBody((0.0, 0.0, -above), mass, (0.0, 0.0, -com), inertia, rotor * ratio**2))
         above = length
     return bodies

@@ -12,16 +12,16 @@ SLOW = 0.05  # joint speed [rad/s] over which friction changes its sign smoothly
 
 @dataclass(frozen=True)
 class Gear:
-    """Losses at the joint: efficiency (0 to 1), Coulomb friction [N m], viscous friction [N m s/rad]."""
+    """Losses at the joint: efficiency (0 to 1, or one for each joint), Coulomb friction [N m], viscous [N m s/rad]."""
 
-    efficiency: float = 1.0
+    efficiency: float | np.ndarray = 1.0
     friction: float = 0.0
     damping: float = 0.0
 
     @property
     def ideal(self) -> bool:
         """Whether nothing is lost."""
-        return self.efficiency == 1.0 and self.friction == 0.0 and self.damping == 0.0
+        return bool(np.all(self.efficiency == 1.0)) and self.friction == 0.0 and self.damping == 0.0
 
     def loss(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Torque [N m] taken from the motors' tau (n) at joint speeds w (n) [rad/s]; it always opposes the motion."""
@@ -67,6 +67,7 @@ class Drive:
         self, regions: Sequence[OperatingRegion], gear: Gear | None = None, torque_gain: np.ndarray | None = None
     ):
         self.gear = gear or Gear()
+        self.lossless = self.gear.ideal
         self.torque_gain = np.ones(len(regions)) if torque_gain is None else np.asarray(torque_gain, dtype=float)
         bounding = [[(float(h.a), float(h.b)) for h in region.planes if h.a != 0] for region in regions]
         self.upper = [[(1 / a, b / a) for a, b in planes if a > 0] for planes in bounding]
@@ -84,7 +85,7 @@ class Drive:
     def torque(self, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]."""
         motor = self.torque_gain * self.clamp(self.torque_gain * w, command)  # its back-EMF grows with it
-        return motor, motor if self.gear.ideal else motor - self.gear.loss(w, motor)
+        return motor, motor if self.lossless else motor - self.gear.loss(w, motor)
 
 
 @dataclass
