@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from hopopt.leg.design import Leg, physical_parameters
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import foot_offset, start_angles, two_joint_angles, within_limits
-from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.leg.kinematics import TwoJoints, foot_offset, joint_positions, start_angles, within_limits
+from hopopt.leg.robot import BASE, PAIRS, Robot, build_robot
 from hopopt.problem_file import load
 
 EXACT = 1e-10  # relative to the largest term that enters
@@ -21,8 +21,28 @@ COUNTS = st.integers(1, 4)
 
 
 @st.composite
-def legs(draw: st.DrawFn, joints: st.SearchStrategy[int] = COUNTS) -> Leg:
-    """A leg of 1 to 4 joints; centres of mass, inertias and drives of the joints given or left to the defaults."""
+def vectors(draw: st.DrawFn, plane: bool) -> tuple[float, float, float]:
+    """A unit vector, in the x-z plane if so wanted."""
+    angle, tilt = draw(st.floats(-np.pi, np.pi)), 0.0 if plane else draw(st.floats(-1.5, 1.5))
+    return np.cos(tilt) * np.sin(angle), np.sin(tilt), -np.cos(tilt) * np.cos(angle)
+
+
+@st.composite
+def tensors(draw: st.DrawFn) -> tuple[float, ...]:
+    """Moments and products of inertia of a few points about their centre."""
+    points = np.array(draw(st.lists(st.tuples(*[st.floats(-0.3, 0.3)] * 3), min_size=4, max_size=6)))
+    points = np.vstack([points, 0.1 * np.eye(3)])
+    points -= points.mean(axis=0)
+    xx, yy, zz = points.T @ points @ np.eye(3)
+    second = np.array([xx, yy, zz])
+    matrix = np.trace(second) * np.eye(3) - second
+    return tuple(float(matrix[i, j]) for i, j in PAIRS)
+
+
+@st.composite
+def legs(draw: st.DrawFn, joints: st.SearchStrategy[int] = COUNTS, plane: bool = False) -> Leg:
+    """A leg of 1 to 4 joints; centres of mass, inertias and drives of the joints given or left to the defaults; links
+    straight down and joints about the y axis, or pointing and turning any way (within the x-z plane if so wanted)."""
 
     def number(low: float, high: float) -> float:
         return draw(st.floats(low, high))
@@ -42,6 +62,12 @@ def legs(draw: st.DrawFn, joints: st.SearchStrategy[int] = COUNTS) -> Leg:
             "length": length, "mass": number(0.01, 20.0), "com": None if share is None else share * length,
             "inertia": maybe(1e-6, 2.0),
         }  # fmt: skip
+        if draw(st.booleans()):
+            tables[name]["axis"] = (0.0, draw(st.sampled_from((-1.0, 1.0))), 0.0) if plane else draw(vectors(False))
+            tables[link]["direction"] = draw(vectors(plane))
+        if draw(st.booleans()):
+            tables[link] |= {"com": None, "com_position": tuple(number(-0.5, 0.5) for _ in range(3))}
+            tables[link] |= {"inertia": None, "inertia_tensor": draw(tensors())}
     motor = {"max_torque": 2.0, "max_speed": 1000.0, "rotor_inertia": number(0.0, 1e-4)}
     data = {
         "joints": names, "links": links, "body": {"mass": number(0.1, 50.0)}, "motor": motor,
@@ -160,7 +186,8 @@ def test_points_and_centre_of_mass_are_pinocchios(case: tuple[Leg, np.ndarray, n
     for name in (*leg.joints, "foot"):
         place = data.oMf[model.getFrameId(f"point_{name}")].translation
         np.testing.assert_allclose(values[name], place[[0, 2]], atol=1e-12)
-        assert abs(place[1]) < 1e-12
+        own = joint_positions(leg, at[BASE:])[[*leg.joints, "foot"].index(name)]
+        np.testing.assert_allclose(own + np.array([at[0], 0.0, at[1]]), place, atol=1e-12)
     np.testing.assert_allclose(values["com"], pin.centerOfMass(model, data, at)[[0, 2]], atol=1e-12)
     np.testing.assert_allclose(at[:BASE] + foot_offset(leg, at[BASE:]), values["foot"], atol=1e-12)
 
@@ -229,28 +256,30 @@ def test_flight_falls_freely_and_the_guides_carry_nothing(case: tuple[Leg, np.nd
 
 
 @quick
-@given(legs(joints=st.just(2)), st.floats(-3, 3), st.floats(0.1, 3.0), st.sampled_from((-1, 1)))
+@given(legs(joints=st.just(2), plane=True), st.floats(-3, 3), st.floats(0.1, 3.0), st.sampled_from((-1, 1)))
 def test_two_joint_angles_invert_foot_offset(leg: Leg, hip: float, knee: float, side: int) -> None:
     """Both solutions reach the foot, their knees bend opposite ways, and one is the pose it came from."""
-    pose = np.array([hip, side * knee])
+    geometry = TwoJoints.of(leg)
+    pose = np.array([hip, geometry.signs[1] * (side * knee - geometry.bend_at_zero)])
     foot = foot_offset(leg, pose)
-    solutions = two_joint_angles(leg, foot)
+    solutions = geometry.angles(foot)
+    assert geometry.bend(pose[1]) == pytest.approx(side * knee)
     assert len(solutions) == 2
     for q in solutions:
         np.testing.assert_allclose(foot_offset(leg, q), foot, atol=1e-9)
-    assert np.sign(solutions[0][1]) == -np.sign(solutions[1][1])
+    assert [np.sign(geometry.bend(q[1])) for q in solutions] == [-1, 1]
     gaps = [np.abs((q - pose + np.pi) % (2 * np.pi) - np.pi).max() for q in solutions]
     assert min(gaps) < 1e-6
 
 
 @quick
-@given(legs(joints=st.just(2)), st.floats(-np.pi, np.pi), st.floats(1e-6, 3.0))
+@given(legs(joints=st.just(2), plane=True), st.floats(-np.pi, np.pi), st.floats(1e-6, 3.0))
 def test_a_foot_out_of_reach_has_no_angles(leg: Leg, direction: float, beyond: float) -> None:
     l1, l2 = (link.length for link in leg.link.values())
     toward = np.array([np.sin(direction), -np.cos(direction)])
-    assert two_joint_angles(leg, (l1 + l2) * (1 + beyond) * toward) == []
+    assert TwoJoints.of(leg).angles((l1 + l2) * (1 + beyond) * toward) == []
     if abs(l1 - l2) > 1e-3:
-        assert two_joint_angles(leg, abs(l1 - l2) * toward / (1 + beyond)) == []
+        assert TwoJoints.of(leg).angles(abs(l1 - l2) * toward / (1 + beyond)) == []
 
 
 @pytest.mark.parametrize(("height", "foot_x"), [(0.28, 0.0), (0.4, 0.1), (0.6, -0.05)])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopopt.leg.design import RESERVED, RESERVED_JOINTS, Design, Hop, Leg, Simulation, Start
-from hopopt.leg.kinematics import foot_offset, start_fault, two_joint_angles, within_limits
+from hopopt.leg.kinematics import TwoJoints, joint_positions, planar, reach, start_fault, within_limits
 from hopopt.problem_text import shown
 from hopopt.problem_words import did_you_mean, is_number, lookalike
 
@@ -166,11 +166,12 @@ def _angle_faults(leg: Leg, angles: tuple[float, ...]) -> Iterator[tuple[str, st
 def _height_faults(leg: Leg, start: Start) -> Iterator[tuple[str, str]]:
     height, foot = start.hip_height, start.foot_x
     assert height is not None
-    if len(leg.joints) != 2:
-        words = "does not give the pose of a leg with other than two joints: give start.joint_angles instead"
+    if len(leg.joints) != 2 or not planar(leg):
+        other = "with other than two joints" if len(leg.joints) != 2 else "that leaves the x-z plane"
+        words = f"does not give the pose of a leg {other}: give start.joint_angles instead"
         yield "start.hip_height", f"= {height} m {words}"
         return
-    solutions = two_joint_angles(leg, np.array([foot, -height]))
+    solutions = TwoJoints.of(leg).angles(np.array([foot, -height]))
     if not any(within_limits(leg, q) for q in solutions):
         why = start_fault(Design.model_construct(leg=leg, start=start), solutions)
         yield (
@@ -181,8 +182,8 @@ def _height_faults(leg: Leg, start: Start) -> Iterator[tuple[str, str]]:
 
 def _possible(leg: Leg, foot: float) -> str:
     """Which hip heights there are for this foot position, to the millimetre."""
-    heights = np.arange(0.0, sum(link.length for link in leg.link.values()), 1e-3)
-    fit = [h for h in heights if any(within_limits(leg, q) for q in two_joint_angles(leg, np.array([foot, -h])))]
+    heights, geometry = np.arange(0.0, reach(leg), 1e-3), TwoJoints.of(leg)
+    fit = [h for h in heights if any(within_limits(leg, q) for q in geometry.angles(np.array([foot, -h])))]
     if not fit:
         return f"no height is possible with this foot_x{'' if foot else ' and these joint limits'}"
     return f"with this foot_x choose it from {min(fit):.3f} to {max(fit):.3f} m"
@@ -192,10 +193,10 @@ def _ground_faults(leg: Leg, start: Start, hop: Hop) -> Iterator[tuple[str, str]
     """Joints below the ground at the start that the hop wants above it."""
     pose = start.joint_angles
     if pose is None:
-        solutions = two_joint_angles(leg, np.array([start.foot_x, -(start.hip_height or 0.0)]))
+        solutions = TwoJoints.of(leg).angles(np.array([start.foot_x, -(start.hip_height or 0.0)]))
         pose = next(tuple(q) for q in solutions if within_limits(leg, q))
-    angles, lengths = np.cumsum(pose), [leg.link[name].length for name in leg.links]
-    heights = -foot_offset(leg, pose)[1] - np.concatenate([[0.0], np.cumsum(lengths * np.cos(angles))])
+    places = joint_positions(leg, pose)[:, 2]
+    heights = places - places[-1]
     path = "start.hip_height" if start.joint_angles is None else "start.joint_angles"
     for name, height in zip(leg.joints, heights, strict=False):
         if name in (hop.above_ground or leg.joints) and height < -ROUNDING:

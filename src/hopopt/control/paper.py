@@ -17,7 +17,7 @@ import numpy as np
 from hopopt.control.strategy import Setting, one_of, read_options
 from hopopt.control.two_mass import TwoMass
 from hopopt.errors import UsageError
-from hopopt.leg.kinematics import foot_offset, tucked, two_joint_angles
+from hopopt.leg.kinematics import TwoJoints, foot_offset, planar, reach, tucked
 from hopopt.leg.robot import BASE
 from hopopt.sim.machine import StanceTerms
 from hopopt.sim.measurement import Measurement
@@ -65,15 +65,17 @@ class _Paper:
 
     def __init__(self, setting: Setting):
         self.leg = setting.design.leg
-        if len(self.leg.joints) != 2:
+        if len(self.leg.joints) != 2 or not planar(self.leg):
+            has = f"has {len(self.leg.joints)}" if len(self.leg.joints) != 2 else "leaves the x-z plane"
             raise UsageError(
-                f"{setting.design.name}: the paper's strategies need a leg of two joints, this one has "
-                f"{len(self.leg.joints)}: simulate track or a strategy of your own (compare --strategies track)"
+                f"{setting.design.name}: the paper's strategies need a leg of two joints, this one {has}: "
+                "simulate track or a strategy of your own (compare --strategies track)"
             )
+        self.geometry = TwoJoints.of(self.leg)
         self.options = read_options(PaperOptions, setting.options)
         self.two_mass = self.options.two_mass(setting)
         self.machine, self.drive = setting.machine(), setting.drive()
-        self.side = np.sign(setting.start[1]) or 1.0
+        self.side = np.sign(self.geometry.bend(setting.start[1])) or 1.0
         self.lower, self.upper = (
             np.array([getattr(self.leg.joint[j], side) for j in self.leg.joints]) for side in ("lower", "upper")
         )
@@ -167,12 +169,12 @@ class _Paper:
 
     def angles(self, y: float) -> np.ndarray:
         """Joint angles [rad] that put the foot y [m] under the hip, or as far as limits and reach allow."""
-        l1, l2 = (self.leg.link[name].length for name in self.leg.links)
-        y = min(y, 0.999999 * (l1 + l2))
-        for q in two_joint_angles(self.leg, np.array([0.0, -y])):
-            if q[1] * self.side > 0:
+        y = min(y, 0.999999 * reach(self.leg))
+        for q in self.geometry.angles(np.array([0.0, -y])):
+            if self.geometry.bend(q[1]) * self.side > 0:
                 return np.clip(q, self.lower, self.upper)
-        return np.clip(np.array([0.0, np.inf * self.side]), self.lower, self.upper)
+        folded = np.inf * self.side * self.geometry.signs[1]
+        return np.clip(np.array([self.geometry.middle[0], folded]), self.lower, self.upper)
 
 
 class Force(_Paper):

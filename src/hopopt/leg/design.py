@@ -4,7 +4,8 @@ A problem is data. These classes say what a file may contain and nothing about h
 throughout. Values marked ``physical`` are the leg's design parameters and enter the planner as symbols.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from copy import copy as copy_of
 from typing import Annotated, Any, Literal
 
@@ -44,6 +45,11 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
+Number = Annotated[float, Field(ge=-1e3, le=1e3, allow_inf_nan=False)]
+Vector = tuple[Number, Number, Number]
+DOWN, FORWARD = (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)  # a positive turn about FORWARD swings a hanging link to +x
+
+
 class Body(Section):
     mass: float = quantity("mass of the body with both motors", "kg", 0.01, 1000, physical=True)
 
@@ -52,11 +58,19 @@ class Link(Section):
     length: float = quantity("from its joint to the next joint, or to the foot", "m", 0.01, 3, physical=True)
     mass: float = quantity("mass of the link", "kg", 1e-4, 200, physical=True)
     com: float | None = quantity(
-        "centre of mass below its joint (default: half the length)", "m", 0.0, 3, None, physical=True
+        "centre of mass from its joint, along the link (default: half the length)", "m", 0.0, 3, None, physical=True
     )
     inertia: float | None = quantity(
         "moment of inertia about its centre of mass (default: slender rod, mass length^2 / 12)",
         "kg m^2", 1e-8, 50, None, physical=True,
+    )  # fmt: skip
+    direction: Vector = choice("which way the link points from its joint, all joint angles zero (x, y, z)", DOWN)
+    com_position: Vector | None = choice(
+        "centre of mass from its joint, all joint angles zero (x, y, z), in place of com", None, unit="m"
+    )
+    inertia_tensor: tuple[Number, Number, Number, Number, Number, Number] | None = choice(
+        "moments xx, yy, zz and products xy, xz, yz of inertia about the centre of mass, all joint angles zero, "
+        "in place of inertia", None, unit="kg m^2",
     )  # fmt: skip
 
 
@@ -104,19 +118,26 @@ MotorOverrides, GearOverrides = _overrides(Motor), _overrides(Gear)
 class Joint(Section):
     lower: float = quantity("smallest angle", "rad", -7, 7)
     upper: float = quantity("largest angle", "rad", -7, 7)
+    axis: Vector = choice(
+        "axis of the joint, all joint angles zero (x, y, z); default: positive swings forward", FORWARD
+    )
     motor: MotorOverrides | None = choice("this joint's own motor values, over [leg.motor]", None)  # type: ignore[valid-type]
     gear: GearOverrides | None = choice("this joint's own gear values, over [leg.gear]", None)  # type: ignore[valid-type]
 
 
 class Leg(Section):
-    """A body on x and z guides and a serial chain of revolute joints and links in the x-z plane.
+    """A body on x and z guides, or on a vertical slider, and a serial chain of revolute joints and links.
 
-    Angles: the first link from straight down, each further link relative to the one before it; positive
-    swings the link forward (+x). ``joint`` and ``link`` are the tables [leg.<name>] of the file.
+    Angles, unless axes and directions say otherwise: the first link from straight down, each further link relative
+    to the one before it; positive swings the link forward (+x). ``joint`` and ``link`` are the tables [leg.<name>]
+    of the file.
     """
 
     joints: tuple[str, ...] = choice("joint names from the body to the foot", min_length=1, max_length=8)
     links: tuple[str, ...] = choice("link names from the body to the foot", min_length=1, max_length=8)
+    guides: tuple[Literal["x", "z"], ...] = choice(
+        "directions in which the body may move", ("x", "z"), allowed='["x", "z"], or ["z"] for a vertical slider,'
+    )
     body: Body
     motor: Motor
     gear: Gear
@@ -248,6 +269,12 @@ class Design(Section):
     solver: Solver = Solver()
     simulation: Simulation = Simulation()
     reserve: Reserve = Reserve()
+
+
+def unit(vector: Sequence[float]) -> tuple[float, ...]:
+    """A vector of length 1 in the same direction, exact where it has that length already."""
+    length = math.sqrt(math.fsum(x * x for x in vector))
+    return tuple(float(x) if length == 1 else x / length for x in vector)
 
 
 def physical_parameters(leg: Leg) -> dict[str, float]:

@@ -13,8 +13,11 @@ from importlib.metadata import version
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from hopopt.leg.actuator import OperatingRegion, operating_region
-from hopopt.leg.robot import BASE, FORWARD, MovingBody, Robot, link_bodies
+from hopopt.leg.design import unit
+from hopopt.leg.robot import BASE, PAIRS, MovingBody, Robot, link_bodies, tensor
 
 GUIDES = {"x": (1.0, 0.0, 0.0), "z": (0.0, 0.0, 1.0)}
 TRAVEL = 1000.0  # m and m/s: a URDF guide must have limits; these are as good as none
@@ -69,8 +72,8 @@ def _urdf_link(root: ET.Element, name: str, body: MovingBody | None) -> None:
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=_text(body.com), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=_text([body.mass]))
-        moments = dict(zip(("ixx", "iyy", "izz"), map(repr, _moments(body)), strict=True))
-        ET.SubElement(inertial, "inertia", {**moments, "ixy": "0", "ixz": "0", "iyz": "0"})
+        names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        ET.SubElement(inertial, "inertia", dict(zip(names, map(repr, _inertia(body)), strict=True)))
 
 
 def _urdf_joint(root: ET.Element, name: str, kind: str, ends: tuple[str, str], at: Sequence[Any]) -> ET.Element:
@@ -133,14 +136,15 @@ def to_mjcf(robot: Robot) -> str:
 
 
 def _mjcf_joint(body: ET.Element, robot: Robot, name: str, content: MovingBody) -> None:
-    limits = robot.leg.joint[name]
-    joint = {"name": name, "type": "hinge", "axis": _text(FORWARD), "range": _text((limits.lower, limits.upper))}
+    limits, axis = robot.leg.joint[name], unit(robot.leg.joint[name].axis)
+    joint = {"name": name, "type": "hinge", "axis": _text(axis), "range": _text((limits.lower, limits.upper))}
     ET.SubElement(body, "joint", joint, armature=_text([content.armature]))
 
 
 def _mjcf_inertial(body: ET.Element, content: MovingBody) -> None:
-    moments = _text(_moments(content))
-    ET.SubElement(body, "inertial", pos=_text(content.com), mass=_text([content.mass]), diaginertia=moments)
+    inertia = _inertia(content)
+    moments = {"fullinertia": _text(inertia)} if any(inertia[3:]) else {"diaginertia": _text(inertia[:3])}
+    ET.SubElement(body, "inertial", {"pos": _text(content.com), "mass": _text([content.mass]), **moments})
 
 
 # ---- both -------------------------------------------------------------------------------------------------
@@ -151,13 +155,19 @@ def _bodies(robot: Robot) -> list[MovingBody]:
 
 
 def _axes(robot: Robot) -> list[Sequence[float]]:
-    return [*GUIDES.values(), *[FORWARD.tolist()] * len(robot.joints)]
+    return [*GUIDES.values(), *(unit(robot.leg.joint[name].axis) for name in robot.joints)]
 
 
-def _moments(body: MovingBody) -> list[float]:
-    """Moments about x, y, z through the centre of mass [kg m^2]: y is the leg's, the others make it a physical body."""
-    moment = float(body.inertia)
-    return [moment, moment, SLENDER * moment] if moment > 0 else [0.4 * float(body.mass) * BALL**2] * 3
+def _inertia(body: MovingBody) -> list[float]:
+    """Moments xx, yy, zz and products xy, xz, yz [kg m^2], made those of a physical body: a rod has some thickness,
+    the body that does not turn is a ball."""
+    matrix = np.array(tensor(body.inertia), dtype=float)
+    if not matrix.any():
+        matrix = np.eye(3) * 0.4 * float(body.mass) * BALL**2
+    moments, axes = np.linalg.eigh(matrix)
+    if moments[0] < SLENDER * moments[2]:
+        matrix += (SLENDER * moments[2] - moments[0]) * np.outer(axes[:, 0], axes[:, 0])
+    return [float(matrix[i, j]) for i, j in PAIRS]
 
 
 def _unique(names: Iterable[str]) -> list[str]:

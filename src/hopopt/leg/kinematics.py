@@ -1,39 +1,108 @@
 """Where the leg is: inverse kinematics of the start and of guesses, in plain numbers."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
-from hopopt.leg.design import Design, Leg
+from hopopt.leg.design import Design, Leg, unit
 
 POSES = 1024  # among which the tucked pose is looked for
 OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
 
 
+def joint_positions(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Positions (x, y, z) [m] of every joint and of the foot relative to the body, shape (..., n + 1, 3), for joint
+    angles q_j (..., n) [rad]."""
+    q = np.asarray(q_j, dtype=float)
+    turn, points = np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3)), [np.zeros((*q.shape[:-1], 3))]
+    for k, (joint, link) in enumerate(zip(leg.joints, leg.links, strict=True)):
+        turn = turn @ _rotation(unit(leg.joint[joint].axis), q[..., k])
+        points.append(points[-1] + turn @ _vector(leg, link))
+    return np.stack(points, axis=-2)
+
+
+def _rotation(axis: Sequence[float], angle: np.ndarray) -> np.ndarray:
+    """Rodrigues' formula, (..., 3, 3)."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = angle[..., None, None]
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
+
+
+def _vector(leg: Leg, link: str) -> np.ndarray:
+    """From a link's joint to the next one, or to the foot, all joint angles zero, (3,) [m]."""
+    return leg.link[link].length * np.array(unit(leg.link[link].direction))
+
+
 def foot_offset(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
     """Foot position (x, z) [m] relative to the body for joint angles q_j [rad]."""
-    angles = np.cumsum(np.asarray(q_j, dtype=float))
-    lengths = np.array([leg.link[name].length for name in leg.links])
-    return np.array([lengths @ np.sin(angles), -lengths @ np.cos(angles)])
+    return joint_positions(leg, q_j)[..., -1, [0, 2]]
 
 
-def two_joint_angles(leg: Leg, foot: np.ndarray) -> list[np.ndarray]:
-    """Both joint-angle solutions [rad] that put the foot at ``foot`` (x, z) [m] relative to the body.
+def planar(leg: Leg) -> bool:
+    """Whether the leg moves in a plane along x and z: every joint turns about the y axis."""
+    return all(abs(unit(leg.joint[name].axis)[1]) == 1 for name in leg.joints)
 
-    Two-joint legs only; empty if the foot is out of reach.
+
+def reach(leg: Leg) -> float:
+    """Length of the stretched leg [m], or more."""
+    return sum(link.length for link in leg.link.values())
+
+
+@dataclass(frozen=True)
+class TwoJoints:
+    """A planar leg of two joints in the complex plane x + i z: a positive turn swings forward, a hanging link is -i.
+
+    ends: where each link ends, from its joint, at zero angles [m]; signs: of the joints' turns; middle: of their
+    limits [rad].
     """
-    l1, l2 = (leg.link[name].length for name in leg.links)
-    cosine = (foot @ foot - l1**2 - l2**2) / (2 * l1 * l2)
-    if abs(cosine) > 1:
-        return []
-    solutions = []
-    for knee in (-np.arccos(cosine), np.arccos(cosine)):
-        along = np.arctan2(foot[0], -foot[1])
-        hip = along - np.arctan2(l2 * np.sin(knee), l1 + l2 * np.cos(knee))
-        solutions.append(np.array([(hip + np.pi) % (2 * np.pi) - np.pi, knee]))
-    return solutions
+
+    ends: tuple[complex, complex]
+    signs: np.ndarray
+    middle: np.ndarray
+
+    @classmethod
+    def of(cls, leg: Leg) -> "TwoJoints":
+        """The geometry of ``leg``; ValueError if it has other than two joints or leaves the plane."""
+        if len(leg.joints) != 2 or not planar(leg):
+            raise ValueError("needs a leg of two joints that moves in a plane")
+        first, second = (complex(*_vector(leg, link)[[0, 2]]) for link in leg.links)
+        signs = np.array([-unit(leg.joint[name].axis)[1] for name in leg.joints])
+        middle = np.array([(leg.joint[name].lower + leg.joint[name].upper) / 2 for name in leg.joints])
+        return cls((first, second), signs, middle)
+
+    @property
+    def bend_at_zero(self) -> float:
+        """How far the second link is turned from the direction of the first when both angles are zero [rad]."""
+        return float(np.angle(self.ends[1] / self.ends[0]))
+
+    def bend(self, q: float) -> float:
+        """How far the leg is from stretched at angle q of its second joint, -pi to pi [rad], + forward."""
+        return float(_wrapped(self.signs[1] * q + self.bend_at_zero))
+
+    def angles(self, foot: np.ndarray) -> list[np.ndarray]:
+        """Both joint-angle solutions [rad], bent backward and forward, that put the foot at (x, z) [m] relative to
+        the body; empty if it is out of reach. Of equal angles those nearest to the middle of the limits."""
+        (first, second), wanted = self.ends, complex(*foot)
+        l1, l2 = abs(first), abs(second)
+        cosine = (abs(wanted) ** 2 - l1**2 - l2**2) / (2 * l1 * l2)
+        if abs(cosine) > 1:
+            return []
+        solutions = []
+        for bend in (-np.arccos(cosine), np.arccos(cosine)):
+            knee = bend - self.bend_at_zero
+            hip = np.angle(wanted / (first + second * np.exp(1j * knee)))
+            q = self.signs * np.array([hip, knee])
+            solutions.append(self.middle + _wrapped(q - self.middle))
+        return solutions
+
+
+def _wrapped(angle: Any) -> Any:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 def within_limits(leg: Leg, q_j: np.ndarray, margin: float = 0.0) -> bool:
@@ -51,7 +120,7 @@ def start_angles(design: Design) -> np.ndarray:
         return np.array(start.joint_angles)
     height = start.hip_height
     assert height is not None
-    solutions = two_joint_angles(leg, np.array([start.foot_x, -height]))
+    solutions = TwoJoints.of(leg).angles(np.array([start.foot_x, -height]))
     allowed = [q for q in solutions if within_limits(leg, q)]
     if not allowed:
         raise ValueError(start_fault(design, solutions))
@@ -62,16 +131,11 @@ def start_fault(design: Design, solutions: list[np.ndarray]) -> str:
     """Why no start pose exists, with what is allowed."""
     leg = design.leg
     if not solutions:
-        reach = sum(leg.link[name].length for name in leg.links)
-        return f"the leg reaches from {abs(_difference(leg)):.3f} to {reach:.3f} m"
+        l1, l2 = (leg.link[name].length for name in leg.links)
+        return f"the leg reaches from {abs(l1 - l2):.3f} to {l1 + l2:.3f} m"
     limits = ", ".join(f"{j} {leg.joint[j].lower:g} to {leg.joint[j].upper:g} rad" for j in leg.joints)
     poses = " or ".join("(" + ", ".join(f"{a:.3f}" for a in q) + ") rad" for q in solutions)
     return f"it needs joint angles {poses}, outside the limits ({limits})"
-
-
-def _difference(leg: Leg) -> float:
-    lengths = [leg.link[name].length for name in leg.links]
-    return lengths[0] - lengths[1] if len(lengths) == 2 else 0.0
 
 
 def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
@@ -82,11 +146,10 @@ def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
     """
     lower, upper = (np.array([getattr(leg.joint[j], side) for j in leg.joints]) for side in ("lower", "upper"))
     lower, upper = lower + margin, upper - margin
-    lengths = np.array([leg.link[name].length for name in leg.links])
 
     def foot(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        angles = np.cumsum(q, axis=-1)
-        return np.sin(angles) @ lengths, -np.cos(angles) @ lengths
+        offset = foot_offset(leg, q)
+        return offset[..., 0], offset[..., 1]
 
     def merit(q: np.ndarray) -> np.ndarray:
         x, z = foot(q)

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from hopopt.leg.robot import MovingBody
+from hopopt.leg.robot import MovingBody, tensor
 
 
 def joint_axes(model: pin.Model) -> list[np.ndarray]:
@@ -59,7 +59,7 @@ def frames(model: pin.Model, bodies: list[MovingBody], q: ca.SX) -> Frames:
     return poses
 
 
-def point_position(poses: Frames, point: tuple[int, tuple[Any, Any, Any]]) -> ca.SX:
+def point_position(poses: Frames, point: tuple[int, tuple[Any, ...]]) -> ca.SX:
     """World position [m] of a point fixed to a joint's frame, shape (3,)."""
     index, offset = point
     return poses.o[index] + ca.mtimes(poses.R[index], ca.vertcat(*offset))
@@ -87,7 +87,7 @@ def rnea(model: pin.Model, bodies: list[MovingBody], q: ca.SX, v: ca.SX, a: ca.S
         acc_k = back @ origin + slide * a[k] + 2 * ca.cross(w_p, slide * v[k])
         com = ca.vertcat(*body.com)
         acc_com = acc_k + ca.cross(alpha_k, com) + ca.cross(w_k, ca.cross(w_k, com))
-        inertia = ca.diag(ca.vertcat(body.inertia, body.inertia, 0))
+        inertia = ca.vertcat(*[ca.horzcat(*row) for row in tensor(body.inertia)])
         f = body.mass * acc_com
         R, o, w, alpha, acc = [*R, R_k], [*o, o_k], [*w, w_k], [*alpha, alpha_k], [*acc, acc_k]
         force.append(f)

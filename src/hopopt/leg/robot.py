@@ -4,32 +4,40 @@
 the Pinocchio model is built from it with numbers, the planner's recursion (rigid_body) with symbols.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from hopopt.leg.design import Leg, physical_parameters
+from hopopt.leg.design import Leg, physical_parameters, unit
 
-BASE = 2  # degrees of freedom of the guides: x and z
-FORWARD = np.array([0.0, -1.0, 0.0])  # axis about which a positive angle swings a hanging link forward (+x)
+BASE = 2  # coordinates of the body: x and z; on a vertical slider x keeps its value
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx, yy, zz, xy, xz, yz
+PLANE, SPACE = (0, 2), (0, 1, 2)  # world axes
 
 
 @dataclass(frozen=True)
 class MovingBody:
     """What moves with one joint: floats, or CasADi symbols in the planner (SI).
 
-    placement: its joint in the parent joint's frame [m]; com: centre of mass in its own frame [m];
-    inertia: moment of inertia about the com and the y axis [kg m^2]; armature: reflected rotor inertia [kg m^2].
+    placement: its joint in the parent joint's frame [m], whose axes are parallel when all angles are zero; com:
+    centre of mass in its own frame [m]; inertia: moments xx, yy, zz and products xy, xz, yz about the com
+    [kg m^2]; armature: reflected rotor inertia [kg m^2].
     """
 
-    placement: tuple[Any, Any, Any]
+    placement: tuple[Any, ...]
     mass: Any
-    com: tuple[Any, Any, Any]
-    inertia: Any
+    com: tuple[Any, ...]
+    inertia: tuple[Any, ...]
     armature: Any
+
+
+def tensor(inertia: Sequence[Any]) -> list[list[Any]]:
+    """Rows of the 3 x 3 inertia matrix of moments xx, yy, zz and products xy, xz, yz [kg m^2]."""
+    xx, yy, zz, xy, xz, yz = inertia
+    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
 
 @dataclass(frozen=True)
@@ -41,7 +49,7 @@ class Robot:
 
     leg: Leg
     model: pin.Model
-    points: dict[str, tuple[int, tuple[Any, Any, Any]]]
+    points: dict[str, tuple[int, tuple[Any, ...]]]
     parameters: dict[str, float]
 
     @property
@@ -51,35 +59,52 @@ class Robot:
 
 def link_bodies(leg: Leg, p: Mapping[str, Any]) -> list[MovingBody]:
     """One body for each joint (guides x and z, then the chain) from parameter values or symbols ``p``."""
-    nothing = MovingBody((0.0, 0.0, 0.0), 0.0, (0.0, 0.0, 0.0), 0.0, 0.0)
-    base = MovingBody((0.0, 0.0, 0.0), p["leg.body.mass"], (0.0, 0.0, 0.0), 0.0, 0.0)
-    bodies, above = [nothing, base], 0.0
+    origin, still = (0.0, 0.0, 0.0), (0.0,) * 6
+    bodies = [MovingBody(origin, 0.0, origin, still, 0.0), MovingBody(origin, p["leg.body.mass"], origin, still, 0.0)]
+    above: tuple[Any, ...] = origin
     for joint, link in zip(leg.joints, leg.links, strict=True):
         length, mass = p[f"leg.{link}.length"], p[f"leg.{link}.mass"]
-        com = p.get(f"leg.{link}.com", 0.5 * length)
-        inertia = p.get(f"leg.{link}.inertia", mass * length**2 / 12)
+        com = leg.link[link].com_position or _along(leg, link, p.get(f"leg.{link}.com", 0.5 * length))
+        across = p.get(f"leg.{link}.inertia", mass * length**2 / 12)
+        inertia = leg.link[link].inertia_tensor or _rod(leg, link, across)
         ratio, rotor = p[leg.drive(joint, "gear", "ratio")[0]], p[leg.drive(joint, "motor", "rotor_inertia")[0]]
         rotor = rotor + p.get(leg.drive(joint, "gear", "inertia")[0], 0.0)
-        bodies.append(MovingBody((0.0, 0.0, -above), mass, (0.0, 0.0, -com), inertia, rotor * ratio**2))
-        above = length
+        bodies.append(MovingBody(above, mass, com, inertia, rotor * ratio**2))
+        above = _along(leg, link, length)
     return bodies
 
 
-def link_points(leg: Leg, p: Mapping[str, Any]) -> dict[str, tuple[int, tuple[Any, Any, Any]]]:
+def _along(leg: Leg, link: str, distance: Any) -> tuple[Any, ...]:
+    """The point of a link at a distance [m] from its joint."""
+    return tuple(distance * d if d else 0.0 for d in unit(leg.link[link].direction))
+
+
+def _rod(leg: Leg, link: str, across: Any) -> tuple[Any, ...]:
+    """Inertia of a thin rod along the link: ``across`` (1 - d d') [kg m^2]."""
+    d = unit(leg.link[link].direction)
+    matrix = np.eye(3) - np.outer(d, d)
+    return tuple(across * matrix[i, j] if matrix[i, j] else 0.0 for i, j in PAIRS)
+
+
+def link_points(leg: Leg, p: Mapping[str, Any]) -> dict[str, tuple[int, tuple[Any, ...]]]:
     """Where each joint and the foot sit: name -> (Pinocchio joint index, offset in its frame [m])."""
-    points = {name: (BASE + 1 + k, (0.0, 0.0, 0.0)) for k, name in enumerate(leg.joints)}
-    return {**points, "foot": (BASE + len(leg.joints), (0.0, 0.0, -p[f"leg.{leg.links[-1]}.length"]))}
+    points: dict[str, tuple[int, tuple[Any, ...]]] = {
+        name: (BASE + 1 + k, (0.0, 0.0, 0.0)) for k, name in enumerate(leg.joints)
+    }
+    last = leg.links[-1]
+    return {**points, "foot": (BASE + len(leg.joints), _along(leg, last, p[f"leg.{last}.length"]))}
 
 
 def build_robot(leg: Leg, parameters: Mapping[str, float] | None = None) -> Robot:
     """The Pinocchio model of the leg; ``parameters`` overrides design parameters by path (SI)."""
     p = {**physical_parameters(leg), **(parameters or {})}
     model, bodies = pin.Model(), link_bodies(leg, p)
-    kinds = [pin.JointModelPX(), pin.JointModelPZ()] + [pin.JointModelRevoluteUnaligned(FORWARD)] * len(leg.joints)
+    kinds = [pin.JointModelPX(), pin.JointModelPZ()]
+    kinds += [pin.JointModelRevoluteUnaligned(np.array(unit(leg.joint[name].axis))) for name in leg.joints]
     for name, kind, body in zip(("x", "z", *leg.joints), kinds, bodies, strict=True):
         placement = pin.SE3(np.eye(3), np.array(body.placement))
         index = model.addJoint(model.njoints - 1, kind, placement, name)
-        inertia = pin.Inertia(body.mass, np.array(body.com), np.diag([body.inertia, body.inertia, 0.0]))
+        inertia = pin.Inertia(body.mass, np.array(body.com), np.array(tensor(body.inertia), dtype=float))
         model.appendBodyToJoint(index, inertia, pin.SE3.Identity())
     model.armature = np.array([float(body.armature) for body in bodies])
     points = link_points(leg, p)

@@ -16,7 +16,7 @@ from scipy.stats import qmc
 
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import foot_offset, start_angles, tucked
+from hopopt.leg.kinematics import TwoJoints, foot_offset, planar, start_angles, tucked
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 
@@ -58,7 +58,7 @@ def starts(count: int, seed: int) -> list[Start]:
 
 def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
     """The start as guesses of both phases, by phase name."""
-    pushed = saturated_push(hop) if start == NAMED[0] and hop.n == 2 else None
+    pushed = saturated_push(hop) if start == NAMED[0] and hop.n == 2 and planar(hop.leg) else None
     stance = pushed or _stance_guess(hop, start)
     return {STANCE: stance, FLIGHT: _flight_guess(hop, stance)}
 
@@ -130,8 +130,11 @@ def saturated_push(hop: Hop) -> Guess | None:
     """
     n, p = hop.n, hop.robot.parameters
     q0 = start_angles(hop.design)
-    side, inner = (-1, hop.limits[1][1]) if q0[1] < 0 else (1, hop.limits[0][1])
-    straight = max(side * inner, 0.0) + 0.1  # [rad], how far the knee may stretch
+    geometry = TwoJoints.of(hop.leg)
+    side = -1 if geometry.bend(q0[1]) < 0 else 1
+    straight = (
+        max(min(side * geometry.bend(limit[1]) for limit in hop.limits), 0.0) + 0.1
+    )  # [rad], how far it stretches
     a, q, v = (ca.SX.sym(name, n) for name in "aqv")
     m = LegDynamics(hop.robot, p).stance(q, v, a)
     # tau, base x'' and f_z are affine in a: tau = B a + c and so on
@@ -141,13 +144,13 @@ def saturated_push(hop: Hop) -> Guess | None:
 
     def acceleration(x: np.ndarray) -> tuple[np.ndarray, float]:
         B, c = (np.array(r) for r in affine(x[:n], x[n:]))
-        tau = knee.torque_bounds(x[n + 1])[0 if side > 0 else 1]
+        tau = knee.torque_bounds(x[n + 1])[0 if side * geometry.signs[1] > 0 else 1]
         A = np.stack([B[1], B[n]])
         result = np.linalg.solve(A, np.array([tau - c[1, 0], -c[n, 0]]))
         return result, float((B[n + 1] @ result + c[n + 1])[0])
 
     def stretched(_: float, x: np.ndarray) -> float:
-        return min(side * x[1] - straight, acceleration(x)[1])
+        return min(side * geometry.bend(x[1]) - straight, acceleration(x)[1])
 
     stretched.terminal = True  # type: ignore[attr-defined]
     x0, (shortest, longest) = np.concatenate([q0, np.zeros(n)]), hop.design.hop.stance_duration
@@ -157,7 +160,7 @@ def saturated_push(hop: Hop) -> Guess | None:
         )
     except np.linalg.LinAlgError:
         return None
-    if not run.success or run.t[-1] < shortest or side * run.y[1, -1] > side * x0[1]:
+    if not run.success or run.t[-1] < shortest or side * geometry.bend(run.y[1, -1]) > side * geometry.bend(x0[1]):
         return None
     x = run.y.T
     u = np.array([acceleration(row)[0] for row in x])
