@@ -56,13 +56,22 @@ def solve(
     if not finished:
         raise not_solved(hop, outcomes)
     best = max(finished, key=lambda s: (s.verified, s.summary["objective_value"]))
-    highest = max(finished, key=lambda s: s.summary["objective_value"])
+    if notes := _notes(design, best, finished):
+        best.summary["notes"] = notes
+    return best
+
+
+def _notes(design: Design, best: Solution, finished: list[Solution]) -> list[str]:
+    """What the answer does not say by itself."""
+    notes, highest = [], max(finished, key=lambda s: s.summary["objective_value"])
     if highest is not best:
         height = highest.summary["objective_value"]
-        best.summary["notes"] = [
-            f"a start led to {height:.4f} m, higher, which failed verification: it may be the better hop"
-        ]
-    return best
+        notes.append(f"a start led to {height:.4f} m, higher, which failed verification: it may be the better hop")
+    shares = {path: e for path, e in (design.leg.drive(j, "gear", "efficiency") for j in design.leg.joints) if e}
+    if any(e < 1 for e in shares.values()):
+        stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())
+        notes.append(f"the gears of this plan lose nothing; {stated} counts in hopopt simulate and hopopt compare")
+    return notes
 
 
 class Stopwatch:

@@ -156,6 +156,7 @@ def _known(kind: Any, loc: Any, table: Mapping[str, Any]) -> list[str]:
     if kind is Head:
         return [*Design.model_fields, "extends"]
     keys = list(entry_at(kind, loc)[0].model_fields)
+    keys += ["model"] if "catalogue" in keys else []  # gone where names have become numbers, but it may be written
     if kind is Leg and not loc:
         keys = [key for key in keys if key not in LEG_TABLES] + [n for key in LEG_TABLES for n in table[key]]
     return keys

@@ -1,0 +1,288 @@
+"""The catalogue: what its names stand for, where they may stand, and that the numbers are those of the sources."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hopopt import actuators
+from hopopt.actuators import MARKS, PARTS, catalogue, names
+from hopopt.cli import run
+from hopopt.closed_loop import make_plant
+from hopopt.errors import ProblemFileError
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.design import Design, Gear, Motor
+from hopopt.leg.robot import build_robot
+from hopopt.problem_file import changed, design_hash, load, resolved_toml, template
+
+RPM, GCM2 = 2 * np.pi / 60, 1e-7
+GEARS = {  # ratio, repeated peak torque [N m], largest input speed [rpm], as the makers' tables have them
+    "csg-17-100": (100, 70, 7300),
+    "csg-20-100": (100, 107, 6500),
+    "csg-25-100": (100, 204, 5600),
+    "csd-20-100": (100, 57, 6500),
+}
+ROTORS = {"maxon-ec45-150": 119, "maxon-ec45-250": 209}  # [g cm^2]
+
+
+def only_fault(source, overrides=()) -> str:
+    with pytest.raises(ProblemFileError) as raised:
+        load(source, overrides)
+    assert len(raised.value.problems) == 1, raised.value.problems
+    return raised.value.problems[0]
+
+
+def region(design: Design, joint: str = "knee"):
+    return operating_region(design.leg, joint, build_robot(design.leg).parameters)
+
+
+# ---- the entries ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("laws", [["paper"], ["four-quadrant"], ["paper", "four-quadrant"], []])
+@pytest.mark.parametrize("gear", names("gear"))
+@pytest.mark.parametrize("motor", names("motor"))
+def test_every_pair_closes_the_region(motor, gear, laws):
+    design = load("paper", {"leg.motor": motor, "leg.gear": gear, "leg.motor.laws": laws})
+    planes = np.array([(h.a, h.b) for h in region(design).planes])
+    planes /= np.max(np.abs(planes), axis=0)
+    angles = np.linspace(0, 2 * np.pi, 721)
+    outward = planes @ np.array([np.sin(angles), np.cos(angles)])
+    assert np.min(np.max(outward, axis=0)) > 1e-3  # whichever way torque and speed grow, something holds them
+
+
+@pytest.mark.parametrize("motor", names("motor"))
+def test_a_motor_alone_closes_the_region_under_a_law(motor):
+    design = load("paper", {"leg.motor": motor, "leg.motor.laws": ["four-quadrant"]})
+    corners = region(design).corners()
+    lower, upper = region(design).torque_bounds(np.array([0.0]))
+    assert -lower[0] == pytest.approx(upper[0])
+    assert upper[0] == pytest.approx(100 * min(design.leg.motor.max_torque, design.leg.motor.torque_cap or 0.0))
+    assert np.all(np.isfinite(corners))
+    assert len(corners) >= 4
+
+
+@pytest.mark.parametrize(("part", "kind"), [("motor", Motor), ("gear", Gear)])
+def test_every_entry_states_every_number_and_where_it_is_from(part, kind):
+    """So a joint's own motor or gear never falls back on a number of the leg's."""
+    numbers = set(kind.model_fields) - {"laws", "catalogue"}
+    for name in names(part):
+        entry = catalogue()[name]
+        assert set(entry.parts[part]) == numbers, name
+        assert set(entry.marks[part]) == numbers, name
+        assert set(entry.marks[part].values()) <= set(MARKS)
+        assert entry.title
+
+
+def test_what_is_marked_unverified_is_called_so():
+    for path in (actuators.problems_folder() / "actuators").glob("*.toml"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if "[U]" in line and not line.startswith("# "):
+                assert "unverified [U]" in line, (path.name, line)
+
+
+def test_makers_tables():
+    for name, (ratio, torque, rpm) in GEARS.items():
+        gear = load("paper", {"leg.gear": name}).leg.gear
+        assert (gear.ratio, gear.torque_cap) == (ratio, torque)
+        assert gear.speed_cap == pytest.approx(rpm * RPM, rel=1e-6)
+    for name, inertia in ROTORS.items():
+        assert load("paper", {"leg.motor": name}).leg.motor.rotor_inertia == pytest.approx(inertia * GCM2)
+
+
+def test_mini_cheetah_is_its_makers_actuator_model():
+    """ActuatorModel.h: v = clip(i R + 2 k_t w_m, 24), tau = 6 clip(1.5 k_t (v - 2 k_t w_m) / R, 3)."""
+    both = {"leg.motor": "mini-cheetah", "leg.gear": "mini-cheetah"}
+    k_t, R, w = 0.05, 0.173, np.linspace(0, 39.9, 200)
+    largest = 6 * np.clip(1.5 * k_t * (24 - 2 * k_t * 6 * w) / R, -3, 3)
+    assert region(load("paper", both)).torque_bounds(w)[1] == pytest.approx(largest, rel=1e-3, abs=1e-3)
+
+
+def test_go2_is_its_makers_torque_speed_curve():
+    both = {"leg.motor": "unitree-go2", "leg.gear": "unitree-go2"}
+    w = np.linspace(0, 29.9, 200)
+    largest = np.where(w < 13.5, 20.2, 20.2 * (30 - w) / (30 - 13.5))
+    assert region(load("paper", both)).torque_bounds(w)[1] == pytest.approx(largest, rel=1e-3, abs=1e-3)
+
+
+def test_solo_gives_its_makers_torque_at_12_amperes_after_losses():
+    leg = load("paper", {"leg.motor": "odri-solo", "leg.gear": "odri-solo"}).leg
+    assert leg.motor.torque_cap is not None
+    assert leg.gear.efficiency is not None
+    assert leg.motor.torque_cap * leg.gear.ratio * leg.gear.efficiency == pytest.approx(2.5, rel=0.01)
+    assert leg.motor.max_speed == pytest.approx(24 * 300 * RPM, rel=0.01)  # 300 turns a minute for a volt
+
+
+# ---- names in problems --------------------------------------------------------------------------------------------
+
+BY_HAND = """
+extends = "paper"
+[leg.motor]
+max_torque = 10.0
+max_speed = 1256.637
+rotor_inertia = 2.09e-5
+torque_cap = 2.0
+[leg.gear]
+ratio = 100
+torque_cap = 107.0
+speed_cap = 680.678
+inertia = 1.93e-5
+efficiency = 0.7
+"""
+FORMS = {
+    "texts": 'extends = "paper"\n[leg]\nmotor = "maxon-ec45-250"\ngear = "csg-20-100"\n',
+    "tables": 'extends = "paper"\n[leg.motor]\nmodel = "maxon-ec45-250"\n[leg.gear]\nmodel = "csg-20-100"\n',
+}
+
+
+def without_labels(design: Design) -> dict:
+    tables = design.model_dump(exclude_none=True)
+    for table in (tables["leg"], *(tables["leg"][joint] for joint in tables["leg"]["joints"])):
+        for part in PARTS:
+            table.get(part, {}).pop("catalogue", None)
+    return tables
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+def test_a_name_is_the_same_as_its_numbers_by_hand(tmp_path, form):
+    (tmp_path / "hand.toml").write_text(BY_HAND)
+    (tmp_path / "named.toml").write_text(form)
+    hand, by_name = load(tmp_path / "hand.toml"), load(tmp_path / "named.toml")
+    assert without_labels(by_name) == without_labels(hand)
+    assert (by_name.leg.motor.catalogue, by_name.leg.gear.catalogue) == ("maxon-ec45-250", "csg-20-100")
+    names = ["leg.motor=maxon-ec45-250", "leg.gear=csg-20-100"]
+    assert load("paper", names) == by_name
+    assert changed(load("paper"), {"leg.motor": "maxon-ec45-250", "leg.gear": "csg-20-100"}) == by_name
+
+
+def test_numbers_count_over_names_in_any_order():
+    texts = ["leg.gear.ratio=80", "leg.gear=csg-20-100"]
+    assert load("paper", texts) == load("paper", texts[::-1])
+    gear = load("paper", texts).leg.gear
+    assert (gear.ratio, gear.torque_cap) == (80, 107)
+    inline = load("paper", ['leg.gear={model = "csg-20-100", ratio = 80}'])
+    assert inline == load("paper", texts) == load("paper", {"leg.gear.model": "csg-20-100", "leg.gear": {"ratio": 80}})
+
+
+def test_a_name_takes_the_place_of_what_was_there_but_not_of_the_law():
+    leg = load("paper_four_quadrant", {"leg.motor": "maxon-ec45-150", "leg.gear": "csg-17-100"}).leg
+    assert leg.motor.laws == ("four-quadrant",)
+    second = changed(load("paper", {"leg.gear": "csg-17-100"}), {"leg.gear": "csg-25-100"}).leg.gear
+    assert second == load("paper", {"leg.gear": "csg-25-100"}).leg.gear
+    own = {"leg.knee.motor.rotor_inertia": 1e-4, "leg.knee.motor.max_torque": 3.0}
+    over = load("paper", {**own, "leg.knee.motor": "mini-cheetah"}).leg
+    assert over.drive("knee", "motor", "rotor_inertia")[1] == 1e-4
+    renamed = changed(load("paper", own), {"leg.knee.motor": "mini-cheetah"}).leg
+    assert [renamed.drive("knee", "motor", key)[1] for key in ("rotor_inertia", "max_torque")] == [6.3e-5, 10.405]
+
+
+def test_joints_of_their_own(tmp_path):
+    (tmp_path / "go2.toml").write_text(
+        'extends = "paper"\n[leg]\nmotor = "unitree-go2"\ngear = "unitree-go2"\n[leg.knee]\ngear = "unitree-go2-knee"\n'
+    )
+    design = load(tmp_path / "go2.toml", ["leg.hip.motor=maxon-ec45-250", "leg.knee.gear.torque_cap=40"])
+    leg = design.leg
+    assert leg.drive("hip", "gear", "ratio") == ("leg.gear.ratio", 6.33)
+    assert leg.drive("knee", "gear", "ratio") == ("leg.knee.gear.ratio", 12.15)
+    assert leg.drive("knee", "gear", "torque_cap") == ("leg.knee.gear.torque_cap", 40)
+    assert leg.drive("hip", "motor", "max_torque") == ("leg.hip.motor.max_torque", 10)
+    assert leg.drive("knee", "motor", "max_torque") == ("leg.motor.max_torque", 5.802)
+    hip, knee = build_robot(leg).model.armature[-2:]
+    assert hip == pytest.approx(6.33**2 * 2.09e-5)
+    assert knee == pytest.approx(12.15**2 * 1.118e-4)
+
+
+def test_what_turns_with_the_rotor_counts_with_it():
+    armature = build_robot(load("paper", {"leg.knee.gear": "csg-20-100"}).leg).model.armature
+    assert armature[-2:] == pytest.approx([1e4 * 1.19e-5, 1e4 * (1.19e-5 + 1.93e-5)])
+
+
+def test_the_resolved_problem_needs_no_catalogue(tmp_path, monkeypatch):
+    design = load("paper", {"leg.motor": "maxon-ec45-150", "leg.knee.gear": "csg-20-100"})
+    (tmp_path / "problem.toml").write_text(resolved_toml(design))
+    monkeypatch.setattr(actuators, "catalogue", dict)
+    assert load(tmp_path / "problem.toml") == design
+    assert design_hash(load(tmp_path / "problem.toml")) == design_hash(design)
+
+
+# ---- what is refused ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../paper",
+        "..",
+        "",
+        "/etc/passwd",
+        "csg-20-100.toml",
+        "actuators/csg-20-100",
+        "CSG-20-100",
+        "paper",
+        "*",
+        "\x00",
+    ],
+)
+def test_only_names_of_the_catalogue_are_read(name):
+    for overrides in ({"leg.gear": name}, {"leg.gear.model": name}, {"leg.knee.gear": name}):
+        assert "is not in the catalogue" in only_fault("paper", overrides)
+
+
+def test_an_unknown_name_is_told_what_there_is(tmp_path):
+    (tmp_path / "mine.toml").write_text('extends = "paper"\n[leg.knee]\nmotor = "maxon-ec45-15"\n')
+    assert only_fault(tmp_path / "mine.toml") == (
+        'mine.toml: leg.knee.motor = "maxon-ec45-15" is not in the catalogue (did you mean maxon-ec45-150?): '
+        f"its motors are {', '.join(names('motor'))}."
+    )
+    assert only_fault("paper", ["leg.gear=maxon-ec45-150"]).startswith(
+        'override leg.gear = "maxon-ec45-150" is not in the catalogue: its gears are csd-20-100'
+    )
+    assert only_fault("paper", ["leg.gear.model=3"]).startswith("override leg.gear.model = 3 is not in the catalogue")
+    with pytest.raises(ProblemFileError, match=r"leg\.motor = "):
+        changed(load(), {"leg.motor": "nothing"})
+
+
+def test_a_name_and_a_table_for_one_motor_are_a_fault_of_the_file(tmp_path):
+    text = template("mine").replace("[leg]\n", '[leg]\nmotor = "maxon-ec45-150"\n')
+    (tmp_path / "mine.toml").write_text(text)
+    assert "is not valid TOML" in only_fault(tmp_path / "mine.toml")
+
+
+# ---- efficiency -----------------------------------------------------------------------------------------------------
+
+
+def test_efficiency_reaches_the_simulated_gear_of_its_joint():
+    design = load("paper", {"leg.knee.gear": "csd-20-100", "simulation.gear_efficiency": 0.9})
+    w, command = np.array([1.0, 1.0]), np.array([20.0, 10.0])
+    motor, joint = make_plant(design).drive.torque(w, command)
+    assert motor == pytest.approx(command)
+    assert joint == pytest.approx(np.array([0.9, 0.57]) * command, rel=1e-9)
+
+
+def test_an_efficiency_that_holds_for_no_gear_is_refused():
+    sentence = only_fault("paper", ["leg.gear=csg-20-100", "simulation.gear_efficiency=0.8"])
+    assert sentence == (
+        "override simulation.gear_efficiency = 0.8 holds for no gear, as each has its own: "
+        "change leg.gear.efficiency, or set simulation.gear_efficiency to 1."
+    )
+
+
+# ---- the command --------------------------------------------------------------------------------------------------
+
+
+def test_the_list_names_everything(capsys):
+    assert run(["actuators"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in catalogue())
+    assert run(["actuators", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert (set(listed["motors"]), set(listed["gears"])) == (set(names("motor")), set(names("gear")))
+    assert listed["gears"]["csg-20-100"]["torque_cap"] == {"value": 107.0, "unit": "N m", "source": "public source"}
+    assert listed["motors"]["maxon-ec45-150"]["max_torque"]["source"] == "unverified"
+
+
+def test_show_tells_the_name(capsys):
+    assert run(["show", "--set", "leg.knee.gear=csg-20-100", "--json"]) == 0
+    entries = json.loads(capsys.readouterr().out)
+    assert entries["leg.knee.gear.catalogue"]["value"] == "csg-20-100"
+    assert entries["leg.knee.gear.torque_cap"]["value"] == 107.0
