@@ -12,6 +12,7 @@ from hopopt.errors import ProblemFileError
 from hopopt.leg.design import Design
 from hopopt.problem_check import OVERRIDE, Report, check
 from hopopt.problem_text import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path
+from hopopt.problem_urdf import located, with_leg
 from hopopt.problem_words import did_you_mean
 
 __all__ = ["Row", "as_json", "builtin_names", "design_hash", "load", "resolved_toml", "rows", "template"]
@@ -37,6 +38,7 @@ def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[s
     for label, layer in _layers(source, report):
         _lay_over(data, with_numbers(_plain(layer), data, label, report), label, report)
     _lay_overrides(data, overrides, report)
+    data = data if report.unreadable else with_leg(data, report)
     design = None if report.unreadable else check(data, report)
     if design is None or report.sentences:
         raise ProblemFileError(report.source, report.sentences)
@@ -85,7 +87,7 @@ def _layers(source: str | Path, report: Report) -> list[tuple[str, dict[str, Any
         visited.append(path.absolute())
         data = _read(path, report)
         base = data.pop("extends", None)
-        layers.insert(0, (path.name, data))
+        layers.insert(0, (path.name, located(data, path.parent, path.name, report)))
         path = None if base is None else _find_base(base, path, visited, report)
     return layers
 
