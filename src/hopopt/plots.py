@@ -162,10 +162,10 @@ def ground_force(solution: Solution) -> Figure:
     figure, s = solution_figure(solution, "ground force in stance"), solution.everywhere(STANCE, PLACES)
     ax, heavy, friction = figure.subplots(), weight(solution.robot.model), solution.design.contact.friction
     if friction is not None:
-        band = friction * np.maximum(s.f[:, 1], 0.0)
+        band = friction * np.maximum(s.f[:, -1], 0.0)
         ax.fill_between(s.t, -band, band, label="horizontal force that friction can hold", **BAND)
     ax.axhline(heavy, color=GREY, lw=1.5, ls="--", label=f"weight, {heavy:.0f} N")
-    jumping_curve(ax, s.t, s.t, s.f[:, 1], color=COLOR[STANCE], lw=2.5, label="vertical")
+    jumping_curve(ax, s.t, s.t, s.f[:, -1], color=COLOR[STANCE], lw=2.5, label="vertical")
     jumping_curve(ax, s.t, s.t, s.f[:, 0], color=JOINT_COLORS[0], lw=2, label="horizontal (forward +)")
     mark_lift_off(ax, solution)
     describe(ax, "time [s]", "force [N]")
@@ -176,8 +176,8 @@ def ground_force(solution: Solution) -> Figure:
 
 def _annotate_peak(ax: Axes, solution: Solution, s: Samples, highest: float) -> None:
     """The largest vertical force [N], written above everything drawn."""
-    k = int(s.f[:, 1].argmax())
-    t, peak = float(s.t[k]), float(s.f[k, 1])
+    k = int(s.f[:, -1].argmax())
+    t, peak = float(s.t[k]), float(s.f[k, -1])
     lowest = min(0.0, float(s.f.min()))
     span = highest - lowest
     ax.set(xlim=(0, 1.02 * solution.lift_off), ylim=(lowest - 0.05 * span, highest + 0.18 * span))

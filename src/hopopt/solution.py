@@ -11,6 +11,7 @@ import numpy as np
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.kinematics import dependent_joints, foot_offset, start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.hop import FLIGHT, STANCE
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Samples:
     """The whole leg at k times: t (k,) [s] since stance began, phase (k,) names; q, v, a (k, 2 + n) of body x, z
-    [m] and joints [rad]; tau (k, n) [N m]; contact force f (k, 2) [N]; points: name -> (k, 2) x, z [m], with
+    [m] and joints [rad]; tau (k, n) [N m]; contact force f (k, 2) [N] (x and z; with y
+    between them where the leg leaves the plane); points: name -> (k, 2) x, z [m], with
     every joint, "foot" and "com"; com_v (k, 2) [m/s]."""
 
     t: np.ndarray
@@ -46,22 +48,28 @@ class Samples:
 class PlanEvaluator:
     """Turns states and controls of the phases into the motion of the whole leg, by the planner's own dynamics."""
 
-    def __init__(self, robot: Robot):
-        self.robot = robot
-        dynamics, n = LegDynamics(robot, robot.parameters), len(robot.joints)
-        q, v, a, com, com_v = (
-            ca.SX.sym(s, m) for s, m in (("q", n), ("v", n), ("a", n), ("com", BASE), ("com_v", BASE))
-        )
+    def __init__(self, design: Design, robot: Robot):
+        self.robot, n = robot, len(robot.joints)
+        dynamics, dependent = LegDynamics(robot, robot.parameters), dependent_joints(design)
+        loops = len(dependent)
+        q, v, a, free, force = (ca.SX.sym(s, m) for s, m in zip("qvauf", (n, n, n, n - loops, loops), strict=True))
+        closed = dynamics.closed(q, v, free, dependent)
+        com, com_v = ca.SX.sym("com", BASE), ca.SX.sym("com_v", BASE)
+        rows = slice(BASE - 1 if dynamics.slider else 0, BASE)
+        stands = -foot_offset(design.leg, start_angles(design))[: rows.start]  # where the body is on a slider
+        place, speed = ca.vertcat(stands, com[rows]), ca.vertcat(np.zeros(rows.start), com_v[rows])
         self.names = [*robot.points, "com"]
         self.functions = {}
-        for phase, x, m in (
-            (STANCE, ca.vertcat(q, v), dynamics.stance(q, v, a)),
-            (FLIGHT, ca.vertcat(com, com_v, q, v), dynamics.flight(com, com_v, q, v, a)),
+        for phase, x, u, m in (
+            (STANCE, ca.vertcat(q, v), ca.vertcat(free, force), dynamics.stance(q, v, closed, force)),
+            (FLIGHT, ca.vertcat(com[rows], com_v[rows], q, v), a, dynamics.flight(place, speed, q, v, a)),
         ):
             points = dynamics.points(m.q)
-            speed = ca.jtimes(points["com"], q, v) + (ca.jtimes(points["com"], com, com_v) if phase == FLIGHT else 0)
-            outputs = [m.q, m.v, m.a, m.tau, m.f, speed, *(points[name] for name in self.names)]
-            self.functions[phase] = ca.Function(phase, [x, a], [ca.densify(o) for o in outputs])
+            com_speed = ca.jtimes(points["com"], q, v)
+            if phase == FLIGHT:
+                com_speed += ca.jtimes(points["com"], com, com_v)
+            outputs = [m.q, m.v, m.a, m.tau, m.f, com_speed, *(points[name] for name in self.names)]
+            self.functions[phase] = ca.Function(phase, [x, u], [ca.densify(o) for o in outputs])
 
     def __call__(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Samples:
         """Samples from states x (k, nx) and controls u (k, n) of one phase at times t (k,)."""
@@ -87,7 +95,7 @@ class Solution:
 
     @cached_property
     def _evaluate(self) -> PlanEvaluator:
-        return PlanEvaluator(self.robot)
+        return PlanEvaluator(self.design, self.robot)
 
     @property
     def clearance(self) -> float:

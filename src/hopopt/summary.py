@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.nlp.ipopt import NlpSolution
@@ -49,10 +50,10 @@ def summarize(
         "lowest_point": _lowest(plan),
         "phases": {name: phase_figures(plan, name, s) for name, s in ((STANCE, stance), (FLIGHT, flight))},
         "lift_off": lift_off(plan),
-        "peak_ground_force_N": float(np.hypot(*stance.f.T).max()),
-        "peak_vertical_force_N": float(stance.f[:, 1].max()),
+        "peak_ground_force_N": float(np.linalg.norm(stance.f, axis=1).max()),
+        "peak_vertical_force_N": float(stance.f[:, -1].max()),
         "friction": plan.design.contact.friction,
-        "grip_without_load_N": float(np.abs(stance.f[stance.f[:, 1] < 1.0, 0]).max(initial=0.0)),
+        "grip_without_load_N": float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0)),
         "saturation_mean": saturation_mean(plan, stance),
         "energy": energy(plan, stance, flight),
         "active_limits": active_limits(plan, stance),
@@ -134,7 +135,7 @@ def energy(plan: Solution, stance: Samples, flight: Samples) -> dict[str, float]
 def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
     """Share of stance in which each limit is active, largest first; a limit of its duration is active in all of it."""
     shares: dict[str, np.ndarray | bool] = {}
-    leg, reach = plan.design.leg, sum(link.length for link in plan.design.leg.link.values())
+    leg, size = plan.design.leg, reach(plan.design.leg)
     for k, joint in enumerate(plan.robot.joints):
         region, angle = plan.region(joint), stance.q[:, BASE + k]
         use = np.array(region.use(stance.v[:, BASE + k], stance.tau[:, k]))
@@ -145,7 +146,7 @@ def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
     shares |= _active_at_the_ground(plan, stance)
     for name in plan.design.hop.above_ground or tuple(plan.robot.points):
         if name != "foot":
-            shares[f"{name} on the ground"] = stance.points[name][:, 1] < ACTIVE * reach
+            shares[f"{name} on the ground"] = stance.points[name][:, 1] < ACTIVE * size
     (shortest, longest), lasted = plan.design.hop.stance_duration, plan.phases[STANCE].duration
     shares["longest stance"] = lasted >= longest - ACTIVE * longest
     shares["shortest stance"] = lasted <= shortest + ACTIVE * shortest
@@ -155,10 +156,11 @@ def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
 
 def _active_at_the_ground(plan: Solution, stance: Samples) -> dict[str, np.ndarray]:
     """Where the ground's limits are active: it cannot pull, a loaded foot may not slip, the body may not descend."""
-    margin, friction, (along, up) = ACTIVE * force_range(plan.robot.model), plan.design.contact.friction, stance.f.T
+    margin, friction = ACTIVE * force_range(plan.robot.model), plan.design.contact.friction
+    along, up = np.linalg.norm(stance.f[:, :-1], axis=1), stance.f[:, -1]
     active = {"ground cannot pull": up < margin}
     if friction is not None:
-        active["friction cone"] = (np.abs(along) > friction * up - margin) & (up >= margin)
+        active["friction cone"] = (along > friction * up - margin) & (up >= margin)
     if not plan.design.hop.counter_movement:
         active["body never descends"] = stance.v[:, 1] < ACTIVE * DESCENT_RANGE
     return active

@@ -16,6 +16,7 @@ from scipy.interpolate import BarycentricInterpolator
 
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
+from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import DESCENT_RANGE, force_range, weight
 from hopopt.sim.machine import Machine
@@ -163,7 +164,9 @@ def _inverse_dynamics(machine: Machine, phase: str, table: Table) -> Check:
     wrong = []
     for q, v, a, tau, f in zip(*_flat(table), strict=True):
         given = np.concatenate([np.zeros(BASE), tau]) + machine.foot_jacobian(q).T @ f
-        wrong.append(np.abs(pin.rnea(machine.model, machine.data, q, v, a) - given).max())
+        missing = pin.rnea(machine.model, machine.data, q, v, a) - given
+        missing[machine.held] = 0.0  # what a guide holds
+        wrong.append(np.abs(missing).max())
     size = max(1.0, np.abs(table.tau).max(), np.abs(table.f).max())
     at = table.t.ravel()[int(np.argmax(wrong))]
     return Check(f"{phase} inverse dynamics", float(np.max(wrong) / size), 1e-9, "relative", f"at {at:.4f} s")
@@ -186,12 +189,13 @@ def _energy(machine: Machine, phase: str, table: Table) -> Check:
 
 
 def _impulse(machine: Machine, phase: str, table: Table) -> Check:
-    """Impulse of ground force and weight = change of momentum, relative to the weight's impulse."""
-    h = table.t[:, -1] - table.t[:, 0]
-    impulse = np.einsum("i,k,ikx->x", h, _quadrature(), table.f) + machine.mass * machine.gravity * h.sum()
+    """Impulse of ground force and weight = change of momentum, relative to the weight's impulse, where no guide holds."""
+    h, force = table.t[:, -1] - table.t[:, 0], table.f[..., [0, -1]]
+    impulse = np.einsum("i,k,ikx->x", h, _quadrature(), force) + machine.mass * machine.gravity * h.sum()
     momentum = [machine.mass * machine.com_velocity(table.q[i, i], table.v[i, i]) for i in (-1, 0)]
     size = weight(machine.model) * h.sum()
-    wrong = float(np.abs(momentum[0] - momentum[1] - impulse).max() / size)
+    free = [k for k in range(BASE) if k not in machine.held]
+    wrong = float(np.abs(momentum[0] - momentum[1] - impulse)[free].max() / size)
     return Check(f"{phase} impulse balance", wrong, BALANCE, "relative")
 
 
@@ -223,18 +227,22 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
 def _ground(
     machine: Machine, design: Design, phase: str, q: np.ndarray, v: np.ndarray, f: np.ndarray
 ) -> dict[str, np.ndarray]:
-    reach = sum(link.length for link in design.leg.link.values())
+    size_of_leg = reach(design.leg)
     points, found = [machine.points(row) for row in q], {}
     for name in design.hop.above_ground or tuple(machine.frames):
         if phase == FLIGHT or name != "foot":
             least = 0.0 if name == "foot" else design.hop.least_height
-            found[f"{name} above ground"] = np.array([least - p[name][1] for p in points]) / reach
+            found[f"{name} above ground"] = np.array([least - p[name][1] for p in points]) / size_of_leg
+    if machine.held:
+        found["body on its slider"] = np.abs(q[:, machine.held] - q[0, machine.held]).max(axis=1) / size_of_leg
     if phase == STANCE:
         size = force_range(machine.model)
-        found["foot at rest"] = np.array([np.abs(p["foot"]).max() for p in points]) / reach
-        found["ground pushes"] = (design.contact.least_force - f[:, 1]) / size
+        beside = np.array([machine.foot_beside(row) for row in q]) if 1 in machine.contact else np.zeros(len(q))
+        moved = [max(np.abs(p["foot"]).max(), abs(y - beside[0])) for p, y in zip(points, beside, strict=True)]
+        found["foot at rest"] = np.array(moved) / size_of_leg
+        found["ground pushes"] = (design.contact.least_force - f[:, -1]) / size
         if design.contact.friction is not None:
-            found["friction cone"] = (np.abs(f[:, 0]) - design.contact.friction * f[:, 1]) / size
+            found["friction cone"] = (np.linalg.norm(f[:, :-1], axis=1) - design.contact.friction * f[:, -1]) / size
         if not design.hop.counter_movement:
             found["body never descends"] = -v[:, 1] / DESCENT_RANGE
     return found

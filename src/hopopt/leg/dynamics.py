@@ -4,23 +4,29 @@ The body only translates, so one known point gives its position from the joint a
 pinned at the origin; in flight the centre of mass, which falls freely. No algebraic constraint, no drift, and
 no momentum for an optimiser to gain from integration error. Joint torques follow by inverse dynamics; the
 contact force is what its base rows ask for.
+
+Where the guides do not follow the foot (x on a vertical slider, y where the leg leaves the plane), the pinned foot
+closes a loop: as many joints depend on the others, and as many components of the contact force are free, because
+the joints can press against the guides.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
+from hopopt.leg.kinematics import contact_axes, loop_axes
 from hopopt.leg.rigid_body import com_position, frames, point_position, rnea
-from hopopt.leg.robot import BASE, Robot, link_bodies, link_points
+from hopopt.leg.robot import BASE, PLANE, Robot, link_bodies, link_points
 
-PLANE = [0, 2]  # x and z of a world vector
+PLANE_ROWS = list(PLANE)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The whole leg at one instant: q, v, a (BASE + n), joint torques tau (n) [N m], contact force f (2) [N]."""
+    """The whole leg at one instant: q, v, a (BASE + n), joint torques tau (n) [N m], contact force f [N]: x and z, or
+    x, y and z where the leg leaves the plane."""
 
     q: ca.SX
     v: ca.SX
@@ -35,13 +41,20 @@ class LegDynamics:
     def __init__(self, robot: Robot, p: Mapping[str, Any]):
         self.robot, self.n = robot, len(robot.joints)
         self.bodies, self.link_points = link_bodies(robot.leg, p), link_points(robot.leg, p)
-        self.gravity = ca.DM(robot.model.gravity.linear[PLANE])
+        self.gravity = ca.DM(robot.model.gravity.linear[PLANE_ROWS])
+        self.contact, self.loops = contact_axes(robot.leg), loop_axes(robot.leg)
+        self.slider = "x" not in robot.leg.guides
 
     def points(self, q: ca.SX) -> dict[str, ca.SX]:
         """World (x, z) [m] of each joint, of the foot and of the centre of mass ("com")."""
         poses = frames(self.robot.model, self.bodies, q)
-        points = {name: point_position(poses, at)[PLANE] for name, at in self.link_points.items()}
-        return {**points, "com": com_position(poses, self.bodies)[PLANE]}
+        points = {name: point_position(poses, at)[PLANE_ROWS] for name, at in self.link_points.items()}
+        return {**points, "com": com_position(poses, self.bodies)[PLANE_ROWS]}
+
+    def foot(self, q_j: ca.SX) -> ca.SX:
+        """Place of the foot from the body, (x, y, z) [m]."""
+        poses = frames(self.robot.model, self.bodies, ca.vertcat(ca.SX.zeros(BASE), q_j))
+        return point_position(poses, self.link_points["foot"])
 
     def inverse_dynamics(self, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
         """Generalised forces M a + nle, shape (BASE + n,)."""
@@ -49,28 +62,51 @@ class LegDynamics:
 
     def stance_pose(self, q_j: ca.SX, v_j: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q and v (BASE + n) with the foot pinned at the origin, and the foot Jacobian (BASE x n)."""
-        foot = self.points(ca.vertcat(ca.SX.zeros(BASE), q_j))["foot"]
+        foot = self.foot(q_j)[PLANE_ROWS]
         jacobian = ca.jacobian(foot, q_j)
         return ca.vertcat(-foot, q_j), ca.vertcat(-jacobian @ v_j, v_j), jacobian
 
-    def stance(self, q_j: ca.SX, v_j: ca.SX, a_j: ca.SX) -> Motion:
-        """Stance with the foot pinned at the origin; joint angles, speeds and accelerations are symbols (n)."""
+    def stance(self, q_j: ca.SX, v_j: ca.SX, a_j: ca.SX, loop_force: ca.SX | None = None) -> Motion:
+        """Stance with the foot pinned at the origin; joint angles, speeds and accelerations are symbols (n), on a closed
+        loop such as ``closed`` gives; loop_force: contact force along the loop's axes [N]."""
         q, v, jacobian = self.stance_pose(q_j, v_j)
         base_a = -jacobian @ a_j + ca.jtimes(v[:BASE], q_j, v_j)
         a = ca.vertcat(base_a, a_j)
         forces = self.inverse_dynamics(q, v, a)
-        f = forces[:BASE]
-        return Motion(q, v, a, forces[BASE:] - jacobian.T @ f, f)
+        f = dict(zip(PLANE, (forces[0], forces[1]), strict=True))
+        f |= {axis: loop_force[k] for k, axis in enumerate(self.loops) if loop_force is not None}
+        force = ca.vertcat(*[f[axis] for axis in self.contact])
+        whole = ca.jacobian(self.foot(q_j)[list(self.contact)], q_j)
+        return Motion(q, v, a, forces[BASE:] - whole.T @ force, force)
+
+    def closed(self, q_j: ca.SX, v_j: ca.SX, free: ca.SX, dependent: Sequence[int]) -> ca.SX:
+        """Joint accelerations (n) under which the foot stays where it is along the loop's axes; ``free`` are those of
+        the joints that are not ``dependent``."""
+        if not self.loops:
+            return free
+        foot = self.foot(q_j)[list(self.loops)]
+        jacobian = ca.jacobian(foot, q_j)
+        drift = ca.jtimes(jacobian @ v_j, q_j, v_j)
+        others = [k for k in range(self.n) if k not in dependent]
+        following = ca.solve(jacobian[:, list(dependent)], -(drift + jacobian[:, others] @ free))
+        places = dict(zip(others, ca.vertsplit(free), strict=True)) if others else {}
+        places |= dict(zip(dependent, ca.vertsplit(following), strict=True))
+        return ca.vertcat(*[places[k] for k in range(self.n)])
 
     def flight_pose(self, com: ca.SX, com_v: ca.SX, q_j: ca.SX, v_j: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """q and v (BASE + n) with the centre of mass at com [m], com_v [m/s], and its joint Jacobian (BASE x n)."""
+        """q and v (BASE + n) with the centre of mass at com [m], com_v [m/s], and its joint Jacobian (BASE x n).
+
+        On a vertical slider the first component of com is where the body stands, and of com_v is zero.
+        """
         offset = self.points(ca.vertcat(ca.SX.zeros(BASE), q_j))["com"]
+        if self.slider:
+            offset = ca.vertcat(0, offset[1])
         jacobian = ca.jacobian(offset, q_j)
         return ca.vertcat(com - offset, q_j), ca.vertcat(com_v - jacobian @ v_j, v_j), jacobian
 
     def flight(self, com: ca.SX, com_v: ca.SX, q_j: ca.SX, v_j: ca.SX, a_j: ca.SX) -> Motion:
-        """Flight: the centre of mass falls freely, the guides carry no force along x and z; symbols as stance."""
+        """Flight: the centre of mass falls freely where the guides carry no force; symbols as in stance."""
         q, v, jacobian = self.flight_pose(com, com_v, q_j, v_j)
         base_a = self.gravity - jacobian @ a_j + ca.jtimes(v[:BASE], q_j, v_j)
         a = ca.vertcat(base_a, a_j)
-        return Motion(q, v, a, self.inverse_dynamics(q, v, a)[BASE:], ca.SX.zeros(BASE))
+        return Motion(q, v, a, self.inverse_dynamics(q, v, a)[BASE:], ca.SX.zeros(len(self.contact)))

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import qr
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from hopopt.leg.design import Design, Leg, unit
+from hopopt.leg.robot import PLANE, SPACE
 
 POSES = 1024  # among which the tucked pose is looked for
 OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
@@ -46,6 +48,38 @@ def foot_offset(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
 def planar(leg: Leg) -> bool:
     """Whether the leg moves in a plane along x and z: every joint turns about the y axis."""
     return all(abs(unit(leg.joint[name].axis)[1]) == 1 for name in leg.joints)
+
+
+def contact_axes(leg: Leg) -> tuple[int, ...]:
+    """World axes along which a pinned foot takes a force: x and z, and y where the leg leaves the plane."""
+    return PLANE if planar(leg) else SPACE
+
+
+def loop_axes(leg: Leg) -> tuple[int, ...]:
+    """World axes along which the guides do not let the body follow the foot: there a pinned foot closes a loop."""
+    return tuple(axis for axis in contact_axes(leg) if axis == 1 or (axis == 0 and "x" not in leg.guides))
+
+
+def dependent_joints(design: Design) -> tuple[int, ...]:
+    """Joints whose accelerations follow from the others' while the foot is pinned, one for each axis of a loop: those
+    that move the foot most along them at the start."""
+    axes, q = loop_axes(design.leg), start_angles(design)
+    if not axes:
+        return ()
+    jacobian = foot_jacobian(design.leg, q)[list(axes)]
+    pivots: Any = qr(jacobian, mode="r", pivoting=True)[-1]
+    return tuple(sorted(int(k) for k in pivots[: len(axes)]))
+
+
+def foot_jacobian(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Derivative of the foot's place from the body by the joint angles, (3, n) [m/rad]."""
+    q, turn = np.asarray(q_j, dtype=float), np.eye(3)
+    places, axes = joint_positions(leg, q), []
+    for k, joint in enumerate(leg.joints):
+        axis = np.array(unit(leg.joint[joint].axis))
+        axes.append(turn @ axis)
+        turn = turn @ _rotation(axis, q[k])  # type: ignore[arg-type]
+    return np.stack([np.cross(axis, places[-1] - place) for axis, place in zip(axes, places, strict=False)], axis=1)
 
 
 def reach(leg: Leg) -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 import casadi as ca
+import numpy as np
 
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Leg, physical_parameters
@@ -30,17 +31,21 @@ def operating_region_constraint(leg: Leg, joint: str, motion: MotionAt) -> PathC
 
 def unilateral_contact(motion: MotionAt, size: float, least: float) -> PathConstraint:
     """The ground only pushes: f_z >= least [N]; ``size`` [N] is the range by which excess is measured."""
-    return PathConstraint("ground force", lambda s: motion(s).f[1], lower=least, scale=size, unit="N")
+    return PathConstraint("ground force", lambda s: motion(s).f[-1], lower=least, scale=size, unit="N")
 
 
-def friction_cone(motion: MotionAt, friction: float, size: float) -> PathConstraint:
-    """|f_x| <= mu f_z [N], as two half-planes; ``size`` [N] as for ``unilateral_contact``."""
+def friction_cone(motion: MotionAt, friction: float, size: float, axes: int = 2) -> PathConstraint:
+    """|f_x| <= mu f_z [N], as two half-planes; ``size`` [N] as for ``unilateral_contact``.
+
+    Where the foot is held sideways too, a pyramid within the cone: |f_x|, |f_y| <= mu f_z / sqrt(2).
+    """
+    labels = ("forward", "backward") if axes == 2 else ("forward", "backward", "left", "right")
 
     def value(s: Instant) -> ca.SX:
         f = motion(s).f
-        return ca.vertcat(friction * f[1] - f[0], friction * f[1] + f[0])
+        most = f[-1] * (friction if axes == 2 else friction / np.sqrt(2))
+        return ca.vertcat(*[most + sign * f[k] for k in range(axes - 1) for sign in (-1, 1)])
 
-    labels = ("forward", "backward")
     return PathConstraint("friction cone", value, lower=0.0, scale=size, unit="N", labels=labels)
 
 

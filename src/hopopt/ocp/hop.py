@@ -13,9 +13,9 @@ from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics, Motion
-from hopopt.leg.kinematics import start_angles
+from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_angles
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.leg.scales import force_range
+from hopopt.leg.scales import force_range, weight
 from hopopt.ocp.constraints import (
     above_ground,
     friction_cone,
@@ -53,7 +53,11 @@ class Hop:
         self.robot = build_robot(design.leg)
         self.n = len(self.leg.joints)
         self.force_range = force_range(self.robot.model)
-        self.reach = sum(link.length for link in self.leg.link.values())
+        self.reach = reach(self.leg)
+        self.contact_axes = len(contact_axes(self.leg))
+        self.loops, self.dependent = loop_axes(self.leg), dependent_joints(design)
+        self.free = [k for k in range(self.n) if k not in self.dependent]
+        self.falling = [BASE - 1] if "x" not in self.leg.guides else list(range(BASE))  # where no guide holds the body
 
     # ---- what holds at an instant ----------------------------------------------------------------------
 
@@ -63,17 +67,28 @@ class Hop:
 
     def stance_motion(self, s: Instant) -> Motion:
         """The whole leg in stance."""
-        return s.once("motion", lambda: self.dynamics(s).stance(s.q, s.v, s.a))
+        force = s.loop_force if self.loops else None
+        return s.once("motion", lambda: self.dynamics(s).stance(s.q, s.v, self.joint_acceleration(s), force))
+
+    def joint_acceleration(self, s: Instant) -> ca.SX:
+        """Of all joints in stance (n) [rad/s^2]: the controls, and what a closed loop makes the others do."""
+        return s.once("joint_a", lambda: self.dynamics(s).closed(s.q, s.v, s.a, self.dependent))
 
     def flight_motion(self, s: Instant) -> Motion:
         """The whole leg in flight."""
-        return s.once("motion", lambda: self.dynamics(s).flight(s.com, s.com_v, s.q, s.v, s.a))
+        return s.once("motion", lambda: self.dynamics(s).flight(*self.com_and_speed(s), s.q, s.v, s.a))
+
+    def com_and_speed(self, s: Instant) -> tuple[ca.SX, ca.SX]:
+        """Place and speed of the centre of mass in flight, (x, z); on a slider the body stands at x = 0."""
+        if len(self.falling) == BASE:
+            return s.com, s.com_v
+        return ca.vertcat(0, s.com), ca.vertcat(0, s.com_v)
 
     def points_at_end(self, e: Ends) -> dict[str, ca.SX]:
         """World (x, z) [m] of the leg's points at the end of flight."""
         s = e.final[FLIGHT]
         pose = self.dynamics(s).flight_pose
-        return s.once("points", lambda: self.dynamics(s).points(pose(s.com, s.com_v, s.q, s.v)[0]))
+        return s.once("points", lambda: self.dynamics(s).points(pose(*self.com_and_speed(s), s.q, s.v)[0]))
 
     @property
     def point_names(self) -> tuple[str, ...]:
@@ -107,7 +122,7 @@ class Hop:
         path = [operating_region_constraint(self.leg, j, motion) for j in names]
         path.append(unilateral_contact(motion, self.force_range, self.design.contact.least_force))
         if self.design.contact.friction is not None:
-            path.append(friction_cone(motion, self.design.contact.friction, self.force_range))
+            path.append(friction_cone(motion, self.design.contact.friction, self.force_range, self.contact_axes))
         clear, least = [name for name in self.must_clear_ground if name != "foot"], self.design.hop.least_height
         if clear:
             path.append(above_ground(clear, motion, self.dynamics, self.reach, least))
@@ -119,12 +134,21 @@ class Hop:
                 State("q", self.n, lower, upper, 1.0, "rad", names, initial=q0),
                 State("v", self.n, scale=SPEED, unit="rad/s", labels=names, initial=np.zeros(self.n)),
             ),
-            (Control("a", self.n, scale=ACCELERATION, unit="rad/s^2", labels=names),),
-            lambda s: {"q": s.v, "v": s.a},
+            self.stance_controls(),
+            lambda s: {"q": s.v, "v": self.joint_acceleration(s)},
             self.design.hop.stance_duration,
             tuple(path),
             {"effort": lambda s: self.effort(motion(s).tau, s)},
         )
+
+    def stance_controls(self) -> tuple[Control, ...]:
+        """Accelerations of the joints that no closed loop moves, and the contact force along the loop's axes."""
+        labels = tuple(self.leg.joints[k] for k in self.free)
+        controls = (Control("a", len(labels), scale=ACCELERATION, unit="rad/s^2", labels=labels),) if labels else ()
+        if not self.loops:
+            return controls
+        size, axes = weight(self.robot.model), tuple("xyz"[axis] for axis in self.loops)
+        return (*controls, Control("loop_force", len(axes), scale=size, unit="N", labels=axes))
 
     def flight(self) -> Phase:
         motion, (lower, upper) = self.flight_motion, self.limits
@@ -132,19 +156,18 @@ class Hop:
         if self.must_clear_ground:
             least = self.design.hop.least_height
             path.append(above_ground(self.must_clear_ground, motion, self.dynamics, self.reach, least))
-        plane, names = ("x", "z"), self.leg.joints
+        plane, names, m = tuple("xz"[k] for k in self.falling), self.leg.joints, len(self.falling)
+        rises = ([-INF, 0.0][-m:], [INF] * m)
         return Phase(
             FLIGHT,
             (
-                State("com", BASE, scale=1.0, unit="m", labels=plane),
-                State(
-                    "com_v", BASE, scale=BODY_SPEED, unit="m/s", labels=plane, initial=([-INF, 0.0], [INF, INF])
-                ),  # rises
+                State("com", m, scale=1.0, unit="m", labels=plane),
+                State("com_v", m, scale=BODY_SPEED, unit="m/s", labels=plane, initial=rises),
                 State("q", self.n, lower, upper, 1.0, "rad", names),
                 State("v", self.n, scale=SPEED, unit="rad/s", labels=names),
             ),
             (Control("a", self.n, scale=ACCELERATION, unit="rad/s^2", labels=names),),
-            lambda s: {"com": s.com_v, "com_v": self.dynamics(s).gravity, "q": s.v, "v": s.a},
+            lambda s: {"com": s.com_v, "com_v": self.dynamics(s).gravity[self.falling], "q": s.v, "v": s.a},
             self.design.hop.flight_duration,
             tuple(path),
             {"effort": lambda s: self.effort(motion(s).tau, s)},
@@ -154,15 +177,16 @@ class Hop:
         """What flight begins with less what stance ends with: centre of mass and joints, place and speed."""
         s, f = e.final[STANCE], e.initial[FLIGHT]
         q = self.dynamics(s).stance_pose(s.q, s.v)[0]
-        com = self.dynamics(s).points(q)["com"]
+        com = self.dynamics(s).points(q)["com"][self.falling]
         return ca.vertcat(f.com - com, f.com_v - ca.jtimes(com, s.q, s.v), f.q - s.q, f.v - s.v)
 
     @cached_property
     def problem(self) -> Problem:
         """The multi-phase problem; every physical parameter of the leg is a parameter of it."""
         goal, weight = self.objective, self.design.solver.tie_break
-        scale = np.r_[np.ones(BASE), np.full(BASE, BODY_SPEED), np.ones(self.n), np.full(self.n, SPEED)]
-        labels = tuple(f"{what} {name}" for what in ("com", "com_v") for name in ("x", "z"))
+        m = len(self.falling)
+        scale = np.r_[np.ones(m), np.full(m, BODY_SPEED), np.ones(self.n), np.full(self.n, SPEED)]
+        labels = tuple(f"{what} {'xz'[k]}" for what in ("com", "com_v") for k in self.falling)
         labels += tuple(f"{what} {name}" for what in "qv" for name in self.leg.joints)
         return Problem(
             self.design.name,
@@ -180,6 +204,8 @@ class Hop:
     def static_faults(self) -> list[str]:
         """A sentence for each joint whose drive cannot even hold the start pose against gravity."""
         q = start_angles(self.design)
+        if self.loops:  # the joints can press against the guides: no single answer
+            return []
         symbols = [ca.SX.sym(name, self.n) for name in "qva"]
         tau = LegDynamics(self.robot, self.robot.parameters).stance(*symbols).tau
         hold = np.array(ca.Function("hold", symbols, [tau])(q, 0, 0)).ravel()

@@ -5,7 +5,7 @@ The first is the paper's idea: a push straight up, the knee saturated and the bo
 that this does not lift (or that has other than two joints) goes straight up as slowly as it may instead.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -16,7 +16,7 @@ from scipy.stats import qmc
 
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import TwoJoints, foot_offset, planar, start_angles, tucked
+from hopopt.leg.kinematics import TwoJoints, contact_axes, foot_offset, joint_positions, start_angles, tucked
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 
@@ -58,9 +58,15 @@ def starts(count: int, seed: int) -> list[Start]:
 
 def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
     """The start as guesses of both phases, by phase name."""
-    pushed = saturated_push(hop) if start == NAMED[0] and hop.n == 2 and planar(hop.leg) else None
-    stance = pushed or _stance_guess(hop, start)
-    return {STANCE: stance, FLIGHT: _flight_guess(hop, stance)}
+    simple = start == NAMED[0] and hop.n == 2 and not hop.loops
+    stance = (saturated_push(hop) if simple else None) or _stance_guess(hop, start)
+    return {STANCE: _without_dependent(hop, stance), FLIGHT: _flight_guess(hop, stance)}
+
+
+def _without_dependent(hop: Hop, stance: Guess) -> Guess:
+    """The guess with the controls that the problem has: on a closed loop not all accelerations, and no force yet."""
+    u = np.hstack([stance.u[:, hop.free], np.zeros((len(stance.u), len(hop.loops)))])
+    return replace(stance, u=u)
 
 
 def _stance_guess(hop: Hop, start: Start) -> Guess:
@@ -70,8 +76,9 @@ def _stance_guess(hop: Hop, start: Start) -> Guess:
     q0 = start_angles(hop.design)
     hip0 = -foot_offset(hop.leg, q0)
     high = 0.85 * hop.reach
-    middle = np.array([start.sway * hop.reach, hip0[1] * (1 - start.dip) + 0.15 * (high - hip0[1])])
-    end = np.array([start.lean * hop.reach, np.sqrt(high**2 - (start.lean * hop.reach) ** 2)])
+    sway, lean = (start.sway * hop.reach, start.lean * hop.reach) if len(hop.falling) == 2 else (hip0[0], hip0[0])
+    middle = np.array([sway, hip0[1] * (1 - start.dip) + 0.15 * (high - hip0[1])])
+    end = np.array([lean, np.sqrt(high**2 - lean**2)])
     path = PchipInterpolator([0.0, 0.5, 1.0], np.stack([hip0, middle, end]))
     s = np.linspace(0, 1, POINTS)
     angles, q = [], q0
@@ -88,12 +95,15 @@ def _differentiate(T: float, s: np.ndarray, q: np.ndarray) -> Guess:
 
 
 def inverse_kinematics(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Joint angles [rad] within the limits that bring the foot closest to ``foot`` (x, z) [m] below the body."""
+    """Joint angles [rad] within the limits that bring the foot closest to ``foot`` (x, z) [m] from the body; a leg that
+    leaves the plane keeps its foot beside the body where it starts."""
     lower, upper = hop.limits
     inner = np.clip(near, lower + 1e-6, upper - 1e-6)
+    axes, beside = list(contact_axes(hop.leg)), joint_positions(hop.leg, start_angles(hop.design))[-1, 1]
+    wanted = np.array([foot[0], beside, foot[1]])[axes]
 
     def residual(q: np.ndarray) -> np.ndarray:
-        return np.concatenate([foot_offset(hop.leg, q) - foot, 1e-3 * (q - near)])
+        return np.concatenate([joint_positions(hop.leg, q)[-1, axes] - wanted, 1e-3 * (q - near)])
 
     return least_squares(residual, inner, bounds=(lower, upper), xtol=1e-8, ftol=1e-8).x
 
@@ -109,7 +119,8 @@ def _flight_guess(hop: Hop, stance: Guess) -> Guess:
     blend = (s * s * (3 - 2 * s))[:, None]
     q = stance.x[-1, :n] + (tucked(hop.leg, hop.design.hop.foot_window) - stance.x[-1, :n]) * blend
     v = np.gradient(q, t, axis=0)
-    x = np.hstack([com + t[:, None] * com_v + 0.5 * t[:, None] ** 2 * fall, com_v + t[:, None] * fall, q, v])
+    place, speed = com + t[:, None] * com_v + 0.5 * t[:, None] ** 2 * fall, com_v + t[:, None] * fall
+    x = np.hstack([place[:, hop.falling], speed[:, hop.falling], q, v])
     return Guess(T, s, x, np.gradient(v, t, axis=0))
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from hopopt.leg.kinematics import contact_axes
 from hopopt.leg.robot import BASE, Robot
 
 
@@ -56,6 +57,8 @@ class Machine:
 
     def __init__(self, robot: Robot):
         self.model, self.data, self.n = robot.model, robot.model.createData(), len(robot.joints)
+        self.contact = list(contact_axes(robot.leg))
+        self.held = [] if "x" in robot.leg.guides else [0]  # coordinates of the body that no guide lets move
         self.frames = {name: self.model.getFrameId(f"point_{name}") for name in robot.points}
         self.foot = self.frames["foot"]
         self._lower = np.tril_indices(self.model.nv, -1)
@@ -63,9 +66,9 @@ class Machine:
         self.gravity = np.array(self.model.gravity.linear)[[0, 2]]
 
     def foot_jacobian(self, q: np.ndarray) -> np.ndarray:
-        """(2, 2 + n), world x and z."""
+        """Along the axes of the contact force: world x and z, (2, 2 + n); x, y and z where the leg leaves the plane."""
         pin.computeJointJacobians(self.model, self.data, q)
-        return pin.getFrameJacobian(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)[[0, 2]]
+        return pin.getFrameJacobian(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)[self.contact]
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """(BASE + n square), with the rotors' inertia; Pinocchio fills the upper triangle."""
@@ -76,16 +79,17 @@ class Machine:
     def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> np.ndarray:
         """Forward dynamics [rad/s^2, m/s^2]; in contact the foot's acceleration is held at zero."""
         forces = np.concatenate([np.zeros(BASE), tau])
-        if not contact:
+        if not contact and not self.held:
             return pin.aba(self.model, self.data, q, v, forces)
         M = self.mass_matrix(q)
         bias = pin.nonLinearEffects(self.model, self.data, q, v)
-        J = self.foot_jacobian(q)
-        pin.forwardKinematics(self.model, self.data, q, v, np.zeros_like(v))
-        drift = pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED).linear[
-            [0, 2]
-        ]
-        matrix = np.block([[M, -J.T], [J, np.zeros((2, 2))]])
+        J, drift = np.eye(len(v))[self.held], np.zeros(len(self.held))  # a held coordinate stays where it is
+        if contact:
+            J = np.vstack([self.foot_jacobian(q), J])
+            pin.forwardKinematics(self.model, self.data, q, v, np.zeros_like(v))
+            foot = pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED).linear
+            drift = np.concatenate([foot[self.contact], drift])
+        matrix = np.block([[M, -J.T], [J, np.zeros((len(J), len(J)))]])
         return np.linalg.solve(matrix, np.concatenate([forces - bias, -drift]))[: len(v)]
 
     def stance_terms(self, q_j: np.ndarray, v_j: np.ndarray) -> "StanceTerms":
@@ -107,6 +111,11 @@ class Machine:
         J = self.foot_jacobian(q)
         step = np.linalg.solve(M, J.T)
         return v - step @ np.linalg.solve(J @ step, J @ v)
+
+    def foot_beside(self, q: np.ndarray) -> float:
+        """Place of the foot across the plane, y [m]."""
+        pin.forwardKinematics(self.model, self.data, q)
+        return float(pin.updateFramePlacement(self.model, self.data, self.foot).translation[1])
 
     def foot_motion(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position [m] and velocity [m/s] of the foot, (2,) each."""
