@@ -8,16 +8,17 @@ s.plot()
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from hopopt.compare import Comparison
     from hopopt.planner import solve
     from hopopt.problem_file import load
     from hopopt.solution import Solution
     from hopopt.storage import read, save
     from hopopt.sweep_run import Study, sweep
 
-__all__ = ["Solution", "Study", "load", "read", "save", "solve", "sweep"]
+__all__ = ["Comparison", "Solution", "Study", "load", "read", "save", "solve", "sweep"]
 _HOME = {
     "load": "problem_file", "solve": "planner", "Solution": "solution", "read": "storage", "save": "storage",
-    "sweep": "sweep_run", "Study": "sweep_run",
+    "sweep": "sweep_run", "Study": "sweep_run", "Comparison": "compare",
 }  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from every limit (the problem's [reserve]), because on the limits themselves fee
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from hopopt.sim.mujoco import library
 from hopopt.sim.trace import Event, Trace
 from hopopt.solution import Solution
 from hopopt.verify import PLACES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TUNED = ("force", "position")  # strategies whose gains can be tuned
 BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
@@ -70,6 +73,15 @@ class Comparison:
         """What a strategy misses of the bound [m], as push, timing and retraction; they sum to the gap."""
         best, own = self.figures[OPTIMUM].budget, self.figures[name].budget
         return {part: best[part] - own[part] for part in best}
+
+    def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
+        """All figures by name, or the one called ``name``: foot_height, saturation, speed_torque, stiffness, stick,
+        budget."""
+        from hopopt.plots_runs import FIGURES
+
+        if name is not None:
+            return FIGURES[name](self.figures)
+        return {key: draw(self.figures) for key, draw in FIGURES.items()}
 
     def row(self, name: str) -> dict[str, Any]:
         """Everything known of one strategy, for ``--json``."""

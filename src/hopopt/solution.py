@@ -20,6 +20,9 @@ from hopopt.verify import PLACES, Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hopopt.compare import Comparison
+    from hopopt.sensitivity import Influence
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -168,12 +171,34 @@ class Solution:
         return claims
 
     def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
-        """All figures by name, or the one called ``name`` (heights, joints, operating_region, stick, ground_force)."""
+        """All figures by name, or the one called ``name``: heights, joints, operating_region, stick, ground_force, or
+        tornado, which is drawn only if asked for."""
         from hopopt.plots import FIGURES
 
+        if name == "tornado":
+            from hopopt.plots_sensitivity import tornado
+
+            return tornado(self, self.sensitivity())
         if name is not None:
             return FIGURES[name](self)
         return {key: draw(self) for key, draw in FIGURES.items()}
+
+    def sensitivity(self) -> "list[Influence]":
+        """What one more of every number of the problem changes in the height, the most rewarding per cent first; see
+        ``hopopt.sensitivity``. Raises UsageError where the start pose has no derivative."""
+        from hopopt.sensitivity import sensitivity
+
+        return sensitivity(self)
+
+    def compare(self, *strategies: str, tune: int = 0) -> "Comparison":
+        """This hop as the bound, beside what controllers make of the same leg; all built-in ones if none is named.
+
+        tune: hops on which the gains of "force" and "position" are tuned. Raises UsageError for unknown strategies,
+        NotSolvedError if there is no plan to track.
+        """
+        from hopopt.compare import BUILT_IN, compare
+
+        return compare(self.design, strategies or tuple(BUILT_IN), bound=self, tune=tune)
 
 
 def _join(parts: list[Samples]) -> Samples:
