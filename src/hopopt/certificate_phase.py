@@ -1,0 +1,195 @@
+"""Pontryagin's conditions along one phase, for the objective J as it is stated and its multipliers' signs:
+
+    p' = -dH/dx,   dH/du = 0,   H = p' f + w' l - nu' (c - limit),   p + atoms' dc/dx = dPhi/dx at the end
+
+with densities nu (and atoms at the end) of the limits c, integrands l and Phi the objective less the boundary
+constraints times their multipliers. State constraints have measures as multipliers; on an interval a measure is
+replaced by the polynomial density of the same moments, so that the costate is compared over whole intervals: its
+difference against the integral of -dH/dx. (Hartl, Sethi and Vickson, A survey of the maximum principles for optimal
+control problems with state constraints, SIAM Review 1995: direct adjoining.)
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from hopopt.certificate_arcs import Arc
+from hopopt.certificate_costates import PhaseMultipliers, sign
+from hopopt.certificate_points import Along
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.schemes import radau
+
+FINE = radau(6)  # where the conditions are evaluated in every interval, and what integrates the costates
+Slopes = Mapping[str, np.ndarray]
+
+
+class PhaseCertificate:
+    """One phase at FINE places of its N intervals: ``costate`` (N + 1, nx) at the edges, from the multipliers, the
+    last from the end's conditions; ``p`` (N, K, nx), each interval integrated from the costate at its beginning;
+    ``hamiltonian`` (N, K); ``density`` (N, K, m) of the limits."""
+
+    def __init__(
+        self, solution: NlpSolution, name: str, slopes: Slopes, along: Along, nodes: Along, m: PhaseMultipliers
+    ):
+        self.solution, self.name, self.slopes, self.along, self.multipliers = solution, name, slopes, along, m
+        self.layout, self.trajectory = solution.transcription.layouts[name], solution.phases[name]
+        self.objective, self.h = max(abs(solution.objective), 1e-9), self.trajectory.lengths
+        self.weights = slopes["integrals"]
+        self.scale = self.layout.phase.columns(self.layout.phase.states, "scale")
+        self.density = np.einsum("kj,ijm->ikm", self.layout.scheme.control_weights(np.array(FINE.c)), m.density)
+        self.costate = self._edges(nodes)
+        self.p = self._integrated()
+        self.hamiltonian = along.hamiltonian(self.p, self.weights)
+
+    def _edges(self, nodes: Along) -> np.ndarray:
+        """Costates at the edges; the last is what the end of the phase and its atoms ask for."""
+        m, nx = self.multipliers, self.along.x.shape[2]
+        begin = m.costate.copy()
+        if self.layout.scheme.starts_at_node:
+            slope = nodes.gradient(nodes.by_x, m.inner, self.weights, m.density)[:, 0]
+            begin += self.h[:, None] * self.layout.scheme.b[0] * slope
+        at_end = nodes.by_x[-1, -1, nx : nx + len(m.atom)]
+        self.atom_on_controls = nodes.by_u[-1, -1, nx : nx + len(m.atom)].T @ m.atom
+        self.final_limits = nodes.c[-1, -1]
+        return np.vstack([begin, self.slopes["final"] - at_end.T @ m.atom])
+
+    def _integrated(self) -> np.ndarray:
+        """p' = -dH/dx over every interval, linear in p: Radau IIA of order 11, all intervals at once."""
+        along, (N, K, nx) = self.along, self.along.x.shape
+        M = -np.swapaxes(along.by_x[:, :, :nx], 2, 3)
+        r = -along.gradient(along.by_x, np.zeros((N, K, nx)), self.weights, self.density)
+        step = np.einsum("i,kj,ijxy->ikxjy", self.h, FINE.A, M).reshape(N, K * nx, K * nx)
+        known = self.costate[:-1, None] + np.einsum("i,kj,ijx->ikx", self.h, FINE.A, r)
+        return np.linalg.solve(np.eye(K * nx) - step, known.reshape(N, K * nx, 1)).reshape(N, K, nx)
+
+    def _integral(self, values: np.ndarray) -> np.ndarray:
+        """Over the phase, of values (N, K, ...)."""
+        return np.einsum("i,k,ik...->...", self.h, FINE.b, values)
+
+    def _when(self, interval: int) -> str:
+        return f"{self.trajectory.edges[interval]:.4f} s after {self.name} began"
+
+    # ---- costates --------------------------------------------------------------------------------------
+
+    @cached_property
+    def _steps(self) -> np.ndarray:
+        """How far each interval's integrated costate misses the next edge's, scaled, (N,)."""
+        return np.abs((self.p[:, -1] - self.costate[1:]) * self.scale).max(axis=1)
+
+    @cached_property
+    def _sizes(self) -> np.ndarray:
+        """Size of the costate at the edges, scaled, (N + 1,)."""
+        return np.abs(self.costate * self.scale).max(axis=1)
+
+    def costate_residual(self, found: Sequence[Arc]) -> tuple[float, str]:
+        """Largest miss over an interval, relative to the costate on its arc; and where."""
+        floor, relative = 1e-9 * self._sizes.max() + 1e-300, np.zeros(len(self.h))
+        for arc in found:
+            own = slice(arc.first, arc.last + 1)
+            relative[own] = self._steps[own] / max(self._sizes[arc.first : arc.last + 2].max(), floor)
+        return float(relative.max()), self._when(int(relative.argmax()))
+
+    def start_residual(self) -> float:
+        """Costate at the beginning against what the boundary constraints and the initial state's bounds ask for."""
+        wrong = (self.costate[0] + self.slopes["initial"] - self.multipliers.start) * self.scale
+        return float(np.abs(wrong).max() / max(self._sizes.max(), 1e-300))
+
+    def end_residual(self) -> float:
+        """Costate integrated to the end against what the boundary constraints and limits met there ask for."""
+        return float(self._steps[-1] / max(self._sizes.max(), 1e-300))
+
+    # ---- controls and limits ---------------------------------------------------------------------------
+
+    def stationarity(self) -> float:
+        """Integral of |dH/du| times the controls' size: what the controls could still gain, to first order."""
+        if not self.along.u.shape[2]:
+            return 0.0
+        size = np.abs(self.along.u).max(axis=(0, 1))
+        slope = self.along.gradient(self.along.by_u, self.p, self.weights, self.density)
+        total = (self._integral(np.abs(slope)) + np.abs(self.atom_on_controls)) @ size
+        return float(total) / self.objective
+
+    def limits_residual(self) -> tuple[float, str]:
+        """Integral of each multiplier times the distance to the limit it belongs to by its sign; and the worst limit.
+
+        The limits are those of the problem: where they were drawn in, what that costs is part of it.
+        """
+        phase, stage, s = self.layout.phase, self.layout.stage, sign(self.solution)
+        variables = (*phase.states, *phase.controls)
+        lower, upper, scale = (
+            np.concatenate([stage.path_column(side), phase.columns(variables, side)])
+            for side in ("lower", "upper", "scale")
+        )
+        cell = np.searchsorted(np.cumsum(self.layout.scheme.b), FINE.c).clip(max=len(self.layout.scheme.b) - 1)
+        nu = self.multipliers.density[:, cell]  # each node's multiplier, spread over its share of the interval
+        pushed = self._integral(np.abs(nu) * missed(nu, self.along.c, lower, upper, s, scale))
+        given = [state.end_bounds("final") for state in phase.states]
+        first, count = len(stage.path_column("lower")), self.along.x.shape[2]
+        low, high = lower.copy(), upper.copy()
+        low[first : first + count], high[first : first + count] = (
+            np.concatenate(side) for side in zip(*given, strict=True)
+        )
+        atom = self.multipliers.atom
+        pushed = pushed + np.abs(atom) * missed(atom, self.final_limits, low, high, s, scale)
+        worst = self.multipliers.limits[int(pushed.argmax())] if pushed.size else ""
+        return float(pushed.sum()) / self.objective, worst
+
+    # ---- Hamiltonian -----------------------------------------------------------------------------------
+
+    @cached_property
+    def _by_time(self) -> np.ndarray:
+        """Partial derivative of H by time, (N, K)."""
+        return self.along.gradient(self.along.by_t, self.p, self.weights, self.density)[..., 0]
+
+    @cached_property
+    def steady(self) -> np.ndarray:
+        """H less the integral of its partial derivative by time, (N, K): constant along an optimum."""
+        inner = self.h[:, None] * np.einsum("kj,ij->ik", FINE.A, self._by_time)
+        before = np.concatenate([[0.0], np.cumsum(inner[:-1, -1])])
+        return self.hamiltonian - before[:, None] - inner
+
+    @cached_property
+    def _power(self) -> float:
+        """Size of the terms that make up H."""
+        return max(float(np.abs(self.p * self.along.f).sum(axis=2).max()), 1e-300)
+
+    def hamiltonian_within(self, found: Sequence[Arc]) -> tuple[float, str]:
+        """Largest variation of H along an arc, relative to the size of its terms; and where."""
+        spread = [np.ptp(self.steady[a.first : a.last + 1]) if a.steady else 0.0 for a in found]
+        worst = int(np.argmax(spread))
+        return float(spread[worst]) / self._power, self._when(found[worst].first)
+
+    def hamiltonian_across(self) -> tuple[float, str]:
+        """Sum over the edges of the jump of H times how far an edge may move: what switching elsewhere could gain."""
+        if len(self.h) == 1:
+            return 0.0, ""
+        jump = np.abs(np.diff(self.steady @ FINE.b))
+        gain = jump * np.minimum(self.h[:-1], self.h[1:])
+        return float(gain.sum()) / self.objective, self._when(int(gain.argmax()) + 1)
+
+    def duration_residual(self) -> float:
+        """Mean H of each arc of the mesh (with what later times gain) against its duration's multipliers."""
+        mesh, m = self.layout.mesh, self.multipliers
+        own = np.eye(mesh.arcs)[mesh.arc]
+        spans = own.T @ self.h
+        mean = (own.T @ (self.h * (self.hamiltonian @ FINE.b))) / spans
+        interval, place = np.repeat(np.arange(mesh.intervals), len(FINE.c)), np.tile(FINE.c, mesh.intervals)
+        moved = self.layout.times_of(interval, place).reshape(mesh.intervals, len(FINE.c), -1)
+        later = self._integral(self._by_time[..., None] * moved)
+        wrong = self.slopes["duration"] + mean + later - m.duration
+        size = np.abs(self.slopes["duration"]) + np.abs(m.duration).max() + self._power
+        return float(np.abs(wrong).max() / size.max())
+
+    def by_free(self) -> np.ndarray:
+        """Integral of dH by the free parameters, (f,)."""
+        return self._integral(self.along.gradient(self.along.by_free, self.p, self.weights, self.density))
+
+
+def missed(
+    nu: np.ndarray, value: np.ndarray, lower: np.ndarray, upper: np.ndarray, s: float, scale: object
+) -> np.ndarray:
+    """Distance to the limit that a multiplier belongs to by its sign: the upper one where -s nu > 0; ``scale`` where
+    there is none."""
+    slack = np.abs(np.where(-s * nu > 0, upper - value, value - lower))
+    return np.where(np.isfinite(slack), slack, np.broadcast_to(np.asarray(scale, dtype=float), slack.shape))

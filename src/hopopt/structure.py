@@ -1,0 +1,108 @@
+"""The switching structure of an optimum in words: which limit acts on what, from when to when.
+
+What acts is told from the multipliers (certificate_arcs.py). A stretch shorter than SHORTEST of its phase is the trace
+of a switch between two nodes, not an arc: its neighbours meet in its middle.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from hopopt.certificate_arcs import Activity, activity
+from hopopt.nlp.ipopt import NlpSolution
+
+SHORTEST = 2e-3  # share of the phase
+REGION = " operating region"
+WORDS = {
+    ("ground force", "lower"): ("ground", "carries nothing"),
+    ("body never descends", "lower"): ("body", "does not descend"),
+    ("friction cone[forward]", "lower"): ("foot", "about to slip forward"),
+    ("friction cone[backward]", "lower"): ("foot", "about to slip backward"),
+}
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """From begin to end [s] since the phase began, ``limit`` acts on ``subject``; "free" where none does."""
+
+    subject: str
+    limit: str
+    begin: float
+    end: float
+
+
+def described(limit: str, side: str) -> tuple[str, str]:
+    """Subject and words of one side of a limit."""
+    if (limit, side) in WORDS:
+        return WORDS[limit, side]
+    name, _, part = limit.partition("[")
+    part = part.removesuffix("]")
+    if name.endswith(REGION):
+        way = "forward" if side == "upper" else "backward"
+        return name.removesuffix(REGION), f"{part} {way}"
+    if name == "height above ground":
+        return part, "on the ground"
+    if name == "q":
+        return part, f"at its {side} angle"
+    return limit, f"at its {side} limit"
+
+
+def stretches(act: Activity, ends: tuple[float, float]) -> list[Stretch]:
+    """What acts on every subject that some limit acts on, subject by subject in the order of time."""
+    t, m, found = act.t.ravel(), len(act.limits), list[Stretch]()
+    sides = act.sides.reshape(len(t), -1)
+    subjects: dict[str, list[tuple[int, str]]] = {}
+    for k in np.flatnonzero(sides.any(axis=0)):
+        subject, words = described(act.limits[k % m], "upper" if k < m else "lower")
+        subjects.setdefault(subject, []).append((k, words))
+    for subject, columns in subjects.items():
+        says = [" and ".join(w for k, w in columns if row[k]) or "free" for row in sides]
+        runs = _runs(says, t, ends)
+        if any(run.limit != "free" for run in runs):
+            found += [Stretch(subject, run.limit, run.begin, run.end) for run in runs]
+    return found
+
+
+def _runs(says: Sequence[str], t: np.ndarray, ends: tuple[float, float]) -> list[Stretch]:
+    """Equal neighbours joined; what is too short is left out, and its neighbours meet in its middle."""
+    edges = np.concatenate([[ends[0]], (t[1:] + t[:-1]) / 2, [ends[1]]])
+    runs = [Stretch("", what, edges[k], edges[k + 1]) for k, what in enumerate(says)]
+    runs = _joined(runs)
+    least = SHORTEST * (ends[1] - ends[0])
+    kept = [run for run in runs if run.end - run.begin >= least] or runs[:1]
+    middle = [(a.end + b.begin) / 2 for a, b in zip(kept[:-1], kept[1:], strict=True)]
+    begin, end = [ends[0], *middle], [*middle, ends[1]]
+    return _joined([Stretch("", run.limit, b, e) for run, b, e in zip(kept, begin, end, strict=True)])
+
+
+def _joined(runs: Sequence[Stretch]) -> list[Stretch]:
+    found: list[Stretch] = []
+    for run in runs:
+        if found and found[-1].limit == run.limit:
+            found[-1] = Stretch(run.subject, run.limit, found[-1].begin, run.end)
+        else:
+            found.append(run)
+    return found
+
+
+def structure(solution: NlpSolution) -> dict[str, list[Stretch]]:
+    """The stretches of every phase."""
+    return {name: stretches(activity(solution, name), (0.0, p.duration)) for name, p in solution.phases.items()}
+
+
+def sentences(found: dict[str, list[Stretch]]) -> list[str]:
+    """One sentence for each subject of each phase: "hip: torque-speed line forward until 0.143 s, then ..."."""
+    lines = []
+    for phase, parts in found.items():
+        for subject in dict.fromkeys(s.subject for s in parts):
+            own = [s for s in parts if s.subject == subject]
+            whole = [f"{s.limit} until {s.end:.3f} s" for s in own[:-1]]
+            lines.append(f"{phase}, {subject}: {', then '.join([*whole, own[-1].limit])}")
+    return lines
+
+
+def as_dict(found: dict[str, list[Stretch]]) -> dict[str, Any]:
+    """For the summary: words and, by phase, the stretches [s since the phase began]."""
+    return {"words": sentences(found), **{phase: [asdict(s) for s in parts] for phase, parts in found.items()}}
