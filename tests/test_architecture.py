@@ -40,7 +40,7 @@ ONLY = {  # libraries with one home
         "plots_sweep.py",
         "plots_sensitivity.py",
     ),
-    "xarray": ("storage.py", "storage_runs.py", "sweep_store.py"),
+    "xarray": ("storage.py", "storage_multipliers.py", "storage_runs.py", "sweep_store.py"),
     "h5netcdf": ("storage.py",),
     "h5py": ("storage.py",),
 }

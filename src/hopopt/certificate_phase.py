@@ -137,6 +137,11 @@ class PhaseCertificate:
 
     # ---- Hamiltonian -----------------------------------------------------------------------------------
 
+    @property
+    def mean_hamiltonian(self) -> np.ndarray:
+        """H on average over each interval, (N,)."""
+        return self.hamiltonian @ FINE.b
+
     @cached_property
     def _by_time(self) -> np.ndarray:
         """Partial derivative of H by time, (N, K)."""
@@ -173,7 +178,7 @@ class PhaseCertificate:
         mesh, m = self.layout.mesh, self.multipliers
         own = np.eye(mesh.arcs)[mesh.arc]
         spans = own.T @ self.h
-        mean = (own.T @ (self.h * (self.hamiltonian @ FINE.b))) / spans
+        mean = (own.T @ (self.h * self.mean_hamiltonian)) / spans
         interval, place = np.repeat(np.arange(mesh.intervals), len(FINE.c)), np.tile(FINE.c, mesh.intervals)
         moved = self.layout.times_of(interval, place).reshape(mesh.intervals, len(FINE.c), -1)
         later = self._integral(self._by_time[..., None] * moved)

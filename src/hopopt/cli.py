@@ -114,25 +114,34 @@ def new(name: str) -> int:
 def verify(result: Path, *, json_: AsJson = False) -> int:
     """Check a stored result again, from its files alone. Exit code 0 if it is verified, 3 if not.
 
+    The certificate of first-order optimality (docs/certificate.md) is recomputed too, and said to hold or not.
+
     Parameters
     ----------
     result
         A folder that hopopt solve wrote.
     """
-    from hopopt.recheck import recheck
+    from hopopt.recheck import recertified, recheck
     from hopopt.storage import as_json, read
 
-    checks = recheck(read(result))
+    solution = read(result)
+    checks, certificate = recheck(solution), recertified(solution)
     verified = all(c.passed for c in checks)
+    code = 0 if verified else 3
     if json_:
-        print(
-            as_json({"verified": verified, "exit_code": 0 if verified else 3, "checks": [c.as_dict() for c in checks]})
-        )
+        found = {
+            "certified": certificate.passed if certificate else None,
+            "certificate": certificate.as_dict() if certificate else None,
+        }
+        listed = [c.as_dict() for c in checks]
+        print(as_json({"verified": verified, "exit_code": code, "checks": listed, **found}))
     else:
         from hopopt.screen import print_checks
+        from hopopt.screen_certificate import print_certificate
 
         print_checks(str(result), checks)
-    return 0 if verified else 3
+        print_certificate(certificate)
+    return code
 
 
 def _answer(solution: "Solution", as_object: bool) -> None:

@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 
+from hopopt.certificate_result import attached
 from hopopt.errors import NotSolvedError
 from hopopt.leg.design import Design
 from hopopt.multistart import (
@@ -104,7 +105,10 @@ def finish(
     checks = numerical_checks(hop.design, refinement.solution, refinement.errors, refinement.change)
     checks += verify_plan(hop.design, plan.tables, plan.claims())
     clock.mark("verification")
-    return summarize(hop, plan, refinement.solution, checks, outcomes, outcome, refinement.history, clock)
+    found = summarize(hop, plan, refinement.solution, checks, outcomes, outcome, refinement.history, clock)
+    certified = attached(found, refinement.solution)
+    clock.mark("certificate")
+    return certified
 
 
 def refine_outcome(hop: Hop, outcome: StartOutcome, say: Progress, first: Transcription | None = None) -> Refinement:

@@ -6,6 +6,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hopopt.certificate import Certificate, certify
+from hopopt.certificate_result import agreement
 from hopopt.errors import ResultError
 from hopopt.nlp.accuracy import interval_errors
 from hopopt.nlp.ipopt import Bounds, NlpSolution
@@ -14,7 +16,7 @@ from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.solution import Solution
-from hopopt.verify import Check, verify_plan
+from hopopt.verify import KKT, Check, verify_plan
 
 AGREE = 1e-9  # stored tables against the stored trajectories, relative
 
@@ -33,6 +35,31 @@ def recheck(solution: Solution) -> list[Check]:
         ) from error
 
 
+def recertified(solution: Solution) -> Certificate | None:
+    """The certificate of a stored solution, recomputed from its multipliers; None if it was stored without them.
+
+    Costates that the file holds are compared with those of its multipliers. Raises ResultError as ``recheck``.
+    """
+    if not has_multipliers(solution):
+        return None
+    try:
+        certificate = certify(stored_nlp(solution))
+        if solution.multipliers:
+            check = agreement(certificate, solution.multipliers)
+            certificate = replace(certificate, checks=(*certificate.checks, check))
+        return certificate
+    except (KeyError, ValueError, IndexError, TypeError, RuntimeError) as error:
+        raise ResultError(
+            f"{solution.result_dir}: its multipliers do not fit the plan ({type(error).__name__}: {str(error)[:200]}): "
+            "solve it again"
+        ) from error
+
+
+def has_multipliers(solution: Solution) -> bool:
+    """Whether the program's point and multipliers were stored."""
+    return {"z", "lam_g", "lam_x"} <= solution.kkt.keys()
+
+
 def reverified(solution: Solution) -> Solution:
     """A stored solution that is ``verified`` only if its summary says so and every check passes again."""
     verified = solution.verified and all(check.passed for check in recheck(solution))
@@ -42,14 +69,18 @@ def reverified(solution: Solution) -> Solution:
 def _recheck(solution: Solution) -> list[Check]:
     from hopopt.planner import numerical_checks
 
+    names = ("clearance_m", "apex_m") if solution.objective == "apex" else ("clearance_m",)
+    claims = {name: float(solution.summary[name]) for name in names}
+    plan = verify_plan(solution.design, solution.tables, claims)
+    if not has_multipliers(solution):
+        missing = Check("first-order conditions", float("inf"), KKT, "scaled", "the file holds no multipliers")
+        return [missing, _agreement(solution), *plan]
     nlp = stored_nlp(solution)
     change = next(c for c in solution.summary["verification"] if c["name"] == "change of the objective")["residual"]
     errors = {name: interval_errors(nlp, name) for name in solution.phases}
     checks = numerical_checks(solution.design, nlp, errors, float("inf") if change is None else change)
     checks += [_agreement(solution), _same_program(solution, nlp), _same_limits(nlp)]
-    names = ("clearance_m", "apex_m") if solution.objective == "apex" else ("clearance_m",)
-    claims = {name: float(solution.summary[name]) for name in names}
-    return checks + verify_plan(solution.design, solution.tables, claims)
+    return checks + plan
 
 
 def stored_nlp(solution: Solution) -> NlpSolution:

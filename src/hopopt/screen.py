@@ -37,6 +37,8 @@ def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
 
 def print_answer(solution: "Solution") -> None:
     """The answer, short: what was reached, how it comes about, what holds it back, and why to believe it."""
+    from hopopt.screen_certificate import certificate_line, structure_lines
+
     s, out = solution.summary, console()
     out.print(f"[bold]{s['title'] or s['problem']}[/bold]  ({s['problem']}, objective {s['objective']})", markup=True)
     out.print(_headline(s), markup=True)
@@ -44,7 +46,8 @@ def print_answer(solution: "Solution") -> None:
         ("hop", _hop(s)),
         ("effort", _effort(s)),
         ("limits", _limits(s)),
-        ("evidence", _evidence(s)),
+        ("structure", structure_lines(s)),
+        ("evidence", _evidence(s) + certificate_line(s)),
         ("notes", list(s.get("notes", ()))),
         ("results", [f"{s['result_dir']}   ({s['wall_s']:.1f} s)"]),
     ):

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from hopopt.compare import Comparison
     from hopopt.sensitivity import Influence
 
+Multipliers = dict[str, np.ndarray]  # of one phase, or of the ends, by name
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -91,6 +93,7 @@ class Solution:
     summary: dict[str, Any]
     kkt: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     result_dir: Path | None = None
+    multipliers: dict[str, Multipliers] = field(default_factory=dict, repr=False)  # see certificate_result.stored
 
     @cached_property
     def robot(self) -> Robot:

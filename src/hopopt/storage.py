@@ -1,7 +1,8 @@
 """Results folders: data written whole or not at all, never overwritten, read back as data (no pickle).
 
 results/<problem>-<hash8>/
-    solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors
+    solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors;
+                    in certificate/ costates, Hamiltonian and multipliers (storage_multipliers.py)
     summary.json    every printed number          problem.toml   all defaults filled in, runs again
     manifest.json   versions, seed, mesh history  figures/       PNG and SVG
 
@@ -32,6 +33,7 @@ from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.problem_file import design_hash, load, resolved_toml
 from hopopt.problem_text import printable
 from hopopt.solution import Solution
+from hopopt.storage_multipliers import groups, multipliers
 from hopopt.verify import Table
 
 PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
@@ -75,7 +77,7 @@ def stated(summary: Mapping[str, Any]) -> dict[str, Any]:
     return {**summary, **dict.fromkeys(heights), **{f"unverified_{k}": v for k, v in heights.items()}}
 
 
-def save(solution: Solution, results: Path, figures: Figures | None = None) -> Solution:
+def save(solution: Solution, results: str | Path = "results", figures: Figures | None = None) -> Solution:
     """Write a solution into a new folder below ``results``; the solution with its folder noted.
 
     figures(solution, folder) draws the pictures; what it cannot draw is noted in the summary's ``notes`` and
@@ -83,7 +85,7 @@ def save(solution: Solution, results: Path, figures: Figures | None = None) -> S
     then kept in a folder for temporary files, which the error names.
     """
     try:
-        saved = _save_data(solution, results)
+        saved = _save_data(solution, Path(results))
     except OSError as error:
         words = f"the result cannot be written ({reason_of(error)}){_rescued(solution)}"
         raise ResultError(f"{results}: {words}") from error
@@ -178,6 +180,7 @@ def _netcdf(solution: Solution) -> memoryview:
     datasets = {"/": xr.Dataset(attrs=attributes)}
     for phase, trajectory in solution.phases.items():
         datasets[f"/{phase}"] = _phase_dataset(solution, solution.tables[phase], trajectory)
+    datasets |= groups(solution.multipliers)
     datasets["/nlp"] = xr.Dataset({name: (f"{name}_row", value) for name, value in solution.kkt.items()})
     return xr.DataTree.from_dict(datasets).to_netcdf(engine="h5netcdf")  # type: ignore[return-value]
 
@@ -214,12 +217,13 @@ def read(folder: str | Path) -> Solution:
             tree = tree.load()
         phases = {name: _trajectory(tree[name].to_dataset()) for name in ("stance", "flight")}
         tables = {name: _table(tree[name].to_dataset()) for name in ("stance", "flight")}
-        kkt = {str(name): np.array(value) for name, value in tree["nlp"].to_dataset().items()}
+        kkt = {str(name): np.array(value) for name, value in tree["nlp"].to_dataset().items()} if "nlp" in tree else {}
+        kept = multipliers(tree)
         objective = str(tree.attrs["objective"])
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         missing = "an entry is missing: " if isinstance(error, KeyError) else ""
         raise ResultError(f"{folder}: the result cannot be read ({missing}{reason_of(error)})") from error
-    solution = Solution(design, objective, phases, summary, kkt, folder)
+    solution = Solution(design, objective, phases, summary, kkt, folder, kept)
     solution.__dict__["tables"] = tables
     return solution
 

@@ -6,6 +6,7 @@ of a switch between two nodes, not an arc: its neighbours meet in its middle.
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ def stretches(act: Activity, ends: tuple[float, float]) -> list[Stretch]:
     t, m, found = act.t.ravel(), len(act.limits), list[Stretch]()
     sides = act.sides.reshape(len(t), -1)
     subjects: dict[str, list[tuple[int, str]]] = {}
-    for k in np.flatnonzero(sides.any(axis=0)):
+    for k in np.flatnonzero(sides.any(axis=0)).tolist():
         subject, words = described(act.limits[k % m], "upper" if k < m else "lower")
         subjects.setdefault(subject, []).append((k, words))
     for subject, columns in subjects.items():
@@ -72,7 +73,7 @@ def _runs(says: Sequence[str], t: np.ndarray, ends: tuple[float, float]) -> list
     runs = _joined(runs)
     least = SHORTEST * (ends[1] - ends[0])
     kept = [run for run in runs if run.end - run.begin >= least] or runs[:1]
-    middle = [(a.end + b.begin) / 2 for a, b in zip(kept[:-1], kept[1:], strict=True)]
+    middle = [(a.end + b.begin) / 2 for a, b in pairwise(kept)]
     begin, end = [ends[0], *middle], [*middle, ends[1]]
     return _joined([Stretch("", run.limit, b, e) for run, b, e in zip(kept, begin, end, strict=True)])
 

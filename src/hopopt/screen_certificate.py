@@ -1,0 +1,50 @@
+"""What the command line shows of the certificate of first-order optimality and of the switching structure."""
+
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+
+from hopopt.screen import console, wide_console
+
+if TYPE_CHECKING:
+    from hopopt.certificate import Certificate
+
+
+def certificate_line(s: dict[str, Any]) -> list[str]:
+    """One line for the answer: whether the first-order conditions hold along the whole hop, and how well."""
+    checks = s.get("certificate")
+    if not checks:
+        return []
+    bad = [name.replace("_", " ") for name, c in checks.items() if not c["passed"]]
+    if bad:
+        return [f"first-order optimality NOT certified: {', '.join(bad)} (hopopt verify lists all conditions)"]
+    costates = max(c["residual"] for name, c in checks.items() if name.endswith("_costates"))
+    gain = sum(c["residual"] for c in checks.values() if c["unit"] == "of the objective")
+    return [
+        f"first-order optimality certified: {len(checks)} conditions, costates within {costates:.0e}, what they leave "
+        f"open is {gain:.0e} of the objective"
+    ]
+
+
+def structure_lines(s: dict[str, Any]) -> list[str]:
+    """The switching structure of stance, a line for each joint and whatever else has limits that act."""
+    words = s.get("structure", {}).get("words", [])
+    return [line.removeprefix("stance, ") for line in words if line.startswith("stance, ")]
+
+
+def print_certificate(certificate: "Certificate | None") -> None:
+    """Every condition with its residual and tolerance, and whether all hold."""
+    out = console()
+    if certificate is None:
+        out.print("no certificate: this result was stored without multipliers (solve it again for one)")
+        return
+    table = Table(title="first-order optimality", title_justify="left", box=None, pad_edge=False)
+    for column in ("condition", "residual", "allowed", "unit", "", "worst"):
+        table.add_column(column)
+    for c in certificate.checks:
+        state = "ok" if c.passed else "FAILED"
+        table.add_row(c.name, f"{c.residual:.1e}", f"{c.tolerance:.0e}", c.unit, state, c.where)
+    wide_console().print(table)
+    bad = sum(not c.passed for c in certificate.checks)
+    total = len(certificate.checks)
+    out.print(f"first-order optimality {'NOT ' if bad else ''}certified: {total - bad} of {total} conditions hold")
