@@ -106,8 +106,8 @@ def sweep(
     seed: int = 0,
     starts: int | None = None,
     processes: int | None = None,
-    results: Path = Path("results"),
-    resume: Path | None = None,
+    results: str | Path = "results",
+    resume: str | Path | None = None,
     progress: Progress | None = None,
 ) -> Study:
     """Solve and verify a design at every point of a study.
@@ -117,7 +117,8 @@ def sweep(
     makes no sense, ResultError if its folder cannot be used.
     """
     definition = define(design, vary, objective=objective, sample=sample, seed=seed, starts=starts)
-    return run(definition, processes=processes, results=results, resume=resume, progress=progress)
+    folder = None if resume is None else Path(resume)
+    return run(definition, processes=processes, results=Path(results), resume=folder, progress=progress)
 
 
 def run(
