@@ -177,6 +177,7 @@ def _manifest(solution: Solution) -> dict[str, Any]:
 def _netcdf(solution: Solution) -> memoryview:
     """The file's bytes, made in memory: HDF5 itself does not survive a disk that is full."""
     attributes = {"objective": solution.objective, "problem": solution.design.name, "format": FORMAT}
+    attributes["problem_sha256"] = _digest(resolved_toml(solution.design).encode())
     datasets = {"/": xr.Dataset(attrs=attributes)}
     for phase, trajectory in solution.phases.items():
         datasets[f"/{phase}"] = _phase_dataset(solution, solution.tables[phase], trajectory)
@@ -201,6 +202,10 @@ def _phase_dataset(solution: Solution, table: Table, trajectory: PhaseTrajectory
     return xr.Dataset(variables, coords=coords, attrs={"scheme": trajectory.scheme.name})
 
 
+def _digest(text: bytes) -> str:
+    return hashlib.sha256(text).hexdigest()
+
+
 def read(folder: str | Path) -> Solution:
     """A solution from its results folder; ResultError in a sentence if something is missing or broken.
 
@@ -211,7 +216,7 @@ def read(folder: str | Path) -> Solution:
         if not (folder / "solution.nc").is_file():
             what = "no results folder (solution.nc is missing)" if folder.exists() else "there is no such folder"
             raise ResultError(f"{folder}: {what}: give a folder that `hopopt solve` wrote{_results_in(folder)}")
-        design = load(folder / "problem.toml")
+        design, digest = load(folder / "problem.toml"), _digest((folder / "problem.toml").read_bytes())
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         with xr.open_datatree(folder / "solution.nc", engine="h5netcdf") as tree:
             tree = tree.load()
@@ -220,6 +225,8 @@ def read(folder: str | Path) -> Solution:
         kkt = {str(name): np.array(value) for name, value in tree["nlp"].to_dataset().items()} if "nlp" in tree else {}
         kept = multipliers(tree)
         objective = str(tree.attrs["objective"])
+        if tree.attrs.get("problem_sha256", digest) != digest:
+            raise ValueError("problem.toml is not as it was written")
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         missing = "an entry is missing: " if isinstance(error, KeyError) else ""
         raise ResultError(f"{folder}: the result cannot be read ({missing}{reason_of(error)})") from error
