@@ -19,7 +19,8 @@ ALLOWED = {
     "ocp/": ("hopopt.errors", "hopopt.leg", "hopopt.ocp"),
     "nlp/": ("hopopt.errors", "hopopt.nlp", "hopopt.ocp.problem", "hopopt.ocp.guess"),
     "sim/machine.py": ("hopopt.leg",),
-    "verify.py": ("hopopt.errors", "hopopt.leg", "hopopt.sim.machine"),
+    "verify.py": ("hopopt.errors", "hopopt.leg", "hopopt.sim.machine", "hopopt.measures"),
+    "measures.py": ("hopopt.leg",),
     "errors.py": (),
 }
 FORBIDDEN = {

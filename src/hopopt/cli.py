@@ -29,7 +29,7 @@ def solve(
     figures: bool = True,
     json_: AsJson = False,
 ) -> int:
-    """Find the highest hop of a leg, verify it, and save it with its figures.
+    """Find the highest hop of a leg (or another best one), verify it, and save it with its figures.
 
     Exit code: 0 solved and verified, 1 not solved, 2 wrong usage, 3 solved but not verified.
 
@@ -38,7 +38,9 @@ def solve(
     problem
         A problem file, or the name of a built-in one: paper, paper_no_countermovement, paper_four_quadrant.
     objective
-        What to make as large as possible: clearance (of the leg's lowest point) or apex (height of the body).
+        What to make as large as possible: clearance (of the leg's lowest point) or apex (height of the body). Or as
+        small as possible, with the clearance to reach as --set hop.clearance=0.4: energy, absolute_work,
+        electrical_energy, time, saturation, peak_torque or peak_force (docs/objectives.md).
     starts
         How many different starting points to solve from (default: the problem's solver.starts).
     processes

@@ -14,6 +14,7 @@ from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcribe import Transcription
+from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 from hopopt.ocp.starts import Start, make_guess, starts
 
@@ -33,6 +34,12 @@ class StartOutcome:
     iterations: int
     seconds: float
     vectors: dict[str, np.ndarray] = field(repr=False)
+    sign: float = 1.0  # of the objective in the merit
+
+    @property
+    def merit(self) -> float:
+        """More is better."""
+        return self.sign * self.objective
 
 
 def first_transcription(hop: Hop) -> Transcription:
@@ -51,12 +58,12 @@ def run_starts(hop: Hop, count: int, processes: int, say: Progress) -> list[Star
     from joblib import Parallel, delayed
 
     data, chunks = hop.design.model_dump(exclude_none=True), [range(k, count, processes) for k in range(processes)]
-    jobs = (delayed(_chunk_in_worker)(data, hop.objective.name, chunk) for chunk in chunks)
+    jobs = (delayed(_chunk_in_worker)(data, hop.asked, chunk) for chunk in chunks)
     parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
     return [parts[k % processes][k // processes] for k in range(count)]
 
 
-def _chunk_in_worker(data: dict[str, Any], objective: str, chunk: Sequence[int]) -> list[StartOutcome]:
+def _chunk_in_worker(data: dict[str, Any], objective: str | HopObjective, chunk: Sequence[int]) -> list[StartOutcome]:
     return _run_chunk(Hop(Design.model_validate(data), objective), chunk)
 
 
@@ -75,7 +82,8 @@ def _run_start(hop: Hop, solver: NlpSolver, start: Start) -> StartOutcome:
 def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
     """How a solve on the first mesh ended; ``name`` says from where it began."""
     vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
-    return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors)
+    sign = 1.0 if s.transcription.problem.objective.maximize else -1.0
+    return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign)
 
 
 def solution_of(outcome: StartOutcome, t: Transcription) -> NlpSolution:
@@ -91,7 +99,7 @@ def solution_of(outcome: StartOutcome, t: Transcription) -> NlpSolution:
 def distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
     """The best representative of each local optimum that was found, best first."""
     found: list[StartOutcome] = []
-    for outcome in sorted((o for o in outcomes if o.success), key=lambda o: -o.objective):
+    for outcome in sorted((o for o in outcomes if o.success), key=lambda o: -o.merit):
         if not any(same(outcome.objective, other.objective) for other in found):
             found.append(outcome)
     return found
@@ -100,7 +108,7 @@ def distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
 def contenders(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
     """The distinct optima that may prove the best once refined."""
     found = distinct(outcomes)
-    return [o for o in found if o.objective >= found[0].objective - CLOSE * abs(found[0].objective)]
+    return [o for o in found if abs(o.objective - found[0].objective) <= CLOSE * abs(found[0].objective)]
 
 
 def same(a: float, b: float) -> bool:

@@ -4,6 +4,9 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 
+import casadi as ca
+import numpy as np
+
 from hopopt.certificate_result import attached
 from hopopt.errors import NotSolvedError
 from hopopt.leg.design import Design
@@ -22,7 +25,8 @@ from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.refine import Aims, MeshStep, Refinement
 from hopopt.nlp.transcribe import Transcription
-from hopopt.ocp.hop import Hop
+from hopopt.ocp.goal import HEIGHTS, HopObjective
+from hopopt.ocp.hop import EFFORT, Hop
 from hopopt.solution import Solution
 from hopopt.summary import summarize
 from hopopt.verify import KKT, LIMIT, Check, verify_plan
@@ -56,19 +60,26 @@ def solve(
     finished = [finish(hop, candidate, outcomes, say, clock) for candidate in contenders(outcomes)]
     if not finished:
         raise not_solved(hop, outcomes)
-    best = max(finished, key=lambda s: (s.verified, s.summary["objective_value"]))
-    if notes := _notes(design, best, finished):
+    best, better = best_of(hop.objective, finished)
+    if notes := _notes(hop, best, better):
         best.summary["notes"] = notes
     return best
 
 
-def _notes(design: Design, best: Solution, finished: list[Solution]) -> list[str]:
+def best_of(goal: HopObjective, finished: Sequence[Solution]) -> tuple[Solution, Solution | None]:
+    """The best of the verified solutions, or of all if none is; and a better one that was not verified, if any."""
+    best = max(finished, key=lambda s: (s.verified, goal.merit(s.summary["objective_value"])))
+    first = max(finished, key=lambda s: goal.merit(s.summary["objective_value"]))
+    return best, None if first is best else first
+
+
+def _notes(hop: Hop, best: Solution, better: Solution | None) -> list[str]:
     """What the answer does not say by itself."""
-    notes, highest = [], max(finished, key=lambda s: s.summary["objective_value"])
-    if highest is not best:
-        height = highest.summary["objective_value"]
-        notes.append(f"a start led to {height:.4f} m, higher, which failed verification: it may be the better hop")
-    shares = {path: e for path, e in (design.leg.drive(j, "gear", "efficiency") for j in design.leg.joints) if e}
+    notes, goal, leg = [], hop.objective, hop.leg
+    if better is not None:
+        value = f"{better.summary['objective_value']:.4f} {goal.unit}, {'higher' if goal.maximize else 'lower'}"
+        notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
+    shares = {path: e for path, e in (leg.drive(j, "gear", "efficiency") for j in leg.joints) if e}
     if any(e < 1 for e in shares.values()):
         stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())
         notes.append(f"the gears of this plan lose nothing; {stated} counts in hopopt simulate and hopopt compare")
@@ -101,14 +112,26 @@ def finish(
     refinement = refine_outcome(hop, outcome, say, first)
     clock.mark("refinement")
     say("verifying")
-    plan = Solution(hop.design, hop.objective.name, refinement.solution.phases, {})
-    checks = numerical_checks(hop.design, refinement.solution, refinement.errors, refinement.change)
+    goal, solution = hop.objective, refinement.solution
+    stated = {} if goal.figure in HEIGHTS else {goal.figure: without_tie_break(hop, solution)}
+    plan = Solution(hop.design, goal.name, solution.phases, stated)
+    checks = numerical_checks(hop.design, solution, refinement.errors, refinement.change)
     checks += verify_plan(hop.design, plan.tables, plan.claims())
     clock.mark("verification")
-    found = summarize(hop, plan, refinement.solution, checks, outcomes, outcome, refinement.history, clock)
-    certified = attached(found, refinement.solution)
+    found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement.history, clock)
+    certified = attached(found, solution)
     clock.mark("certificate")
     return certified
+
+
+def without_tie_break(hop: Hop, solution: NlpSolution) -> float:
+    """What the program says of the objective itself [its unit]."""
+    t = solution.transcription
+    names = [name for phase in t.problem.phases for name in phase.integrands]
+    z, p = t.program.symbols()
+    integrals = ca.Function("integrals", [z, p], [t.program.integral(z, p)])
+    effort = np.array(integrals(solution.z, solution.p)).ravel()[[name == EFFORT for name in names]].sum()
+    return solution.objective + hop.objective.sign * hop.tie_break * float(effort)
 
 
 def refine_outcome(hop: Hop, outcome: StartOutcome, say: Progress, first: Transcription | None = None) -> Refinement:

@@ -55,7 +55,7 @@ class _Poses:
         self.reach = sum(link.length for link in self.leg.link.values())
         self.radius = 0.09 * self.reach
         # the window is a limit of the clearance only; a wider one than the leg would only shrink the leg
-        self.window = min(solution.design.hop.foot_window, self.reach) if solution.objective == "clearance" else 0.0
+        self.window = min(solution.design.hop.foot_window, self.reach) if solution.objective != "apex" else 0.0
         self.height = 1.05 * max(self.z.max() + self.radius, headline(solution)[1])
         self._arrange()
 

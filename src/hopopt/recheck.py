@@ -15,6 +15,7 @@ from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.objectives import find
 from hopopt.solution import Solution
 from hopopt.verify import KKT, Check, verify_plan
 
@@ -69,7 +70,7 @@ def reverified(solution: Solution) -> Solution:
 def _recheck(solution: Solution) -> list[Check]:
     from hopopt.planner import numerical_checks
 
-    names = ("clearance_m", "apex_m") if solution.objective == "apex" else ("clearance_m",)
+    names = {"clearance_m", find(solution.objective).figure}
     claims = {name: float(solution.summary[name]) for name in names}
     plan = verify_plan(solution.design, solution.tables, claims)
     if not has_multipliers(solution):
@@ -115,10 +116,11 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
     for name, trajectory in solution.phases.items():
         other = nlp.phases[name]
         wrong += [getattr(trajectory, s) - getattr(other, s) for s in ("edges", "x_start")]
-        wrong.append((trajectory.u - other.u) / max(1.0, np.abs(other.u).max()))
+        wrong.append((trajectory.u - other.u) / np.maximum(1.0, np.abs(other.u).max(axis=(0, 1))))
     t = nlp.transcription
     cost = ca.Function("f", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"]])(nlp.z, nlp.p)
-    wrong.append(float(cost) + nlp.objective)  # every objective is maximised
+    goal = t.problem.objective
+    wrong.append((float(cost) - (-nlp.objective if goal.maximize else nlp.objective)) / goal.scale)
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
 
 

@@ -63,14 +63,20 @@ def _headline(s: dict[str, Any]) -> str:
         )
     p = s["parts"]
     lines = f"[bold green]clearance {s['clearance_m']:.4f} m[/bold green], verified"
-    if s["objective"] == "apex":
-        lines = (
-            f"[bold green]body apex {s['apex_m']:.4f} m[/bold green], verified; clearance then {s['clearance_m']:.4f} m"
-        )
+    if s["objective"] != "clearance":
+        lines = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s['clearance_m']:.4f} m"
     return (
         f"{lines}\n  = COM height at lift-off {p['com_height_at_lift_off_m']:.4f} + ballistic rise {p['ballistic_rise_m']:.4f} "
         f"- COM height over the {s['lowest_point']} {-p['com_height_over_lowest_point_m']:.4f} m"
     )
+
+
+def _stated(s: dict[str, Any]) -> str:
+    """What the hop was made for, and what came of it."""
+    name = "body apex" if s["objective"] == "apex" else s["objective"].replace("_", " ")
+    value = _measure(s, s[s["objective_figure"]], ".4f")
+    asked = s.get("clearance_asked_for_m")
+    return f"{name} {value}" if asked is None else f"least {name} {value} to clear {asked:g} m"
 
 
 def _hop(s: dict[str, Any]) -> list[str]:
@@ -102,24 +108,37 @@ def _effort(s: dict[str, Any]) -> list[str]:
 
 def _limits(s: dict[str, Any]) -> list[str]:
     active = ", ".join(f"{name} {share:.0%}" for name, share in list(s["active_limits"].items())[:5]) or "none"
-    gains = (
-        ", ".join(f"{name} +{1000 * gain:.1f} mm" for name, gain in list(s["gain_per_percent_m"].items())[:4]) or "none"
-    )
+    found = s["gain_per_percent_m"] if "gain_per_percent_m" in s else s["gain_per_percent"]
+    gains = ", ".join(f"{name} {_gain(s, gain)}" for name, gain in list(found.items())[:4]) or "none"
     return [f"active in stance: {active}", f"1 % more would give: {gains}"]
+
+
+def _gain(s: dict[str, Any], gain: float) -> str:
+    if s["objective_unit"] == "m":
+        return f"+{1000 * gain:.1f} mm"
+    return _measure(s, gain if s["maximized"] else -gain, "+.2g")
+
+
+def _measure(s: dict[str, Any], value: float, form: str) -> str:
+    """A value of the objective with its unit."""
+    return f"{value:{form}} {s['objective_unit'].replace('1', '')}".strip()
 
 
 def _evidence(s: dict[str, Any]) -> list[str]:
     starts, mesh, checks = s["starts"], s["mesh"][-1], {c["name"]: c for c in s["verification"]}
-    ends = ", ".join(f"{o['count']} at {o['objective']:.3f} m" for o in starts["optima"])
+    ends = ", ".join(f"{o['count']} at {_measure(s, o['objective'], '.3f')}" for o in starts["optima"])
     failed = f", {len(starts['failed'])} failed" if starts["failed"] else ""
     sizes = " + ".join(str(n) for n in mesh["intervals"].values())
     replay = max(checks[f"{phase} replay"]["residual"] for phase in ("stance", "flight"))
     change = checks["change of the objective"]["residual"]
     settled = f"objective settled to {change:.0e}" if change < float("inf") else "no second mesh to compare with"
+    bias = f"tie-break bias below {_measure(s, s['tie_break_bias_m' if s['objective_unit'] == 'm' else 'tie_break_bias'], '.0e')}"
+    if s["tie_break_weighs"] > 1e-3 * abs(s["objective_value"]):
+        bias = f"flat: gentle torques are preferred, which weighs {_measure(s, s['tie_break_weighs'], '.2g')}"
     lines = [
         f"{starts['count']} start{'s' if starts['count'] > 1 else ''} on the first mesh: {ends}{failed}",
         f"{len(s['mesh'])} mesh{'es' if len(s['mesh']) > 1 else ''}, last {sizes} intervals ({s['scheme']}); {settled}, "
-        f"tie-break bias below {s['tie_break_bias_m']:.0e} m",
+        f"{bias}",
         f"{sum(c['passed'] for c in checks.values())} of {len(checks)} checks passed; replay in Pinocchio within {replay:.0e}, "
         f"limits between nodes within {mesh['excess']:.0e} of their range",
     ]

@@ -13,6 +13,7 @@ from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import dependent_joints, foot_offset, start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.measures import MEASURES
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.verify import PLACES, Table
@@ -77,8 +78,9 @@ class PlanEvaluator:
             self.functions[phase] = ca.Function(phase, [x, u], [ca.densify(o) for o in outputs])
 
     def __call__(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Samples:
-        """Samples from states x (k, nx) and controls u (k, n) of one phase at times t (k,)."""
-        results = self.functions[phase].map(len(t))(np.ascontiguousarray(x.T), np.ascontiguousarray(u.T))
+        """Samples from states x (k, nx) and controls u (k, n or more) of one phase at times t (k,)."""
+        moving = self.functions[phase].size1_in(1)  # what an objective adds moves nothing
+        results = self.functions[phase].map(len(t))(np.ascontiguousarray(x.T), np.ascontiguousarray(u.T[:moving]))
         q, v, a, tau, f, com_v, *points = (np.array(r).T for r in results)
         return Samples(t, np.full(len(t), phase), q, v, a, tau, f, dict(zip(self.names, points, strict=True)), com_v)
 
@@ -166,11 +168,13 @@ class Solution:
         )
 
     def claims(self) -> dict[str, float]:
-        """What verification is to confirm: the height of the lowest point at the end, and the body's for apex [m]."""
+        """What verification is to confirm: the height of the lowest point at the end [m]; what else the hop was made
+        for, the body's height there [m] or what ``summary`` states."""
         end = self.sample(self.duration)
         claims = {"clearance_m": float(min(end.points[name][0, 1] for name in self.robot.points))}
         if self.objective == "apex":
             claims["apex_m"] = float(end.q[0, 1])
+        claims |= {name: float(self.summary[name]) for name in MEASURES.keys() & self.summary.keys()}
         return claims
 
     def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":

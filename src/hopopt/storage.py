@@ -70,10 +70,11 @@ def reason_of(error: BaseException) -> str:
 
 
 def stated(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """A summary as it may be printed: heights that are not verified are named as such, not as the answer."""
+    """A summary as it may be printed: figures that are not verified are named as such, not as the answer."""
     if summary["verified"]:
         return dict(summary)
-    heights = {k: summary[k] for k in ("clearance_m", "apex_m") if k in summary}
+    figures = dict.fromkeys(("clearance_m", "apex_m", summary.get("objective_figure", "clearance_m")))
+    heights = {k: summary[k] for k in figures if k in summary}
     return {**summary, **dict.fromkeys(heights), **{f"unverified_{k}": v for k, v in heights.items()}}
 
 

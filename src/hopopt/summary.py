@@ -35,17 +35,24 @@ def summarize(
 ) -> Solution:
     """The plan with its summary: what ``--json`` prints and ``summary.json`` keeps."""
     stance, flight = plan.everywhere(STANCE, FINE), plan.everywhere(FLIGHT, FINE)
-    bad = failed(list(checks))
+    bad, goal = failed(list(checks)), hop.objective
+    of_unit = "_m" if goal.unit == "m" else ""
     summary: dict[str, Any] = {
         "problem": plan.design.name,
         "title": plan.design.title,
         "objective": plan.objective,
+        "objective_meaning": goal.meaning,
+        "objective_unit": goal.unit,
+        "objective_figure": goal.figure,
+        "maximized": goal.maximize,
+        "clearance_asked_for_m": plan.design.hop.clearance if not goal.maximize else None,
         "status": "verified" if not bad else "solved, not verified",
         "verified": not bad,
         "exit_code": 0 if not bad else 3,
         **plan.claims(),
         "objective_value": solution.objective,
-        "tie_break_bias_m": hop.tie_break_bias,
+        f"tie_break_bias{of_unit}": hop.tie_break_bias,
+        "tie_break_weighs": abs(solution.objective - plan.summary.get(goal.figure, solution.objective)),
         "parts": parts(plan),
         "lowest_point": _lowest(plan),
         "phases": {name: phase_figures(plan, name, s) for name, s in ((STANCE, stance), (FLIGHT, flight))},
@@ -57,7 +64,7 @@ def summarize(
         "saturation_mean": saturation_mean(plan, stance),
         "energy": energy(plan, stance, flight),
         "active_limits": active_limits(plan, stance),
-        "gain_per_percent_m": limit_gains(solution),
+        f"gain_per_percent{of_unit}": limit_gains(solution),
         "verification": [c.as_dict() for c in checks],
         "failed_checks": [c.name for c in bad],
         "mesh": [asdict(step) for step in history],
@@ -167,7 +174,8 @@ def _active_at_the_ground(plan: Solution, stance: Samples) -> dict[str, np.ndarr
 
 
 def limit_gains(solution: NlpSolution) -> dict[str, float]:
-    """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers."""
+    """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers: more
+    of what is maximised, less of what is minimised."""
     t, gains = solution.transcription, {}
     for rows in t.rows:
         if rows.kind in ("path", "boundary") and rows.name.endswith(("operating region", "foot window")):

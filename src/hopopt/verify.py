@@ -5,7 +5,7 @@ points of every interval, as it lies in the result file. The leg model and the m
 planner, nothing else.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -19,11 +19,13 @@ from hopopt.leg.design import Design
 from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import DESCENT_RANGE, force_range, weight
+from hopopt.measures import MEASURES
 from hopopt.sim.machine import Machine
 
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
 STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6  # tolerances: SI, share of the range, relative
+FIGURE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
 STANCE, FLIGHT = "stance", "flight"
 
 
@@ -60,7 +62,7 @@ class Check:
 
 
 def verify_plan(design: Design, tables: Mapping[str, Table], claims: Mapping[str, float]) -> list[Check]:
-    """All checks of a plan; ``claims`` holds ``clearance_m`` (and ``apex_m``) as they are to be printed."""
+    """All checks of a plan; ``claims`` holds what is to be printed: ``clearance_m``, and ``apex_m`` or one of MEASURES."""
     robot = build_robot(design.leg)
     machine = Machine(robot)
     checks = [
@@ -68,6 +70,7 @@ def verify_plan(design: Design, tables: Mapping[str, Table], claims: Mapping[str
         _durations(design, tables),
         _lift_off(machine, tables[STANCE], tables[FLIGHT]),
         _clearance(machine, design, tables[FLIGHT], claims),
+        *_measured(robot, design, tables, claims),
     ]
     for name, table in tables.items():
         checks += [
@@ -122,6 +125,17 @@ def _clearance(machine: Machine, design: Design, flight: Table, claims: Mapping[
     if "apex_m" in claims:
         wrong.append(flight.q[-1, -1, 1] - claims["apex_m"])
     return Check("claimed height", _largest(wrong), EXACT, "m")
+
+
+def _measured(
+    robot: Robot, design: Design, tables: Mapping[str, Table], claims: Mapping[str, float]
+) -> Iterator[Check]:
+    """Work, time or peaks of the table against the claim, relative to it, and the clearance that was asked for."""
+    for name in claims.keys() & MEASURES.keys():
+        value, claim = MEASURES[name](robot, tables), claims[name]
+        yield Check(f"claimed {name}", abs(value - claim) / max(abs(claim), 1e-9), FIGURE, "relative")
+        missing = float(design.hop.clearance or 0.0) - claims["clearance_m"]
+        yield Check("clearance asked for", max(missing, 0.0), EXACT, "m")
 
 
 def _continuity(phase: str, table: Table) -> Check:

@@ -84,6 +84,8 @@ class Motor(Section):
         ("paper",),
     )
     torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-3, 1000, None, physical=True)
+    winding_resistance: float | None = quantity("electrical resistance", "ohm", 1e-4, 1e3, None, physical=True)
+    torque_constant: float | None = quantity("k: motor torque for each ampere", "N m/A", 1e-4, 100, None, physical=True)
     catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
 
 
@@ -192,6 +194,10 @@ class Hop(Section):
     flight_duration: tuple[Duration, Duration] = choice(
         "shortest and longest time from lift-off to the apex", (0.03, 1.0), unit="s"
     )
+    clearance: float | None = quantity(
+        "clearance that the hop must reach, for objectives that ask how (energy, time, saturation, ...)",
+        "m", 0, 20, None,
+    )  # fmt: skip
     foot_window: float = quantity(
         "half width of the window about the hip's plumb line that the foot passes at the apex",
         "m", 1e-3, 3, 0.1,

@@ -73,7 +73,8 @@ class NlpSolver:
     def __init__(self, transcription: Transcription, options: Mapping[str, Any] | None = None):
         self.transcription = transcription
         undamped = {"ipopt.tol": 1e-8} if transcription.scheme.starts_at_node else {}  # multipliers oscillate
-        settings = OPTIONS | undamped | transcription.program.options() | dict(options or {})
+        scaled = {"ipopt.obj_scaling_factor": 1.0 / transcription.problem.objective.scale}
+        settings = OPTIONS | undamped | scaled | transcription.program.options() | dict(options or {})
         self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
 
     def __call__(

@@ -4,6 +4,7 @@ Controls are the joint accelerations; the joint torques follow from inverse dyna
 motion hold by construction and the drives enter as path constraints on the torque they would need.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 
 import casadi as ca
@@ -17,13 +18,15 @@ from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, rea
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import force_range, weight
 from hopopt.ocp.constraints import (
+    MotionAt,
     above_ground,
     friction_cone,
     no_counter_movement,
     operating_region_constraint,
     unilateral_contact,
 )
-from hopopt.ocp.objectives import OBJECTIVES
+from hopopt.ocp.goal import HopObjective
+from hopopt.ocp.objectives import find
 from hopopt.ocp.problem import (
     INF,
     Control,
@@ -39,6 +42,7 @@ from hopopt.ocp.problem import (
 )
 
 STANCE, FLIGHT = "stance", "flight"
+EFFORT = "effort"  # the integral of the tie-break
 SPEED, ACCELERATION = 10.0, 300.0  # scales of joint speed [rad/s] and acceleration [rad/s^2]
 BODY_SPEED = 3.0  # scale of the body's speed [m/s]
 
@@ -46,13 +50,14 @@ BODY_SPEED = 3.0  # scale of the body's speed [m/s]
 class Hop:
     """One hop of a leg towards an objective; ``problem`` is what the transcription sees."""
 
-    def __init__(self, design: Design, objective: str = "clearance"):
-        if objective not in OBJECTIVES:
-            raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
-        self.design, self.leg, self.objective = design, design.leg, OBJECTIVES[objective]
+    def __init__(self, design: Design, objective: str | HopObjective = "clearance"):
+        self.design, self.leg, self.objective = design, design.leg, find(objective)
+        self.asked = objective if isinstance(objective, str) else self.objective
+        if fault := self.objective.fault(design):
+            raise UsageError(f"objective {self.objective.name}: {fault}")
         self.robot = build_robot(design.leg)
         self.n = len(self.leg.joints)
-        self.force_range = force_range(self.robot.model)
+        self.force_range, self.weight = force_range(self.robot.model), weight(self.robot.model)
         self.reach = reach(self.leg)
         self.contact_axes = len(contact_axes(self.leg))
         self.loops, self.dependent = loop_axes(self.leg), dependent_joints(design)
@@ -107,6 +112,10 @@ class Hop:
         ]
         return ca.sumsqr(tau / ca.vertcat(*stalls))
 
+    def integrands(self, motion: MotionAt) -> dict[str, Callable[[Instant], ca.SX]]:
+        """What is integrated over a phase: the effort of the tie-break, and what the objective asks for."""
+        return {EFFORT: lambda s: self.effort(motion(s).tau, s), **self.objective.integrands(self, motion)}
+
     # ---- the phases ------------------------------------------------------------------------------------
 
     @cached_property
@@ -128,17 +137,18 @@ class Hop:
             path.append(above_ground(clear, motion, self.dynamics, self.reach, least))
         if not self.design.hop.counter_movement:
             path.append(no_counter_movement(motion))
+        path += self.objective.path(self, STANCE, motion)
         return Phase(
             STANCE,
             (
                 State("q", self.n, lower, upper, 1.0, "rad", names, initial=q0),
                 State("v", self.n, scale=SPEED, unit="rad/s", labels=names, initial=np.zeros(self.n)),
             ),
-            self.stance_controls(),
+            (*self.stance_controls(), *self.objective.controls(self)),
             lambda s: {"q": s.v, "v": self.joint_acceleration(s)},
             self.design.hop.stance_duration,
             tuple(path),
-            {"effort": lambda s: self.effort(motion(s).tau, s)},
+            self.integrands(motion),
         )
 
     def stance_controls(self) -> tuple[Control, ...]:
@@ -147,7 +157,7 @@ class Hop:
         controls = (Control("a", len(labels), scale=ACCELERATION, unit="rad/s^2", labels=labels),) if labels else ()
         if not self.loops:
             return controls
-        size, axes = weight(self.robot.model), tuple("xyz"[axis] for axis in self.loops)
+        size, axes = self.weight, tuple("xyz"[axis] for axis in self.loops)
         return (*controls, Control("loop_force", len(axes), scale=size, unit="N", labels=axes))
 
     def flight(self) -> Phase:
@@ -156,6 +166,7 @@ class Hop:
         if self.must_clear_ground:
             least = self.design.hop.least_height
             path.append(above_ground(self.must_clear_ground, motion, self.dynamics, self.reach, least))
+        path += self.objective.path(self, FLIGHT, motion)
         plane, names, m = tuple("xz"[k] for k in self.falling), self.leg.joints, len(self.falling)
         rises = ([-INF, 0.0][-m:], [INF] * m)
         return Phase(
@@ -166,11 +177,14 @@ class Hop:
                 State("q", self.n, lower, upper, 1.0, "rad", names),
                 State("v", self.n, scale=SPEED, unit="rad/s", labels=names),
             ),
-            (Control("a", self.n, scale=ACCELERATION, unit="rad/s^2", labels=names),),
+            (
+                Control("a", self.n, scale=ACCELERATION, unit="rad/s^2", labels=names),
+                *self.objective.controls(self),
+            ),
             lambda s: {"com": s.com_v, "com_v": self.dynamics(s).gravity[self.falling], "q": s.v, "v": s.a},
             self.design.hop.flight_duration,
             tuple(path),
-            {"effort": lambda s: self.effort(motion(s).tau, s)},
+            self.integrands(motion),
         )
 
     def lift_off(self, e: Ends) -> ca.SX:
@@ -180,10 +194,20 @@ class Hop:
         com = self.dynamics(s).points(q)["com"][self.falling]
         return ca.vertcat(f.com - com, f.com_v - ca.jtimes(com, s.q, s.v), f.q - s.q, f.v - s.v)
 
+    def goal_and_tie_break(self, e: Ends) -> ca.SX:
+        """The objective, made a little worse by the effort."""
+        effort = sum(integrals[EFFORT] for integrals in e.integral.values())
+        return self.objective.value(self, e) - self.objective.sign * self.tie_break * effort
+
+    @property
+    def tie_break(self) -> float:
+        """Weight of the effort in the objective [objective's unit per second]."""
+        return self.design.solver.tie_break * self.objective.tie_break * self.objective.scale(self)
+
     @cached_property
     def problem(self) -> Problem:
         """The multi-phase problem; every physical parameter of the leg is a parameter of it."""
-        goal, weight = self.objective, self.design.solver.tie_break
+        goal = self.objective
         m = len(self.falling)
         scale = np.r_[np.ones(m), np.full(m, BODY_SPEED), np.ones(self.n), np.full(self.n, SPEED)]
         labels = tuple(f"{what} {'xz'[k]}" for what in ("com", "com_v") for k in self.falling)
@@ -191,12 +215,7 @@ class Hop:
         return Problem(
             self.design.name,
             (self.stance(), self.flight()),
-            Objective(
-                goal.name,
-                lambda e: goal.value(self, e) - weight * (e.integral[STANCE]["effort"] + e.integral[FLIGHT]["effort"]),
-                maximize=True,
-                unit=goal.unit,
-            ),
+            Objective(goal.name, self.goal_and_tie_break, goal.maximize, goal.unit, goal.scale(self)),
             (*(Parameter(path, value=v) for path, v in self.robot.parameters.items()), *goal.parameters(self)),
             (linkage("lift-off", self.lift_off, scale, labels=labels), *goal.boundary(self)),
         )
@@ -221,7 +240,7 @@ class Hop:
 
     @property
     def tie_break_bias(self) -> float:
-        """What the tie-break can have cost the objective at most [m]: weight x longest hop x largest effort.
+        """What the tie-break can have cost the objective at most [its unit]: weight x longest hop x largest effort.
 
         A region that no half-plane closes is taken up to twice its stall torque.
         """
@@ -233,4 +252,4 @@ class Hop:
         for joint in self.leg.joints:
             stall = p[self.leg.drive(joint, "gear", "ratio")[0]] * p[self.leg.drive(joint, "motor", "max_torque")[0]]
             effort += float(np.max(np.abs(operating_region(self.leg, joint, p).corners()[:, 1]))) ** 2 / stall**2
-        return self.design.solver.tie_break * effort * longest
+        return self.tie_break * effort * longest

@@ -135,12 +135,13 @@ def linkage(name: str, value: Callable[[Ends], Any], scale: Numbers = 1.0, **mor
 
 @dataclass(frozen=True)
 class Objective:
-    """What is made as small (or, with ``maximize``, as large) as possible."""
+    """What is made as small (or, with ``maximize``, as large) as possible; ``scale`` is its magnitude."""
 
     name: str
     value: Callable[[Ends], Any]
     maximize: bool = False
     unit: str = ""
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)

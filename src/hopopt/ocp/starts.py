@@ -60,7 +60,16 @@ def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
     """The start as guesses of both phases, by phase name."""
     simple = start == NAMED[0] and hop.n == 2 and not hop.loops
     stance = (saturated_push(hop) if simple else None) or _stance_guess(hop, start)
-    return {STANCE: _without_dependent(hop, stance), FLIGHT: _flight_guess(hop, stance)}
+    more = sum(c.size for c in hop.objective.controls(hop))
+    return {
+        STANCE: _widened(_without_dependent(hop, stance), more),
+        FLIGHT: _widened(_flight_guess(hop, stance), more),
+    }
+
+
+def _widened(guess: Guess, more: int) -> Guess:
+    """Zeros for the controls that an objective adds."""
+    return replace(guess, u=np.hstack([guess.u, np.zeros((len(guess.u), more))]))
 
 
 def _without_dependent(hop: Hop, stance: Guess) -> Guess:

@@ -1,0 +1,166 @@
+"""Objectives of an economical hop: physics that bounds them, and what verification says of false claims."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hopopt.cli import run
+from hopopt.errors import UsageError
+from hopopt.leg.robot import BASE
+from hopopt.measures import MEASURES
+from hopopt.planner import solve
+from hopopt.problem_file import load
+from hopopt.sim.machine import Machine
+from hopopt.solution import Solution
+from hopopt.verify import FLIGHT, STANCE, failed, verify_plan
+
+CLEARANCE = 0.3  # m
+WINDING = {"leg.motor.winding_resistance": 0.5, "leg.motor.torque_constant": 0.05}
+QUICK = ("time", "electrical_energy", "peak_torque", "peak_force")
+EACH = [*QUICK, pytest.param("saturation", marks=pytest.mark.slow)]
+
+
+@cache
+def best(objective: str, clearance: float = CLEARANCE, **more: float) -> Solution:
+    """The optimum from one start."""
+    design = load("paper", {"hop.clearance": clearance, **WINDING, **more})
+    return solve(design, objective, starts=1, processes=1)
+
+
+def lift(s: Solution) -> float:
+    """Energy that the leg has gained when flight ends [J], by Pinocchio."""
+    machine, stance, flight = Machine(s.robot), s.tables[STANCE], s.tables[FLIGHT]
+    return machine.energy(flight.q[-1, -1], flight.v[-1, -1]) - machine.energy(stance.q[0, 0], stance.v[0, 0])
+
+
+@pytest.mark.parametrize("objective", EACH)
+def test_optimum_is_verified_and_clears_just_what_is_asked_for(objective: str) -> None:
+    s = best(objective)
+    assert s.verified, s.summary["failed_checks"]
+    assert s.clearance == pytest.approx(CLEARANCE, abs=1e-6)
+    figure = s.summary["objective_figure"]
+    measured = MEASURES[figure](s.robot, s.tables)
+    assert s.summary[figure] == pytest.approx(measured, rel=1e-4)
+    assert s.summary["maximized"] is False
+
+
+@pytest.mark.parametrize("objective", EACH)
+def test_a_false_claim_is_found(objective: str) -> None:
+    s = best(objective)
+    figure = s.summary["objective_figure"]
+    lie = {**s.claims(), figure: 0.99 * s.summary[figure]}
+    assert [c.name for c in failed(verify_plan(s.design, s.tables, lie))] == [f"claimed {figure}"]
+    higher = load("paper", {"hop.clearance": CLEARANCE + 0.01, **WINDING})
+    assert [c.name for c in failed(verify_plan(higher, s.tables, s.claims()))] == ["clearance asked for"]
+
+
+@pytest.mark.parametrize("objective", EACH)
+def test_each_optimum_is_least_in_its_own_figure(objective: str) -> None:
+    """No other hop of the same clearance needs less."""
+    s = best(objective)
+    figure = s.summary["objective_figure"]
+    for other in QUICK:
+        value = MEASURES[figure](s.robot, best(other).tables)
+        assert s.summary[figure] <= value * (1 + 2e-4), other
+
+
+def test_energy_drawn_is_at_least_what_the_leg_gains() -> None:
+    """Work is at least the gain in energy; the electrical energy has the Joule heat on top, integrated here anew."""
+    s = best("electrical_energy")
+    heat, work = 0.0, 0.0
+    for phase in (STANCE, FLIGHT):
+        for t in np.linspace(0, s.phases[phase].duration, 20001)[None]:
+            samples = s.sample_phase(phase, t)
+            current = samples.tau / (100 * WINDING["leg.motor.torque_constant"])
+            heat += np.trapezoid(WINDING["leg.motor.winding_resistance"] * (current**2).sum(axis=1), t)
+            work += np.trapezoid((samples.tau * samples.v[:, BASE:]).sum(axis=1), t)
+    assert work == pytest.approx(lift(s), rel=1e-3)
+    assert s.summary["electrical_energy_J"] >= work + heat - 0.01
+    assert s.summary["electrical_energy_J"] >= lift(s)
+
+
+def test_least_peak_force_is_a_constant_force() -> None:
+    """A peak is least where it is held all the time: the ground force hardly varies."""
+    f = np.linalg.norm(best("peak_force").tables[STANCE].f, axis=-1)
+    assert f.min() > 0.98 * f.max()
+
+
+def test_least_peak_force_is_that_of_the_impulse() -> None:
+    """A constant vertical force F over the stance T gives the momentum (F - M g) T."""
+    s = best("peak_force")
+    machine, flight, T = Machine(s.robot), s.tables[FLIGHT], s.phases[STANCE].duration
+    v = machine.com_velocity(flight.q[0, 0], flight.v[0, 0])[1]
+    weight = -machine.mass * machine.gravity[1]
+    assert s.summary["peak_force_N"] == pytest.approx(weight + machine.mass * v / T, rel=2e-3)
+
+
+@pytest.mark.slow
+def test_motors_smaller_by_the_saturation_just_reach_the_clearance() -> None:
+    """Torque and speed of all motors times the least share: the highest hop is the clearance that was asked for."""
+    s = best("saturation")
+    share = s.summary["saturation"]
+    motor = s.design.leg.motor
+    smaller = {"leg.motor.max_torque": share * motor.max_torque, "leg.motor.max_speed": share * motor.max_speed}
+    highest = solve(load("paper", smaller), starts=3)
+    assert highest.verified
+    assert highest.clearance == pytest.approx(CLEARANCE, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_torque_cap_at_the_least_peak_just_reaches_the_clearance() -> None:
+    s = best("peak_torque")
+    highest = solve(load("paper", {"leg.gear.torque_cap": s.summary["peak_torque_Nm"]}), starts=3)
+    assert highest.verified
+    assert highest.clearance == pytest.approx(CLEARANCE, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("objective", ["energy", "absolute_work"])
+def test_least_work_lies_between_the_gain_and_other_hops_work(objective: str) -> None:
+    """Positive work is at least the gain of energy, and no more than what the electrical optimum does."""
+    s = best(objective)
+    assert s.verified, s.summary["failed_checks"]
+    figure = s.summary["objective_figure"]
+    assert lift(s) <= s.summary[figure] <= 1.01 * MEASURES[figure](s.robot, best("electrical_energy").tables)
+
+
+def test_more_clearance_takes_more_time() -> None:
+    assert best("time", 0.35).summary["time_s"] > best("time").summary["time_s"]
+
+
+@pytest.mark.parametrize(
+    ("objective", "overrides", "words"),
+    [
+        ("energy", {}, "hop.clearance"),
+        ("time", {}, "--set hop.clearance=0.4"),
+        ("electrical_energy", {"hop.clearance": 0.3}, "leg.motor.winding_resistance"),
+        ("cheap", {}, "choose one of clearance, apex, energy"),
+    ],
+)
+def test_what_is_missing_is_said_in_one_sentence(objective: str, overrides: dict, words: str) -> None:
+    with pytest.raises(UsageError, match=words) as caught:
+        solve(load("paper", overrides), objective)
+    assert "\n" not in str(caught.value)
+
+
+def test_command_line_states_the_least(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    asked = ["--objective", "time", "--set", "hop.clearance=0.3", "--starts", "1", "--results", str(tmp_path)]
+    assert run(["solve", *asked, "--no-figures"]) == 0
+    text = capfd.readouterr().out
+    assert "least time 0." in text
+    assert "to clear 0.3 m, verified" in text
+    (folder,) = tmp_path.iterdir()
+    assert run(["verify", str(folder), "--json"]) == 0
+    names = [c["name"] for c in json.loads(capfd.readouterr().out)["checks"]]
+    assert {"claimed time_s", "clearance asked for"} <= set(names)
+
+
+def test_an_unverified_figure_is_not_stated(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    asked = ["--objective", "peak_torque", "--set", "hop.clearance=0.3", "--starts", "1", "--results", str(tmp_path)]
+    assert run(["solve", *asked, "--no-figures", "--json", "--set", "solver.refine=false"]) == 3
+    s = json.loads(capfd.readouterr().out)
+    assert s["peak_torque_Nm"] is None
+    assert s["unverified_peak_torque_Nm"] > 0
