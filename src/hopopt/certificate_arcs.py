@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.layout import PhaseLayout
 
 CLOSE = 2e-4  # share of its range by which a limit may be missed and still hold
 ACTS = 1e-6  # share of the phase's largest multiplier density, scaled, below which a limit does not act
@@ -13,12 +14,15 @@ ACTS = 1e-6  # share of the phase's largest multiplier density, scaled, below wh
 @dataclass(frozen=True)
 class Activity:
     """At the n abscissae of N intervals: t (N, n) [s] since the phase began; ``upper`` and ``lower`` (N, n, m), which
-    side of each limit acts; names of the limits: path constraints, then states, then controls."""
+    side of each limit acts; ``push`` (N, n, 2 m), what one range of either side is worth by the node's multiplier;
+    names of the limits (path constraints, then states, then controls), and which depend on the controls, (m,)."""
 
     t: np.ndarray
     upper: np.ndarray
     lower: np.ndarray
+    push: np.ndarray
     limits: tuple[str, ...]
+    on_controls: np.ndarray
 
     @property
     def sides(self) -> np.ndarray:
@@ -58,7 +62,18 @@ def activity(solution: NlpSolution, phase: str) -> Activity:
     up, down, over, under = (np.concatenate(parts, axis=2) for parts in zip(*pieces, strict=True))
     least = ACTS * max(up.max(initial=0.0), down.max(initial=0.0))
     t = trajectory.edges[:-1, None] + trajectory.lengths[:, None] * np.array(scheme.c)
-    return Activity(t, (up > least) & (over < CLOSE), (down > least) & (under < CLOSE), tuple(names))
+    acts = (up > least) & (over < CLOSE), (down > least) & (under < CLOSE)
+    push = np.concatenate([up, down], axis=2) * weight
+    return Activity(t, *acts, push, tuple(names), _on_controls(layout))
+
+
+def _on_controls(layout: PhaseLayout) -> np.ndarray:
+    """Which limits depend on the controls, (m,): path constraints by their derivatives, then states, then controls."""
+    path = np.zeros((layout.stage.function.size1_out(1), layout.stage.function.size1_in(1)), dtype=bool)
+    pattern = layout.stage.function.jac_sparsity(1, 1)
+    path[tuple(np.array(part, dtype=int) for part in pattern.get_triplet())] = True
+    sizes = (layout.stage.function.size1_in(k) for k in (0, 1))
+    return np.concatenate([path.any(axis=1), *(np.full(n, k == 1) for k, n in enumerate(sizes))])
 
 
 def _limits(solution: NlpSolution, phase: str):  # type: ignore[no-untyped-def]

@@ -60,19 +60,19 @@ def stretches(act: Activity, ends: tuple[float, float]) -> list[Stretch]:
         subjects.setdefault(subject, []).append((k, words))
     for subject, columns in subjects.items():
         says = [" and ".join(w for k, w in columns if row[k]) or "free" for row in sides]
-        runs = _runs(says, t, ends)
-        if any(run.limit != "free" for run in runs):
-            found += [Stretch(subject, run.limit, run.begin, run.end) for run in runs]
+        own = runs(says, t, ends)
+        if any(run.limit != "free" for run in own):
+            found += [Stretch(subject, run.limit, run.begin, run.end) for run in own]
     return found
 
 
-def _runs(says: Sequence[str], t: np.ndarray, ends: tuple[float, float]) -> list[Stretch]:
-    """Equal neighbours joined; what is too short is left out, and its neighbours meet in its middle."""
+def runs(says: Sequence[str], t: np.ndarray, ends: tuple[float, float], shortest: float = SHORTEST) -> list[Stretch]:
+    """What is said at times t (k,), equal neighbours joined; what is shorter than that share of the time between the
+    ends is left out, and its neighbours meet in its middle."""
     edges = np.concatenate([[ends[0]], (t[1:] + t[:-1]) / 2, [ends[1]]])
-    runs = [Stretch("", what, edges[k], edges[k + 1]) for k, what in enumerate(says)]
-    runs = _joined(runs)
-    least = SHORTEST * (ends[1] - ends[0])
-    kept = [run for run in runs if run.end - run.begin >= least] or runs[:1]
+    whole = _joined([Stretch("", what, float(edges[k]), float(edges[k + 1])) for k, what in enumerate(says)])
+    least = shortest * (ends[1] - ends[0])
+    kept = [run for run in whole if run.end - run.begin >= least] or whole[:1]
     middle = [(a.end + b.begin) / 2 for a, b in pairwise(kept)]
     begin, end = [ends[0], *middle], [*middle, ends[1]]
     return _joined([Stretch("", run.limit, b, e) for run, b, e in zip(kept, begin, end, strict=True)])

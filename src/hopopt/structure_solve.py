@@ -1,0 +1,192 @@
+"""An optimum solved again with the switches of its drives at free times, so that torques jump exactly there.
+
+1. Mesh edges are moved to the switches and set free, the drives' lines between them held as equations: one program
+   finds the times (structure_arcs.py says which may move).
+2. The times found are edges of an ordinary mesh; the problem itself, all limits inequalities again, is solved and
+   refined there.
+3. Beside the switches the lines are held once more, in place of limits drawn in while the times were not yet known.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hopopt.certificate_arcs import Activity, activity
+from hopopt.nlp.accuracy import IntervalErrors, interval_errors
+from hopopt.nlp.backoff import drawn_in
+from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
+from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.nlp.transcribe import Transcription
+from hopopt.structure import REGION
+from hopopt.structure_arcs import Pin, Plan, plan
+
+SLIVER = 8e-4  # share of the phase: shorter intervals beside a switch are joined with their neighbours
+BESIDE = 4e-3  # share of the phase: how far beside a switch lines are held in the end
+LEAST = 0.3  # share of an arc's duration that must remain
+ROUNDS = 5  # of drawing in the limits at last
+PATIENCE = 200  # iterations
+Report = Callable[[MeshStep], None]
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A solution with its switches at edges of the mesh, or None and in ``note`` why not; switches by phase [s]."""
+
+    solution: NlpSolution | None
+    note: str = ""
+    history: tuple[MeshStep, ...] = ()
+    switches: Mapping[str, tuple[float, ...]] | None = None
+    change: float = float("inf")
+
+    @property
+    def errors(self) -> dict[str, IntervalErrors]:
+        """What is wrong between the nodes, by phase."""
+        assert self.solution is not None
+        return errors_of(self.solution)
+
+
+def errors_of(solution: NlpSolution) -> dict[str, IntervalErrors]:
+    return {name: interval_errors(solution, name) for name in solution.phases}
+
+
+def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report = lambda step: None) -> Resolved:
+    """``refined`` solved again; ``settled`` is its step of refinement, to compare with."""
+    plans = {name: plan(activity(refined, name), p.duration, refined.objective) for name, p in refined.phases.items()}
+    if not any(any(p.free) for p in plans.values()):
+        return Resolved(None, "no switch of a drive is far enough from limits of heights and angles to be moved")
+    timed = _with_free_times(refined, plans)
+    if timed is None:
+        return Resolved(None, "the program with free switching times was not solved")
+    if any(
+        (_spans(timed.phases[n]) < LEAST * _spans_of(timed.transcription.mesh[n], refined.phases[n])).any()
+        for n in plans
+    ):
+        return Resolved(None, "an arc vanished when the switching times were free")
+    refinement = _refined(timed, settled, aims, report)
+    if refinement is None:
+        return Resolved(None, "the problem was not solved on the mesh with the switches at its edges")
+    switches = {n: _free_times(timed, n) for n in plans}
+    final = _held_beside(refinement.solution, switches, aims)
+    change = relative(final.objective, refined.objective)
+    return Resolved(final, "", tuple(refinement.history[1:]), switches, change)
+
+
+# ---- free times ---------------------------------------------------------------------------------------------
+
+
+def _with_free_times(refined: NlpSolution, plans: Mapping[str, Plan]) -> NlpSolution | None:
+    old = refined.transcription
+    mesh = {name: switched_mesh(refined.phases[name], p) for name, p in plans.items()}
+    t = Transcription(old.problem, old.scheme, mesh)
+    guess = t.guess_from(refined.phases)
+    bounds = Bounds(*t.bounds(guess), t.lbg, t.ubg)
+    for name, p in plans.items():
+        edges = np.array(mesh[name].edges) * refined.phases[name].duration
+        bounds = held(t, bounds, name, _inside(edges, p.pins))
+    z = t.pack(guess, {q.name: refined.parameters[q.name] for q in t.free})
+    start = replace(refined, z=z, lam_g=np.zeros(len(t.lbg)), lam_x=np.zeros(len(z)))
+    found = NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE}).again(start, bounds)
+    return found if found.success else None
+
+
+def switched_mesh(trajectory: PhaseTrajectory, p: Plan) -> PhaseMesh:
+    """The phase's mesh with the nearest edges moved to the switches, those that may move free, slivers joined."""
+    edges, T = trajectory.edges.copy(), trajectory.duration
+    at = [int(np.argmin(np.abs(edges[1:-1] - t))) + 1 for t in p.switches]
+    edges[at] = p.switches
+    kept = [0]
+    for k in range(1, len(edges)):
+        fixed = k in at or k == len(edges) - 1
+        while fixed and kept[-1] not in (0, *at) and edges[k] - edges[kept[-1]] < SLIVER * T:
+            kept.pop()
+        if fixed or edges[k] - edges[kept[-1]] >= SLIVER * T:
+            kept.append(k)
+    free = sorted({kept.index(k) for k, moves in zip(at, p.free, strict=True) if moves})
+    return PhaseMesh(tuple((edges[kept] / T).tolist()), tuple(free))
+
+
+def _inside(edges: np.ndarray, pins: Sequence[Pin]) -> list[tuple[str, str, np.ndarray]]:
+    """Limit, side and the intervals (indices) in which it is held."""
+    middle = (edges[1:] + edges[:-1]) / 2
+    return [(p.limit, p.side, np.flatnonzero((middle > p.begin) & (middle < p.end))) for p in pins]
+
+
+def held(
+    t: Transcription, b: Bounds, phase: str, lines: Sequence[tuple[str, str, np.ndarray]], given: bool = False
+) -> Bounds:
+    """The bounds with lines held as equations in some intervals, where they lie or (``given``) where the problem does."""
+    low, high = b.low_g.copy(), b.high_g.copy()
+    source_low, source_high = (t.lbg, t.ubg) if given else (b.low_g, b.high_g)
+    for rows in t.rows:
+        for limit, side, intervals in lines:
+            if rows.kind == "path" and rows.phase == phase and limit in rows.labels:
+                places = np.flatnonzero(np.isin(rows.interval, intervals))
+                at = rows.start + places * len(rows.labels) + rows.labels.index(limit)
+                low[at] = high[at] = (source_high if side == "upper" else source_low)[at]
+    return Bounds(b.low_z, b.high_z, low, high)
+
+
+def _spans(trajectory: PhaseTrajectory) -> np.ndarray:
+    """Duration of every arc [s]."""
+    return np.bincount(trajectory.arc, trajectory.lengths)
+
+
+def _spans_of(mesh: PhaseMesh, before: PhaseTrajectory) -> np.ndarray:
+    return mesh.spans * before.duration
+
+
+def _free_times(solution: NlpSolution, phase: str) -> tuple[float, ...]:
+    at = list(solution.transcription.mesh[phase].free)
+    return tuple(float(t) for t in solution.phases[phase].edges[at])
+
+
+# ---- the problem itself --------------------------------------------------------------------------------------
+
+
+def _refined(timed: NlpSolution, settled: MeshStep, aims: Aims, report: Report) -> Refinement | None:
+    """The problem solved and refined on the mesh of ``timed``, all its edges fixed."""
+    old = timed.transcription
+    mesh = {name: PhaseMesh(tuple((p.edges / p.duration).tolist())) for name, p in timed.phases.items()}
+    t = Transcription(old.problem, old.scheme, mesh)
+    guess, free = t.guess_from(timed.phases), {q.name: timed.parameters[q.name] for q in t.free}
+    first = NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE})(guess, free)
+    if not first.success:
+        first = NlpSolver(t, {"ipopt.max_iter": aims.iterations})(guess, free)
+    if not first.success:
+        return None
+    refinement = Refinement(first, aims, report)
+    refinement.history.insert(0, settled)
+    refinement.run()
+    return refinement
+
+
+def _held_beside(last: NlpSolution, switches: Mapping[str, Sequence[float]], aims: Aims) -> NlpSolution:
+    """Lines held beside the switches in place of limits drawn in there; what was given if that does not help."""
+    t, bounds = last.transcription, last.bounds
+    for name, times in switches.items():
+        bounds = held(t, bounds, name, _beside(last, name, times), given=True)
+    solver, best = NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE}), last
+    found = solver.again(last, bounds)
+    for _ in range(ROUNDS):
+        errors = errors_of(found)
+        if not found.success:
+            return last
+        if max(float(e.excess.max()) for e in errors.values()) <= aims.excess:
+            best = found
+            break
+        found = solver.again(found, drawn_in(found, errors, aims.excess))
+    return best
+
+
+def _beside(solution: NlpSolution, phase: str, times: Sequence[float]) -> list[tuple[str, str, np.ndarray]]:
+    """The drives' lines that hold throughout intervals beside the switches."""
+    act: Activity = activity(solution, phase)
+    p, m = solution.phases[phase], len(act.limits)
+    middle = (p.edges[1:] + p.edges[:-1]) / 2
+    near = (np.abs(middle[:, None] - np.array([*times, np.inf])) < BESIDE * p.duration).any(axis=1)
+    whole = act.sides.all(axis=1) & near[:, None]
+    drives = [k for k in range(2 * m) if act.limits[k % m].partition("[")[0].endswith(REGION)]
+    return [(act.limits[k % m], "upper" if k < m else "lower", np.flatnonzero(whole[:, k])) for k in drives]
