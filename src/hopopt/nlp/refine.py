@@ -20,6 +20,7 @@ from hopopt.nlp.transcribe import Transcription
 
 MOST = 4  # pieces into which an interval is cut at once
 BUDGET = PRICE  # of the intervals' prices before anything is drawn in: an estimate from above
+EARLY = 4  # meshes before a switch that wanders is suspected
 ROUNDS = 10  # of drawing in the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 LOST = 0.02  # relative: a finer mesh's objective may be worse by this much and no more
@@ -83,9 +84,16 @@ class Refinement:
         total = np.sort(np.concatenate(list(price.values())))
         dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
         return {
-            name: np.where((e.local > self.aims.local_error) | (price[name] >= dear), MOST, 1)
+            name: np.maximum(self._inaccurate(e.local), np.where(price[name] >= dear, MOST, 1))
             for name, e in self.errors.items()
         }
+
+    def _inaccurate(self, local: np.ndarray) -> np.ndarray:
+        """Pieces for each interval by its local error; late in the refinement, where a switch only moves on from one
+        interval to the next, its neighbours are halved too."""
+        over = local > self.aims.local_error
+        beside = np.convolve(over, [1, 1, 1], "same") > 0 if len(self.history) > EARLY else over
+        return np.where(over, MOST, np.where(beside, 2, 1))
 
     def _draw_in(self) -> Parts:
         """Draw in the limits until they hold; what is to be cut if that fails."""
