@@ -1,5 +1,6 @@
 """Arcs: stretches of a phase along which the same limits act, told from the multipliers and the limits' slack."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +56,7 @@ def activity(solution: NlpSolution, phase: str) -> Activity:
     scheme, N = layout.scheme, layout.mesh.intervals
     weight = (trajectory.lengths[:, None] * scheme.b).clip(1e-300)[..., None]
     pieces, names = [], list[str]()
-    for lam, value, low, high, labels in _limits(solution, phase):
+    for lam, value, low, high, labels in limits_of(solution, phase):
         lam, value, low, high = (a.reshape(N, -1, len(labels)) for a in (lam, value, low, high))
         pieces.append([np.maximum(lam, 0) / weight, np.maximum(-lam, 0) / weight, high - value, value - low])
         names += labels
@@ -76,8 +77,11 @@ def _on_controls(layout: PhaseLayout) -> np.ndarray:
     return np.concatenate([path.any(axis=1), *(np.full(n, k == 1) for k, n in enumerate(sizes))])
 
 
-def _limits(solution: NlpSolution, phase: str):  # type: ignore[no-untyped-def]
-    """Multiplier, value and bounds, scaled, of every limit at all abscissae, and the components' names."""
+def limits_of(
+    solution: NlpSolution, phase: str
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]]:
+    """Multipliers, values, lower and upper bounds, scaled, of groups of limits at all abscissae (path constraints,
+    then states, then controls), and the components' names."""
     t, b = solution.transcription, solution.bounds
     layout, where = t.layouts[phase], t.variables[phase]
     n = len(layout.scheme.c)

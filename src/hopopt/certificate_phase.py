@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hopopt.certificate_arcs import Arc
+from hopopt.certificate_arcs import Arc, limits_of
 from hopopt.certificate_costates import PhaseMultipliers, sign
 from hopopt.certificate_points import Along
 from hopopt.nlp.ipopt import NlpSolution
@@ -110,22 +110,25 @@ class PhaseCertificate:
         total = (self._integral(np.abs(slope)) + np.abs(self.atom_on_controls)) @ size
         return float(total) / self.objective
 
+    @cached_property
+    def _bounds(self) -> list[np.ndarray]:
+        """Lower and upper limits of the problem, and their scales, (m,) each."""
+        phase, stage = self.layout.phase, self.layout.stage
+        variables = (*phase.states, *phase.controls)
+        sides = ("lower", "upper", "scale")
+        return [np.concatenate([stage.path_column(side), phase.columns(variables, side)]) for side in sides]
+
     def limits_residual(self) -> tuple[float, str]:
         """Integral of each multiplier times the distance to the limit it belongs to by its sign; and the worst limit.
 
         The limits are those of the problem: where they were drawn in, what that costs is part of it.
         """
-        phase, stage, s = self.layout.phase, self.layout.stage, sign(self.solution)
-        variables = (*phase.states, *phase.controls)
-        lower, upper, scale = (
-            np.concatenate([stage.path_column(side), phase.columns(variables, side)])
-            for side in ("lower", "upper", "scale")
-        )
+        s, (lower, upper, scale) = sign(self.solution), self._bounds
         cell = np.searchsorted(np.cumsum(self.layout.scheme.b), FINE.c).clip(max=len(self.layout.scheme.b) - 1)
         nu = self.multipliers.density[:, cell]  # each node's multiplier, spread over its share of the interval
         pushed = self._integral(np.abs(nu) * missed(nu, self.along.c, lower, upper, s, scale))
-        given = [state.end_bounds("final") for state in phase.states]
-        first, count = len(stage.path_column("lower")), self.along.x.shape[2]
+        given = [state.end_bounds("final") for state in self.layout.phase.states]
+        first, count = len(self.layout.stage.path_column("lower")), self.along.x.shape[2]
         low, high = lower.copy(), upper.copy()
         low[first : first + count], high[first : first + count] = (
             np.concatenate(side) for side in zip(*given, strict=True)
@@ -149,10 +152,31 @@ class PhaseCertificate:
 
     @cached_property
     def steady(self) -> np.ndarray:
-        """H less the integral of its partial derivative by time, (N, K): constant along an optimum."""
+        """H less the integral of its partial derivative by time, (N, K): constant along an optimum.
+
+        Where a limit was drawn in, H is less by its multiplier times the amount, which is added here.
+        """
         inner = self.h[:, None] * np.einsum("kj,ij->ik", FINE.A, self._by_time)
         before = np.concatenate([[0.0], np.cumsum(inner[:-1, -1])])
-        return self.hamiltonian - before[:, None] - inner
+        lower, upper = self._drawn_in
+        amount = np.where(-sign(self.solution) * self.density > 0, upper[:, None], -lower[:, None])
+        return self.hamiltonian + (self.density * amount).sum(axis=2) - before[:, None] - inner
+
+    @cached_property
+    def _drawn_in(self) -> tuple[np.ndarray, np.ndarray]:
+        """By how much the lower and upper limits were drawn in at all nodes of each interval, (N, m) each."""
+        (lower, upper, scale), N, found = self._bounds, len(self.h), []
+        groups = [
+            [side.reshape(N, -1, len(names)) for side in (low, high)]
+            for _, _, low, high, names in limits_of(self.solution, self.name)
+        ]
+        low, high = (np.concatenate(sides, axis=2) * scale for sides in zip(*groups, strict=True))
+        with np.errstate(invalid="ignore"):  # inf - inf: no limit in either
+            differences = low - lower, upper - high
+        for drawn in differences:
+            amount = np.nan_to_num(drawn, nan=0.0, posinf=0.0, neginf=0.0).min(axis=1)
+            found.append(np.where((low == high).all(axis=1), 0.0, amount))  # held as an equation, not drawn in
+        return found[0], found[1]
 
     @cached_property
     def _power(self) -> float:

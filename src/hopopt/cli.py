@@ -25,6 +25,7 @@ def solve(
     set_: Overrides = None,
     starts: int | None = None,
     processes: int | None = None,
+    structure: bool = False,
     results: Path = Path("results"),
     figures: bool = True,
     json_: AsJson = False,
@@ -45,6 +46,8 @@ def solve(
         How many different starting points to solve from (default: the problem's solver.starts).
     processes
         How many of them side by side (default: one for each core).
+    structure
+        Solve the best once more with the switches of its drives at free times, so that torques jump exactly there.
     results
         Folder for the results; each run gets a new folder inside it.
     figures
@@ -63,7 +66,8 @@ def solve(
 
     draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
-        solution = run(design, objective, starts=starts, processes=processes, progress=say)
+        options = {"starts": starts, "processes": processes, "structure": structure}
+        solution = run(design, objective, **options, progress=say)
         if figures:
             from hopopt.plots import save_all as draw
 

@@ -3,6 +3,8 @@
 import os
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,14 +25,16 @@ from hopopt.nlp.accuracy import IntervalErrors
 from hopopt.nlp.backoff import PRICE, price
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
-from hopopt.nlp.refine import Aims, MeshStep, Refinement
+from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.goal import HEIGHTS, HopObjective
 from hopopt.ocp.hop import EFFORT, Hop
 from hopopt.solution import Solution
+from hopopt.structure_solve import Resolved, resolve
 from hopopt.summary import summarize
 from hopopt.verify import KKT, LIMIT, Check, verify_plan
 
+Refined = Refinement | Resolved
 MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
 
 
@@ -40,13 +44,15 @@ def solve(
     *,
     starts: int | None = None,
     processes: int | None = None,
+    structure: bool = False,
     progress: Progress | None = None,
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified.
 
-    starts overrides the problem's number; processes (default: the cores) solve them side by side; progress is
-    called with a line of text now and then. Raises NotSolvedError, with the worst constraints, if no start
-    leads to a solution. A solution that fails verification is returned with ``verified`` False.
+    starts overrides the problem's number; processes (default: the cores) solve them side by side; structure: the best
+    is solved once more with the switches of its drives at free times (structure_solve.py); progress is called with a
+    line of text now and then. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A
+    solution that fails verification is returned with ``verified`` False.
     """
     say, clock = progress or (lambda text: None), Stopwatch()
     hop = Hop(design, objective)
@@ -61,6 +67,8 @@ def solve(
     if not finished:
         raise not_solved(hop, outcomes)
     best, better = best_of(hop.objective, finished)
+    if structure:
+        best = with_free_switches(hop, best, outcomes, say, clock)
     if notes := _notes(hop, best, better):
         best.summary["notes"] = notes
     return best
@@ -112,6 +120,13 @@ def finish(
     refinement = refine_outcome(hop, outcome, say, first)
     clock.mark("refinement")
     say("verifying")
+    return summed_up(hop, refinement, outcomes, outcome, clock)
+
+
+def summed_up(
+    hop: Hop, refinement: Refined, outcomes: Sequence[StartOutcome], outcome: StartOutcome, clock: Stopwatch
+) -> Solution:
+    """What came of refining a start's optimum: verified, certified, with every figure that is printed of it."""
     goal, solution = hop.objective, refinement.solution
     stated = {} if goal.figure in HEIGHTS else {goal.figure: without_tie_break(hop, solution)}
     plan = Solution(hop.design, goal.name, solution.phases, stated)
@@ -122,6 +137,33 @@ def finish(
     certified = attached(found, solution)
     clock.mark("certificate")
     return certified
+
+
+def with_free_switches(
+    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> Solution:
+    """The best hop solved again with its drives' switches at free times, if that is verified and agrees with it."""
+    from hopopt.recheck import stored_nlp
+
+    say("solving again with free switching times")
+    settled = next(MeshStep(**step) for step in reversed(best.summary["mesh"]) if not step["drawn_in"])
+    found = resolve(stored_nlp(best), settled, aims_of(hop), lambda step: say(_progress_line(hop, step)))
+    clock.mark("structure")
+    if isinstance(found, str):
+        return _with_structure(best, {"solved_again": False, "note": found})
+    outcome = next(o for o in outcomes if o.name == best.summary["starts"]["chosen"])
+    again = summed_up(hop, found, outcomes, outcome, clock)
+    difference = relative(again.summary["objective_value"], best.summary["objective_value"])
+    wrong = again.summary["failed_checks"] + ([] if again.summary["certified"] else ["the certificate"])
+    wrong += [f"another optimum, {difference:.0e} away"] if difference > PRICE else []
+    note = f"with free switching times it failed: {', '.join(wrong)}" if wrong else ""
+    told = {"solved_again": not wrong, "note": note, "switches_s": found.switches, "difference": difference}
+    return _with_structure(best if wrong else again, told)
+
+
+def _with_structure(solution: Solution, more: dict[str, Any]) -> Solution:
+    summary = solution.summary
+    return replace(solution, summary={**summary, "structure": {**summary["structure"], **more}})
 
 
 def without_tie_break(hop: Hop, solution: NlpSolution) -> float:
@@ -136,13 +178,18 @@ def without_tie_break(hop: Hop, solution: NlpSolution) -> float:
 
 def refine_outcome(hop: Hop, outcome: StartOutcome, say: Progress, first: Transcription | None = None) -> Refinement:
     """A start's optimum, refined as the problem's solver settings ask for."""
-    s = hop.design.solver
-    meshes = s.max_refinements if s.refine else 0
-    aims = Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations)
+    aims = aims_of(hop)
     solution = solution_of(outcome, first or first_transcription(hop))
     refinement = Refinement(solution, aims, lambda step: say(_progress_line(hop, step)))
     refinement.run()
     return refinement
+
+
+def aims_of(hop: Hop) -> Aims:
+    """What refinement is to reach."""
+    s = hop.design.solver
+    meshes = s.max_refinements if s.refine else 0
+    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations)
 
 
 def _progress_line(hop: Hop, s: MeshStep) -> str:

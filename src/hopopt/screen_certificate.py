@@ -28,8 +28,17 @@ def certificate_line(s: dict[str, Any]) -> list[str]:
 
 def structure_lines(s: dict[str, Any]) -> list[str]:
     """The switching structure of stance, a line for each joint and whatever else has limits that act."""
-    words = s.get("structure", {}).get("words", [])
-    return [line.removeprefix("stance, ") for line in words if line.startswith("stance, ")]
+    found = s.get("structure", {})
+    lines = [line.removeprefix("stance, ") for line in found.get("words", []) if line.startswith("stance, ")]
+    if found.get("solved_again"):
+        times = ", ".join(f"{t:.5f}" for times in found["switches_s"].values() for t in times)
+        lines.append(
+            f"solved again with free switching times: drives switch at {times} s, the optimum within "
+            f"{found['difference']:.0e} of the one before"
+        )
+    elif "solved_again" in found:
+        lines.append(f"not solved with free switching times: {found['note']}")
+    return lines
 
 
 def print_certificate(certificate: "Certificate | None") -> None:

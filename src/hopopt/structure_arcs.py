@@ -101,6 +101,6 @@ def _merged(times: Sequence[float], gap: float) -> list[float]:
 def _state_limits(act: Activity) -> np.ndarray:
     """Times at which a limit of the state alone acts (heights, angles), but for the phase's end."""
     t, alone = act.t.ravel(), ~np.tile(act.on_controls, 2)
-    acting = act.sides.reshape(len(t), -1)[:, alone].any(axis=1)
+    acting = np.asarray(act.sides.reshape(len(t), -1)[:, alone].any(axis=1))
     acting[-1] = False
     return t[acting]

@@ -26,25 +26,25 @@ from hopopt.structure_arcs import Pin, Plan, plan
 SLIVER = 8e-4  # share of the phase: shorter intervals beside a switch are joined with their neighbours
 BESIDE = 4e-3  # share of the phase: how far beside a switch lines are held in the end
 LEAST = 0.3  # share of an arc's duration that must remain
-ROUNDS = 5  # of drawing in the limits at last
+ROUNDS = 8  # of drawing in the limits at last
 PATIENCE = 200  # iterations
+WRONG = 1e-6  # of the objective: what a line that is held may be worth with the wrong sign
 Report = Callable[[MeshStep], None]
 
 
 @dataclass(frozen=True)
 class Resolved:
-    """A solution with its switches at edges of the mesh, or None and in ``note`` why not; switches by phase [s]."""
+    """A solution with its switches, by phase [s], at edges of the mesh; its history of refinement, and the relative
+    change of the objective."""
 
-    solution: NlpSolution | None
-    note: str = ""
-    history: tuple[MeshStep, ...] = ()
-    switches: Mapping[str, tuple[float, ...]] | None = None
-    change: float = float("inf")
+    solution: NlpSolution
+    history: tuple[MeshStep, ...]
+    switches: Mapping[str, tuple[float, ...]]
+    change: float
 
     @property
     def errors(self) -> dict[str, IntervalErrors]:
         """What is wrong between the nodes, by phase."""
-        assert self.solution is not None
         return errors_of(self.solution)
 
 
@@ -52,26 +52,26 @@ def errors_of(solution: NlpSolution) -> dict[str, IntervalErrors]:
     return {name: interval_errors(solution, name) for name in solution.phases}
 
 
-def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report = lambda step: None) -> Resolved:
-    """``refined`` solved again; ``settled`` is its step of refinement, to compare with."""
+def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report = lambda step: None) -> Resolved | str:
+    """``refined`` solved again, or in a sentence why not; ``settled`` is its step of refinement, to compare with."""
     plans = {name: plan(activity(refined, name), p.duration, refined.objective) for name, p in refined.phases.items()}
     if not any(any(p.free) for p in plans.values()):
-        return Resolved(None, "no switch of a drive is far enough from limits of heights and angles to be moved")
+        return "no switch of a drive is far enough from limits of heights and angles to be moved"
     timed = _with_free_times(refined, plans)
     if timed is None:
-        return Resolved(None, "the program with free switching times was not solved")
+        return "the program with free switching times was not solved"
     if any(
         (_spans(timed.phases[n]) < LEAST * _spans_of(timed.transcription.mesh[n], refined.phases[n])).any()
         for n in plans
     ):
-        return Resolved(None, "an arc vanished when the switching times were free")
+        return "an arc vanished when the switching times were free"
     refinement = _refined(timed, settled, aims, report)
     if refinement is None:
-        return Resolved(None, "the problem was not solved on the mesh with the switches at its edges")
+        return "the problem was not solved on the mesh with the switches at its edges"
     switches = {n: _free_times(timed, n) for n in plans}
     final = _held_beside(refinement.solution, switches, aims)
     change = relative(final.objective, refined.objective)
-    return Resolved(final, "", tuple(refinement.history[1:]), switches, change)
+    return Resolved(final, tuple(refinement.history[1:]), switches, change)
 
 
 # ---- free times ---------------------------------------------------------------------------------------------
@@ -168,17 +168,35 @@ def _held_beside(last: NlpSolution, switches: Mapping[str, Sequence[float]], aim
     t, bounds = last.transcription, last.bounds
     for name, times in switches.items():
         bounds = held(t, bounds, name, _beside(last, name, times), given=True)
-    solver, best = NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE}), last
+    solver = NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE})
     found = solver.again(last, bounds)
     for _ in range(ROUNDS):
-        errors = errors_of(found)
+        errors, released = errors_of(found), _released(found, last.bounds)
         if not found.success:
             return last
-        if max(float(e.excess.max()) for e in errors.values()) <= aims.excess:
-            best = found
-            break
+        if released is None and max(float(e.excess.max()) for e in errors.values()) <= aims.excess:
+            return found
+        if released is not None:
+            found = replace(found, bounds=released)
         found = solver.again(found, drawn_in(found, errors, aims.excess))
-    return best
+    return last
+
+
+def _released(found: NlpSolution, before: Bounds) -> Bounds | None:
+    """Lines that are held where their multipliers would rather let go, as they were ``before``; None if there are none."""
+    t, b, low, high = found.transcription, found.bounds, found.bounds.low_g.copy(), found.bounds.high_g.copy()
+    most = WRONG * abs(found.objective)
+    held_up, held_down = (b.low_g == b.high_g) & (t.lbg < b.low_g), (b.low_g == b.high_g) & (b.high_g < t.ubg)
+    wrong = (held_up & ~held_down & (found.lam_g < -most)) | (held_down & ~held_up & (found.lam_g > most))
+    if not wrong.any():
+        return None
+    for rows in t.rows:
+        if rows.kind == "path":
+            own = slice(rows.start, rows.stop)
+            places = np.isin(rows.interval, rows.interval[wrong[own].reshape(-1, len(rows.labels)).any(axis=1)])
+            at = np.arange(rows.start, rows.stop).reshape(-1, len(rows.labels))[places].ravel()
+            low[at], high[at] = before.low_g[at], before.high_g[at]
+    return Bounds(b.low_z, b.high_z, low, high)
 
 
 def _beside(solution: NlpSolution, phase: str, times: Sequence[float]) -> list[tuple[str, str, np.ndarray]]:
@@ -187,6 +205,6 @@ def _beside(solution: NlpSolution, phase: str, times: Sequence[float]) -> list[t
     p, m = solution.phases[phase], len(act.limits)
     middle = (p.edges[1:] + p.edges[:-1]) / 2
     near = (np.abs(middle[:, None] - np.array([*times, np.inf])) < BESIDE * p.duration).any(axis=1)
-    whole = act.sides.all(axis=1) & near[:, None]
+    whole: np.ndarray = act.sides.all(axis=1) & near[:, None]
     drives = [k for k in range(2 * m) if act.limits[k % m].partition("[")[0].endswith(REGION)]
-    return [(act.limits[k % m], "upper" if k < m else "lower", np.flatnonzero(whole[:, k])) for k in drives]
+    return [(act.limits[k % m], "upper" if k < m else "lower", np.flatnonzero(whole.T[k])) for k in drives]
