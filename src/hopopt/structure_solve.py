@@ -204,7 +204,7 @@ def _beside(solution: NlpSolution, phase: str, times: Sequence[float]) -> list[t
     act: Activity = activity(solution, phase)
     p, m = solution.phases[phase], len(act.limits)
     middle = (p.edges[1:] + p.edges[:-1]) / 2
-    near = (np.abs(middle[:, None] - np.array([*times, np.inf])) < BESIDE * p.duration).any(axis=1)
-    whole: np.ndarray = act.sides.all(axis=1) & near[:, None]
+    near = np.any(np.abs(middle[:, None] - np.array([*times, np.inf])) < BESIDE * p.duration, axis=1, keepdims=True)
+    whole = np.all(act.sides, axis=1) & near
     drives = [k for k in range(2 * m) if act.limits[k % m].partition("[")[0].endswith(REGION)]
     return [(act.limits[k % m], "upper" if k < m else "lower", np.flatnonzero(whole.T[k])) for k in drives]

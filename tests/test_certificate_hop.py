@@ -1,0 +1,224 @@
+"""The certificate and the switching structure of the paper's leg."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hopopt.certificate import Certificate, certify
+from hopopt.certificate_arcs import Activity
+from hopopt.cli import run
+from hopopt.leg.kinematics import start_angles
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.planner import solve
+from hopopt.problem_file import load
+from hopopt.recheck import recertified, stored_nlp
+from hopopt.solution import Solution
+from hopopt.storage import read, save
+from hopopt.structure import runs, sentences, stretches, structure
+from hopopt.structure_arcs import plan
+
+COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_intervals": 8}
+
+
+@pytest.fixture(scope="module")
+def hop() -> Solution:
+    """The paper's leg on its default settings, from one start."""
+    return solve(load("paper"), starts=1, processes=1)
+
+
+@pytest.fixture(scope="module")
+def coarse() -> Solution:
+    return solve(load("paper", COARSE), starts=1)
+
+
+def of(s: Solution) -> Certificate:
+    return certify(stored_nlp(s))
+
+
+def failed(c: Certificate) -> set[str]:
+    return {check.name for check in c.checks if not check.passed}
+
+
+def costates_of(c: Certificate) -> float:
+    return max(check.residual for check in c.checks if check.name.endswith(" costates"))
+
+
+# ---- certificate ------------------------------------------------------------------------------------------
+
+
+def test_the_refined_optimum_is_certified(hop: Solution) -> None:
+    c = of(hop)
+    assert c.passed, failed(c)
+    assert costates_of(c) < 1e-4
+    assert hop.summary["certified"] is True
+    assert hop.summary["certificate"].keys() == {check.name.replace(" ", "_") for check in c.checks}
+    assert hop.summary["timings_s"]["certificate"] < 5
+
+
+def test_hamiltonian_is_what_a_longer_stance_would_gain(hop: Solution) -> None:
+    """Autonomous phases: H is the derivative by the bound on the duration in stance, and zero in flight, which ends
+    when it likes, but for the tie-break (at most its weight times the joints)."""
+    c, bias = of(hop), hop.design.solver.tie_break * 2
+    gain = hop.summary["gain_per_percent_m"]["longest stance"] / (0.01 * 0.4)
+    stance, flight = c.phases["stance"], c.phases["flight"]
+    assert abs(np.average(stance.mean_hamiltonian, weights=stance.h) / gain - 1) < 1e-6
+    assert np.abs(np.median(stance.mean_hamiltonian) / gain - 1) < 0.01
+    assert abs(np.average(flight.mean_hamiltonian, weights=flight.h)) < bias
+    assert np.abs(flight.mean_hamiltonian[:-1]).max() < bias
+
+
+def test_costates_of_the_flight_are_those_of_a_thrown_body(hop: Solution) -> None:
+    """The height counts as it is; its speed is worth the time that is left: J = z + vz t - g t^2 / 2."""
+    flight = of(hop).phases["flight"]
+    left = flight.trajectory.duration - flight.trajectory.edges
+    columns = list(hop.multipliers["flight"]["state"])
+    z, vz = columns.index("com[z]"), columns.index("com_v[z]")
+    away = flight.trajectory.edges > 0.01  # before, the ground holds the foot up
+    np.testing.assert_allclose(flight.costate[away, z], 1, atol=1e-6)
+    np.testing.assert_allclose(flight.costate[away, vz], left[away], atol=1e-6)
+
+
+@pytest.mark.parametrize("entry", ["start.hip_height", "start.foot_x"])
+def test_costate_at_the_start_is_what_another_start_brings(coarse: Solution, entry: str) -> None:
+    """Against central differences of the same program with another pose at the start."""
+    step, value = 1e-4, {"start.hip_height": 0.28, "start.foot_x": 0.0}[entry]
+    moved = [load("paper", {**COARSE, entry: value + side * step}) for side in (1, -1)]
+    up, down = (solve(design, starts=1).summary["objective_value"] for design in moved)
+    turned = np.subtract(*(start_angles(design) for design in moved))
+    predicted = of(coarse).phases["stance"].costate[0, :2] @ turned
+    assert abs(predicted / (up - down) - 1) < 1e-3
+
+
+def test_a_coarse_mesh_is_not_certified(coarse: Solution) -> None:
+    assert coarse.summary["certified"] is False
+    assert {"stance controls stationary", "stance Hamiltonian across switches"} <= failed(of(coarse))
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_other_torques_are_not_certified(hop: Solution, joint: int) -> None:
+    """One per cent more acceleration of a joint for 20 ms of the push."""
+    s = stored_nlp(hop)
+    where, trajectory = s.transcription.variables["stance"].u, s.phases["stance"]
+    interval, place = s.transcription.layouts["stance"].control_place
+    t, z = trajectory.edges[interval] + place * trajectory.lengths[interval], s.z.copy()
+    u = z[where].reshape(len(t), -1)
+    u[(t > 0.30) & (t < 0.32), joint] *= 1.01
+    z[where] = u.ravel()
+    c = certify(replace(s, z=z, phases=s.transcription.unpack(z, s.p)[0]))
+    assert failed(c) & {"stance costates", "stance Hamiltonian along arcs"}
+
+
+def test_stored_and_recomputed(hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = save(hop, tmp_path).result_dir
+    assert run(["verify", str(folder), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["verified"] is True
+    assert found["certified"] is True
+    for name, entry in hop.summary["certificate"].items():
+        assert found["certificate"][name]["passed"] is True
+        assert found["certificate"][name]["tolerance"] == entry["tolerance"]
+        np.testing.assert_allclose(found["certificate"][name]["residual"], entry["residual"], rtol=1e-3, atol=1e-9)
+    assert run(["verify", str(folder)]) == 0
+    assert "first-order optimality certified" in capsys.readouterr().out
+
+
+def test_costates_that_were_changed_in_the_file_are_found(hop: Solution, tmp_path: Path) -> None:
+    again = read(str(save(hop, tmp_path).result_dir))
+    again.multipliers["stance"]["costate"][3] *= 1.001
+    certificate = recertified(again)
+    assert certificate is not None
+    assert failed(certificate) == {"stored costates"}
+
+
+# ---- switching structure ----------------------------------------------------------------------------------
+
+
+def test_runs_join_what_is_equal_and_drop_what_is_short() -> None:
+    t = np.array([0.05, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.95])
+    found = runs(list("aaabaacccc"), t, (0.0, 1.0), 0.15)
+    assert [(r.limit, r.begin, r.end) for r in found] == [("a", 0.0, pytest.approx(0.6)), ("c", pytest.approx(0.6), 1)]
+
+
+def acting(columns: dict[str, Callable[[np.ndarray], np.ndarray]]) -> Activity:
+    """100 intervals of one node over one second; which upper sides act when."""
+    t = (np.arange(100)[:, None] + 0.5) / 100
+    upper = np.stack([when(t) for when in columns.values()], axis=2)
+    push = np.concatenate([upper, 0 * upper], axis=2).astype(float)
+    on_controls = np.array(["region" in name for name in columns])
+    return Activity(t, upper, np.zeros_like(upper), push, tuple(columns), on_controls)
+
+
+def test_structure_in_words_and_what_may_move() -> None:
+    act = acting(
+        {
+            "hip operating region[a line]": lambda t: t < 0.3,
+            "hip operating region[b line]": lambda t: (t > 0.31) & (t < 0.7),
+            "hip operating region[c line]": lambda t: t > 0.7,
+            "height above ground[knee]": lambda t: (t > 0.71) & (t < 0.8),
+        }
+    )
+    (words,) = [s for s in stretches(act, (0.0, 1.0)) if s.subject == "hip" and s.end == 1.0]
+    assert words.limit == "c line forward"
+    p = plan(act, 1.0, 1.0)
+    np.testing.assert_allclose(p.switches, [0.305, 0.7], atol=1e-9)
+    assert p.free == (True, False)  # the knee comes to the ground where the second one lies
+    assert [(pin.begin, pin.end) for pin in p.pins] == [(0.0, p.switches[0]), p.switches, (p.switches[1], 1.0)]
+
+
+def test_structure_agrees_with_the_torques(hop: Solution) -> None:
+    """Where the hip is said to be on one line throughout, its torque lies on the edge of the operating region."""
+    found = structure(stored_nlp(hop))
+    assert hop.summary["structure"]["words"] == sentences(found)
+    region, checked = hop.region("hip"), 0
+    for s in found["stance"]:
+        if s.subject == "hip" and s.limit != "free":
+            margin = 0.1 * (s.end - s.begin)
+            samples = hop.sample(np.linspace(s.begin + margin, s.end - margin, 50))
+            assert region.saturation(samples.v[:, 2], samples.tau[:, 0]).min() > 0.99
+            checked += 1
+    assert checked > 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["paper", "paper_no_countermovement"])
+def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
+    """Verified and certified, within the price of the limits that were drawn in; torques jump at edges of the mesh."""
+    refined, again = (solve(load(name), starts=1, processes=1, structure=s) for s in (False, True))
+    told = again.summary["structure"]
+    assert told["solved_again"], told["note"]
+    assert again.verified
+    assert again.summary["certified"]
+    a, b = refined.summary["objective_value"], again.summary["objective_value"]
+    price = max(c["residual"] for c in refined.summary["verification"] if c["name"].startswith("price"))
+    assert abs(a - b) / a < (1e-6 if name == "paper" else price)
+    trajectory, region = again.phases["stance"], again.region("hip")
+    jumps = 0
+    for t in told["switches_s"]["stance"]:
+        assert np.abs(trajectory.edges - t).min() < 1e-4
+        edge = trajectory.edges[np.abs(trajectory.edges - t).argmin()]
+        sides = again.sample(np.array([edge - 1e-6, edge + 1e-6]))
+        ratio = region.saturation(sides.v[:, 2], sides.tau[:, 0])
+        if np.sign(sides.tau[0, 0]) != np.sign(sides.tau[1, 0]):
+            jumps += 1
+            assert ratio.min() > 0.98
+    assert jumps >= 1
+
+
+def test_a_hop_without_switches_that_may_move_says_so(coarse: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hopopt.structure_arcs.AWAY", 10.0)
+    s = solve(load("paper", COARSE), starts=1, structure=True)
+    assert s.summary["structure"]["solved_again"] is False
+    assert "no switch" in s.summary["structure"]["note"]
+    assert s.clearance == coarse.clearance
+
+
+def test_certificate_of_a_solution_is_that_of_its_program(coarse: Solution) -> None:
+    nlp: NlpSolution = stored_nlp(coarse)
+    np.testing.assert_array_equal(of(coarse).phases["stance"].costate, coarse.multipliers["stance"]["costate"])
+    assert len(coarse.multipliers["ends"]["multiplier"]) == sum(
+        r.stop - r.start for r in nlp.transcription.rows if r.kind == "boundary"
+    )
