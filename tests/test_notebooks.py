@@ -1,0 +1,81 @@
+"""The notebooks: pairs that say the same, without outputs, on the public interface alone; and every one runs."""
+
+import ast
+import base64
+import re
+import time
+from pathlib import Path
+
+import jupytext
+import nbformat
+import pytest
+from nbmake.nb_run import NotebookRun
+
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
+LONGEST = 240.0  # [s]; two minutes on two cores of their own
+PNG = b"\x89PNG"
+
+
+def cells(notebook: nbformat.NotebookNode) -> list[tuple[str, str]]:
+    return [(cell.cell_type, cell.source) for cell in notebook.cells]
+
+
+def test_every_notebook_has_its_pair() -> None:
+    folder = Path(__file__).parents[1] / "notebooks"
+    assert [path.stem for path in NOTEBOOKS] == sorted(path.stem for path in folder.glob("*.py"))
+    assert len(NOTEBOOKS) >= 3
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_pairs_say_the_same(path: Path) -> None:
+    """After a change of one: jupytext --sync notebooks/*.py"""
+    stored, script = nbformat.read(path, 4), jupytext.read(path.with_suffix(".py"))
+    assert cells(stored) == cells(script)
+    assert stored.metadata.kernelspec.name == script.metadata.kernelspec.name == "python3"
+    nbformat.validate(stored)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_no_outputs_are_kept(path: Path) -> None:
+    for cell in nbformat.read(path, 4).cells:
+        assert not cell.get("outputs")
+        assert cell.get("execution_count") is None
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_only_the_public_interface_is_used(path: Path) -> None:
+    tree = ast.parse(path.with_suffix(".py").read_text(encoding="utf-8"))
+    from_imports = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    assert not [module for module in from_imports if module.startswith("hopopt")]
+    attributes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
+    assert not [node.attr for node in attributes if node.attr.startswith("_")]
+    assert "import hopopt as ho" in path.with_suffix(".py").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_what_a_notebook_names_exists(path: Path) -> None:
+    """Notebooks and pages it points to."""
+    text = path.with_suffix(".py").read_text(encoding="utf-8")
+    for name in re.findall(r"`(\d\d_\w+)`", text):
+        assert name in {other.stem for other in NOTEBOOKS}, name
+    for name in re.findall(r"`(docs/\w+\.md)`", text):
+        assert (path.parents[1] / name).is_file(), name
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # of the kernel's client, not of hopopt
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_it_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    began = time.perf_counter()
+    result = NotebookRun(path, default_timeout=int(LONGEST)).execute()
+    seconds = time.perf_counter() - began
+    assert result.error is None, result.error
+    assert seconds < LONGEST
+    outputs = [output for cell in result.nb.cells for output in cell.get("outputs", ())]
+    pictures = [output.data["image/png"] for output in outputs if "image/png" in output.get("data", {})]
+    assert len(pictures) >= 3
+    assert all(base64.b64decode(picture).startswith(PNG) for picture in pictures)
+    warned = [output.text for output in outputs if output.get("name") == "stderr"]
+    assert not warned, warned
+    print(f"{path.stem}: {seconds:.0f} s, {len(pictures)} figures")
