@@ -1,5 +1,6 @@
 """Which points a study has, and what is said of one that makes no sense."""
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from hopopt.sweep_store import (
     Point,
     check_same,
     dataset,
+    load_begin,
     load_points,
     open_folder,
     read_definition,
@@ -168,12 +170,37 @@ def test_only_the_point_that_falls_out_of_the_trend_is_doubted() -> None:
     study = define(PAPER, {RATIO: "60:160:9", SHANK: "0.30:0.42:5"})
     x, y = study.normalized.T
     values = 0.7 + 0.2 * x - 0.1 * x**2 + 0.3 * y
-    assert doubtful(study, finished(study, values)) == {}
+    alike = dict.fromkeys(range(45), np.zeros(3))
+    assert doubtful(study, finished(study, values), alike) == {}
     values[17] -= 0.05
-    jobs = doubtful(study, finished(study, values))
+    jobs = doubtful(study, finished(study, values), alike)
     assert 17 in jobs
     distance = np.linalg.norm(study.normalized - study.normalized[17], axis=1)
     assert max(distance[jobs[17]]) <= np.sort(distance)[4]  # its neighbours
+
+
+def test_where_less_is_better_the_high_point_is_doubted() -> None:
+    study = define(PAPER, {RATIO: "60:160:9", SHANK: "0.30:0.42:5"})
+    x, y = study.normalized.T
+    values = 0.7 + 0.2 * x - 0.1 * x**2 + 0.3 * y
+    values[17] += 0.05
+    alike = dict.fromkeys(range(45), np.zeros(3))
+    assert 17 in doubtful(study, finished(study, values), alike, -1.0)
+
+
+def test_where_another_kind_of_optimum_begins_each_side_is_tried_from_the_other() -> None:
+    """Of 7 x 3 points the left four columns hold one kind: only the two columns that touch are doubted."""
+    study = define(PAPER, {RATIO: "60:120:7", SHANK: "0.30:0.36:3"})
+    points = finished(study, np.full(21, 0.8))
+    shapes = {k: np.array([0.0, 1.0 if k // 3 < 4 else -1.0]) for k in range(21)}
+    jobs = doubtful(study, points, shapes)
+    assert {k // 3 for k in jobs} == {3, 4}
+    for k, sources in jobs.items():
+        assert all(g // 3 == 7 - k // 3 for g in sources)
+    points = {k: replace(p, tried=tuple((g, 0) for g in jobs.get(k, ()))) for k, p in points.items()}
+    assert doubtful(study, points, shapes) == {}  # tried already
+    points[9] = replace(points[9], solved_in=1)  # another solution there now
+    assert {k for k, sources in doubtful(study, points, shapes).items() if 9 in sources} == {12}
 
 
 def test_failed_points_are_solved_again_but_impossible_ones_are_not() -> None:
@@ -181,9 +208,10 @@ def test_failed_points_are_solved_again_but_impossible_ones_are_not() -> None:
     points = finished(study, np.linspace(0.9, 0.5, 5))
     points[1] = Point(1, study.values(1), NOT_SOLVED, "no start led to a hop")
     points[3] = Point(3, study.values(3), IMPOSSIBLE, "the leg is too short")
-    assert doubtful(study, points) == {1: [0, 2]}
-    points[1] = Point(1, study.values(1), NOT_SOLVED, "no start led to a hop", tried=(0, 2))
-    assert doubtful(study, points) == {}
+    alike = dict.fromkeys(range(5), np.zeros(3))
+    assert doubtful(study, points, alike) == {1: [0, 2]}
+    points[1] = Point(1, study.values(1), NOT_SOLVED, "no start led to a hop", tried=((0, 0), (2, 0)))
+    assert doubtful(study, points, alike) == {}
 
 
 # ---- files ----------------------------------------------------------------------------------------------------
@@ -217,8 +245,11 @@ def test_points_are_read_back_and_strangers_refused(tmp_path: Path) -> None:
     folder = open_folder(study, tmp_path)
     points = finished(study, np.array([0.9, 0.8, 0.7]))
     save_point(folder, points[1], {"x": np.arange(3.0)})
-    (folder / "points" / ".0002.json.99").write_text("{")  # killed while writing
-    assert load_points(folder, study) == {1: points[1]}
+    again = replace(points[1], after_pass=1, tried=((0, 0),))
+    save_point(folder, again, {})
+    (folder / "points" / ".0002-0.json.99").write_text("{")  # killed while writing
+    assert load_points(folder, study) == {0: {1: points[1]}, 1: {1: again}}
+    np.testing.assert_array_equal(load_begin(folder, again)["x"], np.arange(3.0))  # it was not solved in that pass
     save_point(folder, Point(2, {RATIO: 55.0}, VERIFIED), {})
     with pytest.raises(ResultError, match="another study"):
         load_points(folder, study)

@@ -17,8 +17,8 @@ import xarray as xr
 
 import hopopt as ho
 from hopopt.study import define
-from hopopt.sweep_point import solve_again, solve_point
-from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED, load_begin, load_points, open_folder, save_point
+from hopopt.sweep_point import Source, solve_again, solve_point
+from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED
 
 HOPOPT = [sys.executable, "-m", "hopopt.cli"]
 SHORT = "hop.stance_duration=[0.03, 0.2]"
@@ -180,17 +180,20 @@ def test_wrong_use_exits_with_2_and_a_sentence(tmp_path: Path, arguments: list[s
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(tmp_path: Path) -> None:
-    """Its own file made to say that it ended lower than it did: the second pass finds the optimum again."""
+def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours() -> None:
+    """Made to say that it ended lower than it did: from its neighbour the optimum is found again."""
     definition = define(ho.load("paper", [SHORT, "solver.tolerance=1e-4"]), {"leg.gear.ratio": [115, 118]}, starts=1)
-    folder = open_folder(definition, tmp_path)
-    good = [solve_point(definition, folder, k, neighbours) for k, neighbours in ((0, []), (1, [0]))]
-    assert all(p.verified for p in good)
-    same = solve_again(definition, folder, good[1], [0])
-    assert (same.objective_value, same.corrected, same.tried) == (good[1].objective_value, False, (0,))
-    lower = replace(good[1], objective_value=0.5, clearance_m=0.5)
-    save_point(folder, lower, {**load_begin(folder, 1), "objective": np.array(0.5)})
-    again = solve_again(definition, folder, lower, [0])
+    first, begin = solve_point(definition, 0, [])
+    source = Source(0, 0, begin)
+    second, own = solve_point(definition, 1, [source])
+    assert first.verified
+    assert second.verified
+    same, nothing = solve_again(definition, second, own, [source], 1)
+    assert (same.objective_value, same.corrected, same.tried) == (second.objective_value, False, ((0, 0),))
+    assert (same.after_pass, same.solved_in, nothing) == (1, 0, {})
+    lower = replace(second, objective_value=0.5, clearance_m=0.5)
+    again, found = solve_again(definition, lower, {**own, "objective": np.array(0.5)}, [source], 1)
     assert again.corrected
-    assert again.clearance_m == pytest.approx(good[1].clearance_m, rel=1e-6)
-    assert load_points(folder, definition)[1] == again
+    assert again.clearance_m == pytest.approx(second.clearance_m, rel=1e-6)
+    assert again.solved_in == 1
+    np.testing.assert_allclose(found["shape"], own["shape"], atol=1e-6)

@@ -34,6 +34,7 @@ def sweep(
     set_: Overrides = None,
     starts: int | None = None,
     processes: int | None = None,
+    scheduler: str | None = None,
     resume: Path | None = None,
     results: Path = Path("results"),
     figures: bool = True,
@@ -57,6 +58,8 @@ def sweep(
         Starting points of those points that have no neighbour yet (default: the problem's solver.starts).
     processes
         How many points side by side (default: one for each core).
+    scheduler
+        Let the workers of a Dask scheduler do it: its address, or "local" for a cluster on this computer.
     resume
         The folder of a study that was interrupted: it goes on where it stopped; nothing else need be given.
     results
@@ -73,8 +76,9 @@ def sweep(
     try:
         with progress(quiet=json_) as say:
             study = run(
-                definition, processes=processes, results=results, resume=resume, progress=say, opened=folders.append
-            )
+                definition, processes=processes, scheduler=scheduler, results=results, resume=resume, progress=say,
+                opened=folders.append,
+            )  # fmt: skip
             if figures:
                 say("drawing")
                 _draw(study)

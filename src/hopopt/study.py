@@ -19,7 +19,7 @@ from hopopt.problem_text import design_hash, rows, shown, shown_path
 MOST = 100_000  # points of a study
 SAMPLINGS = "lhs:40 (Latin hypercube) or sobol:64"
 HOW = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100"
-FORMAT = 1  # of the definition's file
+FORMAT = 2  # of the study's folder
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,12 @@ class Definition:
 
     def design_at(self, k: int) -> Design:
         """The problem of point k; ProblemFileError, with a sentence for each fault, if there is no such problem."""
+        return self.design_with(self.values(k))
+
+    def design_with(self, values: Mapping[str, float]) -> Design:
+        """The problem with other values of some entries; ProblemFileError if there is none."""
         entries: dict[str, Any] = {}
-        for entry, x in self.values(k).items():
+        for entry, x in values.items():
             path, index = place(entry)
             if index is None:
                 entries[path] = round(x) if whole_number(self.design, path) else x
@@ -87,6 +91,13 @@ class Definition:
         """The points with every axis from 0 to 1, (points, axes): what counts as near."""
         low, high = np.array([axis.range for axis in self.axes]).T
         return (self.points - low) / np.where(high > low, high - low, 1.0)
+
+    @cached_property
+    def spaced(self) -> np.ndarray:
+        """The points with a step of one from each value of a grid to the next, (points, axes): who is next to whom."""
+        if self.shape is None:
+            return self.normalized
+        return np.column_stack([np.unique(column, return_inverse=True)[1] for column in self.points.T]).astype(float)
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON, and to tell two studies apart."""

@@ -8,6 +8,7 @@ from hopopt.study import Definition
 from hopopt.sweep_store import IMPOSSIBLE, VERIFIED, Point
 
 SEED_FOR = 24  # points that one seed may lead to
+UNLIKE = 0.3  # of the scaled states: farther apart are optima of different kinds
 DOUBT = 5e-4  # relative: how far below its neighbours' trend a point may lie
 
 
@@ -37,22 +38,46 @@ def _attach(k: int, x: np.ndarray, away: np.ndarray, parent: np.ndarray) -> None
     away[nearer], parent[nearer] = distance[nearer], k
 
 
-def doubtful(definition: Definition, finished: Mapping[int, Point]) -> dict[int, list[int]]:
-    """The points to be solved again, and from which verified neighbours."""
+def doubtful(
+    definition: Definition, finished: Mapping[int, Point], shapes: Mapping[int, np.ndarray], sign: float = 1.0
+) -> dict[int, list[int]]:
+    """The points to be solved again, and from which verified neighbours: those that failed or lie below the trend, from
+    their nearest; and where another kind of optimum begins, each side from the other.
+
+    shapes: of the verified points' optima (any numbers that tell them apart); sign: -1 if less is better.
+    """
     x = definition.normalized
     good = [k for k, p in sorted(finished.items()) if p.verified]
-    value = np.array([finished[k].objective_value or 0.0 for k in good])
+    value = sign * np.array([finished[k].objective_value or 0.0 for k in good])
     below = _below_trend(x[good], value)
     suspects = {k for k, low in zip(good, below, strict=True) if low}
     suspects |= {k for k, p in finished.items() if p.outcome not in (VERIFIED, IMPOSSIBLE)}
     jobs: dict[int, list[int]] = {}
-    for k in sorted(suspects):
-        p = finished[k]
-        others = [g for g in good if g not in (k, p.begun_from, *p.tried)]
-        near = sorted(others, key=lambda g: float(np.linalg.norm(x[g] - x[k])))[: 2 - min(len(p.tried), 2)]
-        if near:
-            jobs[k] = near
+    for k, p in sorted(finished.items()):
+        if p.outcome == IMPOSSIBLE:
+            continue
+        tried = {(p.begun_from, 0), *p.tried}
+        others = [g for g in good if g != k and (g, finished[g].solved_in) not in tried]
+        near = sorted(others, key=lambda g: float(np.linalg.norm(x[g] - x[k])))
+        chosen = near[: 2 - min(len(p.tried), 2)] if k in suspects else []
+        if p.verified:
+            next_to = _next_to(k, good, definition.spaced)
+            chosen += [g for g in near if g in next_to and g not in chosen and unlike(shapes[k], shapes[g])]
+        if chosen:
+            jobs[k] = chosen
     return jobs
+
+
+def unlike(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two optima's shapes are so far apart that they are of different kinds, or may be."""
+    return len(a) != len(b) or float(np.abs(a - b).max(initial=0.0)) > UNLIKE
+
+
+def _next_to(k: int, good: Sequence[int], x: np.ndarray) -> list[int]:
+    """The points around k: two for each axis, and those that are as near."""
+    distance = np.linalg.norm(x[list(good)] - x[k], axis=1)
+    count = min(2 * x.shape[1], len(good) - 1)
+    return [g for g, d in zip(good, distance, strict=True) if g != k and d <= np.sort(distance)[count] + 1e-9]
 
 
 def _below_trend(x: np.ndarray, value: np.ndarray) -> np.ndarray:

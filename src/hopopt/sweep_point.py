@@ -1,152 +1,190 @@
-"""One point of a study: solved from a neighbour's solution or from the problem's starts, refined, verified, kept.
+"""One point of a study: solved from a neighbour's solution or from the problem's starts, refined, verified.
 
-Every point is solved on the problem's first mesh and refined as a single solve is. Points that differ in numbers
-of the leg and its start alone share one compiled first program; from a neighbour, its optimum and its multipliers
-are where Ipopt begins. (Beginning on the neighbour's refined mesh was slower: it is fine where the neighbour
-switches, and grows with every neighbour.)
+Every point is solved on the problem's first mesh, from a neighbour's optimum and multipliers there; points that differ
+in numbers of the leg and its start alone share one compiled program of it. Refinement goes to its aims directly
+(nlp/refine_direct.py) or, if that fails, as in a single solve. The checks are those of a single solve.
 """
 
+import threading
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from hopopt.errors import NotSolvedError
+from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.design import physical_parameters
-from hopopt.multistart import StartOutcome, contenders, first_transcription, not_solved, outcome_of, run_starts
+from hopopt.multistart import (
+    StartOutcome,
+    contenders,
+    first_transcription,
+    not_solved,
+    outcome_of,
+    run_starts,
+    solution_of,
+)
 from hopopt.nlp.ipopt import WARM, NlpSolver
+from hopopt.nlp.refine_direct import DirectRefinement
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner import Stopwatch, finish
-from hopopt.solution import Solution
+from hopopt.planner import refine_outcome
 from hopopt.study import Definition
-from hopopt.sweep_store import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point, load_begin, save_point
+from hopopt.sweep_answer import Answer, aims, answer
+from hopopt.sweep_order import unlike
+from hopopt.sweep_store import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
 
 PATIENCE = 60  # iterations from a neighbour's multipliers
 BETTER = 1e-6  # relative: less is noise
 CORRECTED = 1e-4  # relative: more than the same optimum on other meshes can differ
+CLOSE = 3e-3  # relative: what the first mesh may be wrong by between two different optima
+FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
 
-Found = tuple[Solution, dict[str, np.ndarray]] | None
-_compiled: dict[
-    str, tuple[Transcription, NlpSolver]
-] = {}  # this process's programs of the first mesh; only the last is kept
+Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
+Kept = tuple[Point, Begin]
+_compiled: dict[str, tuple[Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
+_one_at_a_time = threading.Lock()  # a worker of a scheduler may have several threads, a compiled program may not
 
 
-def solve_point(definition: Definition, folder: Path, k: int, neighbours: Sequence[int]) -> Point:
-    """Solve point k from the neighbours in turn until one leads to a verified hop, then from the starts; keep it."""
+@dataclass(frozen=True)
+class Source:
+    """A neighbour to begin from: its index, the pass its solution is of, and that solution."""
+
+    index: int
+    solved_in: int
+    begin: Begin
+
+
+def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Kept:
+    """Solve point k from the sources in turn until one leads to a verified hop, then from the starts."""
     began = time.perf_counter()
-    point, hop = Point(k, definition.values(k), NOT_SOLVED), Hop(definition.design_at(k), definition.objective)
-    begin: dict[str, np.ndarray] = {}
-    try:
-        if faults := hop.static_faults():
-            raise NotSolvedError(f"{definition.design.name}: the leg cannot stand at its start.", faults)
-        for source in (*neighbours, None):
-            found = _attempt(definition, folder, hop, point.values, source)
-            if found and (not point.solved or found[0].summary["verified"]):
-                point, begin = _described(point, found[0], source), found[1]
-            if point.verified:
-                break
-    except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:  # one point does not end a study
-        if not point.solved:
-            what = "" if isinstance(error, NotSolvedError) else f"stopped by a {type(error).__name__}: "
-            point = replace(point, sentence=what + " ".join(str(error).split()))
-    point = replace(point, seconds=time.perf_counter() - began)
-    save_point(folder, point, begin)
-    return point
+    point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
+    with _one_at_a_time:
+        try:
+            hop = Hop(definition.design_at(k), definition.objective)
+            if faults := hop.static_faults():
+                raise NotSolvedError(f"{definition.design.name}: the leg cannot stand at its start.", faults)
+            for source in (*sources, None):
+                found = _attempt(definition, hop, point.values, source)
+                if found and (not point.solved or found[0].verified):
+                    point, begin = _described(point, found[0], source), found[1]
+                if point.verified:
+                    break
+        except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:  # one point does not end a study
+            if not point.solved:
+                what = "" if isinstance(error, NotSolvedError) else f"stopped by a {type(error).__name__}: "
+                point = replace(point, sentence=what + " ".join(str(error).split()))
+    return replace(point, seconds=time.perf_counter() - began), begin
 
 
-def solve_again(definition: Definition, folder: Path, old: Point, neighbours: Sequence[int]) -> Point:
-    """Solve a finished point from other neighbours; keep the better, and that it was tried."""
+def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Source], after_pass: int) -> Kept:
+    """Solve a finished point from other neighbours; the better, and that it was tried."""
     began = time.perf_counter()
     best, begin = old, dict[str, np.ndarray]()
-    hop = Hop(definition.design_at(old.index), definition.objective)
-    least = -np.inf
-    if old.verified:  # the same optimum, or a worse one, is told on the first mesh: no need to refine it
-        value = float(load_begin(folder, old.index)["objective"])
-        least = value + CORRECTED * abs(value)
-    for source in neighbours:
-        found = _attempt(definition, folder, hop, old.values, source, least)
-        if found and found[0].summary["verified"] and _better(found[0].summary["objective_value"], best):
-            best, begin = _described(old, found[0], source), found[1]
+    with _one_at_a_time:
+        hop = Hop(definition.design_at(old.index), definition.objective)
+        for source in sources:
+            try:
+                found = _attempt(definition, hop, old.values, source, own if old.verified else None)
+            except (ArithmeticError, RuntimeError, ValueError):
+                continue
+            if found and found[0].verified and _better(hop, found[0].objective_value, best):
+                best = replace(_described(old, found[0], source), solved_in=after_pass)
+                begin = found[1]
     seconds = old.seconds + time.perf_counter() - began
-    best = replace(
-        best, tried=tuple(sorted({*old.tried, *neighbours})), seconds=seconds,
-        corrected=old.corrected or (best is not old and _better(best.objective_value or 0.0, old, CORRECTED)),
-    )  # fmt: skip
-    save_point(folder, best, begin)
-    return best
+    tried = tuple(sorted({*old.tried, *((s.index, s.solved_in) for s in sources)}))
+    corrected = old.corrected or (best is not old and _better(hop, best.objective_value or 0.0, old, CORRECTED))
+    return replace(best, tried=tried, seconds=seconds, corrected=corrected, after_pass=after_pass), begin
 
 
-def _better(value: float, than: Point, by: float = BETTER) -> bool:
+def _better(hop: Hop, value: float, than: Point, by: float = BETTER) -> bool:
     """Whether a verified value beats a point's: by this share, or because that is not verified."""
     if not than.verified or than.objective_value is None:
         return True
-    return value > than.objective_value + by * abs(than.objective_value)
+    return hop.objective.merit(value - than.objective_value) > by * abs(than.objective_value)
 
 
-def _described(point: Point, solution: Solution, source: int | None) -> Point:
-    s = solution.summary
+def _described(point: Point, found: Answer, source: Source | None) -> Point:
     heights: dict[str, Any] = {"clearance_m": None, "unverified_clearance_m": None, "parts": None}
-    if s["verified"]:
-        heights |= {"clearance_m": s["clearance_m"], "parts": s["parts"]}
+    if found.verified:
+        heights |= {"clearance_m": found.clearance_m, "parts": found.parts}
     else:
-        heights["unverified_clearance_m"] = s["clearance_m"]
+        heights["unverified_clearance_m"] = found.clearance_m
     return replace(
-        point, outcome=VERIFIED if s["verified"] else NOT_VERIFIED, objective_value=s["objective_value"],
-        sentence="" if s["verified"] else f"failed: {', '.join(s['failed_checks'])}", begun_from=source, **heights,
+        point, outcome=VERIFIED if found.verified else NOT_VERIFIED, objective_value=found.objective_value,
+        sentence="" if found.verified else f"failed: {', '.join(found.failed_checks)}",
+        begun_from=source and source.index, **heights,
     )  # fmt: skip
 
 
+Found = tuple[Answer, Begin] | None
+
+
 def _attempt(
-    definition: Definition,
-    folder: Path,
-    hop: Hop,
-    values: Mapping[str, float],
-    source: int | None,
-    least: float = -np.inf,
+    definition: Definition, hop: Hop, values: Mapping[str, float], source: Source | None, own: Begin | None = None
 ) -> Found:
-    """A refined and verified solution from one neighbour, or from the starts; None if that neighbour leads nowhere,
-    or to an objective on the first mesh below ``least``."""
+    """A refined and verified solution from one neighbour, or from the starts; None if that neighbour leads nowhere, or
+    on the first mesh to nothing that may be better than the ``own`` optimum."""
     if source is None:
         return _from_starts(hop, definition.starts or hop.design.solver.starts)
-    clock = Stopwatch()
     t, solver = _first_program(definition, hop, values)
-    outcome = _from_neighbour(hop, t, solver, source, load_begin(folder, source))
-    clock.mark("starts")
-    if not outcome.success or outcome.objective < least:
+    outcome = _from_neighbour(hop, t, solver, source)
+    if not outcome.success:
         return None
-    return finish(hop, outcome, [outcome], _silent, clock, t), _begin(outcome, t)
+    begin = _begin(outcome, t)
+    if own is not None and not _promising(hop, begin, own):
+        return None
+    return _refined(hop, outcome, t), begin
+
+
+def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:
+    """Whether an optimum on the first mesh may be better than the own one: it is, or it is close and another."""
+    value = float(own["objective"])
+    gain = hop.objective.merit(float(begin["objective"]) - value) / max(abs(value), 1e-9)
+    return gain > CORRECTED or (gain > -CLOSE and unlike(begin["shape"], own["shape"]))
+
+
+def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
+    """An optimum of the first mesh refined and verified: directly or, if that does not end well, as in a single solve."""
+    if hop.design.solver.refine:
+        direct = DirectRefinement(solution_of(outcome, t), aims(hop))
+        direct.run()
+        found = answer(hop, direct) if direct.reached else None
+        if found and found.verified:
+            return found
+    return answer(hop, refine_outcome(hop, outcome, _silent, t))
 
 
 def _from_starts(hop: Hop, count: int) -> Found:
-    clock, t = Stopwatch(), first_transcription(hop)
+    t = first_transcription(hop)
     outcomes = run_starts(hop, count, 1, _silent)
-    clock.mark("starts")
-    finished = [(finish(hop, o, outcomes, _silent, clock, t), _begin(o, t)) for o in contenders(outcomes)]
+    finished = [(_refined(hop, o, t), _begin(o, t)) for o in contenders(outcomes)]
     if not finished:
         raise not_solved(hop, outcomes)
-    return max(finished, key=lambda pair: (pair[0].verified, pair[0].summary["objective_value"]))
+    return max(finished, key=lambda pair: (pair[0].verified, hop.objective.merit(pair[0].objective_value)))
 
 
 def _begin(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:
-    """What a neighbour begins from: variables (SI), multipliers and objective on the first mesh."""
+    """What a neighbour begins from: variables (SI), multipliers and objective on the first mesh; and its shape, the
+    scaled states at fractions of the phases, which tells optima apart."""
+    phases, _ = t.unpack(outcome.vectors["z"], outcome.vectors["p"])
+    states = [
+        phases[name].sample(FRACTIONS * phases[name].duration)[0] / layout.phase.columns(layout.phase.states, "scale")
+        for name, layout in t.layouts.items()
+    ]
     return {
         "x": outcome.vectors["z"] * t.scale,
         "lam_g": outcome.vectors["lam_g"],
         "lam_x": outcome.vectors["lam_x"],
         "objective": np.array(outcome.objective),
+        "shape": np.concatenate([s.ravel() for s in states]),
     }
 
 
-def _from_neighbour(
-    hop: Hop, t: Transcription, solver: NlpSolver, source: int, begin: Mapping[str, np.ndarray]
-) -> StartOutcome:
+def _from_neighbour(hop: Hop, t: Transcription, solver: NlpSolver, source: Source) -> StartOutcome:
     """The first mesh's program from a neighbour's optimum: with its multipliers, else without."""
-    began, name = time.perf_counter(), f"point {source}"
+    began, name, begin = time.perf_counter(), f"point {source.index}", source.begin
     if len(begin["x"]) != len(t.scale) or len(begin["lam_g"]) != len(t.lbg):  # another mesh or other constraints
         return StartOutcome(name, "does not fit", False, 0.0, 0, 0.0, {})
     z = begin["x"] / t.scale
@@ -157,15 +195,22 @@ def _from_neighbour(
 
 
 def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]) -> tuple[Transcription, NlpSolver]:
-    """The first mesh's program of a point, compiled once for all points that differ in numbers of leg and start."""
+    """The first mesh's program of a point, compiled once for all points that differ in numbers of leg and start.
+
+    It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
+    """
     numbers = physical_parameters(hop.leg)
     form = {entry: x for entry, x in values.items() if entry not in numbers and not entry.startswith("start.")}
     key = repr((definition.as_dict(), form))
     if key not in _compiled:
         _compiled.clear()
-        t = first_transcription(hop)
+        try:
+            common = Hop(definition.design_with(form), definition.objective)
+        except ProblemFileError:  # only its points are possible
+            t = first_transcription(hop)
+            return t, NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE})
+        t = first_transcription(common)
         _compiled[key] = t, NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE})
-        return _compiled[key]
     t, solver = _compiled[key]
     t = with_numbers_of(t, hop.problem)
     return t, solver.on(t)

@@ -2,18 +2,20 @@
 
 The points form a tree that the definition alone decides: seeds, solved from the problem's starts, then each point
 from the nearest one already in it. So the results depend neither on the number of processes nor on interruptions.
-A second pass solves points again that are not verified, or lie below what their neighbours suggest.
+Further passes solve points again that are not verified, lie below what their neighbours suggest, or are next to
+another kind of optimum. What a pass gives depends on the passes before it alone; this process alone writes.
 """
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.design import Design
+from hopopt.ocp.objectives import find
 from hopopt.study import Definition, define
 from hopopt.sweep_order import doubtful, tree
 from hopopt.sweep_store import (
@@ -22,6 +24,7 @@ from hopopt.sweep_store import (
     Point,
     check_same,
     dataset,
+    load_begin,
     load_points,
     open_folder,
     save_point,
@@ -32,7 +35,9 @@ from hopopt.sweep_workers import Clock, Progress, Workers, workers
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROUNDS = 3  # of the second pass
+    from hopopt.sweep_point import Source
+
+PASSES = 8  # after the first, at most
 
 
 @dataclass(frozen=True)
@@ -46,12 +51,15 @@ class Study:
 
     @property
     def best(self) -> Point | None:
-        """The verified point with the largest objective."""
-        return max((p for p in self.points if p.verified), key=lambda p: p.objective_value or 0.0, default=None)
+        """The verified point with the best objective."""
+        return max((p for p in self.points if p.verified), key=self._merit, default=None)
+
+    def _merit(self, point: Point) -> float:
+        return find(self.definition.objective).merit(point.objective_value or 0.0)
 
     @property
     def corrected(self) -> int:
-        """How many points the second pass improved."""
+        """How many points a later pass improved."""
         return sum(p.corrected for p in self.points)
 
     @property
@@ -106,6 +114,7 @@ def sweep(
     seed: int = 0,
     starts: int | None = None,
     processes: int | None = None,
+    scheduler: str | None = None,
     results: str | Path = "results",
     resume: str | Path | None = None,
     progress: Progress | None = None,
@@ -113,18 +122,22 @@ def sweep(
     """Solve and verify a design at every point of a study.
 
     vary: entry -> "lower:upper:count", a list of values or, with a sample ("lhs:40", "sobol:64"), (lower, upper).
+    scheduler: the address of a Dask scheduler, or "local" for a cluster of so many processes on this computer.
     The study lies in a new folder below ``results``, or is continued in ``resume``. Raises UsageError if the study
     makes no sense, ResultError if its folder cannot be used.
     """
     definition = define(design, vary, objective=objective, sample=sample, seed=seed, starts=starts)
     folder = None if resume is None else Path(resume)
-    return run(definition, processes=processes, results=Path(results), resume=folder, progress=progress)
+    return run(
+        definition, processes=processes, scheduler=scheduler, results=Path(results), resume=folder, progress=progress
+    )
 
 
 def run(
     definition: Definition,
     *,
     processes: int | None = None,
+    scheduler: str | None = None,
     results: Path = Path("results"),
     resume: Path | None = None,
     progress: Progress | None = None,
@@ -139,14 +152,15 @@ def run(
         check_same(resume, definition)
         folder = resume
     opened(folder)
-    finished = load_points(folder, definition)
-    for k in impossible.keys() - finished.keys():
+    passes = load_points(folder, definition)
+    first = passes.setdefault(0, {})
+    for k in impossible.keys() - first.keys():
         save_point(folder, impossible[k], {})
-    finished = impossible | finished
-    with workers(processes or os.cpu_count() or 1) as crew:
-        show = Clock(progress or (lambda text: None), len(definition.points) - len(finished))
-        _first_pass(definition, folder, finished, crew, show)
-        _second_pass(definition, folder, finished, crew, show)
+    first |= {k: p for k, p in impossible.items() if k not in first}
+    with workers(processes or os.cpu_count() or 1, scheduler) as crew:
+        show = Clock(progress or (lambda text: None), len(definition.points) - len(first))
+        _first_pass(definition, folder, first, crew, show)
+        finished = _further_passes(definition, folder, passes, crew, show)
     points = tuple(finished[k] for k in range(len(definition.points)))
     study = Study(definition, points, folder, time.perf_counter() - began)
     save_tables(folder, definition, points, study.as_dict())
@@ -189,27 +203,48 @@ def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point]
         ready = [k for k in waiting if k not in parents or parents[k] in finished]
         for k in ready[: crew.free]:
             waiting.remove(k)
-            crew.submit(solve_point, definition, folder, k, origin(k))
-        for point in crew.done():
+            crew.submit(solve_point, definition, k, _sources(folder, finished, origin(k)))
+        for point, begin in crew.done():
+            save_point(folder, point, begin)
             finished[point.index] = point
             show.finished(len(finished), len(definition.points), point)
 
 
-# ---- the second pass ----------------------------------------------------------------------------------------
+def _sources(folder: Path, finished: Mapping[int, Point], indices: Sequence[int]) -> "list[Source]":
+    from hopopt.sweep_point import Source
+
+    return [Source(k, finished[k].solved_in, load_begin(folder, finished[k])) for k in indices]
 
 
-def _second_pass(definition: Definition, folder: Path, finished: dict[int, Point], crew: Workers, show: Clock) -> None:
-    """Solve points again that failed, or lie below their neighbours' trend, from neighbours not tried yet."""
+# ---- the further passes -------------------------------------------------------------------------------------
+
+
+def _further_passes(
+    definition: Definition, folder: Path, passes: dict[int, dict[int, Point]], crew: Workers, show: Clock
+) -> dict[int, Point]:
+    """Every point as it is after all passes: each solves again what the points after the last one give reason to."""
     from hopopt.sweep_point import solve_again
 
-    for _ in range(ROUNDS):
-        jobs = doubtful(definition, finished)
-        if not jobs:
-            return
-        show.say(f"second pass: {len(jobs)} point{'s' if len(jobs) > 1 else ''} again from other neighbours")
-        waiting = list(jobs.items())
+    finished = dict(passes[0])
+    for number in range(1, PASSES + 1):
+        jobs, done = _reasons(definition, folder, finished), passes.get(number, {})
+        waiting = [k for k in jobs if k not in done]
+        if waiting:
+            show.say(f"pass {number + 1}: {len(waiting)} point{'s' if len(waiting) > 1 else ''} from other neighbours")
         while waiting or crew.busy:
-            for k, sources in [waiting.pop(0) for _ in range(min(crew.free, len(waiting)))]:
-                crew.submit(solve_again, definition, folder, finished[k], sources)
-            for point in crew.done():
-                finished[point.index] = point
+            for k in [waiting.pop(0) for _ in range(min(crew.free, len(waiting)))]:
+                old = finished[k]
+                own = load_begin(folder, old) if old.solved else {}
+                crew.submit(solve_again, definition, old, own, _sources(folder, finished, jobs[k]), number)
+            for point, begin in crew.done():
+                save_point(folder, point, begin)
+                done[point.index] = point
+        if not jobs:
+            break
+        finished |= done
+    return finished
+
+
+def _reasons(definition: Definition, folder: Path, finished: Mapping[int, Point]) -> dict[int, list[int]]:
+    shapes = {k: load_begin(folder, p)["shape"] for k, p in finished.items() if p.verified}
+    return doubtful(definition, finished, shapes, find(definition.objective).sign)

@@ -2,7 +2,7 @@
 
 results/<problem>-sweep-<hash8>/
     sweep.json, problem.toml    the definition, written first
-    points/NNNN.json            a finished point: outcome and figures; NNNN.npz: where its neighbours begin
+    points/NNNN-R.json          point N after pass R: outcome and figures; NNNN-R.npz: where its neighbours begin
     study.json, table.csv, sweep.nc, figures/      everything together, once all points are finished
 """
 
@@ -11,6 +11,7 @@ import hashlib
 import io
 import json
 import os
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib.metadata import version
@@ -32,7 +33,8 @@ OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE)
 @dataclass(frozen=True)
 class Point:
     """How one point ended. clearance_m and parts [m] only if verified; begun_from: the neighbour whose solution was
-    the guess (None: the problem's starts); tried: the neighbours it was solved from again; corrected: that helped."""
+    the guess (None: the problem's starts); tried: the neighbours it was solved from again, each with the pass that its
+    solution is of; corrected: that helped; after_pass: how far the study was; solved_in: the pass of its solution."""
 
     index: int
     values: Mapping[str, float]
@@ -43,8 +45,10 @@ class Point:
     unverified_clearance_m: float | None = None
     parts: Mapping[str, float] | None = None
     begun_from: int | None = None
-    tried: tuple[int, ...] = ()
+    tried: tuple[tuple[int, int], ...] = ()
     corrected: bool = False
+    after_pass: int = 0
+    solved_in: int = 0
     seconds: float = 0.0
 
     @property
@@ -120,34 +124,42 @@ def _same(folder: Path, data: Mapping[str, Any], definition: Definition) -> None
 
 
 def save_point(folder: Path, point: Point, begin: Mapping[str, np.ndarray]) -> None:
-    """Keep a finished point; ``begin`` is what a neighbour's warm start needs. The JSON comes last: it says finished."""
+    """Keep a point; ``begin`` is what a neighbour's warm start needs. The JSON comes last: it says finished.
+
+    Nothing is ever written over: what a pass gives depends on the passes before it alone, whenever the study stopped.
+    """
+    name = f"{point.index:04d}-{point.after_pass}"
     if begin:
         buffer = io.BytesIO()
         np.savez(buffer, **begin)  # type: ignore[arg-type]
-        write_whole(folder / "points" / f"{point.index:04d}.npz", buffer.getvalue())
-    write_whole(folder / "points" / f"{point.index:04d}.json", (as_json(point.as_dict()) + "\n").encode())
+        write_whole(folder / "points" / f"{name}.npz", buffer.getvalue())
+    write_whole(folder / "points" / f"{name}.json", (as_json(point.as_dict()) + "\n").encode())
 
 
-def load_begin(folder: Path, index: int) -> dict[str, np.ndarray]:
-    """What ``save_point`` kept of a point for its neighbours."""
-    with np.load(folder / "points" / f"{index:04d}.npz", allow_pickle=False) as data:
-        return dict(data)
+def load_begin(folder: Path, point: Point) -> dict[str, np.ndarray]:
+    """What ``save_point`` kept of a point for its neighbours; ResultError if it is gone."""
+    path = folder / "points" / f"{point.index:04d}-{point.solved_in}.npz"
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return dict(data)
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise ResultError(f"{path}: it cannot be read ({reason_of(error)}); remove its .json and resume") from error
 
 
-def load_points(folder: Path, definition: Definition) -> dict[int, Point]:
-    """The finished points, by index; ResultError if one does not belong to the study."""
-    names, found = {f.name for f in fields(Point)}, {}
+def load_points(folder: Path, definition: Definition) -> dict[int, dict[int, Point]]:
+    """The finished points of every pass, by pass and index; ResultError if one does not belong to the study."""
+    names, found = {f.name for f in fields(Point)}, dict[int, dict[int, Point]]()
     for path in sorted((folder / "points").glob("[0-9]*.json")):
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
-            kept: dict[str, Any] = {k: tuple(v) if k == "tried" else v for k, v in data.items() if k in names}
-            point = Point(**kept)
+            kept: dict[str, Any] = {k: v for k, v in data.items() if k in names}
+            point = Point(**{**kept, "tried": tuple(tuple(pair) for pair in kept["tried"])})
             wrong = point.values != definition.values(point.index) or point.outcome not in OUTCOMES
-        except (OSError, ValueError, TypeError, IndexError) as error:
+        except (OSError, ValueError, TypeError, KeyError, IndexError) as error:
             raise ResultError(f"{path}: it cannot be read ({reason_of(error)}); remove it and resume") from error
         if wrong:
             raise ResultError(f"{path}: it belongs to another study; remove it and resume")
-        found[point.index] = point
+        found.setdefault(point.after_pass, {})[point.index] = point
     return found
 
 

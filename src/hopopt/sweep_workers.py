@@ -5,7 +5,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any
@@ -14,7 +14,9 @@ from hopopt.errors import HopoptError
 from hopopt.sweep_store import Point
 
 Progress = Callable[[str], None]
-Job = Callable[..., Point]
+Kept = tuple[Point, Any]  # a point, and what a neighbour begins from
+Job = Callable[..., Kept]
+GO_ON = "what is finished is kept, --resume goes on, with fewer --processes if memory is short"
 
 
 class Clock:
@@ -39,11 +41,11 @@ def duration(seconds: float) -> str:
 
 
 class Workers:
-    """A number of processes, or this one if the number is one."""
+    """A number of processes, or this one if there is no executor; ``wait`` waits for one of several futures."""
 
-    def __init__(self, count: int, executor: Any):
-        self.count, self.executor, self.running = count, executor, set[Future[Point]]()
-        self.results: list[Point] = []
+    def __init__(self, count: int, executor: Any, wait: Callable[[set[Any]], tuple[set[Any], set[Any]]]):
+        self.count, self.executor, self.wait, self.running = count, executor, wait, set[Any]()
+        self.results: list[Kept] = []
 
     @property
     def busy(self) -> bool:
@@ -58,34 +60,44 @@ class Workers:
         if self.executor is None:
             self.results.append(job(*arguments))
         else:
-            self.running.add(self.executor.submit(job, *arguments))
+            self.running.add(self.executor(job, *arguments))
 
-    def done(self) -> list[Point]:
-        """What has finished since, at least one; HopoptError if a process died."""
+    def done(self) -> list[Kept]:
+        """What has finished since, at least one."""
         if self.running:
-            ended, self.running = wait(self.running, return_when=FIRST_COMPLETED)
-            try:
-                self.results += [future.result() for future in ended]
-            except BrokenProcessPool as error:
-                words = "a process of the study ended unexpectedly (out of memory?); what is finished is kept"
-                raise HopoptError(f"{words}, --resume goes on, with fewer --processes if memory is short") from error
+            ended, self.running = self.wait(self.running)
+            self.results += [future.result() for future in ended]
         results, self.results = self.results, []
         return results
 
 
 @contextmanager
-def workers(count: int) -> Iterator[Workers]:
+def workers(count: int, scheduler: str | None = None) -> Iterator[Workers]:
+    """So many processes, or those of a Dask scheduler; HopoptError if one dies and its work cannot be done again."""
+    if scheduler is not None:
+        from hopopt.sweep_dask import dask_workers
+
+        with dask_workers(count, scheduler) as crew:
+            yield crew
+        return
     if count == 1:
-        yield Workers(1, None)
+        yield Workers(1, None, _first_of)
         return
     from joblib.externals.loky import get_reusable_executor
 
     options: dict[str, Any] = {"reuse": False, "initializer": _begin_worker, "env": {"OMP_NUM_THREADS": "1"}}
     executor = get_reusable_executor(count, **options)
     try:
-        yield Workers(count, executor)
+        yield Workers(count, executor.submit, _first_of)
+    except BrokenProcessPool as error:
+        raise HopoptError(f"a process of the study ended unexpectedly (out of memory?); {GO_ON}") from error
     finally:
         executor.shutdown(kill_workers=True)
+
+
+def _first_of(futures: set[Any]) -> tuple[set[Any], set[Any]]:
+    ended, running = wait(futures, return_when=FIRST_COMPLETED)
+    return set(ended), set(running)
 
 
 def _begin_worker() -> None:

@@ -19,13 +19,24 @@ Errors = Mapping[str, IntervalErrors]
 
 def drawn_in(solution: NlpSolution, errors: Errors, allowed: float) -> Bounds:
     """The solution's bounds, drawn in by each excess above ``allowed`` at all nodes of its interval."""
-    old, n = solution.bounds, len(solution.z)
+    return tightened(solution.bounds, solution.transcription, {name: passed(e, allowed) for name, e in errors.items()})
+
+
+def passed(e: IntervalErrors, allowed: float) -> np.ndarray:
+    """By how much lower and upper limits are passed where it is more than ``allowed``, (2, N, limits)."""
+    excess = np.array([e.below, e.above])
+    return np.where(excess > allowed, excess, 0.0)
+
+
+def tightened(old: Bounds, t: Transcription, amounts: Mapping[str, np.ndarray]) -> Bounds:
+    """Bounds drawn in by ``amounts`` (2, N, limits) of each phase, lower and upper, at all nodes of each interval."""
+    n = len(old.low_z)
     low, high = np.concatenate([old.low_z, old.low_g]), np.concatenate([old.high_z, old.high_g])
     up, down = np.zeros(len(low)), np.zeros(len(low))
-    for phase, e in errors.items():
-        for k, nodes in enumerate(limit_nodes(solution.transcription, phase)):
-            for by, passed in ((up, e.below[:, k, None]), (down, e.above[:, k, None])):
-                np.maximum.at(by, nodes, np.where(passed > allowed, passed, 0.0))
+    for phase, (below, above) in amounts.items():
+        for k, nodes in enumerate(limit_nodes(t, phase)):
+            np.maximum.at(up, nodes, below[:, k, None])
+            np.maximum.at(down, nodes, above[:, k, None])
     crossed = low + up > high - down  # values that are given, such as those at the start
     low, high = np.where(crossed, low, low + up), np.where(crossed, high, high - down)
     return Bounds(low[:n], high[:n], low[n:], high[n:])

@@ -78,14 +78,19 @@ class NlpSolver:
         self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
 
     def __call__(
-        self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None, multipliers: Multipliers = None
+        self,
+        guess: Mapping[str, Any],
+        parameters: Mapping[str, Any] | None = None,
+        multipliers: Multipliers = None,
+        bounds: Bounds | None = None,
     ) -> NlpSolution:
         """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters.
 
-        With the options WARM, ``multipliers`` (lam_g, lam_x) are where those begin.
+        With the options WARM, ``multipliers`` (lam_g, lam_x) are where those begin; ``bounds``: others than the
+        program's own.
         """
         t = self.transcription
-        bounds = Bounds(*t.bounds(guess), t.lbg, t.ubg)
+        bounds = bounds or Bounds(*t.bounds(guess), t.lbg, t.ubg)
         return self._solve(t.pack(guess, parameters), t.parameter_values(parameters), bounds, multipliers)
 
     def on(self, transcription: Transcription) -> "NlpSolver":

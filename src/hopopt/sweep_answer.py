@@ -1,0 +1,45 @@
+"""What one refined solution says, verified by the checks of a single solve."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hopopt.nlp.refine import Aims, Refinement
+from hopopt.ocp.goal import HEIGHTS
+from hopopt.ocp.hop import Hop
+from hopopt.planner import MARGIN, numerical_checks, without_tie_break
+from hopopt.solution import Solution
+from hopopt.summary import parts
+from hopopt.verify import LIMIT, failed, verify_plan
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Objective [its unit], clearance and its parts [m], and which checks failed."""
+
+    objective_value: float
+    clearance_m: float
+    parts: Mapping[str, float]
+    failed_checks: tuple[str, ...]
+
+    @property
+    def verified(self) -> bool:
+        return not self.failed_checks
+
+
+def answer(hop: Hop, refinement: Refinement) -> Answer:
+    """A refined solution, checked as the planner checks a single one."""
+    goal, solution = hop.objective, refinement.solution
+    stated = {} if goal.figure in HEIGHTS else {goal.figure: without_tie_break(hop, solution)}
+    plan = Solution(hop.design, goal.name, solution.phases, stated)
+    claims = plan.claims()
+    checks = numerical_checks(hop.design, solution, refinement.errors, refinement.change)
+    checks += verify_plan(hop.design, plan.tables, claims)
+    names = tuple(check.name for check in failed(checks))
+    return Answer(solution.objective, claims["clearance_m"], parts(plan), names)
+
+
+def aims(hop: Hop) -> Aims:
+    """What a single solve's refinement aims at."""
+    s = hop.design.solver
+    meshes = s.max_refinements if s.refine else 0
+    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations)
