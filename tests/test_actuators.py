@@ -113,6 +113,14 @@ def test_solo_gives_its_makers_torque_at_12_amperes_after_losses():
     assert leg.motor.max_speed == pytest.approx(24 * 300 * RPM, rel=0.01)  # 300 turns a minute for a volt
 
 
+@pytest.mark.parametrize("name", set(names("motor")) - {"mini-cheetah"})
+def test_heat_fits_the_torque_speed_line(name):
+    """tau = k (V - k w) / R is 0 at V / k and k V / R at standstill, so their ratio is R / k^2 at any voltage."""
+    motor = catalogue()[name].parts["motor"]
+    heat = motor["winding_resistance"] / motor["torque_constant"] ** 2  # [W/(N m)^2]
+    assert heat == pytest.approx(motor["max_speed"] / motor["max_torque"], rel=2e-3)
+
+
 # ---- names in problems --------------------------------------------------------------------------------------------
 
 BY_HAND = """
@@ -122,6 +130,8 @@ max_torque = 10.0
 max_speed = 1256.637
 rotor_inertia = 2.09e-5
 torque_cap = 2.0
+torque_constant = 0.0382
+winding_resistance = 0.1833
 [leg.gear]
 ratio = 100
 torque_cap = 107.0
