@@ -9,7 +9,8 @@ import pinocchio as pin
 import pytest
 
 from hopopt import load, solve
-from hopopt.errors import ProblemFileError
+from hopopt.closed_loop import make_plant
+from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.export import to_urdf
@@ -194,6 +195,12 @@ def _loop_jacobian(machine: Machine, dynamics: LegDynamics, q_j: np.ndarray) -> 
     return J[[machine.contact.index(axis) for axis in dynamics.loops]][:, BASE:]
 
 
+@pytest.mark.parametrize("override", ['leg.guides=["z"]', "leg.hip.axis=[0.6, -0.8, 0.0]"])
+def test_simulation_of_a_closed_loop_is_refused(override: str) -> None:
+    with pytest.raises(UsageError, match="hopopt solves and verifies its hop, but simulates only"):
+        make_plant(load("three_joint", [override]))
+
+
 @pytest.mark.slow
 def test_vertical_slider_is_verified_and_no_better_than_guides() -> None:
     free, held = (load("a1_leg", [*extra, "solver.starts=2"]) for extra in ((), ('leg.guides=["z"]',)))
@@ -300,7 +307,7 @@ def test_absurd_mass_is_refused_with_its_entry(tmp_path: Path) -> None:
 @pytest.mark.parametrize("entry", ['foot = "toe"', "locked = {hip = 0.1}"])
 def test_entries_of_a_urdf_need_one(tmp_path: Path, entry: str) -> None:
     (tmp_path / "m.toml").write_text(f'extends = "paper"\nname = "m"\n[leg]\n{entry}\n')
-    with pytest.raises(ProblemFileError, match="has a meaning only beside leg.urdf"):
+    with pytest.raises(ProblemFileError, match="has a meaning only beside"):
         load(tmp_path / "m.toml")
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import Strategy
 from hopopt.control.strategy import Setting
+from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
-from hopopt.leg.kinematics import start_angles
+from hopopt.leg.kinematics import loop_axes, start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_figures import HopFigures, beyond_limits
@@ -38,7 +39,16 @@ class Run:
 
 
 def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
-    """The leg of a problem with its drives, gear losses and encoders; torque_gain as in ``Drive``."""
+    """The leg of a problem with its drives, gear losses and encoders; torque_gain as in ``Drive``.
+
+    Raises UsageError for a leg that closes a loop with its guides when the foot stands.
+    """
+    if loop_axes(design.leg):
+        why = "stands on a vertical slider" if "x" not in design.leg.guides else "leaves the x-z plane"
+        raise UsageError(
+            f"{design.name}: this leg {why}; hopopt solves and verifies its hop, but simulates only legs on x and z "
+            'guides that move in the x-z plane: simulate it with leg.guides = ["x", "z"]'
+        )
     robot, s = build_robot(design.leg), design.simulation
     regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
     own = [design.leg.drive(joint, "gear", "efficiency")[1] for joint in robot.joints]
