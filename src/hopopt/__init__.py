@@ -8,17 +8,31 @@ s.plot()
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from hopopt.codesign import codesign
     from hopopt.compare import Comparison
+    from hopopt.ocp.custom import constraint, objective
     from hopopt.planner import solve
     from hopopt.problem_file import load
     from hopopt.solution import Solution
     from hopopt.storage import read, save
     from hopopt.sweep_run import Study, sweep
 
-__all__ = ["Comparison", "Solution", "Study", "load", "read", "save", "solve", "sweep"]
+__all__ = [
+    "Comparison",
+    "Solution",
+    "Study",
+    "codesign",
+    "constraint",
+    "load",
+    "objective",
+    "read",
+    "save",
+    "solve",
+    "sweep",
+]
 _HOME = {
     "load": "problem_file", "solve": "planner", "Solution": "solution", "read": "storage", "save": "storage",
-    "sweep": "sweep_run", "Study": "sweep_run", "Comparison": "compare",
+    "codesign": "codesign", "objective": "ocp.custom", "constraint": "ocp.custom", "sweep": "sweep_run", "Study": "sweep_run", "Comparison": "compare",
 }  # fmt: skip
 
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import CycloptsError
 
 from hopopt import cli_actuators, cli_paper, cli_runs, cli_studies, cli_sweep
-from hopopt.cli_app import AsJson, Overrides, app, progress, write_new
+from hopopt.cli_app import AsJson, Constraints, Couple, Free, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
 if TYPE_CHECKING:
+    from hopopt.leg.design import Design
     from hopopt.solution import Solution
 
 
@@ -23,6 +24,9 @@ def solve(
     *,
     objective: str = "clearance",
     set_: Overrides = None,
+    constraint: Constraints = None,
+    free: Free = None,
+    couple: Couple = None,
     starts: int | None = None,
     processes: int | None = None,
     structure: bool = False,
@@ -41,7 +45,8 @@ def solve(
     objective
         What to make as large as possible: clearance (of the leg's lowest point) or apex (height of the body). Or as
         small as possible, with the clearance to reach as --set hop.clearance=0.4: energy, absolute_work,
-        electrical_energy, time, saturation, peak_torque or peak_force (docs/objectives.md).
+        electrical_energy, time, saturation, peak_torque or peak_force. Or a Python function of your own as
+        module:function (docs/objectives.md).
     starts
         How many different starting points to solve from (default: the problem's solver.starts).
     processes
@@ -59,15 +64,16 @@ def solve(
     design = load(problem, set_ or ())
     if (starts is not None and starts < 1) or (processes is not None and processes < 1):
         raise UsageError("--starts and --processes must be at least 1")
-    from hopopt.planner import solve as run
+    if couple and not free:
+        raise UsageError("--couple relates numbers that are free: give them as --free leg.thigh.length=0.3:0.45")
     from hopopt.storage import prepare, save
 
     prepare(results)
 
     draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
-        options = {"starts": starts, "processes": processes, "structure": structure}
-        solution = run(design, objective, **options, progress=say)
+        more = {"constraints": constraint or (), "starts": starts, "processes": processes, "progress": say}
+        solution = _solved(design, objective, free, couple, structure, more)
         if figures:
             from hopopt.plots import save_all as draw
 
@@ -76,6 +82,29 @@ def solve(
         solution = save(solution, results, draw)
     _answer(solution, json_)
     return int(solution.summary["exit_code"])
+
+
+def _solved(
+    design: "Design",
+    objective: str,
+    free: list[str] | None,
+    couple: list[str] | None,
+    structure: bool,
+    more: dict[str, Any],
+) -> "Solution":
+    """The best hop of the design, or of the best design if numbers of it are free."""
+    if not free:
+        from hopopt.planner import solve as run
+
+        return run(design, objective, structure=structure, **more)
+    if structure:
+        raise UsageError(
+            "--structure goes with a design that is given: solve what --free finds, the problem.toml, with it"
+        )
+    from hopopt.codesign import codesign
+    from hopopt.ocp.freedom import parse_free
+
+    return codesign(design, parse_free(free), objective, couple=couple or (), **more)
 
 
 @app.command
@@ -117,7 +146,7 @@ def new(name: str) -> int:
 
 
 @app.command
-def verify(result: Path, *, json_: AsJson = False) -> int:
+def verify(result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False) -> int:
     """Check a stored result again, from its files alone. Exit code 0 if it is verified, 3 if not.
 
     The certificate of first-order optimality (docs/certificate.md) is recomputed too, and said to hold or not.
@@ -126,11 +155,13 @@ def verify(result: Path, *, json_: AsJson = False) -> int:
     ----------
     result
         A folder that hopopt solve wrote.
+    objective
+        The function of your own that it was found with, if it was: module:function.
     """
-    from hopopt.recheck import recertified, recheck
+    from hopopt.recheck import recertified, recheck, with_functions
     from hopopt.storage import as_json, read
 
-    solution = read(result)
+    solution = with_functions(read(result), objective, constraint or ())
     checks, certificate = recheck(solution), recertified(solution)
     verified = all(c.passed for c in checks)
     code = 0 if verified else 3
@@ -159,6 +190,10 @@ def _answer(solution: "Solution", as_object: bool) -> None:
     from hopopt.screen import print_answer
 
     print_answer(solution)
+    if "codesign" in solution.summary:
+        from hopopt.screen_codesign import print_codesign
+
+        print_codesign(solution.summary["codesign"])
 
 
 app.command(cli_runs.simulate)

@@ -22,6 +22,33 @@ Overrides = Annotated[
         name="--set", negative=(), consume_multiple=False, help="Override an entry: --set leg.gear.ratio=80 (repeat)."
     ),
 ]
+Constraints = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--constraint",
+        negative=(),
+        consume_multiple=False,
+        help="A path constraint of your own, a Python function as module:function (repeat; docs/objectives.md).",
+    ),
+]
+Free = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--free",
+        negative=(),
+        consume_multiple=False,
+        help="Let the optimum choose a number of the leg: --free leg.gear.ratio=50:200 (repeat; docs/codesign.md).",
+    ),
+]
+Couple = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--couple",
+        negative=(),
+        consume_multiple=False,
+        help='A linear relation of free numbers: --couple "leg.thigh.length + leg.shank.length = 0.741" (repeat).',
+    ),
+]
 AsJson = Annotated[
     bool, Parameter(name="--json", negative=(), help="Print one JSON object on standard output, nothing else.")
 ]

@@ -20,20 +20,20 @@ FINE = np.linspace(0.0, 1.0, 201)  # places of an interval; trapezoids are good 
 Tables = Mapping[str, "Table"]
 
 
-def dense(places: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (N, K, m) at ``places`` (K,) of every interval, interpolated at FINE: (N, 201, m)."""
-    weights = BarycentricInterpolator(places, np.eye(len(places)))(FINE)
+def dense(places: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.ndarray:
+    """Values (N, K, ...) at ``places`` (K,) of every interval, interpolated at ``at`` (k,): (N, k, ...)."""
+    weights = BarycentricInterpolator(places, np.eye(len(places)))(at)
     return np.einsum("kp,ip...->ik...", weights, values)
 
 
-def _places(table: "Table") -> np.ndarray:
+def places_of(table: "Table") -> np.ndarray:
     """Where in its intervals the table's rows lie, (K,)."""
     longest = int(np.argmax(np.ptp(table.t, axis=1)))
     t = table.t[longest]
     return (t - t[0]) / (t[-1] - t[0])
 
 
-def _integral(table: "Table", values: np.ndarray) -> float:
+def integral(table: "Table", values: np.ndarray) -> float:
     """Integral over time of values (N, 201) at FINE."""
     h = table.t[:, -1] - table.t[:, 0]
     return float(h @ np.trapezoid(values, FINE, axis=1))
@@ -43,9 +43,9 @@ def _over_phases(robot: Robot, tables: Tables, rate: Callable[[Robot, np.ndarray
     """Integral over all phases of rate(robot, tau, w), both (N, 201, n), summed over the joints."""
     total = 0.0
     for table in tables.values():
-        places = _places(table)
+        places = places_of(table)
         tau, w = dense(places, table.tau), dense(places, table.v[..., BASE:])
-        total += _integral(table, rate(robot, tau, w).sum(axis=-1))
+        total += integral(table, rate(robot, tau, w).sum(axis=-1))
     return total
 
 
@@ -85,7 +85,7 @@ def region_share(robot: Robot, tables: Tables) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
-        tau, w = (dense(_places(table), x) for x in (table.tau, table.v[..., BASE:]))
+        tau, w = (dense(places_of(table), x) for x in (table.tau, table.v[..., BASE:]))
         for k, joint in enumerate(robot.joints):
             used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k])
             worst = max(worst, float(np.max(used)))
@@ -94,12 +94,12 @@ def region_share(robot: Robot, tables: Tables) -> float:
 
 def peak_torque(robot: Robot, tables: Tables) -> float:
     """Largest torque of any joint [N m]."""
-    return max(float(np.abs(dense(_places(table), table.tau)).max()) for table in tables.values())
+    return max(float(np.abs(dense(places_of(table), table.tau)).max()) for table in tables.values())
 
 
 def peak_force(robot: Robot, tables: Tables) -> float:
     """Largest ground force [N]."""
-    return max(float(np.linalg.norm(dense(_places(table), table.f), axis=-1).max()) for table in tables.values())
+    return max(float(np.linalg.norm(dense(places_of(table), table.f), axis=-1).max()) for table in tables.values())
 
 
 MEASURES: dict[str, Callable[[Robot, Tables], float]] = {

@@ -14,6 +14,8 @@ from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcribe import Transcription
+from hopopt.ocp.custom import Custom
+from hopopt.ocp.freedom import Freedom
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 from hopopt.ocp.starts import Start, make_guess, starts
@@ -58,13 +60,19 @@ def run_starts(hop: Hop, count: int, processes: int, say: Progress) -> list[Star
     from joblib import Parallel, delayed
 
     data, chunks = hop.design.model_dump(exclude_none=True), [range(k, count, processes) for k in range(processes)]
-    jobs = (delayed(_chunk_in_worker)(data, hop.asked, chunk) for chunk in chunks)
+    jobs = (delayed(_chunk_in_worker)(data, hop.asked, hop.freedom, hop.constraints, chunk) for chunk in chunks)
     parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
     return [parts[k % processes][k // processes] for k in range(count)]
 
 
-def _chunk_in_worker(data: dict[str, Any], objective: str | HopObjective, chunk: Sequence[int]) -> list[StartOutcome]:
-    return _run_chunk(Hop(Design.model_validate(data), objective), chunk)
+def _chunk_in_worker(
+    data: dict[str, Any],
+    objective: str | HopObjective,
+    freedom: Freedom,
+    constraints: tuple[Custom, ...],
+    chunk: Sequence[int],
+) -> list[StartOutcome]:
+    return _run_chunk(Hop(Design.model_validate(data), objective, freedom, constraints), chunk)
 
 
 def _run_chunk(hop: Hop, chunk: Sequence[int]) -> list[StartOutcome]:

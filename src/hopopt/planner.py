@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.certificate_result import attached
+from hopopt.custom_check import custom_checks, stated_value
 from hopopt.errors import NotSolvedError
 from hopopt.leg.design import Design
 from hopopt.multistart import (
@@ -27,8 +28,10 @@ from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
 from hopopt.nlp.transcribe import Transcription
+from hopopt.ocp.custom import custom
 from hopopt.ocp.goal import HEIGHTS, HopObjective
 from hopopt.ocp.hop import EFFORT, Hop
+from hopopt.ocp.objectives import given
 from hopopt.solution import Solution
 from hopopt.structure_solve import Resolved, resolve
 from hopopt.summary import summarize
@@ -40,8 +43,9 @@ MARGIN = 0.5  # refinement aims at this share of the excess that verification al
 
 def solve(
     design: Design,
-    objective: str = "clearance",
+    objective: str | Callable[..., Any] | HopObjective = "clearance",
     *,
+    constraints: Sequence[str | Callable[..., Any]] = (),
     starts: int | None = None,
     processes: int | None = None,
     structure: bool = False,
@@ -49,13 +53,14 @@ def solve(
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified.
 
-    starts overrides the problem's number; processes (default: the cores) solve them side by side; structure: the best
-    is solved once more with the switches of its drives at free times (structure_solve.py); progress is called with a
-    line of text now and then. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A
-    solution that fails verification is returned with ``verified`` False.
+    objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
+    constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
+    solve them side by side; structure: the best is solved once more with the switches of its drives at free times
+    (structure_solve.py); progress is called with a line of text now and then. Raises NotSolvedError, with the worst
+    constraints, if no start leads to a solution. A solution that fails verification is returned with ``verified`` False.
     """
     say, clock = progress or (lambda text: None), Stopwatch()
-    hop = Hop(design, objective)
+    hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
     faults = hop.static_faults()
     if faults:
         raise NotSolvedError(f"{design.name}: the leg cannot stand at its start.", faults)
@@ -129,9 +134,11 @@ def summed_up(
     """What came of refining a start's optimum: verified, certified, with every figure that is printed of it."""
     goal, solution = hop.objective, refinement.solution
     stated = {} if goal.figure in HEIGHTS else {goal.figure: without_tie_break(hop, solution)}
-    plan = Solution(hop.design, goal.name, solution.phases, stated)
+    own = (goal if goal.custom else None, hop.constraints)
+    plan = Solution(hop.design, goal.name, solution.phases, stated, own=own)
     checks = numerical_checks(hop.design, solution, refinement.errors, refinement.change)
-    checks += verify_plan(hop.design, plan.tables, plan.claims())
+    checks += verify_plan(hop.design, plan.tables, plan.claims(), goal.ends)
+    checks += custom_checks(plan.robot, plan.tables, goal, hop.constraints, stated_value(stated))
     clock.mark("verification")
     found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement.history, clock)
     certified = attached(found, solution)

@@ -1,5 +1,6 @@
 """Verification of a stored result, from its files alone."""
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -8,12 +9,15 @@ import numpy as np
 
 from hopopt.certificate import Certificate, certify
 from hopopt.certificate_result import agreement
-from hopopt.errors import ResultError
+from hopopt.custom_check import custom_checks, stated_value
+from hopopt.errors import ResultError, UsageError
 from hopopt.nlp.accuracy import interval_errors
 from hopopt.nlp.ipopt import Bounds, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcribe import Transcription
+from hopopt.ocp.custom import FIGURE, Custom, as_objective, custom
+from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import find
 from hopopt.solution import Solution
@@ -70,9 +74,11 @@ def reverified(solution: Solution) -> Solution:
 def _recheck(solution: Solution) -> list[Check]:
     from hopopt.planner import numerical_checks
 
-    names = {"clearance_m", find(solution.objective).figure}
+    goal, constraints = own_functions(solution)
+    names = {"clearance_m", *({goal.figure} - {FIGURE})}
     claims = {name: float(solution.summary[name]) for name in names}
-    plan = verify_plan(solution.design, solution.tables, claims)
+    plan = verify_plan(solution.design, solution.tables, claims, goal.ends)
+    plan += custom_checks(solution.robot, solution.tables, goal, constraints, stated_value(solution.summary))
     if not has_multipliers(solution):
         missing = Check("first-order conditions", float("inf"), KKT, "scaled", "the file holds no multipliers")
         return [missing, _agreement(solution), *plan]
@@ -84,9 +90,31 @@ def _recheck(solution: Solution) -> list[Check]:
     return checks + plan
 
 
+def with_functions(solution: Solution, objective: Any = None, constraints: Sequence[Any] = ()) -> Solution:
+    """A stored solution with the functions of the user's own that it was found with, or their names."""
+    own = tuple(custom(c) for c in constraints)
+    return replace(solution, own=(as_objective(objective) if objective else None, own))
+
+
+def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]:
+    """What the solution was found with; UsageError if it takes functions that were not given again: files name code,
+    they do not run it."""
+    needed = solution.summary.get("functions", {})
+    objective, constraints = needed.get("objective"), list(needed.get("constraints", ()))
+    goal, own = solution.own
+    if (goal.name if goal else None) != objective or sorted(c.name for c in own) != sorted(constraints):
+        options = [f"--objective {objective}"] * bool(objective) + [f"--constraint {name}" for name in constraints]
+        what = "was found without functions of one's own: give none"
+        if options:
+            what = f"was found with functions of one's own and needs their module: add {' '.join(options)}"
+        raise UsageError(f"{solution.result_dir} {what}")
+    return goal or find(solution.objective), own
+
+
 def stored_nlp(solution: Solution) -> NlpSolution:
     """The nonlinear program of the last mesh with its stored point, multipliers and bounds."""
-    hop, mesh, kkt = Hop(solution.design, solution.objective), {}, dict(solution.kkt)
+    goal, constraints = own_functions(solution)
+    hop, mesh, kkt = Hop(solution.design, goal, constraints=constraints), {}, dict(solution.kkt)
     for name, trajectory in solution.phases.items():
         edges = trajectory.edges / trajectory.duration
         free = np.flatnonzero(np.diff(trajectory.arc)) + 1

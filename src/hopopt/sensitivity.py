@@ -70,6 +70,8 @@ def sensitivity(solution: Solution) -> list[Influence]:
     pose has no derivative.
     """
     design = solution.design
+    if solution.summary.get("objective_unit", "m") != "m" or solution.own != (None, ()):
+        raise UsageError(f"what to change first is said of heights, not of {solution.objective}")
     found = derivatives(design, slopes(stored_nlp(with_own_drives(solution))))
     entries, influences = {row.path: row for row in rows(design)}, []
     for name, (slope, part_of) in found.items():

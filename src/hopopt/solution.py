@@ -15,6 +15,8 @@ from hopopt.leg.kinematics import dependent_joints, foot_offset, start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.measures import MEASURES
 from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.ocp.custom import Custom
+from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.verify import PLACES, Table
 
@@ -96,6 +98,7 @@ class Solution:
     kkt: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     result_dir: Path | None = None
     multipliers: dict[str, Multipliers] = field(default_factory=dict, repr=False)  # see certificate_result.stored
+    own: tuple[HopObjective | None, tuple[Custom, ...]] = (None, ())  # the user's functions, which are not stored
 
     @cached_property
     def robot(self) -> Robot:

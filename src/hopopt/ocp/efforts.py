@@ -31,7 +31,7 @@ def _economical(name: str, meaning: str, unit: str, figure: str, value: Any, **m
     own = more.pop("parameters", lambda hop: ())
     fault = more.pop("fault", lambda design: None)
     return HopObjective(
-        name, meaning, unit, value, figure,
+        name, meaning, unit, value, figure, "demand",
         maximize=False,
         parameters=lambda hop: (demand(hop), *own(hop)),
         boundary=lambda hop: lowest_point(hop, "hop.clearance"),

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 
@@ -21,6 +21,7 @@ DEMAND = "hop.clearance"  # the parameter (and the problem's entry) that an econ
 class HopObjective:
     """value(hop, ends) [unit] is made as large as possible, or as small without ``maximize``.
 
+    ends: whether the foot must end within its window, must reach hop.clearance too, or is free.
     figure: what the value is called among the printed figures; scale(hop): its magnitude [unit]; parameters, boundary,
     controls, path (by phase name) and integrands are the objective's own additions to the problem; fault(design) says
     in a sentence what the problem lacks for it.
@@ -31,6 +32,7 @@ class HopObjective:
     unit: str
     value: Callable[["Hop", Ends], ca.SX]
     figure: str
+    ends: Literal["window", "demand", "free"] = "window"
     maximize: bool = True
     scale: Callable[["Hop"], float] = lambda hop: 1.0
     parameters: Callable[["Hop"], tuple[Parameter, ...]] = lambda hop: ()
@@ -39,6 +41,7 @@ class HopObjective:
     path: Callable[["Hop", str, MotionAt], tuple[PathConstraint, ...]] = lambda hop, phase, motion: ()
     integrands: Callable[["Hop", MotionAt], Mapping[str, Callable[[Instant], ca.SX]]] = lambda hop, motion: {}
     fault: Callable[[Design], str | None] = lambda design: None
+    custom: Any = None  # the function of one's own that it is made of (ocp/custom.py)
     tie_break: float = 1.0  # times the problem's own, where optima are flat
 
     @property

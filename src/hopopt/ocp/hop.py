@@ -25,6 +25,9 @@ from hopopt.ocp.constraints import (
     operating_region_constraint,
     unilateral_contact,
 )
+from hopopt.ocp.custom import Custom, checked
+from hopopt.ocp.custom import path as custom_path
+from hopopt.ocp.freedom import Freedom
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.objectives import find
 from hopopt.ocp.problem import (
@@ -33,7 +36,6 @@ from hopopt.ocp.problem import (
     Ends,
     Instant,
     Objective,
-    Parameter,
     PathConstraint,
     Phase,
     Problem,
@@ -42,6 +44,7 @@ from hopopt.ocp.problem import (
 )
 
 STANCE, FLIGHT = "stance", "flight"
+FIXED = Freedom()
 EFFORT = "effort"  # the integral of the tie-break
 SPEED, ACCELERATION = 10.0, 300.0  # scales of joint speed [rad/s] and acceleration [rad/s^2]
 BODY_SPEED = 3.0  # scale of the body's speed [m/s]
@@ -50,8 +53,12 @@ BODY_SPEED = 3.0  # scale of the body's speed [m/s]
 class Hop:
     """One hop of a leg towards an objective; ``problem`` is what the transcription sees."""
 
-    def __init__(self, design: Design, objective: str | HopObjective = "clearance"):
+    def __init__(
+        self, design: Design, objective: str | HopObjective = "clearance", freedom: Freedom = FIXED,
+        constraints: tuple[Custom, ...] = (),
+    ):  # fmt: skip
         self.design, self.leg, self.objective = design, design.leg, find(objective)
+        self.freedom, self.constraints = freedom, constraints
         self.asked = objective if isinstance(objective, str) else self.objective
         if fault := self.objective.fault(design):
             raise UsageError(f"objective {self.objective.name}: {fault}")
@@ -63,6 +70,9 @@ class Hop:
         self.loops, self.dependent = loop_axes(self.leg), dependent_joints(design)
         self.free = [k for k in range(self.n) if k not in self.dependent]
         self.falling = [BASE - 1] if "x" not in self.leg.guides else list(range(BASE))  # where no guide holds the body
+
+        for c in (*constraints, *((self.objective.custom,) if self.objective.custom else ())):
+            checked(c, self, c is self.objective.custom)
 
     # ---- what holds at an instant ----------------------------------------------------------------------
 
@@ -112,6 +122,11 @@ class Hop:
         ]
         return ca.sumsqr(tau / ca.vertcat(*stalls))
 
+    def own_limits(self, phase: str, motion: MotionAt) -> list[PathConstraint]:
+        """What the objective and the user's own constraints add to a phase."""
+        own = (custom_path(c, self, phase, motion) for c in self.constraints)
+        return [c for group in (self.objective.path(self, phase, motion), *own) for c in group]
+
     def integrands(self, motion: MotionAt) -> dict[str, Callable[[Instant], ca.SX]]:
         """What is integrated over a phase: the effort of the tie-break, and what the objective asks for."""
         return {EFFORT: lambda s: self.effort(motion(s).tau, s), **self.objective.integrands(self, motion)}
@@ -126,7 +141,6 @@ class Hop:
 
     def stance(self) -> Phase:
         names, (lower, upper) = self.leg.joints, self.limits
-        q0 = start_angles(self.design)
         motion = self.stance_motion
         path = [operating_region_constraint(self.leg, j, motion) for j in names]
         path.append(unilateral_contact(motion, self.force_range, self.design.contact.least_force))
@@ -137,11 +151,11 @@ class Hop:
             path.append(above_ground(clear, motion, self.dynamics, self.reach, least))
         if not self.design.hop.counter_movement:
             path.append(no_counter_movement(motion))
-        path += self.objective.path(self, STANCE, motion)
+        path += self.own_limits(STANCE, motion)
         return Phase(
             STANCE,
             (
-                State("q", self.n, lower, upper, 1.0, "rad", names, initial=q0),
+                State("q", self.n, lower, upper, 1.0, "rad", names, initial=self.freedom.start(self)),
                 State("v", self.n, scale=SPEED, unit="rad/s", labels=names, initial=np.zeros(self.n)),
             ),
             (*self.stance_controls(), *self.objective.controls(self)),
@@ -166,7 +180,7 @@ class Hop:
         if self.must_clear_ground:
             least = self.design.hop.least_height
             path.append(above_ground(self.must_clear_ground, motion, self.dynamics, self.reach, least))
-        path += self.objective.path(self, FLIGHT, motion)
+        path += self.own_limits(FLIGHT, motion)
         plane, names, m = tuple("xz"[k] for k in self.falling), self.leg.joints, len(self.falling)
         rises = ([-INF, 0.0][-m:], [INF] * m)
         return Phase(
@@ -216,8 +230,12 @@ class Hop:
             self.design.name,
             (self.stance(), self.flight()),
             Objective(goal.name, self.goal_and_tie_break, goal.maximize, goal.unit, goal.scale(self)),
-            (*(Parameter(path, value=v) for path, v in self.robot.parameters.items()), *goal.parameters(self)),
-            (linkage("lift-off", self.lift_off, scale, labels=labels), *goal.boundary(self)),
+            (*self.freedom.parameters(self.robot.parameters), *goal.parameters(self)),
+            (
+                linkage("lift-off", self.lift_off, scale, labels=labels),
+                *goal.boundary(self),
+                *self.freedom.boundary(self),
+            ),
         )
 
     def static_faults(self) -> list[str]:

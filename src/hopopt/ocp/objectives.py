@@ -1,6 +1,9 @@
 """What a hop can be asked for: one entry in a registry for each objective."""
 
+from typing import Any
+
 from hopopt.errors import UsageError
+from hopopt.ocp.custom import as_objective
 from hopopt.ocp.efforts import EFFORTS
 from hopopt.ocp.goal import HopObjective, lowest_point
 from hopopt.ocp.problem import Parameter
@@ -23,16 +26,26 @@ OBJECTIVES = {
             "m",
             lambda hop, e: hop.points_at_end(e)[hop.leg.joints[0]][1],
             "apex_m",
+            "free",
         ),
         *EFFORTS,
     )
 }
 
 
+def given(objective: Any) -> str | HopObjective:
+    """What a user gives: the name of an objective, a function of one's own, or its name ``module:function``."""
+    if isinstance(objective, HopObjective) or (isinstance(objective, str) and ":" not in objective):
+        return objective
+    return as_objective(objective)
+
+
 def find(objective: str | HopObjective) -> HopObjective:
     """The objective of that name; UsageError, with what there is, if there is none."""
     if isinstance(objective, HopObjective):
         return objective
+    if ":" in objective:
+        raise UsageError(f"{objective} is a function of one's own, which is only run where it is given: give it again")
     if objective not in OBJECTIVES:
         raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
     return OBJECTIVES[objective]

@@ -1,0 +1,185 @@
+"""Co-design: the hop and the leg's own numbers optimised together, then confirmed on the leg that comes out.
+
+The free parameters are variables of the same nonlinear program. Its optimum is not what is stated: the design with the
+optimal numbers is solved and verified as any other problem, from its own starts and from the co-design's motion, and
+must reach the same objective.
+"""
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hopopt.errors import ProblemFileError, UsageError
+from hopopt.leg.design import Design, physical_parameters
+from hopopt.multistart import Progress, contenders, first_transcription, not_solved, outcome_of, run_starts
+from hopopt.nlp.envelope import slopes
+from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.ocp.custom import custom
+from hopopt.ocp.freedom import Coupling, Freedom, parse_coupling
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.objectives import given
+from hopopt.planner import Stopwatch, best_of, finish, refine_outcome
+from hopopt.problem_file import changed
+from hopopt.problem_text import rows
+from hopopt.problem_words import did_you_mean
+from hopopt.solution import Solution
+from hopopt.verify import Check
+
+CONFIRMED = 1e-4  # relative: what the fixed design may differ from the co-design
+AT_BOUND = 1e-6  # share of its range within which a parameter sits on a bound
+
+
+def codesign(
+    design: Design,
+    free: Mapping[str, tuple[float, float]],
+    objective: Any = "clearance",
+    *,
+    couple: Sequence[str] = (),
+    constraints: Sequence[Any] = (),
+    starts: int | None = None,
+    processes: int | None = None,
+    progress: Progress | None = None,
+) -> Solution:
+    """The best hop with the best design parameters: ``free`` maps entries to their (lowest, highest) values.
+
+    couple: linear equations or inequalities between entries, such as "leg.thigh.length + leg.shank.length = 0.741".
+    The solution's ``design`` has the optimal numbers; its summary's ``codesign`` says what was free and what is at
+    its bound. Raises UsageError for entries or bounds that no problem can have, NotSolvedError as ``solve`` does.
+    """
+    say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
+    side_by_side = processes or os.cpu_count() or 1
+    freedom = checked(design, Freedom(dict(free), tuple(parse_coupling(text) for text in couple)))
+    own = tuple(custom(c) for c in constraints)
+    hop = Hop(design, given(objective), freedom, own)
+    outcomes = run_starts(hop, count, side_by_side, lambda text: say(f"co-design: {text}"))
+    refined = [refine_outcome(hop, o, lambda text: say(f"co-design: {text}")).solution for o in contenders(outcomes)]
+    if not refined:
+        raise not_solved(hop, outcomes)
+    best = max(refined, key=lambda s: hop.objective.merit(s.objective))
+    clock.mark("co-design")
+    fixed = Hop(changed(design, optimal(freedom, best)), hop.asked, constraints=own)
+    say("solving the design that came out")
+    again = [*run_starts(fixed, count, side_by_side, say), _from(fixed, best)]
+    clock.mark("starts")
+    answer, _ = best_of(fixed.objective, [finish(fixed, o, again, say, clock) for o in contenders(again)])
+    return _described(answer, hop, best)
+
+
+def _from(hop: Hop, motion: NlpSolution) -> Any:
+    """The fixed design solved from the co-design's motion."""
+    began, t = time.perf_counter(), first_transcription(hop)
+    solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
+    return outcome_of("co-design", solver(t.guess_from(motion.phases)), time.perf_counter() - began)
+
+
+def optimal(freedom: Freedom, solution: NlpSolution) -> dict[str, float]:
+    """The free parameters' values, those on a bound exactly there."""
+    found = {}
+    for path, (low, high) in freedom.bounds.items():
+        value = float(solution.parameters[path][0])
+        side = next((x for x in (low, high) if abs(value - x) < AT_BOUND * (high - low)), value)
+        found[path] = side
+    return found
+
+
+def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
+    """The answer with what was free, and the check that the fixed design confirms the co-design."""
+    goal, value = hop.objective, answer.summary["objective_value"]
+    worse = goal.sign * (best.objective - value) / max(abs(value), 1e-9)
+    check = Check(
+        "co-design confirmed", max(worse, 0.0), CONFIRMED, "relative", "the fixed design against the co-design"
+    )
+    verified = answer.verified and check.passed
+    summary = {
+        **answer.summary,
+        "verified": verified,
+        "status": "verified" if verified else "solved, not verified",
+        "exit_code": 0 if verified else 3,
+        "verification": [*answer.summary["verification"], check.as_dict()],
+        "failed_checks": [*answer.summary["failed_checks"], *([] if check.passed else [check.name])],
+        "codesign": {
+            "objective_value": best.objective,
+            "parameters": _parameters(hop, best),
+            "couplings": [_coupling(c, hop, best) for c in hop.freedom.couplings],
+        },
+    }
+    if -worse > CONFIRMED:
+        note = "the fixed design has a better hop than the co-design found: try more starts"
+        summary["notes"] = [*summary.get("notes", ()), note]
+    return replace(answer, summary=summary)
+
+
+def _parameters(hop: Hop, best: NlpSolution) -> list[dict[str, Any]]:
+    """For each free entry: value before and now, bounds, whether it is at one and what moving that would gain."""
+    t, by = best.transcription, slopes(best)
+    entries = {row.path: row for row in rows(hop.design)}
+    values, found = optimal(hop.freedom, best), []
+    for k, p in enumerate(t.free):
+        if p.name not in values:
+            continue
+        low, high = hop.freedom.bounds[p.name]
+        at = t.parameters.start + sum(q.size for q in t.free[:k])
+        bound = "lower" if values[p.name] == low else "upper" if values[p.name] == high else None
+        slope = float((by.low_z if bound == "lower" else by.high_z)[at]) if bound else 0.0
+        found.append(
+            {"entry": p.name, "unit": entries[p.name].unit, "was": float(entries[p.name].value), "lower": low,
+             "upper": high, "optimal": values[p.name], "at_bound": bound, "gain_per_unit_of_the_bound": slope}
+        )  # fmt: skip
+    return found
+
+
+def _coupling(c: Coupling, hop: Hop, best: NlpSolution) -> dict[str, Any]:
+    values = {**physical_parameters(hop.leg), **{k: float(v[0]) for k, v in best.parameters.items()}}
+    total = sum(factor * values[entry] for entry, factor in c.factors.items())
+    return {"coupling": c.text, "active": bool(np.isclose(total, c.lower) or np.isclose(total, c.upper))}
+
+
+# ---- what may be free ---------------------------------------------------------------------------------------
+
+
+def checked(design: Design, freedom: Freedom) -> Freedom:
+    """The freedom, if the problem can have it; UsageError in a sentence if not."""
+    known = physical_parameters(design.leg)
+    if not freedom.bounds:
+        raise UsageError("nothing is free: give --free leg.gear.ratio=50:200, say")
+    for entry, (low, high) in freedom.bounds.items():
+        if entry not in known:
+            raise UsageError(
+                f"--free {entry}: there is no such number of the leg that is set{did_you_mean(entry, known)}"
+            )
+        if not low < high:
+            raise UsageError(f"--free {entry}: its bounds {low:g} and {high:g} leave it no room")
+        for value in (low, high):
+            _possible(design, entry, value)
+    for c in freedom.couplings:
+        for entry in c.factors:
+            if entry not in known:
+                raise UsageError(f"--couple {c.text}: there is no entry {entry}{did_you_mean(entry, known)}")
+        if not c.factors.keys() & freedom.bounds.keys():
+            raise UsageError(f"--couple {c.text}: none of its entries is free")
+        _reachable(c, freedom, known)
+    return freedom
+
+
+def _possible(design: Design, entry: str, value: float) -> None:
+    """That a bound is a value the entry may have; whether the leg can start so is left to the optimum."""
+    try:
+        changed(design, {entry: value})
+    except ProblemFileError as error:
+        wrong = [s.removeprefix("override ") for s in error.problems if s.startswith(f"override {entry} ")]
+        if wrong:
+            raise UsageError(f"--free: {wrong[0]}") from None
+
+
+def _reachable(c: Coupling, freedom: Freedom, known: Mapping[str, float]) -> None:
+    """That some values within the bounds meet the coupling."""
+    ends = np.zeros(2)
+    for entry, factor in c.factors.items():
+        ends += sorted(factor * x for x in freedom.bounds.get(entry, (known[entry], known[entry])))
+    slack = 1e-9 * max(1.0, float(np.abs(ends).max()))
+    if ends[1] < c.lower - slack or ends[0] > c.upper + slack:
+        raise UsageError(f"--couple {c.text}: no values within the bounds of --free meet it")

@@ -1,0 +1,244 @@
+"""Objectives and path constraints of one's own: short Python functions of the leg at an instant.
+
+An objective sees the end of the hop, or with ``running`` every instant of it, over which it is then integrated; a
+constraint sees every instant. Both compute with CasADi expressions: no ``if`` on a value, no ``abs`` where it matters.
+Only the command line and Python name such functions, never a problem file.
+"""
+
+import importlib
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from hopopt.errors import UsageError
+from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.goal import HopObjective, demand, lowest_point, no_demand
+from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
+
+if TYPE_CHECKING:
+    from hopopt.ocp.hop import Hop
+
+FIGURE = "user_objective"
+PHASES = ("stance", "flight")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The whole leg at one instant, as CasADi expressions (SI): ``t`` since the phase began, ``phase``; q, v, a of body
+    x, z and joints; joint torques tau; ground force f; points: name -> (x, z) of every joint, "foot" and "com"; com_v.
+
+    At the end of the hop there is no a, tau or f; ``lift_off`` is the last instant of stance, ``t`` the whole duration.
+    """
+
+    t: Any
+    phase: str
+    q: Any
+    v: Any
+    points: Mapping[str, Any]
+    com_v: Any
+    a: Any = None
+    tau: Any = None
+    f: Any = None
+    lift_off: "Moment | None" = None
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a function is meant as; see ``objective`` and ``constraint``."""
+
+    unit: str = ""
+    maximize: bool = True
+    running: bool = False
+    clearance: bool = False
+    lower: float = 0.0
+    upper: float = INF
+    scale: float = 1.0
+    phases: tuple[str, ...] = PHASES
+
+
+def objective(
+    *, unit: str = "", maximize: bool = True, running: bool = False, clearance: bool = False, scale: float = 1.0
+) -> Callable[[Any], Any]:
+    """Say of a function what objective it is: its unit, whether more is better, whether it is a rate to be integrated
+    over the hop (``running``), whether the hop must reach hop.clearance too, and its magnitude."""
+    return _marked(Terms(unit, maximize, running, clearance, scale=scale))
+
+
+def constraint(
+    *, lower: float = 0.0, upper: float = INF, unit: str = "", scale: float = 1.0, phases: tuple[str, ...] = PHASES
+) -> Callable[[Any], Any]:
+    """Say of a function what path constraint it is: its bounds and unit, the size of its range, and in which phases it
+    holds. Without this, a function must be at least 0 throughout."""
+    return _marked(Terms(unit, lower=lower, upper=upper, scale=scale, phases=phases))
+
+
+def _marked(terms: Terms) -> Callable[[Any], Any]:
+    def mark(function: Any) -> Any:
+        function.hopopt_terms = terms
+        return function
+
+    return mark
+
+
+@dataclass(frozen=True)
+class Custom:
+    """A function of one's own with its name as ``module:function`` and what it is meant as."""
+
+    name: str
+    function: Callable[[Moment], Any] = field(repr=False)
+    terms: Terms
+
+    def __call__(self, moment: Moment, size: int | None = None) -> ca.SX:
+        """The function's value as a column; UsageError, saying what is wrong, if it gives none."""
+        try:
+            value = self.function(moment)
+        except Exception as error:  # whatever the author's code raises
+            raise UsageError(
+                f"{self.name} stopped with {type(error).__name__}: {_line(error)}{_hint(error)}"
+            ) from error
+        try:
+            parts = value if isinstance(value, (list, tuple)) else [value]
+            found = ca.vertcat(*[ca.vec(ca.SX(part)) for part in parts])
+        except (NotImplementedError, TypeError, ValueError, RuntimeError):
+            kind = type(value).__name__
+            raise UsageError(
+                f"{self.name} returned {kind}: a CasADi expression, or a list of them, is needed"
+            ) from None
+        if size is not None and found.numel() != size:
+            raise UsageError(f"{self.name} returned {found.numel()} values: an objective is one number")
+        if found.numel() == 0:
+            raise UsageError(f"{self.name} returned nothing: a CasADi expression is needed")
+        return found
+
+
+def _line(error: BaseException) -> str:
+    return (str(error).strip().splitlines() or ["no message"])[-1][:200]
+
+
+def _hint(error: BaseException) -> str:
+    if "NoneType" in str(error):
+        return " (a, tau and f are not there at the end of the hop: use objective(running=True))"
+    if "__bool__" in str(error) or "truth value" in str(error).lower() or "nonzero" in str(error).lower():
+        return " (a value is not known while the problem is made: no if, while, min or max on it; see casadi.if_else)"
+    return ""
+
+
+def load(name: str) -> Any:
+    """The function ``module:function``, the module looked for in the current folder first; UsageError if not found."""
+    module, colon, attribute = name.partition(":")
+    if not colon or not module or not attribute:
+        raise UsageError(f"{name}: write module:function")
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except Exception as error:  # whatever the module raises
+        raise UsageError(f"{name} cannot be imported: {type(error).__name__}: {_line(error)}") from None
+    return found
+
+
+def custom(function: Any) -> Custom:
+    """A function, or its name ``module:function``, as a ``Custom``; UsageError if it cannot be called."""
+    name = function if isinstance(function, str) else ""
+    found = load(function) if name else function
+    if not callable(found):
+        raise UsageError(f"{name or repr(found)} is not a function")
+    name = name or f"{getattr(found, '__module__', '?')}:{getattr(found, '__qualname__', type(found).__name__)}"
+    return Custom(name, found, getattr(found, "hopopt_terms", Terms()))
+
+
+def as_objective(function: Any) -> HopObjective:
+    """A function of one's own as an objective of the hop."""
+    c = custom(function)
+    terms, more = c.terms, {}
+    if terms.running:
+        more["integrands"] = lambda hop, motion: {"custom": lambda s: c(moment(hop, motion, s), 1)}
+    if terms.clearance:
+        more |= {"parameters": lambda hop: (demand(hop),), "boundary": lambda hop: lowest_point(hop, "hop.clearance")}
+        more["fault"] = no_demand
+
+    def value(hop: "Hop", e: Ends) -> ca.SX:
+        if terms.running:
+            return sum((integrals["custom"] for integrals in e.integral.values()), ca.SX(0))
+        return c(end(hop, e), 1)
+
+    return HopObjective(
+        c.name, f"a function of one's own, {c.name}", terms.unit, value, FIGURE,
+        "demand" if terms.clearance else "free", terms.maximize,
+        scale=lambda hop: terms.scale, custom=c, **more,
+    )  # fmt: skip
+
+
+def path(c: Custom, hop: "Hop", phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+    """A function of one's own as a path constraint of one phase, if it holds there."""
+    t = c.terms
+    if phase not in t.phases:
+        return ()
+    return (
+        PathConstraint(
+            c.name, lambda s: c(moment(hop, motion, s)), lower=t.lower, upper=t.upper, scale=t.scale, unit=t.unit
+        ),
+    )
+
+
+def moment(hop: "Hop", motion: MotionAt, s: Instant) -> Moment:
+    """The leg at an instant of a phase."""
+    phase = "flight" if hasattr(s, "com") else "stance"
+
+    def make() -> Moment:
+        m = motion(s)
+        points, com_v = _points(hop, s, m.q, m.v)
+        return Moment(s.t, phase, m.q, m.v, points, com_v, m.a, m.tau, m.f)
+
+    return s.once("moment", make)
+
+
+def end(hop: "Hop", e: Ends) -> Moment:
+    """The leg when flight ends."""
+    stance, flight = (e.final[phase] for phase in PHASES)
+    poses = (
+        hop.dynamics(stance).stance_pose(stance.q, stance.v)[:2],
+        hop.dynamics(flight).flight_pose(*hop.com_and_speed(flight), flight.q, flight.v)[:2],
+    )
+    (q0, v0), (q1, v1) = poses
+    lift_off = Moment(e.duration["stance"], "stance", q0, v0, *_points(hop, stance, q0, v0))
+    whole = sum(e.duration.values(), ca.SX(0))
+    return Moment(whole, "flight", q1, v1, *_points(hop, flight, q1, v1), lift_off=lift_off)
+
+
+def _points(hop: "Hop", s: Instant, q: ca.SX, v: ca.SX) -> tuple[dict[str, ca.SX], ca.SX]:
+    """Points of the leg and the speed of its centre of mass, (2,)."""
+    place, speed = ca.SX.sym("place", q.numel()), ca.SX.sym("speed", v.numel())
+    com_v = ca.jtimes(hop.dynamics(s).points(place)["com"], place, speed)
+    return hop.dynamics(s).points(q), ca.substitute(com_v, ca.vertcat(place, speed), ca.vertcat(q, v))
+
+
+def checked(c: Custom, hop: "Hop", is_objective: bool) -> Custom:
+    """The function, tried on symbols of the hop; UsageError if it does not give what it must, or nothing that moves."""
+    trial = symbols(hop.n, tuple(hop.robot.points), is_objective and not c.terms.running)
+    value = c(trial, 1 if is_objective else None)
+    if not ca.symvar(value):
+        raise UsageError(f"{c.name} does not depend on the hop: it returned {np.array(ca.DM(value)).ravel().tolist()}")
+    if not set(c.terms.phases) <= set(PHASES) or not c.terms.phases:
+        raise UsageError(f"{c.name}: phases must be some of {', '.join(PHASES)}")
+    if not c.terms.lower <= c.terms.upper or not c.terms.scale > 0:
+        raise UsageError(f"{c.name}: lower must not be above upper, and scale must be positive")
+    return c
+
+
+def symbols(n: int, names: tuple[str, ...], at_end: bool, phase: str = "stance", forces: int = 2) -> Moment:
+    """A moment made of free symbols, for a leg of n joints with points of these names."""
+
+    def plain(phase: str, **more: Any) -> Moment:
+        points = {name: ca.SX.sym(name, 2) for name in (*names, "com")}
+        q, v, com_v = ca.SX.sym("q", n + 2), ca.SX.sym("v", n + 2), ca.SX.sym("com_v", 2)
+        return Moment(ca.SX.sym("t"), phase, q, v, points, com_v, **more)
+
+    if at_end:
+        return plain("flight", lift_off=plain("stance"))
+    return plain(phase, a=ca.SX.sym("a", n + 2), tau=ca.SX.sym("tau", n), f=ca.SX.sym("f", forces))

@@ -1,0 +1,132 @@
+"""Design parameters that the optimum may choose within bounds, and linear couplings between them."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from hopopt.errors import UsageError
+from hopopt.leg.kinematics import start_angles
+from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Numbers, Parameter
+
+if TYPE_CHECKING:
+    from hopopt.ocp.hop import Hop
+
+NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+TERM = re.compile(rf"\s*([+-]?)\s*(?:({NUMBER})\s*(?:\*\s*)?)?([A-Za-z][\w.-]*[\w])?\s*")
+HOW = 'write a sum of numbers times entries, such as "leg.thigh.length + leg.shank.length = 0.741"'
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """sum of factor * entry, at least ``lower`` and at most ``upper``; ``text`` as it was given."""
+
+    text: str
+    factors: Mapping[str, float]
+    lower: float
+    upper: float
+
+    def value(self, p: Mapping[str, ca.SX]) -> ca.SX:
+        """The sum."""
+        return sum((factor * p[entry] for entry, factor in self.factors.items()), ca.SX(0))
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """bounds: entry -> (lowest, highest) of every design parameter that is free; what couples them."""
+
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    couplings: tuple[Coupling, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.bounds)
+
+    def parameters(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
+        """Every physical parameter of the leg, the free ones within their bounds."""
+        return tuple(self._parameter(path, value) for path, value in values.items())
+
+    def _parameter(self, path: str, value: float) -> Parameter:
+        if path not in self.bounds:
+            return Parameter(path, value=value)
+        low, high = self.bounds[path]
+        return Parameter(
+            path, lower=low, upper=high, scale=max(abs(low), abs(high)), value=float(np.clip(value, low, high)),
+            free=True,
+        )  # fmt: skip
+
+    def moves_start(self, hop: "Hop") -> bool:
+        """Whether the pose at the start depends on what is free: a hip height is given, and lengths are free."""
+        lengths = {f"leg.{link}.length" for link in hop.leg.links}
+        return hop.design.start.hip_height is not None and bool(lengths & self.bounds.keys())
+
+    def start(self, hop: "Hop") -> Numbers | tuple[Numbers, Numbers]:
+        """Joint angles at the start [rad]: given, or free on the side to which the last joint is folded."""
+        q0 = start_angles(hop.design)
+        if not self.moves_start(hop):
+            return q0
+        lower, upper = (side.copy() for side in hop.limits)
+        lower[-1], upper[-1] = (lower[-1], min(upper[-1], 0.0)) if q0[-1] < 0 else (max(lower[-1], 0.0), upper[-1])
+        return lower.tolist(), upper.tolist()
+
+    def boundary(self, hop: "Hop") -> Iterator[BoundaryConstraint]:
+        """The couplings, and the hip where the problem starts."""
+        for c in self.couplings:
+            size = max(
+                abs(c.lower) if np.isfinite(c.lower) else 0.0, abs(c.upper) if np.isfinite(c.upper) else 0.0, 1e-3
+            )
+            yield BoundaryConstraint(c.text, lambda e, c=c: c.value(e.p), c.lower, c.upper, size)
+        if self.moves_start(hop):
+            start = hop.design.start
+            stands = [-start.foot_x, float(start.hip_height or 0.0)]
+
+            def hip(e: Ends) -> ca.SX:
+                s = e.initial["stance"]
+                return hop.dynamics(s).stance_pose(s.q, s.v)[0][:2]
+
+            yield BoundaryConstraint("hip at the start", hip, stands, stands, unit="m", labels=("x", "z"))
+
+
+def parse_free(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """{"leg.gear.ratio": (50.0, 200.0)} from "leg.gear.ratio=50:200"; UsageError in a sentence if it is not that."""
+    bounds: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        found = re.fullmatch(rf"\s*([\w.-]+)\s*=\s*({NUMBER})\s*:\s*({NUMBER})\s*", text)
+        if not found or not float(found[2]) < float(found[3]):
+            raise UsageError(f"--free {text}: write lower:upper, the lower first, such as leg.gear.ratio=50:200")
+        if found[1] in bounds:
+            raise UsageError(f"--free {found[1]} is given twice: once is enough")
+        bounds[found[1]] = (float(found[2]), float(found[3]))
+    return bounds
+
+
+def parse_coupling(text: str) -> Coupling:
+    """A coupling from "2*a.b + c.d = 3", also with <= or >=; UsageError in a sentence if it is not that."""
+    sides = re.split(r"(<=|>=|=)", text)
+    if len(sides) != 3:
+        raise UsageError(f"--couple {text}: {HOW}")
+    factors: dict[str, float] = {}
+    constant = _add(text, sides[0], 1.0, factors) + _add(text, sides[2], -1.0, factors)
+    if not factors:
+        raise UsageError(f"--couple {text}: no entry is in it; {HOW}")
+    lower, upper = {"=": (-constant, -constant), "<=": (-INF, -constant), ">=": (-constant, INF)}[sides[1]]
+    return Coupling(" ".join(text.split()), factors, lower, upper)
+
+
+def _add(text: str, side: str, sign: float, factors: dict[str, float]) -> float:
+    """Add the terms of one side to ``factors``; what stands there without an entry."""
+    at, constant, first = 0, 0.0, True
+    side = side.strip()
+    while at < len(side) or first:
+        found = TERM.match(side, at)
+        if not found or not (found[2] or found[3]) or (not first and not found[1]):
+            raise UsageError(f"--couple {text}: {side[at:] or 'nothing'!r} is not understood; {HOW}")
+        value = sign * (-1.0 if found[1] == "-" else 1.0) * float(found[2] or 1.0)
+        if found[3]:
+            factors[found[3]] = factors.get(found[3], 0.0) + value
+        else:
+            constant += value
+        at, first = found.end(), False
+    return constant
