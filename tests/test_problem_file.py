@@ -108,7 +108,8 @@ def test_variants_differ_only_in_what_they_say():
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_round_trip(name, write):
-    design = load(name, {"leg.knee.gear.ratio": 80, "title": 'a "quoted" \\ title, ü 🦿'})
+    last = load(name).leg.joints[-1]
+    design = load(name, {f"leg.{last}.gear.ratio": 80, "title": 'a "quoted" \\ title, ü 🦿'})
     assert load(write(resolved_toml(design))) == design
 
 
@@ -375,7 +376,7 @@ def test_missing_file_folder_and_unknown_name(tmp_path, write):
     assert only_fault(tmp_path / "paper.toml").endswith("; the built-in problem is called paper, without .toml.")
     sentence = only_fault("papr")
     assert 'there is no built-in problem "papr" (did you mean paper?)' in sentence
-    assert "built in: paper, paper_four_quadrant, paper_no_countermovement" in sentence
+    assert f"built in: {', '.join(builtin_names())}" in sentence
     for source in ("\0.toml", "x" * 5000, "x/" * 3000, "", "..", "nowhere/x.toml"):
         assert only_fault(source)
 
@@ -441,7 +442,7 @@ def test_extends_cannot_leave_the_folder(write, tmp_path, base):
     (tmp_path.parent / "secret.toml").write_text(template("secret"), encoding="utf-8")
     sentence = only_fault(write(f'extends = "{base}"\nname = "mine"\n'))
     assert "mine.toml: extends = " in sentence
-    assert "is not allowed: write a built-in name (paper, " in sentence
+    assert "is not allowed: write a built-in name (" in sentence
 
 
 def test_extends_that_is_no_text(write):

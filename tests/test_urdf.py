@@ -88,7 +88,7 @@ def test_joint_torques_are_those_of_the_whole_robot(robot: tuple[Design, pin.Mod
 
 def _foot(design: Design) -> str:
     text = (PROBLEMS / f"{design.name}.toml").read_text()
-    return next(x.split('"')[1] for x in text.splitlines() if x.startswith("foot ="))
+    return next(x.split('"')[1] for x in text.splitlines() if x.startswith("foot_frame ="))
 
 
 def _rotors(design: Design) -> list[str]:
@@ -107,7 +107,7 @@ def test_leg_written_as_urdf_comes_back(tmp_path: Path) -> None:
     paper = load("paper")
     (tmp_path / "paper.urdf").write_text(to_urdf(build_robot(paper.leg)))
     (tmp_path / "mine.toml").write_text(
-        'name = "mine"\n[leg]\nurdf = "paper.urdf"\njoints = ["hip", "knee"]\nfoot = "foot"\n'
+        'name = "mine"\n[leg]\nurdf = "paper.urdf"\njoints = ["hip", "knee"]\nfoot_frame = "foot"\n'
         "[leg.motor]\nmax_torque = 2.0\nmax_speed = 1256.637\nrotor_inertia = 1.19e-5\n[leg.gear]\nratio = 100\n"
         "[start]\nhip_height = 0.28\n"
     )
@@ -126,7 +126,7 @@ def test_leg_written_as_urdf_comes_back(tmp_path: Path) -> None:
 
 
 def test_drives_come_with_the_urdf_and_give_way_to_the_files(tmp_path: Path) -> None:
-    base = 'name = "m"\n[leg]\nurdf = "leg.urdf"\njoints = ["hip", "knee", "ankle"]\nfoot = "toe"\n'
+    base = 'name = "m"\n[leg]\nurdf = "leg.urdf"\njoints = ["hip", "knee", "ankle"]\nfoot_frame = "toe"\n'
     start = "[start]\njoint_angles = [1.0, -2.0, 1.2]\n"
     (tmp_path / "leg.urdf").write_text(SIMPLE)
     (tmp_path / "m.toml").write_text(base + start)
@@ -261,7 +261,7 @@ def test_faulty_files_are_refused_in_a_sentence(what: str) -> None:
         (("hip", "knee", "sole"), "toe", 'joint "sole" is not on the way from the body to the foot "toe"'),
         (("knee", "hip"), "toe", "has the joints in the order hip, knee"),
         (("hip", "knee", "ankle"), "shank", 'joint "ankle" is not on the way'),
-        (("hip",), "toes", 'has no "toes" for leg.foot (did you mean toe?): there is body, thigh, shank, foot, toe'),
+        (("hip",), "toes", 'has no "toes" for leg.foot_frame (did you mean toe?): there is body, thigh, shank, foot, toe'),
     ],
 )
 def test_wrong_names_are_answered_with_what_there_is(joints: tuple[str, ...], foot: str, words: str) -> None:
@@ -287,7 +287,7 @@ def test_wrong_locked_joint() -> None:
 def test_paths_stay_in_the_problems_folder(tmp_path: Path, name: str, words: str) -> None:
     (tmp_path / "leg.urdf").write_text(SIMPLE)
     (tmp_path / "m.toml").write_text(
-        f'name = "m"\n[leg]\nurdf = "{name}"\njoints = ["hip"]\nfoot = "toe"\n[start]\njoint_angles = [0.1]\n'
+        f'name = "m"\n[leg]\nurdf = "{name}"\njoints = ["hip"]\nfoot_frame = "toe"\n[start]\njoint_angles = [0.1]\n'
     )
     with pytest.raises(ProblemFileError) as error:
         load(tmp_path / "m.toml")
@@ -304,7 +304,7 @@ def test_absurd_mass_is_refused_with_its_entry(tmp_path: Path) -> None:
     assert any("leg.thigh.mass = 1600.0 kg is too large" in sentence for sentence in error.value.problems)
 
 
-@pytest.mark.parametrize("entry", ['foot = "toe"', "locked = {hip = 0.1}"])
+@pytest.mark.parametrize("entry", ['foot_frame = "toe"', "locked = {hip = 0.1}"])
 def test_entries_of_a_urdf_need_one(tmp_path: Path, entry: str) -> None:
     (tmp_path / "m.toml").write_text(f'extends = "paper"\nname = "m"\n[leg]\n{entry}\n')
     with pytest.raises(ProblemFileError, match="has a meaning only beside"):

@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 from hopopt.leg.design import Design, Leg, Section
 from hopopt.problem_rules import drive_rules, entry_rules, loss_rules, start_rules, stated_once
 from hopopt.problem_text import printable, shown, shown_path
+from hopopt.problem_urdf import ENTRIES
 from hopopt.problem_words import allowed, did_you_mean, entry_at, hint, homes, is_number, unit_of
 
 OVERRIDE = "override"  # where an entry came from if not from a file
@@ -158,6 +159,7 @@ def _known(kind: Any, loc: Any, table: Mapping[str, Any]) -> list[str]:
     keys = list(entry_at(kind, loc)[0].model_fields)
     keys += ["model"] if "catalogue" in keys else []  # gone where names have become numbers, but it may be written
     if kind is Leg and not loc:
+        keys = [*keys, *ENTRIES]
         keys = [key for key in keys if key not in LEG_TABLES] + [n for key in LEG_TABLES for n in table[key]]
     return keys
 

@@ -16,7 +16,7 @@ from hopopt.problem_text import shown, shown_path
 if TYPE_CHECKING:
     from hopopt.problem_check import Report
 
-ENTRIES = ("urdf", "foot", "locked")  # of [leg], besides what a leg without a URDF has
+ENTRIES = ("urdf", "foot_frame", "locked")  # of [leg], besides what a leg without a URDF has
 ROBOTS = "example-robot-data"  # package of public robots; a path that begins with its name lies in it
 ROBOTS_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 
@@ -73,7 +73,7 @@ def with_leg(data: dict[str, Any], report: "Report") -> dict[str, Any]:
 
     path = Path(given["urdf"])
     try:
-        found = read_leg(path.read_bytes(), rest["joints"], given["foot"], given.get("locked", {}))
+        found = read_leg(path.read_bytes(), rest["joints"], given["foot_frame"], given.get("locked", {}))
     except OSError as error:
         report.unusable(f"{shown_path(path.name)} cannot be read: {error.strerror}")
     except UrdfError as error:
@@ -85,13 +85,13 @@ def with_leg(data: dict[str, Any], report: "Report") -> dict[str, Any]:
 
 def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: "Report") -> bool:
     """Whether the entries say what to read; if not, that is reported."""
-    joints, foot, locked = leg.get("joints"), given.get("foot"), given.get("locked", {})
+    joints, foot, locked = leg.get("joints"), given.get("foot_frame"), given.get("locked", {})
     if not isinstance(given["urdf"], str):
         report.add("leg.urdf", f"= {shown(given['urdf'])} is not allowed: the path of a URDF in quotes is needed")
     elif not isinstance(joints, tuple) or not joints or not all(isinstance(name, str) for name in joints):
         report.add("leg.joints", "has to name the joints of the URDF that move, from the body to the foot")
     elif not isinstance(foot, str):
-        report.add("leg.foot", "has to name the link of the URDF whose origin touches the ground")
+        report.add("leg.foot_frame", "has to name the link of the URDF whose origin touches the ground")
     elif not isinstance(locked, Mapping) or not all(_is_angle(value) for value in locked.values()):
         report.add(
             "leg.locked", "takes names of joints with the angle [rad] they are held at: locked = {hip_yaw = 0.0}"

@@ -13,7 +13,7 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.leg.design import Design, Leg, physical_parameters
-from hopopt.leg.kinematics import start_angles
+from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.nlp.envelope import Slopes, slopes
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.problem_text import rows
@@ -184,9 +184,9 @@ def pose_slopes(design: Design) -> Iterator[tuple[str, np.ndarray]]:
     if start.joint_angles is not None:
         yield from ((f"start.joint_angles[{k}]", column) for k, column in enumerate(np.eye(len(q))))
         return
-    angle, length = np.cumsum(q), np.array([leg.link[name].length for name in leg.links])
-    along = np.stack([np.sin(angle), -np.cos(angle)])  # of each link, (2, n): d foot / d length
-    jacobian = np.cumsum((np.stack([np.cos(angle), np.sin(angle)]) * length)[:, ::-1], axis=1)[:, ::-1]
+    length = np.array([leg.link[name].length for name in leg.links])
+    along = (np.diff(joint_positions(leg, q), axis=0) / length[:, None]).T[[0, 2]]  # d foot / d each length, (2, n)
+    jacobian = foot_jacobian(leg, q)[[0, 2]]
     if abs(np.linalg.det(jacobian)) < STRAIGHT * length.prod():
         raise UsageError("start.hip_height: the leg starts stretched, where its pose has no derivative: start lower")
     inverse = np.linalg.inv(jacobian)

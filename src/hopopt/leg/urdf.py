@@ -161,7 +161,7 @@ class _Tree:
 
     def chain_to(self, foot: str, joints: Sequence[str]) -> list[str]:
         """The joints that move, checked to lie on the way to the foot, in the order of the tree."""
-        self.known(foot, "foot", list(self.links))
+        self.known(foot, "foot_frame", list(self.links))
         on_the_way = [name for name in self._path(foot) if name in self.movable]
         for name in joints:
             if name in self.joints and name not in on_the_way:
