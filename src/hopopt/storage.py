@@ -28,6 +28,7 @@ import xarray as xr
 
 from hopopt.errors import ResultError
 from hopopt.leg.design import Design
+from hopopt.leg.kinematics import contact_axes
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.problem_file import design_hash, load, resolved_toml
@@ -199,7 +200,7 @@ def _phase_dataset(solution: Solution, table: Table, trajectory: PhaseTrajectory
         "xdot": (("interval", "abscissa", "state"), trajectory.xdot, {"units": "SI"}),
         "u": (("interval", "abscissa", "control"), trajectory.u, {"units": "rad/s^2"}),
     }
-    coords = {"coordinate": ["x", "z", *joints], "joint": joints, "direction": ["x", "z"]}
+    coords = {"coordinate": ["x", "z", *joints], "joint": joints, "direction": ["xyz"[axis] for axis in contact_axes(solution.design.leg)]}
     return xr.Dataset(variables, coords=coords, attrs={"scheme": trajectory.scheme.name})
 
 
