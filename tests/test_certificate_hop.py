@@ -126,6 +126,17 @@ def test_stored_and_recomputed(hop: Solution, tmp_path: Path, capsys: pytest.Cap
     assert "first-order optimality certified" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("what", ["tau", "u"])
+def test_torques_and_controls_that_were_changed_in_the_file_are_found(hop: Solution, tmp_path: Path, what: str) -> None:
+    again = read(str(save(hop, tmp_path).result_dir))
+    owner = again.tables["stance"] if what == "tau" else again.phases["stance"]
+    getattr(owner, what)[80:95, :, 0] *= 1.01
+    certificate = recertified(again)
+    assert certificate is not None
+    assert "stored torques and motion" in failed(certificate)
+    assert (what == "u") == bool(failed(certificate) & {"stance costates", "stance Hamiltonian along arcs"})
+
+
 def test_costates_that_were_changed_in_the_file_are_found(hop: Solution, tmp_path: Path) -> None:
     again = read(str(save(hop, tmp_path).result_dir))
     again.multipliers["stance"]["costate"][3] *= 1.001

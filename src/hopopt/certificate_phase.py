@@ -51,6 +51,7 @@ class PhaseCertificate:
             begin += self.h[:, None] * self.layout.scheme.b[0] * slope
         at_end = nodes.by_x[-1, -1, nx : nx + len(m.atom)]
         self.atom_on_controls = nodes.by_u[-1, -1, nx : nx + len(m.atom)].T @ m.atom
+        self.atom_by_free = nodes.by_free[-1, -1, nx : nx + len(m.atom)].T @ m.atom
         self.final_limits = nodes.c[-1, -1]
         return np.vstack([begin, self.slopes["final"] - at_end.T @ m.atom])
 
@@ -184,8 +185,9 @@ class PhaseCertificate:
         return max(float(np.abs(self.p * self.along.f).sum(axis=2).max()), 1e-300)
 
     def hamiltonian_within(self, found: Sequence[Arc]) -> tuple[float, str]:
-        """Largest variation of H along an arc, relative to the size of its terms; and where."""
-        spread = [np.ptp(self.steady[a.first : a.last + 1]) if a.steady else 0.0 for a in found]
+        """Largest spread of the intervals' H along an arc, relative to the size of its terms; and where."""
+        mean = self.steady @ FINE.b
+        spread = [np.ptp(mean[a.first : a.last + 1]) if a.steady else 0.0 for a in found]
         worst = int(np.argmax(spread))
         return float(spread[worst]) / self._power, self._when(found[worst].first)
 
@@ -211,8 +213,9 @@ class PhaseCertificate:
         return float(np.abs(wrong).max() / size.max())
 
     def by_free(self) -> np.ndarray:
-        """Integral of dH by the free parameters, (f,)."""
-        return self._integral(self.along.gradient(self.along.by_free, self.p, self.weights, self.density))
+        """Derivative of what is integrated by the free parameters, less that of the limits met at the end, (f,)."""
+        along = self._integral(self.along.gradient(self.along.by_free, self.p, self.weights, self.density))
+        return along - self.atom_by_free
 
 
 def missed(

@@ -41,18 +41,20 @@ def recheck(solution: Solution) -> list[Check]:
 
 
 def recertified(solution: Solution) -> Certificate | None:
-    """The certificate of a stored solution, recomputed from its multipliers; None if it was stored without them.
+    """The certificate of a stored solution, recomputed from its trajectories and multipliers; None if it was stored
+    without multipliers.
 
-    Costates that the file holds are compared with those of its multipliers. Raises ResultError as ``recheck``.
+    The plan's table must be of those trajectories; costates that the file holds are compared with those of its
+    multipliers. Raises ResultError as ``recheck``.
     """
     if not has_multipliers(solution):
         return None
     try:
-        certificate = certify(stored_nlp(solution))
+        certificate = certify(replace(stored_nlp(solution), phases=solution.phases))
+        checks = [*certificate.checks, replace(_agreement(solution), name="stored torques and motion")]
         if solution.multipliers:
-            check = agreement(certificate, solution.multipliers)
-            certificate = replace(certificate, checks=(*certificate.checks, check))
-        return certificate
+            checks.append(agreement(certificate, solution.multipliers))
+        return replace(certificate, checks=tuple(checks))
     except (KeyError, ValueError, IndexError, TypeError, RuntimeError) as error:
         raise ResultError(
             f"{solution.result_dir}: its multipliers do not fit the plan ({type(error).__name__}: {str(error)[:200]}): "
