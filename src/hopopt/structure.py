@@ -5,7 +5,7 @@ of a switch between two nodes, not an arc: its neighbours meet in its middle.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -15,7 +15,16 @@ from hopopt.certificate_arcs import Activity, activity
 from hopopt.nlp.ipopt import NlpSolution
 
 SHORTEST = 2e-3  # share of the phase
+GAP = 0.015  # share of the phase: a drive that is free for less between two lines is switching
+TOUCH = 0.01  # share of the phase: shorter contacts are called so
 REGION = " operating region"
+GROUND = "on the ground"
+CORNERS = {  # where two lines of the paper's law meet
+    ("torque-speed line forward", "braking line forward"): "full torque forward at standstill",
+    ("torque-speed line backward", "braking line backward"): "full torque backward at standstill",
+    ("torque-speed line forward", "braking line backward"): "at its greatest speed forward",
+    ("torque-speed line backward", "braking line forward"): "at its greatest speed backward",
+}
 WORDS = {
     ("ground force", "lower"): ("ground", "carries nothing"),
     ("body never descends", "lower"): ("body", "does not descend"),
@@ -44,7 +53,7 @@ def described(limit: str, side: str) -> tuple[str, str]:
         way = "forward" if side == "upper" else "backward"
         return name.removesuffix(REGION), f"{part} {way}"
     if name == "height above ground":
-        return part, "on the ground"
+        return part, GROUND
     if name == "q":
         return part, f"at its {side} angle"
     return limit, f"at its {side} limit"
@@ -59,11 +68,40 @@ def stretches(act: Activity, ends: tuple[float, float]) -> list[Stretch]:
         subject, words = described(act.limits[k % m], "upper" if k < m else "lower")
         subjects.setdefault(subject, []).append((k, words))
     for subject, columns in subjects.items():
-        says = [" and ".join(w for k, w in columns if row[k]) or "free" for row in sides]
-        own = runs(says, t, ends)
+        says = [_told([w for k, w in columns if row[k]]) for row in sides]
+        own = _touches(_closed(runs(says, t, ends), GAP * (ends[1] - ends[0])), TOUCH * (ends[1] - ends[0]))
         if any(run.limit != "free" for run in own):
             found += [Stretch(subject, run.limit, run.begin, run.end) for run in own]
     return found
+
+
+def _told(acting: list[str]) -> str:
+    """What acts, in words; corners of an operating region by what they mean."""
+    for pair, words in CORNERS.items():
+        if set(pair) <= set(acting):
+            acting = [words, *(a for a in acting if a not in pair)]
+    return " and ".join(acting) or "free"
+
+
+def _closed(found: list[Stretch], gap: float) -> list[Stretch]:
+    """Short free stretches between two lines of a drive taken as their switch."""
+    kept: list[Stretch] = []
+    for k, s in enumerate(found):
+        inside = 0 < k < len(found) - 1 and s.limit == "free" and s.end - s.begin < gap
+        if inside and all(found[k + side].limit.endswith(("forward", "backward")) for side in (-1, 1)):
+            middle = (s.begin + s.end) / 2
+            kept[-1] = replace(kept[-1], end=middle)
+            found[k + 1] = replace(found[k + 1], begin=middle)
+        else:
+            kept.append(found[k])
+    return kept
+
+
+def _touches(found: list[Stretch], longest: float) -> list[Stretch]:
+    """Short contacts with the ground called by their name."""
+    return [
+        replace(s, limit="touching the ground") if s.limit == GROUND and s.end - s.begin < longest else s for s in found
+    ]
 
 
 def runs(says: Sequence[str], t: np.ndarray, ends: tuple[float, float], shortest: float = SHORTEST) -> list[Stretch]:

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hopopt.certificate_arcs import Activity
-from hopopt.structure import REGION, Stretch, runs
+from hopopt.structure import GAP, REGION, Stretch, runs
 
-GAP = 0.015  # share of the phase: a shorter stretch between two lines is their switch
 SAME = 0.005  # share of the phase: switches of several drives that are closer are one
 AWAY = 0.03  # share of the phase: how far a moving switch keeps from limits of heights and angles
 WORTH = 1e-3  # of the objective: what one range of a line must be worth to be held
