@@ -10,7 +10,7 @@ import pytest
 import hopopt as ho
 from hopopt.errors import ProblemFileError, ResultError, UsageError
 from hopopt.study import Axis, Definition, define, parse
-from hopopt.sweep_order import doubtful, tree
+from hopopt.sweep_order import doubtful, sources, tree
 from hopopt.sweep_store import (
     IMPOSSIBLE,
     NOT_SOLVED,
@@ -152,6 +152,23 @@ def test_every_point_begins_from_the_nearest_before_it(seed: int) -> None:
         assert np.linalg.norm(x[k] - x[p]) <= np.linalg.norm(x[k] - x[before], axis=1).min() + 1e-9
 
 
+@pytest.mark.parametrize(
+    ("given", "sample"), [({RATIO: "60:160:6", SHANK: "0.30:0.42:4"}, None), ({RATIO: "60:160"}, "lhs:20")]
+)
+def test_a_point_is_begun_from_all_that_are_beside_and_before_it(given: dict, sample: str | None) -> None:
+    study = define(PAPER, given, sample=sample)
+    chosen = list(range(len(study.points)))
+    order, before = sources(study, chosen)
+    parents = tree(study.normalized, chosen)[1]
+    assert {k: found[0] for k, found in before.items()} == parents
+    for k, found in before.items():
+        assert len(set(found)) == len(found)
+        assert all(order.index(g) < order.index(k) for g in found)
+        if sample is None:
+            beside = np.abs(study.spaced - study.spaced[k]).sum(axis=1) == 1
+            assert {g for g in np.flatnonzero(beside) if order.index(g) < order.index(k)} <= set(found)
+
+
 def test_one_point_and_equal_points() -> None:
     assert tree(np.zeros((1, 1)), [0]) == ([0], {})
     order, parents = tree(np.zeros((5, 2)), range(5))
@@ -195,8 +212,8 @@ def test_where_another_kind_of_optimum_begins_each_side_is_tried_from_the_other(
     shapes = {k: np.array([0.0, 1.0 if k // 3 < 4 else -1.0]) for k in range(21)}
     jobs = doubtful(study, points, shapes)
     assert {k // 3 for k in jobs} == {3, 4}
-    for k, sources in jobs.items():
-        assert all(g // 3 == 7 - k // 3 for g in sources)
+    for k, begun in jobs.items():
+        assert all(g // 3 == 7 - k // 3 for g in begun)
     points = {k: replace(p, tried=tuple((g, 0) for g in jobs.get(k, ()))) for k, p in points.items()}
     assert doubtful(study, points, shapes) == {}  # tried already
     points[9] = replace(points[9], solved_in=1)  # another solution there now

@@ -189,6 +189,7 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours() -> Non
     assert first.verified
     assert second.verified
     same, nothing = solve_again(definition, second, own, [source], 1)
+    assert second.tried == ((0, 0),)
     assert (same.objective_value, same.corrected, same.tried) == (second.objective_value, False, ((0, 0),))
     assert (same.after_pass, same.solved_in, nothing) == (1, 0, {})
     lower = replace(second, objective_value=0.5, clearance_m=0.5)

@@ -38,6 +38,18 @@ def _attach(k: int, x: np.ndarray, away: np.ndarray, parent: np.ndarray) -> None
     away[nearer], parent[nearer] = distance[nearer], k
 
 
+def sources(definition: Definition, chosen: Sequence[int]) -> tuple[list[int], dict[int, list[int]]]:
+    """An order of the chosen points, and for all but the seeds those before them to begin from, the nearest first:
+    the one that the tree leads from, and all that are next to them."""
+    order, parents = tree(definition.normalized, chosen)
+    found: dict[int, list[int]] = {}
+    for place, k in enumerate(order):
+        if k in parents:
+            next_to = set(_next_to(k, chosen, definition.spaced))
+            found[k] = [parents[k], *(g for g in order[:place] if g in next_to and g != parents[k])]
+    return order, found
+
+
 def doubtful(
     definition: Definition, finished: Mapping[int, Point], shapes: Mapping[int, np.ndarray], sign: float = 1.0
 ) -> dict[int, list[int]]:
@@ -56,13 +68,12 @@ def doubtful(
     for k, p in sorted(finished.items()):
         if p.outcome == IMPOSSIBLE:
             continue
-        tried = {(p.begun_from, 0), *p.tried}
-        others = [g for g in good if g != k and (g, finished[g].solved_in) not in tried]
-        near = sorted(others, key=lambda g: float(np.linalg.norm(x[g] - x[k])))
-        chosen = near[: 2 - min(len(p.tried), 2)] if k in suspects else []
+        around = sorted((g for g in good if g != k), key=lambda g: float(np.linalg.norm(x[g] - x[k])))
+        near = [g for g in around[: 2 * x.shape[1]] if (g, finished[g].solved_in) not in p.tried]
+        chosen = near[:2] if k in suspects else []
         if p.verified:
-            next_to = _next_to(k, good, definition.spaced)
-            chosen += [g for g in near if g in next_to and g not in chosen and unlike(shapes[k], shapes[g])]
+            beside = [g for g in _next_to(k, good, definition.spaced) if (g, finished[g].solved_in) not in p.tried]
+            chosen += [g for g in beside if g not in chosen and unlike(shapes[k], shapes[g])]
         if chosen:
             jobs[k] = chosen
     return jobs

@@ -7,7 +7,7 @@ in numbers of the leg and its start alone share one compiled program of it. Refi
 
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -57,7 +57,7 @@ class Source:
 
 
 def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Kept:
-    """Solve point k from the sources in turn until one leads to a verified hop, then from the starts."""
+    """Solve point k from the sources or, if none leads to a verified hop, from the starts."""
     began = time.perf_counter()
     point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
     with _one_at_a_time:
@@ -65,17 +65,15 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
             hop = Hop(definition.design_at(k), definition.objective)
             if faults := hop.static_faults():
                 raise NotSolvedError(f"{definition.design.name}: the leg cannot stand at its start.", faults)
-            for source in (*sources, None):
-                found = _attempt(definition, hop, point.values, source)
-                if found and (not point.solved or found[0].verified):
-                    point, begin = _described(point, found[0], source), found[1]
-                if point.verified:
-                    break
+            for source, found in _answers(definition, hop, point.values, sources):
+                if not point.solved or _preferred(hop, found[0], point):
+                    point, begin = _described(point, found[0], source), dict(found[1])
         except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:  # one point does not end a study
             if not point.solved:
                 what = "" if isinstance(error, NotSolvedError) else f"stopped by a {type(error).__name__}: "
                 point = replace(point, sentence=what + " ".join(str(error).split()))
-    return replace(point, seconds=time.perf_counter() - began), begin
+    tried = tuple(sorted((s.index, s.solved_in) for s in sources))
+    return replace(point, tried=tried, seconds=time.perf_counter() - began), begin
 
 
 def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Source], after_pass: int) -> Kept:
@@ -118,16 +116,43 @@ def _described(point: Point, found: Answer, source: Source | None) -> Point:
     )  # fmt: skip
 
 
-Found = tuple[Answer, Begin] | None
+def _answers(
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source]
+) -> Iterator[tuple[Source | None, tuple[Answer, Begin]]]:
+    """The refined and verified best of what the sources lead to on the first mesh, and what is close to it but unlike;
+    then, if nothing was verified, what the starts lead to."""
+    t, found, verified = None, list[tuple[Source, StartOutcome, Begin]](), False
+    for source in sources:
+        t, solver = _first_program(definition, hop, values)
+        outcome = _from_neighbour(hop, t, solver, source)
+        if outcome.success:
+            found.append((source, outcome, _begin(outcome, t)))
+    found.sort(key=lambda each: -each[1].merit)
+    refined: list[Begin] = []
+    for source, outcome, begin in found:
+        if t and (not refined or not verified or _another(hop, begin, refined)):
+            got = _refined(hop, outcome, t)
+            verified |= got.verified
+            refined.append(begin)
+            yield source, (got, begin)
+    if not verified:
+        yield None, _from_starts(hop, definition.starts or hop.design.solver.starts)
+
+
+def _another(hop: Hop, begin: Begin, refined: Sequence[Begin]) -> bool:
+    """Whether an optimum on the first mesh is close to the best and unlike all that were refined."""
+    return _promising(hop, begin, refined[0]) and all(unlike(begin["shape"], other["shape"]) for other in refined)
+
+
+def _preferred(hop: Hop, found: Answer, than: Point) -> bool:
+    return found.verified and (not than.verified or _better(hop, found.objective_value, than))
 
 
 def _attempt(
-    definition: Definition, hop: Hop, values: Mapping[str, float], source: Source | None, own: Begin | None = None
-) -> Found:
-    """A refined and verified solution from one neighbour, or from the starts; None if that neighbour leads nowhere, or
-    on the first mesh to nothing that may be better than the ``own`` optimum."""
-    if source is None:
-        return _from_starts(hop, definition.starts or hop.design.solver.starts)
+    definition: Definition, hop: Hop, values: Mapping[str, float], source: Source, own: Begin | None
+) -> tuple[Answer, Begin] | None:
+    """A refined and verified solution from one neighbour; None if it leads nowhere, or on the first mesh to nothing
+    that may be better than the ``own`` optimum."""
     t, solver = _first_program(definition, hop, values)
     outcome = _from_neighbour(hop, t, solver, source)
     if not outcome.success:
@@ -156,7 +181,7 @@ def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
     return answer(hop, refine_outcome(hop, outcome, _silent, t))
 
 
-def _from_starts(hop: Hop, count: int) -> Found:
+def _from_starts(hop: Hop, count: int) -> tuple[Answer, Begin]:
     t = first_transcription(hop)
     outcomes = run_starts(hop, count, 1, _silent)
     finished = [(_refined(hop, o, t), _begin(o, t)) for o in contenders(outcomes)]

@@ -1,7 +1,7 @@
 """A design study run: every point solved and verified, from its neighbours, side by side, and kept as it finishes.
 
-The points form a tree that the definition alone decides: seeds, solved from the problem's starts, then each point
-from the nearest one already in it. So the results depend neither on the number of processes nor on interruptions.
+The definition alone decides the order: seeds, solved from the problem's starts, then each point from those next to it
+that come before. So the results depend neither on the number of processes nor on interruptions.
 Further passes solve points again that are not verified, lie below what their neighbours suggest, or are next to
 another kind of optimum. What a pass gives depends on the passes before it alone; this process alone writes.
 """
@@ -17,7 +17,7 @@ from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.design import Design
 from hopopt.ocp.objectives import find
 from hopopt.study import Definition, define
-from hopopt.sweep_order import doubtful, tree
+from hopopt.sweep_order import doubtful, sources
 from hopopt.sweep_store import (
     IMPOSSIBLE,
     NOT_VERIFIED,
@@ -188,29 +188,29 @@ def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point]
     from hopopt.sweep_point import solve_point
 
     possible = [k for k in range(len(definition.points)) if k not in finished or finished[k].outcome != IMPOSSIBLE]
-    order, parents = tree(definition.normalized, possible)
+    order, before = sources(definition, possible)
 
-    def origin(k: int) -> list[int]:
-        """The nearest ancestor that has a solution."""
-        while k in parents:
-            k = parents[k]
-            if finished[k].solved:
-                return [k]
-        return []
+    def origins(k: int) -> list[int]:
+        """The points before it that have a solution, or else the nearest ancestor that has one."""
+        solved = [g for g in before.get(k, ()) if finished[g].solved]
+        while not solved and k in before:
+            k = before[k][0]
+            solved = [k] if finished[k].solved else []
+        return solved
 
     waiting = [k for k in order if k not in finished]
     while waiting or crew.busy:
-        ready = [k for k in waiting if k not in parents or parents[k] in finished]
+        ready = [k for k in waiting if all(g in finished for g in before.get(k, ()))]
         for k in ready[: crew.free]:
             waiting.remove(k)
-            crew.submit(solve_point, definition, k, _sources(folder, finished, origin(k)))
+            crew.submit(solve_point, definition, k, _begins(folder, finished, origins(k)))
         for point, begin in crew.done():
             save_point(folder, point, begin)
             finished[point.index] = point
             show.finished(len(finished), len(definition.points), point)
 
 
-def _sources(folder: Path, finished: Mapping[int, Point], indices: Sequence[int]) -> "list[Source]":
+def _begins(folder: Path, finished: Mapping[int, Point], indices: Sequence[int]) -> "list[Source]":
     from hopopt.sweep_point import Source
 
     return [Source(k, finished[k].solved_in, load_begin(folder, finished[k])) for k in indices]
@@ -235,7 +235,7 @@ def _further_passes(
             for k in [waiting.pop(0) for _ in range(min(crew.free, len(waiting)))]:
                 old = finished[k]
                 own = load_begin(folder, old) if old.solved else {}
-                crew.submit(solve_again, definition, old, own, _sources(folder, finished, jobs[k]), number)
+                crew.submit(solve_again, definition, old, own, _begins(folder, finished, jobs[k]), number)
             for point, begin in crew.done():
                 save_point(folder, point, begin)
                 done[point.index] = point

@@ -33,8 +33,7 @@ OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE)
 @dataclass(frozen=True)
 class Point:
     """How one point ended. clearance_m and parts [m] only if verified; begun_from: the neighbour whose solution was
-    the guess (None: the problem's starts); tried: the neighbours it was solved from again, each with the pass that its
-    solution is of; corrected: that helped; after_pass: how far the study was; solved_in: the pass of its solution."""
+    the guess (None: the problem's starts); tried: the neighbours it was solved from, each with the pass that its solution is of; corrected: that helped; after_pass: how far the study was; solved_in: the pass of its solution."""
 
     index: int
     values: Mapping[str, float]
