@@ -166,7 +166,7 @@ def test_a_point_is_begun_from_all_that_are_beside_and_before_it(given: dict, sa
         assert all(order.index(g) < order.index(k) for g in found)
         if sample is None:
             beside = np.abs(study.spaced - study.spaced[k]).sum(axis=1) == 1
-            assert {g for g in np.flatnonzero(beside) if order.index(g) < order.index(k)} <= set(found)
+            assert {g for g in np.flatnonzero(beside).tolist() if order.index(g) < order.index(k)} <= set(found)
 
 
 def test_one_point_and_equal_points() -> None:

@@ -53,7 +53,7 @@ def sweep(
     seed
         Seed of the sample.
     objective
-        What to make as large as possible: clearance or apex.
+        What to make as large, or as small, as possible: as in hopopt solve, but no function of your own.
     starts
         Starting points of those points that have no neighbour yet (default: the problem's solver.starts).
     processes

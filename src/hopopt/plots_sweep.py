@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hopopt.ocp.objectives import find
 from hopopt.plots_style import BLACK, COLOR, DPI, GREEN, GREY, SMALL, TEXT, describe, legend, new_figure
 from hopopt.problem_text import rows
 from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
@@ -51,8 +52,13 @@ def _label(study: "Study", k: int) -> str:
     return f"{entry} [{unit}]" if unit not in ("", "1") else entry
 
 
+def _goal(study: "Study") -> str:
+    """The objective with its unit."""
+    return f"{study.definition.objective} [{find(study.definition.objective).unit}]"
+
+
 def _heights(study: "Study") -> np.ndarray:
-    """Clearance [m], or the objective's height; not-a-number where it is not verified."""
+    """Clearance [m], or another objective's value; not-a-number where it is not verified."""
     what = "clearance_m" if study.definition.objective == "clearance" else "objective_value"
     return np.array([float(getattr(p, what)) if p.verified else np.nan for p in study.points])
 
@@ -63,7 +69,7 @@ def _curve(figure: Figure, study: "Study") -> None:
     ax.plot(x[order], z[order], "o-", color=BLUE, lw=2, ms=5, label="verified")  # broken where a point failed
     _failures_below(ax, study, x)
     _best(ax, study, x, z)
-    describe(ax, _label(study, 0), f"{study.definition.objective} [m]")
+    describe(ax, _label(study, 0), _goal(study))
 
 
 def _panels(figure: Figure, study: "Study") -> None:
@@ -74,7 +80,7 @@ def _panels(figure: Figure, study: "Study") -> None:
         ax.plot(x, z, "o", color=BLUE, ms=5, label="verified")
         _failures_below(ax, study, x)
         _best(ax, study, x, z)
-        describe(ax, _label(study, k), f"{study.definition.objective} [m]" if k == 0 else "")
+        describe(ax, _label(study, k), _goal(study) if k == 0 else "")
 
 
 def _failures_below(ax: Axes, study: "Study", x: np.ndarray) -> None:
@@ -91,7 +97,7 @@ def _failures_below(ax: Axes, study: "Study", x: np.ndarray) -> None:
 def _best(ax: Axes, study: "Study", x: np.ndarray, y: np.ndarray) -> None:
     best = study.best
     if best:
-        label = f"best: {_heights(study)[best.index]:.4f} m"
+        label = f"best: {_heights(study)[best.index]:.4f} {find(study.definition.objective).unit}"
         ax.plot(x[best.index], y[best.index], "*", color=GREEN, ms=20, mec=BLACK, label=label, zorder=5)
 
 
@@ -108,7 +114,7 @@ def _map(figure: Figure, study: "Study") -> None:
             ax.plot(x[at], y[at], marker, color=color, ms=10, mew=2, label=outcome)
     _best(ax, study, x, y)
     bar = figure.colorbar(shown, ax=ax)
-    bar.set_label(f"{study.definition.objective} [m]", fontsize=TEXT)
+    bar.set_label(_goal(study), fontsize=TEXT)
     bar.ax.tick_params(labelsize=SMALL)
     describe(ax, _label(study, 0), _label(study, 1))
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from hopopt.ocp.objectives import find
 from hopopt.screen import wide_console
 from hopopt.sweep_workers import duration
 
@@ -17,13 +18,16 @@ def print_study(study: "Study") -> None:
     """Every point with its outcome, the best, what failed and why, and where it lies."""
     out, entries = wide_console(), [axis.entry for axis in study.definition.axes]
     table = Table(box=None, pad_edge=False)
-    for column in (*entries, "clearance m", "outcome"):
+    goal = find(study.definition.objective)
+    other = [] if goal.figure == "clearance_m" else [f"{goal.name} {goal.unit}"]
+    for column in (*entries, *other, "clearance m", "outcome"):
         table.add_column(column)
     best = study.best
     for p in study.points[:SHOWN]:
         height = "" if p.clearance_m is None else f"{p.clearance_m:.4f}"
         what = " best" if best is p else f": {p.sentence}" if p.sentence else ""
-        table.add_row(*(f"{x:g}" for x in p.values.values()), height, f"{p.outcome}{what}")
+        value = [f"{p.objective_value:.5g}" if p.verified else ""] if other else []
+        table.add_row(*(f"{x:g}" for x in p.values.values()), *value, height, f"{p.outcome}{what}")
     out.print(table)
     if len(study.points) > SHOWN:
         out.print(f"… and {len(study.points) - SHOWN} more in {study.folder / 'table.csv'}")

@@ -22,6 +22,7 @@ import numpy as np
 import xarray as xr
 
 from hopopt.errors import ProblemFileError, ResultError
+from hopopt.ocp.objectives import find
 from hopopt.problem_file import load, resolved_toml
 from hopopt.storage import as_json, reason_of, unused
 from hopopt.study import Axis, Definition
@@ -201,9 +202,9 @@ def dataset(definition: Definition, points: Sequence[Point]) -> xr.Dataset:
     def column(values: Sequence[float | None]) -> np.ndarray:
         return np.array([np.nan if v is None else v for v in values], dtype=float).reshape(size)
 
+    units = {"seconds": "s", "objective_value": find(definition.objective).unit}
     variables: dict[str, Any] = {
-        name: (dims, column([getattr(p, name) for p in points]), {"units": "s" if name == "seconds" else "m"})
-        for name in COLUMNS
+        name: (dims, column([getattr(p, name) for p in points]), {"units": units.get(name, "m")}) for name in COLUMNS
     }
     variables |= {name: (dims, column([(p.parts or {}).get(name) for p in points]), {"units": "m"}) for name in PARTS}
     variables["outcome"] = (dims, np.array([p.outcome for p in points]).reshape(size))

@@ -85,8 +85,8 @@ def workers(count: int, scheduler: str | None = None) -> Iterator[Workers]:
         return
     from joblib.externals.loky import get_reusable_executor
 
-    options: dict[str, Any] = {"reuse": False, "initializer": _begin_worker, "env": {"OMP_NUM_THREADS": "1"}}
-    executor = get_reusable_executor(count, **options)
+    options: dict[str, Any] = {"reuse": False, "env": {"OMP_NUM_THREADS": "1"}}
+    executor = get_reusable_executor(count, initializer=_begin_worker, initargs=(os.getpid(),), **options)
     try:
         yield Workers(count, executor.submit, _first_of)
     except BrokenProcessPool as error:
@@ -100,10 +100,10 @@ def _first_of(futures: set[Any]) -> tuple[set[Any], set[Any]]:
     return set(ended), set(running)
 
 
-def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent, and end with it even if it is killed."""
+def _begin_worker(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and end with it even if it is killed, be it before this worker has begun."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
 def _end_with(parent: int) -> None:
