@@ -164,7 +164,8 @@ def with_free_switches(
     wrong = again.summary["failed_checks"] + ([] if again.summary["certified"] else ["the certificate"])
     wrong += [f"another optimum, {difference:.0e} away"] if difference > PRICE else []
     note = f"with free switching times it failed: {', '.join(wrong)}" if wrong else ""
-    told = {"solved_again": not wrong, "note": note, "switches_s": found.switches, "difference": difference}
+    told = {"solved_again": not wrong, "note": note, "switches_s": found.switches, "jumps_s": found.jumps}
+    told["difference"] = difference
     return _with_structure(best if wrong else again, told)
 
 

@@ -31,9 +31,9 @@ def structure_lines(s: dict[str, Any]) -> list[str]:
     found = s.get("structure", {})
     lines = [line.removeprefix("stance, ") for line in found.get("words", []) if line.startswith("stance, ")]
     if found.get("solved_again"):
-        times = ", ".join(f"{t:.5f}" for times in found["switches_s"].values() for t in times)
+        times = ", ".join(f"{t:.5f}" for t in found["jumps_s"]["stance"]) or "no time"
         lines.append(
-            f"solved again with free switching times: drives switch at {times} s, the optimum within "
+            f"solved again with free switching times: torques jump at {times} s, the optimum within "
             f"{found['difference']:.0e} of the one before"
         )
     elif "solved_again" in found:

@@ -22,6 +22,7 @@ from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcribe import Transcription
 from hopopt.structure import REGION
 from hopopt.structure_arcs import Pin, Plan, plan
+from hopopt.structure_jumps import jumps
 
 SLIVER = 8e-4  # share of the phase: shorter intervals beside a switch are joined with their neighbours
 BESIDE = 4e-3  # share of the phase: how far beside a switch lines are held in the end
@@ -34,12 +35,13 @@ Report = Callable[[MeshStep], None]
 
 @dataclass(frozen=True)
 class Resolved:
-    """A solution with its switches, by phase [s], at edges of the mesh; its history of refinement, and the relative
-    change of the objective."""
+    """A solution with its switches at edges of the mesh; its history of refinement, by phase the times found for the
+    switches and those of them at which a torque jumps [s], and the relative change of the objective."""
 
     solution: NlpSolution
     history: tuple[MeshStep, ...]
     switches: Mapping[str, tuple[float, ...]]
+    jumps: Mapping[str, tuple[float, ...]]
     change: float
 
     @property
@@ -71,7 +73,8 @@ def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report 
     switches = {n: _free_times(timed, n) for n in plans}
     final = _held_beside(refinement.solution, switches, aims)
     change = relative(final.objective, refined.objective)
-    return Resolved(final, tuple(refinement.history[1:]), switches, change)
+    found = {n: jumps(final, n, times) for n, times in switches.items()}
+    return Resolved(final, tuple(refinement.history[1:]), switches, found, change)
 
 
 # ---- free times ---------------------------------------------------------------------------------------------
