@@ -40,6 +40,7 @@ ONLY = {  # libraries with one home
         "plots_runs_budget.py",
         "plots_sweep.py",
         "plots_sensitivity.py",
+        "plots_pareto.py",
     ),
     "xarray": ("storage.py", "storage_multipliers.py", "storage_runs.py", "sweep_store.py"),
     "h5netcdf": ("storage.py",),

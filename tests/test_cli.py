@@ -242,6 +242,13 @@ def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.slow
+def test_readme_commands_about_costs(tmp_path: Path) -> None:
+    for line in readme_block("sh", "hopopt pareto").splitlines():
+        done = run(*line.split("#")[0].split()[1:], cwd=tmp_path)
+        assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+
+
+@pytest.mark.slow
 def test_readme_python(tmp_path: Path) -> None:
     code = readme_block("python", "import hopopt")
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)

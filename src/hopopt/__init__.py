@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from hopopt.codesign import codesign
     from hopopt.compare import Comparison
     from hopopt.ocp.custom import constraint, objective
+    from hopopt.pareto import Front, front
     from hopopt.planner import solve
     from hopopt.problem_file import load
     from hopopt.solution import Solution
@@ -19,10 +20,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Comparison",
+    "Front",
     "Solution",
     "Study",
     "codesign",
     "constraint",
+    "front",
     "load",
     "objective",
     "read",
@@ -32,7 +35,8 @@ __all__ = [
 ]
 _HOME = {
     "load": "problem_file", "solve": "planner", "Solution": "solution", "read": "storage", "save": "storage",
-    "codesign": "codesign", "objective": "ocp.custom", "constraint": "ocp.custom", "sweep": "sweep_run", "Study": "sweep_run", "Comparison": "compare",
+    "sweep": "sweep_run", "Study": "sweep_run", "Comparison": "compare", "codesign": "codesign", "front": "pareto",
+    "Front": "pareto", "objective": "ocp.custom", "constraint": "ocp.custom",
 }  # fmt: skip
 
 

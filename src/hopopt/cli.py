@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import CycloptsError
 
-from hopopt import cli_actuators, cli_paper, cli_runs, cli_studies, cli_sweep
+from hopopt import cli_actuators, cli_paper, cli_pareto, cli_runs, cli_studies, cli_sweep
 from hopopt.cli_app import AsJson, Constraints, Couple, Free, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
@@ -204,6 +204,7 @@ app.command(cli_paper.calibrate)
 app.command(cli_paper.tune)
 app.command(cli_paper.reproduce)
 app.command(cli_sweep.sweep)
+app.command(cli_pareto.pareto)
 app.command(cli_actuators.actuators)
 
 

@@ -83,8 +83,8 @@ def _drawn(power: Callable[["Hop", MotionAt, Instant], ca.SX], tie_break: float 
     def path(hop: "Hop", phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
         return (
             PathConstraint(
-                "power drawn", lambda s: s.drawn - power(hop, motion, s), lower=0.0, scale=power_scale(hop), unit="W",
-                labels=hop.leg.joints,
+                "power drawn", lambda s: s.drawn - power(hop, motion, s), lower=0.0, scale=SHARP * power_scale(hop),
+                unit="W", labels=hop.leg.joints,
             ),
         )  # fmt: skip
 

@@ -1,0 +1,129 @@
+"""Pareto fronts: monotone, ends that are the single optima, every point verified, kept when stopped."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hopopt as ho
+from hopopt import pareto
+from hopopt.cli import run
+from hopopt.errors import UsageError
+from hopopt.leg.scales import weight
+from hopopt.pareto import Front, FrontPoint
+from hopopt.sim.machine import Machine
+
+POINTS = 4
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("fronts")
+
+
+@pytest.fixture(scope="module")
+def front(folder: Path) -> Front:
+    """The least peak of the ground force for each clearance."""
+    return ho.front(ho.load("paper"), "peak_force", points=POINTS, starts=1, processes=1, results=folder)
+
+
+def test_every_point_is_verified_and_reaches_its_clearance(front: Front) -> None:
+    assert front.exit_code == 0
+    assert front.complete
+    assert len(front.verified) == POINTS
+    for point in front.points:
+        assert point.clearance_m is not None
+        assert point.clearance_m >= point.asked_m - 1e-7
+
+
+def test_front_is_monotone(front: Front) -> None:
+    clearance, force = np.array([(p.clearance_m, p.value) for p in front.verified], dtype=float).T
+    assert np.all(np.diff(clearance) > 0)
+    assert np.all(np.diff(force) > 0)
+
+
+def test_ends_are_the_single_objective_optima(front: Front) -> None:
+    least, *_, highest = front.verified
+    alone = ho.solve(ho.load("paper", {"hop.clearance": 0.0}), "peak_force", starts=1, processes=1)
+    assert least.value == pytest.approx(alone.summary["peak_force_N"], rel=1e-4)
+    assert highest.clearance_m == pytest.approx(ho.solve(ho.load("paper"), starts=1, processes=1).clearance, rel=1e-4)
+
+
+def test_points_are_what_solving_them_alone_gives(front: Front) -> None:
+    point = front.verified[1]
+    alone = ho.solve(ho.load("paper", {"hop.clearance": point.asked_m}), "peak_force", starts=2, processes=1)
+    assert point.value == pytest.approx(alone.summary["peak_force_N"], rel=2e-4)
+
+
+def test_least_peak_is_at_least_the_weight(front: Front) -> None:
+    """To leave the ground the leg's centre of mass must not have fallen: the mean force is the weight at least."""
+    s = front.solutions[0]
+    assert s is not None
+    assert all((p.value or 0) >= weight(Machine(s.robot).model) * (1 - 1e-6) for p in front.verified)
+
+
+def test_folder_holds_table_points_and_json(front: Front) -> None:
+    assert front.folder is not None
+    with (front.folder / "table.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(r["peak_force_N"]) for r in rows] == [p.value for p in sorted(front.points, key=lambda p: p.asked_m)]
+    assert json.loads((front.folder / "front.json").read_text())["points"][0]["verified"] is True
+    for row in rows:
+        assert ho.read(row["result_dir"]).verified
+
+
+def test_figure_shows_every_point(front: Front) -> None:
+    from hopopt.plots_pareto import figure
+
+    lost = FrontPoint("point", 0.5, None, None, False, "not verified: stance replay")
+    picture = figure(Front(front.design, front.against, None, [*front.points, lost], []))
+    lines = {line.get_label(): line for line in picture.axes[0].get_lines()}
+    x, y = (np.asarray(data, dtype=float) for data in lines["verified hops (joined to guide the eye)"].get_data())
+    drawn = np.array([(p.clearance_m, p.value) for p in front.verified], dtype=float)
+    np.testing.assert_allclose(np.stack([x, y], axis=1), drawn)
+    assert np.asarray(lines["no verified hop"].get_xdata()) == [0.5]
+    assert picture.axes[0].get_ylabel() == "peak force [N]"
+
+
+def test_stopping_keeps_what_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    real, calls = pareto.finish, []
+
+    def stopped(*arguments: object) -> object:
+        calls.append(arguments)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return real(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(pareto, "finish", stopped)
+    asked = ["--against", "peak_force", "--points", "4", "--starts", "1", "--processes", "1", "--json", "--no-figures"]
+    assert run(["pareto", *asked, "--results", str(tmp_path)]) == 130
+    out, err = capfd.readouterr()
+    found = json.loads(out)
+    assert len(found["points"]) == 2
+    assert found["complete"] is False
+    assert "what is finished is kept" in err
+    assert len(list((Path(found["result_dir"]) / "points").iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--against", "clearance"], "choose one of energy"),
+        (["--against", "electrical_energy"], "winding_resistance"),
+        (["--points", "2"], "at least 3 points"),
+        (["--from", "-1"], "a clearance from 0 to 20 m"),
+    ],
+)
+def test_wrong_usage(arguments: list[str], words: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["pareto", *arguments, "--results", str(tmp_path / "results")]) == 2
+    assert words in capfd.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_front_cannot_begin_above_the_highest_hop() -> None:
+    with pytest.raises(UsageError, match="at most"):
+        ho.front(ho.load("paper"), "time", points=3, lowest=2.0, starts=1, processes=1)
