@@ -142,6 +142,8 @@ def _evidence(s: dict[str, Any]) -> list[str]:
         f"{sum(c['passed'] for c in checks.values())} of {len(checks)} checks passed; replay in Pinocchio within {replay:.0e}, "
         f"limits between nodes within {mesh['excess']:.0e} of their range",
     ]
+    if (bound := s.get("upper_bound", {}).get("clearance_m")) is not None:
+        lines.append(f"no controller can pass {bound:.2f} m, by the drives' power and speed alone (docs/bound.md)")
     return lines + [f"FAILED {_check_line(c)}" for c in s["verification"] if not c["passed"]]
 
 

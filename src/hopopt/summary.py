@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopopt.bound import upper_bound
 from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range
@@ -58,6 +59,7 @@ def summarize(
         "objective_value": solution.objective,
         f"tie_break_bias{of_unit}": hop.tie_break_bias,
         "tie_break_weighs": abs(solution.objective - plan.summary.get(goal.figure, solution.objective)),
+        "upper_bound": upper_bound(plan.design).figures(),
         "parts": parts(plan),
         "lowest_point": _lowest(plan),
         "phases": {name: phase_figures(plan, name, s) for name, s in ((STANCE, stance), (FLIGHT, flight))},
