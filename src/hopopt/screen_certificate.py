@@ -31,10 +31,11 @@ def structure_lines(s: dict[str, Any]) -> list[str]:
     found = s.get("structure", {})
     lines = [line.removeprefix("stance, ") for line in found.get("words", []) if line.startswith("stance, ")]
     if found.get("solved_again"):
-        times = ", ".join(f"{t:.5f}" for t in found["jumps_s"]["stance"]) or "no time"
+        times = ", ".join(f"{t:.5f} s" for t in found["jumps_s"]["stance"])
         lines.append(
-            f"solved again with free switching times: torques jump at {times} s, the optimum within "
-            f"{found['difference']:.0e} of the one before"
+            "solved again with free switching times: "
+            + (f"torques jump at {times}; " if times else "")
+            + f"the optimum is within {found['difference']:.0e} of the one before"
         )
     elif "solved_again" in found:
         lines.append(f"not solved with free switching times: {found['note']}")

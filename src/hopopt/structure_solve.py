@@ -60,13 +60,13 @@ def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report 
     if not any(any(p.free) for p in plans.values()):
         return "no switch of a drive is far enough from limits of heights and angles to be moved"
     timed = _with_free_times(refined, plans)
+    if timed is not None and (vanished := _vanished(refined, timed)):
+        plans = {n: Plan((), (), ()) if n in vanished else p for n, p in plans.items()}
+        timed = _with_free_times(refined, plans) if any(any(p.free) for p in plans.values()) else None
+        if timed is None or _vanished(refined, timed):
+            return "an arc vanished when the switching times were free"
     if timed is None:
         return "the program with free switching times was not solved"
-    if any(
-        (_spans(timed.phases[n]) < LEAST * _spans_of(timed.transcription.mesh[n], refined.phases[n])).any()
-        for n in plans
-    ):
-        return "an arc vanished when the switching times were free"
     refinement = _refined(timed, settled, aims, report)
     if refinement is None:
         return "the problem was not solved on the mesh with the switches at its edges"
@@ -132,13 +132,15 @@ def held(
     return Bounds(b.low_z, b.high_z, low, high)
 
 
-def _spans(trajectory: PhaseTrajectory) -> np.ndarray:
-    """Duration of every arc [s]."""
-    return np.bincount(trajectory.arc, trajectory.lengths)
-
-
-def _spans_of(mesh: PhaseMesh, before: PhaseTrajectory) -> np.ndarray:
-    return mesh.spans * before.duration
+def _vanished(before: NlpSolution, timed: NlpSolution) -> list[str]:
+    """Phases in which an arc has lost most of its duration."""
+    found = []
+    for name, mesh in timed.transcription.mesh.items():
+        p = timed.phases[name]
+        spans = np.bincount(p.arc, p.lengths)
+        if (spans < LEAST * mesh.spans * before.phases[name].duration).any():
+            found.append(name)
+    return found
 
 
 def _free_times(solution: NlpSolution, phase: str) -> tuple[float, ...]:
@@ -203,11 +205,16 @@ def _released(found: NlpSolution, before: Bounds) -> Bounds | None:
 
 
 def _beside(solution: NlpSolution, phase: str, times: Sequence[float]) -> list[tuple[str, str, np.ndarray]]:
-    """The drives' lines that hold throughout intervals beside the switches."""
+    """The drives' lines that hold in intervals beside the switches: at all nodes, or at some and no other at any."""
     act: Activity = activity(solution, phase)
     p, m = solution.phases[phase], len(act.limits)
     middle = (p.edges[1:] + p.edges[:-1]) / 2
-    near = np.any(np.abs(middle[:, None] - np.array([*times, np.inf])) < BESIDE * p.duration, axis=1, keepdims=True)
-    whole = np.all(act.sides, axis=1) & near
-    drives = [k for k in range(2 * m) if act.limits[k % m].partition("[")[0].endswith(REGION)]
-    return [(act.limits[k % m], "upper" if k < m else "lower", np.flatnonzero(whole.T[k])) for k in drives]
+    near = np.any(np.abs(middle[:, None] - np.array([*times, np.inf])) < BESIDE * p.duration, axis=1)
+    whole, some = np.all(act.sides, axis=1), np.any(act.sides, axis=1)
+    drives, found = [name.partition("[")[0] for name in act.limits] * 2, []
+    for k in range(2 * m):
+        if drives[k].endswith(REGION):
+            others = [j for j in range(2 * m) if drives[j] == drives[k] and j != k]
+            on = near & (whole[:, k] | (some[:, k] & ~some[:, others].any(axis=1)))
+            found.append((act.limits[k % m], "upper" if k < m else "lower", np.flatnonzero(on)))
+    return found
