@@ -16,6 +16,7 @@ from hopopt.measures import positive_work
 from hopopt.ocp.custom import Moment, as_objective, custom
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import find
+from hopopt.recheck import with_functions
 from hopopt.solution import Solution
 
 FORCE = 400.0  # N
@@ -170,6 +171,16 @@ def test_a_stored_result_names_its_function_and_does_not_run_it(
     assert run(["verify", str(saved.result_dir), "--constraint", "ours:soft", "--json"]) == 0
     names = {c["name"] for c in json.loads(capfd.readouterr().out)["checks"]}
     assert "stance ours:soft" in names
+
+
+def test_functions_given_again_leave_the_stored_plan_as_it_is(softly: Solution) -> None:
+    """What is checked is what the file holds, not what follows from its collocation data."""
+    stored, stance = replace(softly), softly.tables["stance"]
+    stored.__dict__["tables"] = {**softly.tables, "stance": replace(stance, f=1.01 * stance.f)}
+    again = with_functions(stored, None, [soft])
+    np.testing.assert_array_equal(again.tables["stance"].f, 1.01 * stance.f)
+    (check,) = custom_checks(again.robot, again.tables, find("clearance"), again.own[1], None)
+    assert not check.passed
 
 
 def test_problem_files_and_stored_names_never_run_code() -> None:

@@ -261,7 +261,11 @@ def test_faulty_files_are_refused_in_a_sentence(what: str) -> None:
         (("hip", "knee", "sole"), "toe", 'joint "sole" is not on the way from the body to the foot "toe"'),
         (("knee", "hip"), "toe", "has the joints in the order hip, knee"),
         (("hip", "knee", "ankle"), "shank", 'joint "ankle" is not on the way'),
-        (("hip",), "toes", 'has no "toes" for leg.foot_frame (did you mean toe?): there is body, thigh, shank, foot, toe'),
+        (
+            ("hip",),
+            "toes",
+            'has no "toes" for leg.foot_frame (did you mean toe?): there is body, thigh, shank, foot, toe',
+        ),
     ],
 )
 def test_wrong_names_are_answered_with_what_there_is(joints: tuple[str, ...], foot: str, words: str) -> None:

@@ -95,7 +95,9 @@ def _recheck(solution: Solution) -> list[Check]:
 def with_functions(solution: Solution, objective: Any = None, constraints: Sequence[Any] = ()) -> Solution:
     """A stored solution with the functions of the user's own that it was found with, or their names."""
     own = tuple(custom(c) for c in constraints)
-    return replace(solution, own=(as_objective(objective) if objective else None, own))
+    found = replace(solution, own=(as_objective(objective) if objective else None, own))
+    found.__dict__["tables"] = solution.tables  # those that the file holds, which are what is to be checked
+    return found
 
 
 def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]:

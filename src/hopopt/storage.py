@@ -200,7 +200,11 @@ def _phase_dataset(solution: Solution, table: Table, trajectory: PhaseTrajectory
         "xdot": (("interval", "abscissa", "state"), trajectory.xdot, {"units": "SI"}),
         "u": (("interval", "abscissa", "control"), trajectory.u, {"units": "rad/s^2"}),
     }
-    coords = {"coordinate": ["x", "z", *joints], "joint": joints, "direction": ["xyz"[axis] for axis in contact_axes(solution.design.leg)]}
+    coords = {
+        "coordinate": ["x", "z", *joints],
+        "joint": joints,
+        "direction": ["xyz"[axis] for axis in contact_axes(solution.design.leg)],
+    }
     return xr.Dataset(variables, coords=coords, attrs={"scheme": trajectory.scheme.name})
 
 
