@@ -42,7 +42,7 @@ ONLY = {  # libraries with one home
         "plots_sensitivity.py",
         "plots_pareto.py",
     ),
-    "xarray": ("storage.py", "storage_multipliers.py", "storage_runs.py", "sweep_store.py"),
+    "xarray": ("storage.py", "storage_multipliers.py", "storage_phases.py", "storage_runs.py", "sweep_store.py"),
     "h5netcdf": ("storage.py",),
     "h5py": ("storage.py",),
 }

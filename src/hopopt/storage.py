@@ -28,17 +28,13 @@ import xarray as xr
 
 from hopopt.errors import ResultError
 from hopopt.leg.design import Design
-from hopopt.leg.kinematics import contact_axes
-from hopopt.nlp.schemes import scheme
-from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.problem_file import design_hash, load, resolved_toml
 from hopopt.problem_text import printable
 from hopopt.solution import Solution
 from hopopt.storage_multipliers import groups, multipliers
-from hopopt.verify import Table
+from hopopt.storage_phases import phase_dataset, table_of, trajectory_of
 
 PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
-UNITS = {"t": "s", "q": "m or rad", "v": "m/s or rad/s", "a": "m/s^2 or rad/s^2", "tau": "N m", "f": "N"}
 FORMAT = 1  # of the folder's contents
 Figures = Callable[[Solution, Path], Any]
 
@@ -182,30 +178,10 @@ def _netcdf(solution: Solution) -> memoryview:
     attributes["problem_sha256"] = _digest(resolved_toml(solution.design).encode())
     datasets = {"/": xr.Dataset(attrs=attributes)}
     for phase, trajectory in solution.phases.items():
-        datasets[f"/{phase}"] = _phase_dataset(solution, solution.tables[phase], trajectory)
+        datasets[f"/{phase}"] = phase_dataset(solution, solution.tables[phase], trajectory)
     datasets |= groups(solution.multipliers)
     datasets["/nlp"] = xr.Dataset({name: (f"{name}_row", value) for name, value in solution.kkt.items()})
     return xr.DataTree.from_dict(datasets).to_netcdf(engine="h5netcdf")  # type: ignore[return-value]
-
-
-def _phase_dataset(solution: Solution, table: Table, trajectory: PhaseTrajectory) -> xr.Dataset:
-    joints, last = list(solution.robot.joints), dict.fromkeys("qva", "coordinate")
-    last |= {"tau": "joint", "f": "direction"}
-    variables: dict[str, Any] = {"t": (("interval", "place"), table.t, {"units": "s"})}
-    variables |= {k: (("interval", "place", dim), getattr(table, k), {"units": UNITS[k]}) for k, dim in last.items()}
-    variables |= {
-        "edges": ("edge", trajectory.edges, {"units": "s", "long_name": "interval edges since the phase began"}),
-        "arc": ("interval", trajectory.arc),
-        "x_start": (("interval", "state"), trajectory.x_start, {"units": "SI"}),
-        "xdot": (("interval", "abscissa", "state"), trajectory.xdot, {"units": "SI"}),
-        "u": (("interval", "abscissa", "control"), trajectory.u, {"units": "rad/s^2"}),
-    }
-    coords = {
-        "coordinate": ["x", "z", *joints],
-        "joint": joints,
-        "direction": ["xyz"[axis] for axis in contact_axes(solution.design.leg)],
-    }
-    return xr.Dataset(variables, coords=coords, attrs={"scheme": trajectory.scheme.name})
 
 
 def _digest(text: bytes) -> str:
@@ -226,8 +202,8 @@ def read(folder: str | Path) -> Solution:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         with xr.open_datatree(folder / "solution.nc", engine="h5netcdf") as tree:
             tree = tree.load()
-        phases = {name: _trajectory(tree[name].to_dataset()) for name in ("stance", "flight")}
-        tables = {name: _table(tree[name].to_dataset()) for name in ("stance", "flight")}
+        phases = {name: trajectory_of(tree[name].to_dataset()) for name in ("stance", "flight")}
+        tables = {name: table_of(tree[name].to_dataset()) for name in ("stance", "flight")}
         kkt = {str(name): np.array(value) for name, value in tree["nlp"].to_dataset().items()} if "nlp" in tree else {}
         kept = multipliers(tree)
         objective = str(tree.attrs["objective"])
@@ -245,15 +221,6 @@ def _results_in(folder: Path) -> str:
     """The results that lie in a folder of results, newest first, to end a sentence."""
     found = sorted(folder.glob("*/solution.nc"), key=lambda path: -path.stat().st_mtime)[:3]
     return f", such as {', '.join(str(path.parent) for path in found)}" if found else ""
-
-
-def _trajectory(data: xr.Dataset) -> PhaseTrajectory:
-    arrays = {name: np.array(data[name]) for name in ("edges", "x_start", "xdot", "u", "arc")}
-    return PhaseTrajectory(scheme(str(data.attrs["scheme"])), **arrays)
-
-
-def _table(data: xr.Dataset) -> Table:
-    return Table(*(np.array(data[name]) for name in ("t", "q", "v", "a", "tau", "f")))
 
 
 def as_json(summary: Mapping[str, Any]) -> str:

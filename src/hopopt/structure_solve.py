@@ -51,6 +51,7 @@ class Resolved:
 
 
 def errors_of(solution: NlpSolution) -> dict[str, IntervalErrors]:
+    """Errors of every interval, by phase."""
     return {name: interval_errors(solution, name) for name in solution.phases}
 
 
