@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import CycloptsError
 
-from hopopt import cli_actuators, cli_paper, cli_pareto, cli_runs, cli_studies, cli_sweep
+from hopopt import cli_actuators, cli_evidence, cli_paper, cli_pareto, cli_runs, cli_studies, cli_sweep
 from hopopt.cli_app import AsJson, Constraints, Couple, Free, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
@@ -206,6 +206,7 @@ app.command(cli_paper.reproduce)
 app.command(cli_sweep.sweep)
 app.command(cli_pareto.pareto)
 app.command(cli_actuators.actuators)
+app.command(cli_evidence.evidence)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -56,7 +56,7 @@ def run_starts(hop: Hop, count: int, processes: int, say: Progress) -> list[Star
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
     processes = min(processes, count)
     if processes == 1:
-        return _run_chunk(hop, range(count))
+        return run_chunk(hop, range(count))
     from joblib import Parallel, delayed
 
     data, chunks = hop.design.model_dump(exclude_none=True), [range(k, count, processes) for k in range(processes)]
@@ -72,11 +72,12 @@ def _chunk_in_worker(
     constraints: tuple[Custom, ...],
     chunk: Sequence[int],
 ) -> list[StartOutcome]:
-    return _run_chunk(Hop(Design.model_validate(data), objective, freedom, constraints), chunk)
+    return run_chunk(Hop(Design.model_validate(data), objective, freedom, constraints), chunk)
 
 
-def _run_chunk(hop: Hop, chunk: Sequence[int]) -> list[StartOutcome]:
-    solver = NlpSolver(first_transcription(hop), {"ipopt.max_iter": hop.design.solver.max_iterations})
+def run_chunk(hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None) -> list[StartOutcome]:
+    """Some of the starts, by number, on the first mesh; ``solver``: its program, if it is built already."""
+    solver = solver or NlpSolver(first_transcription(hop), {"ipopt.max_iter": hop.design.solver.max_iterations})
     chosen = starts(max(chunk) + 1, hop.design.solver.seed)
     return [_run_start(hop, solver, chosen[k]) for k in chunk]
 

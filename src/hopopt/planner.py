@@ -19,6 +19,7 @@ from hopopt.multistart import (
     contenders,
     first_transcription,
     not_solved,
+    run_chunk,
     run_starts,
     solution_of,
 )
@@ -77,6 +78,15 @@ def solve(
     if notes := _notes(hop, best, better):
         best.summary["notes"] = notes
     return best
+
+
+def solve_from(design: Design, objective: str, index: int, say: Progress = lambda text: None) -> Solution:
+    """One start's hop, refined and verified; NotSolvedError if the start leads to none."""
+    hop, clock = Hop(design, objective), Stopwatch()
+    outcomes = run_chunk(hop, [index])
+    if not outcomes[0].success:
+        raise not_solved(hop, outcomes)
+    return finish(hop, outcomes[0], outcomes, say, clock)
 
 
 def best_of(goal: HopObjective, finished: Sequence[Solution]) -> tuple[Solution, Solution | None]:

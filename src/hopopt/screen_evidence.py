@@ -1,0 +1,50 @@
+"""Global evidence on the screen."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.table import Table
+
+from hopopt.screen import console, wide_console
+
+
+def print_evidence(data: Mapping[str, Any]) -> None:
+    """The best hop, the bound, the reduced hop by two methods, and the families of local optima."""
+    out, best, bound = console(), data["best"], data["upper_bound"]
+    state = "verified" if best["verified"] else f"NOT verified ({', '.join(best['failed_checks'])})"
+    out.print(
+        f"[bold]{data['problem']}[/bold]: best of {data['starts']['count']} starts {best['clearance_m']:.4f} m, {state}"
+    )
+    if bound["clearance_m"] is not None:
+        out.print(
+            f"  bound     {bound['clearance_m']:.2f} m by the drives' power and speed alone (docs/bound.md)",
+            markup=False,
+        )
+    for k, line in enumerate(_reduced(data["reduced"])):
+        out.print(f"  {'reduced' if k == 0 else '':9s} {line}", markup=False)
+    table = Table(title="local optima on the first mesh", title_justify="left", box=None, pad_edge=False)
+    for column, side in (
+        ("height [m]", "right"),
+        ("starts", "right"),
+        ("what it does", "left"),
+        ("first found by", "left"),
+    ):
+        table.add_column(column, justify=side)  # type: ignore[arg-type]
+    for f in data["starts"]["families"]:
+        table.add_row(f"{f['objective']:.4f}", str(f["count"]), f["words"], f["name"])
+    wide_console().print(table)
+    if failed := data["starts"]["count"] - data["starts"]["solved"]:
+        out.print(f"{failed} of the starts led to no hop", markup=False)
+    out.print(f"results {data['result_dir']}", markup=False)
+
+
+def _reduced(reduced: Mapping[str, Any]) -> list[str]:
+    if "reason" in reduced:
+        return [f"left out: {reduced['reason']}"]
+    rows = ", ".join(
+        f"{r['height_m']:.4f} m ({r['difference']:+.2%}) on {r['size']} x {r['size']}" for r in reduced["grids"]
+    )
+    return [
+        f"foot under the hip, body on a slider: the centre of mass can be thrown to {reduced['planned_m']:.4f} m (planner)",
+        f"by dynamic programming, which knows no local optima: {rows}",
+    ]

@@ -1,0 +1,111 @@
+"""Global evidence from the command line: starts kept one by one, families of local optima, what contradicts it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hopopt import cli
+from hopopt.evidence import Ended, families, finished, words
+
+COARSE = ("solver.refine=false", "solver.stance_intervals=12", "solver.flight_intervals=5")
+SETTINGS = [word for entry in COARSE for word in ("--set", entry)]
+
+
+def ended(index: int, objective: float, success: bool = True, **motion: float) -> Ended:
+    return Ended(index, f"start {index}", success, "Solve_Succeeded", objective, 50, 1.0, **motion)
+
+
+def test_families_gather_what_ends_alike_best_first() -> None:
+    found = families([ended(0, 0.7), ended(1, 0.8), ended(2, 0.7001), ended(3, 0.9, success=False), ended(4, 0.8002)])
+    assert [(f.best.index, f.count) for f in found] == [(4, 2), (2, 2)]
+    least = families([ended(0, 7.0), ended(1, 5.0)], maximize=False)
+    assert [f.best.index for f in least] == [1, 0]
+
+
+@pytest.mark.parametrize(
+    ("motion", "said"),
+    [
+        ({"stance": 0.2}, "pushes without a dip; leaves upright; stance 0.20 s"),
+        ({"stance": 0.4, "dip": 0.1, "sway": -0.2, "lean": 0.1, "drift": -1.0},
+         "dips by 10% of the leg behind the foot; leaves in front of the foot, drifting backward; stance 0.40 s"),
+    ],
+)  # fmt: skip
+def test_words_say_what_the_body_does(motion: dict[str, float], said: str) -> None:
+    assert words(ended(0, 0.8, **motion)) == said
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study of three starts, begun and finished."""
+    results = tmp_path_factory.mktemp("results")
+    code = cli.run(
+        [
+            "evidence",
+            *SETTINGS,
+            "--starts",
+            "3",
+            "--grids",
+            "20",
+            "--processes",
+            "1",
+            "--results",
+            str(results),
+            "--json",
+        ]
+    )
+    assert code == 3  # one coarse mesh is not verified
+    return next(results.iterdir())
+
+
+def test_summary_holds_bound_reduced_hop_and_families(study: Path) -> None:
+    data = json.loads((study / "summary.json").read_text())
+    assert data["starts"]["count"] == 3
+    assert sum(f["count"] for f in data["starts"]["families"]) == data["starts"]["solved"]
+    assert data["best"]["clearance_m"] < data["upper_bound"]["clearance_m"]
+    assert not data["passes_the_bound"]
+    assert abs(data["reduced"]["grids"][0]["difference"]) < 0.05
+    assert not data["best"]["verified"]
+
+
+def test_resume_computes_only_what_is_missing(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (study / "starts").iterdir()}
+    lost = study / "starts" / "0001.json"
+    kept = json.loads(lost.read_text())
+    lost.unlink()
+    assert cli.run(["evidence", "--resume", str(study), "--starts", "4", "--grids", "20", "--processes", "1"]) == 3
+    assert "best of 4 starts" in capsys.readouterr().out
+    assert [e.index for e in finished(study)] == [0, 1, 2, 3]
+    after = {path: path.stat().st_mtime_ns for path in (study / "starts").iterdir()}
+    assert {p for p in before if p != lost and before[p] != after[p]} == set()
+    again = json.loads(lost.read_text())
+    assert again["objective"] == pytest.approx(kept["objective"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--resume", "nowhere"], "nowhere is not a folder that hopopt evidence began"),
+        (["paper", "--resume", "nowhere"], "leave out the problem"),
+        (["--starts", "0"], "--starts and --processes must be at least 1"),
+        (["--grids", "2"], "--grids at least 8"),
+    ],
+)
+def test_wrong_usage_is_a_sentence(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["evidence", *arguments]) in (1, 2)
+    assert said in capsys.readouterr().err
+
+
+def test_a_changed_file_is_named(study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import shutil
+
+    copy = tmp_path / "copy"
+    shutil.copytree(study, copy)
+    (copy / "starts" / "0000.json").write_text("{}")
+    assert cli.run(["evidence", "--resume", str(copy), "--starts", "1"]) != 0
+    assert "0000.json is not what hopopt wrote" in capsys.readouterr().err
+
+
+def test_a_leg_without_a_reduced_hop_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cli.run(["evidence", "three_joint", *SETTINGS, "--starts", "1", "--processes", "1", "--results", str(tmp_path)])
+    assert "left out: three_joint: the reduced hop needs a leg of two joints" in capsys.readouterr().out
