@@ -1,5 +1,7 @@
 """The bound by energy and speed: its parts against brute force, and hops that never cross it."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -91,7 +93,7 @@ def problems(draw: st.DrawFn) -> Design:
         "leg.thigh.length": (0.25, 0.5), "leg.shank.length": (0.25, 0.5), "leg.body.mass": (2.0, 9.0),
         "leg.gear.ratio": (50.0, 160.0), "leg.motor.max_torque": (1.5, 4.0), "hop.stance_duration[1]": (0.1, 0.5),
     }  # fmt: skip
-    drawn = {name: draw(st.floats(*limits)) for name, limits in entries.items()}
+    drawn: dict[str, Any] = {name: draw(st.floats(*limits)) for name, limits in entries.items()}
     drawn["hop.stance_duration"] = [0.03, drawn.pop("hop.stance_duration[1]")]
     drawn["start.hip_height"] = 0.6 * (drawn["leg.thigh.length"] + drawn["leg.shank.length"])
     mesh = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 5, "solver.starts": 1}

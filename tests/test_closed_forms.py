@@ -227,7 +227,7 @@ def test_flight_of_the_leg_is_ballistic(speed: tuple[float, float]) -> None:
 
     nodes, weights = np.polynomial.legendre.leggauss(8)
     t, x, u = trajectory.everywhere((nodes + 1) / 2)
-    samples = PlanEvaluator(hop.robot)(FLIGHT, t.ravel(), x.reshape(t.size, -1), u.reshape(t.size, -1))
+    samples = PlanEvaluator(hop.design, hop.robot)(FLIGHT, t.ravel(), x.reshape(t.size, -1), u.reshape(t.size, -1))
     power = np.sum(samples.tau * samples.v[:, 2:], axis=1).reshape(t.shape)
     work = float(trajectory.lengths @ power @ weights / 2)
     gained = leg_energy(hop, end) - leg_energy(hop, x0)

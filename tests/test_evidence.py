@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,7 +13,7 @@ COARSE = ("solver.refine=false", "solver.stance_intervals=12", "solver.flight_in
 SETTINGS = [word for entry in COARSE for word in ("--set", entry)]
 
 
-def ended(index: int, objective: float, success: bool = True, **motion: float) -> Ended:
+def ended(index: int, objective: float, success: bool = True, **motion: Any) -> Ended:
     return Ended(index, f"start {index}", success, "Solve_Succeeded", objective, 50, 1.0, **motion)
 
 
@@ -31,7 +32,7 @@ def test_families_gather_what_ends_alike_best_first() -> None:
          "dips by 10% of the leg behind the foot; leaves in front of the foot, drifting backward; stance 0.40 s"),
     ],
 )  # fmt: skip
-def test_words_say_what_the_body_does(motion: dict[str, float], said: str) -> None:
+def test_words_say_what_the_body_does(motion: dict[str, Any], said: str) -> None:
     assert words(ended(0, 0.8, **motion)) == said
 
 

@@ -16,7 +16,8 @@ from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.export import to_urdf
 from hopopt.leg.kinematics import joint_positions
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.leg.urdf import UrdfError, read_leg
+from hopopt.leg.urdf import read_leg
+from hopopt.leg.urdf_file import UrdfError
 from hopopt.sim.machine import Machine
 
 PUBLIC = ("solo12_leg", "a1_leg", "go1_leg", "go2_leg", "b1_leg", "hyq_leg")

@@ -69,7 +69,8 @@ def with_leg(data: dict[str, Any], report: "Report") -> dict[str, Any]:
         return {**data, "leg": rest}
     if not _usable(given, rest, report):
         return {**data, "leg": rest}
-    from hopopt.leg.urdf import UrdfError, read_leg
+    from hopopt.leg.urdf import read_leg
+    from hopopt.leg.urdf_file import UrdfError
 
     path = Path(given["urdf"])
     try:
