@@ -113,7 +113,7 @@ def test_solo_gives_its_makers_torque_at_12_amperes_after_losses():
     assert leg.motor.max_speed == pytest.approx(24 * 300 * RPM, rel=0.01)  # 300 turns a minute for a volt
 
 
-@pytest.mark.parametrize("name", set(names("motor")) - {"mini-cheetah"})
+@pytest.mark.parametrize("name", sorted(set(names("motor")) - {"mini-cheetah"}))
 def test_heat_fits_the_torque_speed_line(name):
     """tau = k (V - k w) / R is 0 at V / k and k V / R at standstill, so their ratio is R / k^2 at any voltage."""
     motor = catalogue()[name].parts["motor"]

@@ -9,7 +9,8 @@ from typing import Any
 from pydantic import ValidationError, create_model
 from pydantic.fields import FieldInfo
 
-from hopopt.leg.design import Design, Leg, Section
+from hopopt.leg.design import Design, Leg
+from hopopt.leg.entry import Section
 from hopopt.problem_rules import drive_rules, entry_rules, loss_rules, start_rules, stated_once
 from hopopt.problem_text import printable, shown, shown_path
 from hopopt.problem_urdf import ENTRIES

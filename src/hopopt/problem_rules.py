@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopopt.leg.design import RESERVED, RESERVED_JOINTS, Design, Hop, Leg, Simulation, Start
+from hopopt.leg.design import Design, Hop, Leg, Simulation, Start
+from hopopt.leg.entry import RESERVED, RESERVED_JOINTS
 from hopopt.leg.kinematics import TwoJoints, joint_positions, planar, reach, start_fault, within_limits
 from hopopt.problem_text import shown
 from hopopt.problem_words import did_you_mean, is_number, lookalike

@@ -8,7 +8,8 @@ from typing import Any, Literal, TypeGuard, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from hopopt.leg.design import LOOKALIKES, Design
+from hopopt.leg.design import Design
+from hopopt.leg.entry import LOOKALIKES
 from hopopt.problem_text import shown
 
 Bounds = tuple[float | None, float | None]

@@ -1,0 +1,43 @@
+"""How an entry of a problem file is declared: with its unit, its meaning and the magnitudes it may have."""
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+# What a value far out of range was probably written in: SI unit -> ((other unit, SI value of one), ...).
+LOOKALIKES = {
+    "m": (("millimetres", 1e-3), ("centimetres", 1e-2)),
+    "kg": (("grams", 1e-3),),
+    "kg m^2": (("g cm^2", 1e-7), ("kg cm^2", 1e-4)),
+    "N m": (("mN m", 1e-3),),
+    "rad": (("degrees", 0.017453292519943295),),
+    "rad/s": (("rpm", 0.10471975511965977),),
+    "s": (("milliseconds", 1e-3),),
+}
+RESERVED = ("joints", "links", "guides", "joint", "link", "body", "motor", "gear", "urdf", "foot_frame", "locked")
+RESERVED_JOINTS = (*RESERVED, "foot", "com", "x", "z")  # points and guides of every leg have these names
+CATALOGUE = "catalogue entry these values began with; says where they are from, changes nothing"
+CATALOGUE_NAME = r"^[a-z0-9][a-z0-9-]{0,49}$"
+
+
+def quantity(meaning: str, unit: str, low: float, high: float, default: Any = ..., *, physical: bool = False) -> Any:
+    """Declare a number in ``unit`` between ``low`` and ``high``; ``physical`` makes it a design parameter."""
+    extra = {"unit": unit, "physical": physical}
+    return Field(default, ge=low, le=high, allow_inf_nan=False, description=meaning, json_schema_extra=extra)
+
+
+def choice(meaning: str, default: Any = ..., *, unit: str = "", allowed: str = "", **bounds: Any) -> Any:
+    """Declare an entry that is not a single physical number: the unit of a list, what is ``allowed`` in words."""
+    extra = {"unit": unit, "physical": False, "allowed": allowed}
+    return Field(default, description=meaning, json_schema_extra=extra, **bounds)
+
+
+class Section(BaseModel):
+    """A table of the problem file: no unknown keys, no silent conversions, immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+Number = Annotated[float, Field(ge=-1e3, le=1e3, allow_inf_nan=False)]
+Vector = tuple[Number, Number, Number]
+DOWN, FORWARD = (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)  # a positive turn about FORWARD swings a hanging link to +x
