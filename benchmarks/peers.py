@@ -89,9 +89,11 @@ def table(problem: str, known: float, found: dict[str, Answer]) -> str:
 
 def solved(a: Answer) -> bool:
     """Whether the package says that it has solved the problem."""
-    return any(
-        word in a["status"].lower()
-        for word in ("succeeded", "optimal solution", "converged", "terminated successfully")
+    return a["status"].lower().rstrip(".") in (
+        "solve_succeeded",
+        "optimal solution found",
+        "converged",
+        "ipopt succeeded",
     )
 
 

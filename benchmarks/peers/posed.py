@@ -102,7 +102,7 @@ def arm() -> Posed:
 
 
 MASS, FORCE, SPEED, STROKE, GRAVITY = 8.27, 500.0, 6.0, 0.2, 9.81
-HASTE = 0.1  # [m/s^2]: without it, waiting before the push costs nothing
+HASTE = 10.0  # [m/s^2]: pushing at once must be worth something, or waiting costs nothing
 
 
 def jump() -> Posed:

@@ -1,0 +1,68 @@
+"""Solving the hop again after an entry has changed by 1 %: from the start, from the last answer, and warm.
+
+    python benchmarks/warm.py [PROBLEM] [REPEATS]
+
+The first mesh of the problem, built once (the entries are numbers of the program). "Start" is the first guess again;
+"answer" the last solution as a guess with the same options; "warm" that solution with its multipliers and the options
+WARM of hopopt.nlp.ipopt. Times of the solve alone, the best of the repeats (5 unless told). All three must agree.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+import hopopt as ho
+from hopopt.multistart import first_transcription
+from hopopt.nlp.ipopt import WARM, NlpSolution, NlpSolver
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.starts import NAMED, make_guess
+
+ENTRIES = ("leg.gear.ratio", "leg.motor.max_torque", "leg.motor.max_speed", "leg.body.mass", "leg.shank.length")
+SAME = 1e-6  # [objective's unit]: answers closer than this are one
+
+
+def best(repeats: int, solve: Callable[[], NlpSolution]) -> tuple[float, NlpSolution]:
+    """The shortest time [s] of a solve, and what it gave."""
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        solution = solve()
+        times.append(time.perf_counter() - began)
+    return min(times), solution
+
+
+def compared(hop: Hop, plain: NlpSolver, warm: NlpSolver, repeats: int, entry: str) -> str:
+    """One entry's line of the table."""
+    guess = make_guess(hop, NAMED[0])
+    last = plain(guess)
+    value = next(p.value for p in hop.problem.parameters if p.name == entry)
+    changed, again = {entry: 1.01 * np.asarray(value)}, plain.transcription.guess_from(last.phases)
+    from_start = best(repeats, lambda: plain(guess, changed))
+    from_answer = best(repeats, lambda: plain(again, changed))
+    kept = best(repeats, lambda: warm(again, changed, (last.lam_g, last.lam_x)))
+    found = [s for _, s in (from_start, from_answer, kept)]
+    cells = [f"{1e3 * t:.0f} ms ({s.iterations})" for t, s in (from_start, from_answer, kept)]
+    objective = found[0].objective
+    agree = all(s.success and abs(s.objective - objective) < SAME for s in found)
+    said = "yes" if agree else ", ".join(f"{s.objective:.6f}" if s.success else s.status for s in found)
+    return f"| {entry} | {' | '.join(cells)} | {from_start[0] / kept[0]:.1f} | {objective - last.objective:+.5f} | {said} |"
+
+
+def main() -> None:
+    """Measure and print."""
+    problem, repeats = (sys.argv[1:] + ["paper", "5"][len(sys.argv) - 1 :])[:2]
+    hop = Hop(ho.load(problem))
+    transcription = first_transcription(hop)
+    began = time.perf_counter()
+    plain, warm = (NlpSolver(transcription, {"ipopt.max_iter": 600, **more}) for more in ({}, WARM))
+    print(f"derivatives and solvers made once: {time.perf_counter() - began:.2f} s for both\n")
+    print("| 1 % more of | from the start (iterations) | from the answer | warm | gain | objective | agree |")
+    print("|---" * 7 + "|")
+    for entry in ENTRIES:
+        print(compared(hop, plain, warm, int(repeats), entry), flush=True)
+
+
+if __name__ == "__main__":
+    main()

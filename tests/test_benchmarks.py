@@ -1,0 +1,126 @@
+"""The benchmark's problems: hopopt's part meets the known optima, and those are what they say."""
+
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+SCRIPTS = Path(__file__).parents[1] / "benchmarks"
+ACCURACY = {
+    "effort": 1e-9,
+    "denham": 1e-6,
+    "arm": 3e-4,
+    "jump": 1e-6,
+    "hop": 2e-3,
+}  # bang-bang in 20 intervals: smeared
+
+
+@pytest.fixture(scope="module")
+def scripts() -> dict[str, ModuleType]:
+    """The scripts as modules, imported as they import each other."""
+    folders = [str(SCRIPTS), str(SCRIPTS / "peers")]
+    sys.path[:0] = folders
+    try:
+        import in_hopopt  # pyright: ignore[reportMissingImports]
+        import mesh_size  # pyright: ignore[reportMissingImports]
+        import posed  # pyright: ignore[reportMissingImports]
+        import store_hop  # pyright: ignore[reportMissingImports]
+        import warm  # pyright: ignore[reportMissingImports]
+    finally:
+        sys.path[:2] = []
+    return {m.__name__: m for m in (in_hopopt, mesh_size, posed, store_hop, warm)}
+
+
+@pytest.fixture(scope="module")
+def hop_folder(scripts: dict[str, ModuleType], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The hop, stored for other packages."""
+    folder = tmp_path_factory.mktemp("hop")
+    scripts["store_hop"].store(folder)
+    return folder
+
+
+@pytest.mark.parametrize("name", ACCURACY)
+def test_hopopt_meets_the_known_optimum(name: str, scripts: dict[str, ModuleType], hop_folder: Path) -> None:
+    posed = scripts["posed"].posed(name, hop_folder)
+    found = scripts["in_hopopt"].run(posed)
+    assert found.status == "Solve_Succeeded"
+    assert found.objective == pytest.approx(posed.optimum, rel=ACCURACY[name])
+
+
+def test_the_stored_hop_is_the_hop_of_the_planner(scripts: dict[str, ModuleType], hop_folder: Path) -> None:
+    """The same program, whether posed through the planner's own classes or from the stored formulas."""
+    import hopopt as ho
+    from hopopt.multistart import first_transcription
+    from hopopt.nlp.ipopt import NlpSolver
+    from hopopt.ocp.hop import Hop
+    from hopopt.ocp.starts import NAMED, make_guess
+
+    hop = Hop(ho.load("paper"))
+    own = NlpSolver(first_transcription(hop))(make_guess(hop, NAMED[0]))
+    stored = scripts["in_hopopt"].run(scripts["posed"].posed("hop", hop_folder))
+    assert -stored.objective == pytest.approx(own.objective, abs=1e-6)
+
+
+def test_arm_is_fastest_with_three_switches(scripts: dict[str, ModuleType]) -> None:
+    """The minimum time by shooting: three switching times and the end time meet the four end conditions."""
+    posed = scripts["posed"]
+    first, last = (np.array(pairs)[:, 0] for pairs in (posed.arm().phases[0].start, posed.arm().phases[0].end))
+
+    def missed(times: np.ndarray) -> np.ndarray:
+        x, began = first, 0.0
+        for end, u in zip(times, [(1, 1), (1, -1), (-1, -1), (-1, 1)], strict=True):
+            run = solve_ivp(
+                lambda _, y, u=u: posed.arm_rates(y, u, np), (began, end), x, "DOP853", rtol=1e-12, atol=1e-13
+            )
+            x, began = run.y[:, -1], end
+        return x - last
+
+    found = root(missed, [0.94, 1.49, 2.63, 2.98], tol=1e-12)
+    assert np.abs(missed(found.x)).max() < 1e-10
+    assert found.x[-1] == pytest.approx(posed.arm().optimum, abs=1e-8)
+
+
+def test_full_force_is_the_best_jump(scripts: dict[str, ModuleType]) -> None:
+    """The closed form against an integration of full force."""
+    p = scripts["posed"]
+
+    def stroke(_: float, y: np.ndarray) -> float:
+        return y[0] - p.STROKE
+
+    stroke.terminal = True  # type: ignore[attr-defined]
+    push = solve_ivp(
+        lambda _, y: [y[1], p.FORCE / p.MASS * (1 - y[1] / p.SPEED) - p.GRAVITY],
+        (0.0, 1.0), [0.0, 0.0], events=stroke, rtol=1e-11, atol=1e-12,
+    )  # fmt: skip
+    assert p.HASTE * push.t[-1] - push.y[1, -1] == pytest.approx(p.jump_optimum(), abs=1e-8)
+
+
+def test_mesh_size_and_warm_measure_the_same_hop(scripts: dict[str, ModuleType]) -> None:
+    import hopopt as ho
+    from hopopt.multistart import first_transcription
+    from hopopt.nlp.ipopt import WARM, NlpSolver
+    from hopopt.ocp.hop import Hop
+
+    hop = Hop(ho.load("paper", ["solver.stance_intervals=16", "solver.flight_intervals=4"]))
+    cost = scripts["mesh_size"].measured(hop, 20)
+    assert cost.solution.success
+    assert scripts["mesh_size"].row(20, [cost]).startswith("| 20 | 423 |")
+    transcription = first_transcription(hop)
+    plain, warm = NlpSolver(transcription), NlpSolver(transcription, WARM)
+    line = scripts["warm"].compared(hop, plain, warm, 1, "leg.gear.ratio")
+    assert line.endswith("| yes |")
+
+
+def test_a_package_that_fails_is_listed_with_its_reason() -> None:
+    import runpy
+
+    main = runpy.run_path(str(SCRIPTS / "peers.py"))
+    good = {"build": 0.1, "solve": 0.1, "total": 0.2, "iterations": 5, "objective": 12.0, "status": "Solve_Succeeded"}
+    found = {"hopopt": good, "slow": {**good, "total": 0.5}, "absent": {"failed": "no such package"}}
+    text = main["table"]("effort", 12.0, found)
+    assert "| absent | - | - | - | - | - | no such package |" in text
+    assert "| slow | 0.100 | 0.100 | 0.500 | 2.5 | 5 | +0.0e+00 |" in text
