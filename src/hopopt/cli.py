@@ -30,13 +30,15 @@ def solve(
     starts: int | None = None,
     processes: int | None = None,
     structure: bool = False,
+    second_opinion: bool = False,
     results: Path = Path("results"),
     figures: bool = True,
     json_: AsJson = False,
 ) -> int:
     """Find the highest hop of a leg (or another best one), verify it, and save it with its figures.
 
-    Exit code: 0 solved and verified, 1 not solved, 2 wrong usage, 3 solved but not verified.
+    Exit code: 0 solved and verified, 1 not solved, 2 wrong usage, 3 solved but not verified, or a second
+    opinion found a better hop.
 
     Parameters
     ----------
@@ -53,6 +55,8 @@ def solve(
         How many of them side by side (default: one for each core).
     structure
         Solve the best once more with the switches of its drives at free times, so that torques jump exactly there.
+    second_opinion
+        Also ask another NLP solver (Uno) and two other transcription schemes; takes minutes (docs/certificate.md).
     results
         Folder for the results; each run gets a new folder inside it.
     figures
@@ -73,7 +77,8 @@ def solve(
     draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes, "progress": say}
-        solution = _solved(design, objective, free, couple, structure, more)
+        once = {"structure": structure, "second_opinion": second_opinion}
+        solution = _solved(design, objective, free, couple, once, more)
         if figures:
             from hopopt.plots import save_all as draw
 
@@ -89,18 +94,16 @@ def _solved(
     objective: str,
     free: list[str] | None,
     couple: list[str] | None,
-    structure: bool,
+    once: dict[str, bool],
     more: dict[str, Any],
 ) -> "Solution":
     """The best hop of the design, or of the best design if numbers of it are free."""
     if not free:
         from hopopt.planner import solve as run
 
-        return run(design, objective, structure=structure, **more)
-    if structure:
-        raise UsageError(
-            "--structure goes with a design that is given: solve what --free finds, the problem.toml, with it"
-        )
+        return run(design, objective, **once, **more)
+    for asked in (name.replace("_", "-") for name, wanted in once.items() if wanted):
+        raise UsageError(f"--{asked} goes with a design that is given: use it on the problem.toml that --free finds")
     from hopopt.codesign import codesign
     from hopopt.ocp.freedom import parse_free
 
@@ -194,6 +197,10 @@ def _answer(solution: "Solution", as_object: bool) -> None:
         from hopopt.screen_codesign import print_codesign
 
         print_codesign(solution.summary["codesign"])
+    if "second_opinions" in solution.summary:
+        from hopopt.screen_opinions import print_opinions
+
+        print_opinions(solution.summary)
 
 
 app.command(cli_runs.simulate)

@@ -50,6 +50,7 @@ def solve(
     starts: int | None = None,
     processes: int | None = None,
     structure: bool = False,
+    second_opinion: bool = False,
     progress: Progress | None = None,
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified.
@@ -57,7 +58,8 @@ def solve(
     objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (structure_solve.py); progress is called with a line of text now and then. Raises NotSolvedError, with the worst
+    (structure_solve.py); second_opinion: asked of another solver and other schemes, in the summary's
+    ``second_opinions`` (second_opinion.py); progress is called with a line of text now and then. Raises NotSolvedError, with the worst
     constraints, if no start leads to a solution. A solution that fails verification is returned with ``verified`` False.
     """
     say, clock = progress or (lambda text: None), Stopwatch()
@@ -77,6 +79,10 @@ def solve(
         best = with_free_switches(hop, best, outcomes, say, clock)
     if notes := _notes(hop, best, better):
         best.summary["notes"] = notes
+    if second_opinion:
+        from hopopt.second_opinion import with_opinions
+
+        best = with_opinions(hop, best, clock, say)
     return best
 
 

@@ -1,0 +1,159 @@
+"""Second opinions: another solver on the same program, other schemes; what they agree on, and a planted disagreement."""
+
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from hopopt import cli, second_opinion
+from hopopt.nlp.schemes import radau
+from hopopt.ocp.hop import Hop
+from hopopt.planner import Stopwatch, solve
+from hopopt.problem_file import load
+from hopopt.recheck import stored_nlp
+from hopopt.screen_opinions import opinion_lines
+from hopopt.second_opinion import Failed, Opinion, Said, by_uno, opinion, with_opinions
+from hopopt.solution import Solution
+from hopopt.storage import read, save
+
+COARSE = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 5}
+UNREFINED = [word for entry, value in COARSE.items() for word in ("--set", f"{entry}={str(value).lower()}")]
+
+
+@pytest.fixture(scope="module")
+def answer() -> Solution:
+    """The paper's leg on one coarse mesh, with all opinions on it."""
+    return solve(load("paper", COARSE), starts=1, processes=1, second_opinion=True)
+
+
+def test_uno_agrees_on_the_same_program(answer: Solution) -> None:
+    uno, *others = answer.summary["second_opinions"]
+    assert "same program of 12 + 5 intervals" in uno["name"]
+    assert uno["agrees"], uno
+    assert abs(uno["difference"]) < 1e-6
+    assert uno["compared_with"] == answer.summary["objective_value"]
+    assert [o["name"].split(",")[0] for o in others] == ["radau-5", "hermite-simpson"]
+
+
+def test_inaccurate_meshes_contradict_nothing(answer: Solution) -> None:
+    """On one mesh schemes differ by their errors: that is said, and is no better hop."""
+    for o in answer.summary["second_opinions"][1:]:
+        assert not o["agrees"]
+        assert not o["contradicts"]
+        assert "local error" in o["reason"], o
+    assert not answer.verified  # as without them
+    assert answer.summary["exit_code"] == 3
+    assert not [note for note in answer.summary.get("notes", ()) if "not the best" in note]
+
+
+def test_opinions_are_stored_timed_and_shown(answer: Solution, tmp_path: Path) -> None:
+    kept = read(save(answer, tmp_path).result_dir or tmp_path).summary
+    assert kept["second_opinions"] == answer.summary["second_opinions"]
+    assert kept["timings_s"]["second opinions"] < kept["wall_s"]
+    lines = opinion_lines(kept)
+    assert len(lines) == 3
+    assert f": {kept['objective_value']:.5f} m, differs by " in lines[0]
+    assert all("DISAGREES" in line for line in lines[1:])
+
+
+def test_a_worse_hop_passed_off_as_the_answer_is_found_out(answer: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hop of at most 0.38 s stance, as the answer to the problem that allows 0.4 s."""
+    hop = Hop(answer.design)
+    shortest = answer.design.hop.stance_duration[0]
+    other = solve(load("paper", {**COARSE, "hop.stance_duration": [shortest, 0.38]}), starts=1, processes=1)
+    limits = {name: answer.kkt[name] for name in ("low_z", "high_z", "low_g", "high_g")}
+    told = {**other.summary, "verified": True, "exit_code": 0}
+    tampered = replace(answer, phases=other.phases, kkt={**other.kkt, **limits}, summary=told)
+    monkeypatch.setattr(second_opinion, "SCHEMES", ())
+    seen = with_opinions(hop, tampered, Stopwatch()).summary
+    (uno,) = seen["second_opinions"]
+    assert uno["contradicts"]
+    assert not uno["agrees"]
+    assert uno["difference"] > 1e-4
+    assert uno["objective"] == pytest.approx(answer.summary["objective_value"], rel=1e-6)
+    assert seen["exit_code"] == 3
+    assert seen["verified"]  # it is a true hop, but not the best
+    assert any("not the best hop" in note for note in seen["notes"])
+    assert "DISAGREES" in opinion_lines(seen)[0]
+    assert "better by" in opinion_lines(seen)[0]
+
+
+def test_a_solver_that_fails_is_stated_with_its_reason(
+    answer: Solution, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(second_opinion, "UNO", {**second_opinion.UNO, "max_iterations": 1})
+    with pytest.raises(Failed, match="not optimal point, constraints missed by"):
+        by_uno(stored_nlp(answer), 0)
+    assert capfd.readouterr() == ("", "")  # nor does Uno print anything
+
+
+def raising(error: Exception) -> Callable[[], Said]:
+    def ask() -> Said:
+        raise error
+
+    return ask
+
+
+@pytest.mark.parametrize("error", [Failed("no luck"), RuntimeError("Plugin 'uno'\n is not found")])
+def test_a_failing_opinion_is_a_line(error: Exception) -> None:
+    o = opinion("Uno", 1.0, 1e-6, 0.8, raising(error))
+    assert not o.agrees
+    assert not o.contradicts
+    (line,) = opinion_lines({"objective_unit": "m", "second_opinions": [asdict(o)]})
+    assert line == f"Uno: FAILED, {' '.join(str(error).split())} (0 s)"
+
+
+@pytest.mark.parametrize(
+    ("sign", "said", "agrees", "contradicts"),
+    [
+        (1.0, Said(2.0 * (1 + 9e-7)), True, False),
+        (1.0, Said(2.0 * (1 + 5e-5)), False, False),
+        (1.0, Said(2.1), False, True),
+        (1.0, Said(1.9), False, False),  # another, worse optimum: no better hop
+        (-1.0, Said(1.9), False, True),  # less of what is minimised is better
+        (-1.0, Said(2.1), False, False),
+        (1.0, Said(2.1, "its local error is 1e-02"), False, False),
+        (1.0, Said(math.nan), False, False),
+    ],
+)
+def test_who_agrees_and_who_contradicts(sign: float, said: Said, agrees: bool, contradicts: bool) -> None:
+    o: Opinion = opinion("other", sign, 1e-6, 2.0, lambda: said)
+    assert (o.agrees, o.contradicts) == (agrees, contradicts)
+
+
+def test_it_goes_with_a_design_that_is_given(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["solve", "--second-opinion", "--free", "leg.gear.ratio=80:120"]) == 2
+    assert "--second-opinion goes with a design that is given" in capsys.readouterr().err
+
+
+def test_on_the_command_line(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(second_opinion, "SCHEMES", (radau(5),))
+    asked = ["solve", *UNREFINED, "--starts", "1", "--no-figures", "--results", str(tmp_path), "--second-opinion"]
+    assert cli.run([*asked, "--json"]) == 3
+    out, err = capfd.readouterr()
+    assert err == ""
+    data = json.loads(out)  # one object and nothing else
+    assert [o["agrees"] for o in data["second_opinions"]] == [True, False]
+    assert cli.run(asked) == 3
+    out, err = capfd.readouterr()
+    assert err == ""
+    assert re.search(r"opinions  Uno, .* of 12 \+ 5 intervals: 0\.\d{5} m, differs by \de-\d\d \(\d+ s\)\n", out), out
+    assert re.search(r"radau-5, on one mesh: DISAGREES: .* its local error is \de-\d\d \(\d+ s\)\n", out), out
+
+
+@pytest.mark.slow
+def test_all_agree_on_the_paper_s_leg() -> None:
+    s = solve(load("paper"), starts=1, second_opinion=True)
+    assert s.verified
+    assert s.summary["exit_code"] == 0
+    uno, *others = s.summary["second_opinions"]
+    assert " + ".join(str(n) for n in s.summary["mesh"][-1]["intervals"].values()) in uno["name"]
+    assert abs(uno["difference"]) < 1e-6
+    assert max(abs(o["difference"]) for o in others) < 1e-4
+    assert all(o["agrees"] for o in s.summary["second_opinions"]), opinion_lines(s.summary)
