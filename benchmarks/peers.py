@@ -6,7 +6,7 @@
 Every package but hopopt is installed from the package index into an environment of its own below FOLDER (a temporary
 one unless given; one that is there already is used as it is). Problems and their known optima are in peers/posed.py,
 how each package is told of them in peers/in_<package>.py. A package that cannot be installed or does not solve is
-listed with its reason. Times are the best of the repeats, from starting Python to the end of the imports apart.
+listed with its reason. Times are the best of the repeats (short solves are repeated for 3 s, long ones for at most a minute), from starting Python to the end of the imports apart.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from typing import Any
 HERE = Path(__file__).parent / "peers"
 INDEX = {"yapss": "yapss", "rockit": "rockit-meco", "maptor": "maptor", "asset": "asset_asrl", "dymos": "dymos"}
 PROBLEMS = ("effort", "denham", "arm", "jump", "hop")
-LONGEST = 900  # [s] for one package and problem
+LONGEST = 400  # [s] for one package and problem
 Answer = dict[str, Any]
 
 
@@ -33,11 +33,13 @@ def last_line(text: str) -> str:
     return (text.strip().splitlines() or ["it said nothing"])[-1][:160]
 
 
-def command(python: str, *arguments: str) -> tuple[str, str]:
+def command(python: str, *arguments: str, cwd: Path | str | None = None) -> tuple[str, str]:
     """Standard output of a program, and the reason if it failed."""
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "agg", "OPENMDAO_REPORTS": "0"}
     try:
-        done = subprocess.run([python, *arguments], capture_output=True, text=True, timeout=LONGEST, env=environment)
+        done = subprocess.run(
+            [python, *arguments], capture_output=True, text=True, timeout=LONGEST, env=environment, cwd=cwd
+        )
     except subprocess.TimeoutExpired:
         return "", f"not finished after {LONGEST} s"
     return done.stdout, last_line(done.stderr) if done.returncode else ""
@@ -55,7 +57,9 @@ def environment(folder: Path, peer: str) -> tuple[str, str]:
 
 def answer(python: str, peer: str, problem: str, folder: Path, repeats: int) -> Answer:
     """What the package's script printed, or the reason why there is nothing."""
-    out, failed = command(python, str(HERE / f"in_{peer}.py"), problem, str(folder), str(repeats), str(time.time()))
+    out, failed = command(
+        python, str(HERE.absolute() / f"in_{peer}.py"), problem, str(folder), str(repeats), str(time.time()), cwd=folder
+    )
     return {"failed": failed} if failed else json.loads(last_line_of_json(out))
 
 

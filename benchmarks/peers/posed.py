@@ -16,7 +16,7 @@ from typing import Any
 
 DEGREE, TOLERANCE, MOST_ITERATIONS = 3, 1e-8, 1000  # Radau points an interval, Ipopt's tol and max_iter
 Pairs = Sequence[tuple[float, float]]  # (lower, upper) of each component
-STANDARD = ("effort", "denham", "arm", "jump")
+SHORT, LONG = 3.0, 60.0  # [s]: repeated at least, and at most, so long
 
 
 @dataclass(frozen=True)
@@ -219,12 +219,16 @@ class Run:
 def main(version: str, note: str, *variants: Callable[[Posed], Run]) -> None:
     """Solve the problem named on the command line and print one line of JSON.
 
-    Each variant is run once; the fastest one as often as the command line says, and its best run counts.
+    Each variant is run once; the fastest is repeated, short solves more often, long ones no more once a minute has
+    passed, and its best run counts.
     """
     imports = time.time() - float(sys.argv[4])  # since the interpreter was started
     name, folder, repeats = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
+    began = time.perf_counter()
     first = [run(posed(name, folder)) for run in variants]
     fastest = min(range(len(variants)), key=lambda k: first[k].total)
-    runs = [first[fastest], *(variants[fastest](posed(name, folder)) for _ in range(repeats - 1))]
+    runs = [first[fastest]]
+    while (spent := time.perf_counter() - began) < SHORT or (len(runs) < repeats and spent < LONG):
+        runs.append(variants[fastest](posed(name, folder)))
     best = min(runs, key=lambda r: r.total)
     print(json.dumps({"version": version, "note": note, "imports": imports, "total": best.total, **best.__dict__}))
