@@ -19,8 +19,9 @@ ALLOWED = {
     "ocp/": ("hopopt.errors", "hopopt.leg", "hopopt.ocp"),
     "nlp/": ("hopopt.errors", "hopopt.nlp", "hopopt.ocp.problem", "hopopt.ocp.guess"),
     "sim/machine.py": ("hopopt.leg",),
-    "verify.py": ("hopopt.errors", "hopopt.leg", "hopopt.sim.machine", "hopopt.measures"),
-    "measures.py": ("hopopt.leg",),
+    "verify.py": ("hopopt.errors", "hopopt.leg", "hopopt.sim.machine", "hopopt.measures", "hopopt.verify_landing"),
+    "verify_landing.py": ("hopopt.sim.machine",),
+    "measures.py": ("hopopt.leg", "hopopt.sim.machine"),
     "errors.py": (),
 }
 FORBIDDEN = {

@@ -47,7 +47,7 @@ def solve(
     objective
         What to make as large as possible: clearance (of the leg's lowest point) or apex (height of the body). Or as
         small as possible, with the clearance to reach as --set hop.clearance=0.4: energy, absolute_work,
-        electrical_energy, time, saturation, peak_torque or peak_force. Or a Python function of your own as
+        electrical_energy, time, saturation, peak_torque, peak_force or impact. Or a Python function of your own as
         module:function (docs/objectives.md).
     starts
         How many different starting points to solve from (default: the problem's solver.starts).

@@ -12,6 +12,7 @@ from scipy.interpolate import BarycentricInterpolator
 
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import BASE, Robot
+from hopopt.sim.machine import Machine
 
 if TYPE_CHECKING:
     from hopopt.verify import Table
@@ -75,6 +76,13 @@ def _drive(robot: Robot, joint: str, part: str, entry: str) -> float:
     return float(robot.parameters[robot.leg.drive(joint, part, entry)[0]])  # type: ignore[arg-type]
 
 
+def impact(robot: Robot, tables: Tables) -> float:
+    """Kinetic energy lost at the end of the descent, where the foot lands and stays [J]."""
+    machine, descent = Machine(robot), tables["descent"]
+    q, v = descent.q[-1, -1], descent.v[-1, -1]
+    return machine.energy(q, v) - machine.energy(q, machine.touch_down(q, v))
+
+
 def duration(robot: Robot, tables: Tables) -> float:
     """From the start of the first phase to the end of the last [s]."""
     phases = list(tables.values())
@@ -110,4 +118,6 @@ MEASURES: dict[str, Callable[[Robot, Tables], float]] = {
     "saturation": region_share,
     "peak_torque_Nm": peak_torque,
     "peak_force_N": peak_force,
+    "impact_J": impact,
 }
+LEAST = {"impact_J": 0.01}  # a figure that may be 0 is relative to this at least

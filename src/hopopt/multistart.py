@@ -17,7 +17,7 @@ from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.freedom import Freedom
 from hopopt.ocp.goal import HopObjective
-from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.ocp.hop import STANCE, Hop
 from hopopt.ocp.starts import Start, make_guess, starts
 
 Progress = Callable[[str], None]
@@ -47,7 +47,8 @@ class StartOutcome:
 def first_transcription(hop: Hop) -> Transcription:
     """The program that every start is solved on."""
     s = hop.design.solver
-    mesh = {STANCE: uniform(s.stance_intervals), FLIGHT: uniform(s.flight_intervals)}
+    counts = {phase.name: s.flight_intervals for phase in hop.problem.phases} | {STANCE: s.stance_intervals}
+    mesh = {name: uniform(count) for name, count in counts.items()}
     return Transcription(hop.problem, scheme(s.scheme, s.degree), mesh)
 
 

@@ -138,7 +138,7 @@ def front(
 
 
 def _goal(design: Design, against: str, points: int) -> HopObjective:
-    choices = [o.name for o in OBJECTIVES.values() if o.ends == "demand"]
+    choices = [o.name for o in OBJECTIVES.values() if o.ends == "demand" and o.name != "impact"]  # the top: no landing
     if against not in choices:
         raise UsageError(f"there is no front against {against!r}: choose one of {', '.join(choices)}")
     if points < 3:

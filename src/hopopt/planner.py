@@ -108,6 +108,8 @@ def _notes(hop: Hop, best: Solution, better: Solution | None) -> list[str]:
     if better is not None:
         value = f"{better.summary['objective_value']:.4f} {goal.unit}, {'higher' if goal.maximize else 'lower'}"
         notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
+    if best.summary.get("impact_J", np.inf) < 1e-3 * best.summary["tie_break_weighs"]:
+        notes.append("the foot can land at rest, as in many hops: of these, this is one with gentle torques")
     shares = {path: e for path, e in (leg.drive(j, "gear", "efficiency") for j in leg.joints) if e}
     if any(e < 1 for e in shares.values()):
         stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())

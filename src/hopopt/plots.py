@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
+from hopopt.ocp.descent import DESCENT
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.plots_stick import stick
 from hopopt.plots_style import (
@@ -74,7 +75,7 @@ def _height_curves(solution: Solution) -> Iterable[tuple[str, str, dict[str, Any
 
 def _annotate_height(ax: Axes, solution: Solution) -> None:
     """What the hop was made for [m], to the right of the last instant, where no curve is."""
-    end, top, (name, height) = solution.duration, ax.get_ylim()[1], headline(solution)
+    end, top, (name, height) = solution.end, ax.get_ylim()[1], headline(solution)
     ax.set(xlim=(0, 1.18 * end), ylim=(-0.05 * top, top))
     ax.set_xticks([t for t in ax.get_xticks() if 0 <= t <= end])
     height_arrow(ax, 1.02 * end, height)
@@ -97,7 +98,7 @@ def joints(solution: Solution) -> Figure:
         for ax, label in zip(grid[:, k], ("angle [rad]", "speed [rad/s]", "torque [N m]"), strict=True):
             mark_lift_off(ax, solution)
             describe(ax, "time [s]" if ax is grid[2, k] else "", label, name if ax is grid[0, k] else "")
-            ax.set_xlim(0, solution.duration)
+            ax.set_xlim(0, solution.end)
     figure.align_ylabels(grid)
     legend(figure)
     return figure
@@ -143,13 +144,16 @@ def operating_region(solution: Solution) -> Figure:
 
 
 def _mark_instants(ax: Axes, motion: Motion, k: int, column: int) -> None:
-    """Start, lift-off (on both sides: the torque may jump) and apex of joint k."""
+    """Start, lift-off (on both sides: the torque may jump), apex and touchdown of joint k."""
     for phase, row, marker, size, label in (
         (STANCE, 0, "o", 9, "start"),
         (STANCE, -1, "s", 9, "lift-off, end of stance"),
         (FLIGHT, 0, "D", 8, "lift-off, start of flight"),
         (FLIGHT, -1, "*", 15, "apex"),
+        (DESCENT, -1, "v", 10, "touchdown"),
     ):
+        if phase not in motion:
+            continue
         s, look = motion[phase], {"mfc": COLOR[phase], "mec": BLACK, "ms": size, "zorder": 4}
         ax.plot(s.v[row, column], s.tau[row, k], marker, label=label, **look)
 

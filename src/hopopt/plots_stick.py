@@ -27,7 +27,7 @@ LABEL = 0.08  # share of a row's width that the time below a pose needs
 
 
 def stick(solution: Solution) -> Figure:
-    """The leg every 40 ms and at the apex, each pose beside the one before it and all to one scale [m]."""
+    """The leg every 40 ms, at the apex and where it lands, each pose beside the one before it and all to one scale [m]."""
     figure = solution_figure(solution, "the hop every 40 ms, poses side by side")
     poses = _Poses(solution)
     for ax, row in zip(figure.subplots(len(poses.rows), squeeze=False)[:, 0], poses.rows, strict=True):
@@ -38,7 +38,8 @@ def stick(solution: Solution) -> Figure:
         describe(ax, "time [s]", "height [m]")
         ax.grid(False, axis="x")
         ax.set_xticks([poses.middle[k] for k in row], [poses.label(k) for k in row])
-    poses.draw_apex(ax)
+        if poses.apex in row:
+            poses.draw_apex(ax)
     legend(figure)
     return figure
 
@@ -49,7 +50,10 @@ class _Poses:
     def __init__(self, solution: Solution):
         self.solution, self.leg = solution, solution.design.leg
         early = np.arange(0, solution.duration - POSE_STEP / 4, POSE_STEP)  # none just before the apex
-        self.samples = solution.sample([*early, solution.duration])
+        times, self.apex = [*early, solution.duration], len(early)
+        if solution.end > solution.duration:
+            times += [*np.arange(solution.duration + POSE_STEP, solution.end - POSE_STEP / 4, POSE_STEP), solution.end]
+        self.samples = solution.sample(times)
         chain = np.stack([self.samples.points[name] for name in (*self.leg.joints, "foot")], axis=1)
         self.x, self.z = chain[..., 0], chain[..., 1]
         self.reach = sum(link.length for link in self.leg.link.values())
@@ -64,10 +68,10 @@ class _Poses:
         left, right = (f(self.x, axis=1) for f in (np.min, np.max))
         body = self.x[:, 0]
         margin = np.full(len(body), self.radius)
-        margin[-1] = max(self.radius, self.window)
+        margin[self.apex] = max(self.radius, self.window)
         left, right = np.minimum(left, body - margin), np.maximum(right, body + margin)
         widths = right - left + 0.1 * self.reach
-        widths[-1] += 0.8 * self.reach  # the height stands to the right of the apex
+        widths[self.apex] += 0.8 * self.reach  # the height stands to the right of the apex
         count = max(1, round(math.sqrt(widths.sum() / self.height * SIZE[1] / SIZE[0])))
         widths = np.maximum(widths, LABEL * widths.sum() / count)
         row_of = np.minimum((np.cumsum(widths) - 0.5 * widths) * count // widths.sum(), count - 1)
@@ -79,7 +83,8 @@ class _Poses:
 
     def label(self, k: int) -> str:
         """Time [s] of pose k."""
-        return f"{self.samples.t[k]:.2f}" if k < len(self.x) - 1 else f"{self.samples.t[k]:.3f}\n(apex)"
+        names = {len(self.x) - 1: "touchdown", self.apex: "apex"}
+        return f"{self.samples.t[k]:.3f}\n({names[k]})" if k in names else f"{self.samples.t[k]:.2f}"
 
     def draw(self, ax: Axes, k: int) -> None:
         """Body, links, joints and foot of pose k in the colour of its phase."""
@@ -89,14 +94,15 @@ class _Poses:
         ax.add_patch(Circle((self.x[k, 0], self.z[k, 0]), self.radius, fc=COLOR[phase], ec="none", zorder=4))
 
     def draw_apex(self, ax: Axes) -> None:
-        """The body's plumb line, the foot window about it and the height reached [m], at the last pose."""
-        body, top = self.x[-1, 0], self.z[-1, 0]
+        """The body's plumb line, the foot window about it and the height reached [m], at the apex."""
+        apex = self.apex
+        body, top = self.x[apex, 0], self.z[apex, 0]
         if self.window:
             label = f"foot window, ±{self.solution.design.hop.foot_window:g} m"
             ax.add_patch(Rectangle((body - self.window, 0), 2 * self.window, top, fc=GREEN, alpha=0.2, label=label))
         ax.plot([body, body], [0, top], color=BLACK, lw=1.2, ls=":", label="plumb line of the body")
-        (name, height), lowest = headline(self.solution), int(self.z[-1].argmin())
-        x = self.x[-1, lowest] if name == "clearance" else self.right[-1]
+        (name, height), lowest = headline(self.solution), int(self.z[apex].argmin())
+        x = self.x[apex, lowest] if name == "clearance" else self.right[apex]
         height_arrow(ax, x, height)
         y = max(0.5 * height, 0.15 * self.height)
-        ax.text(self.right[-1] + 0.05 * self.reach, y, f"{name}\n{height:.3f} m", fontsize=TEXT, va="center")
+        ax.text(self.right[apex] + 0.05 * self.reach, y, f"{name}\n{height:.3f} m", fontsize=TEXT, va="center")

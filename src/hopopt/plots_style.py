@@ -14,6 +14,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hopopt.ocp.descent import DESCENT
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.solution import Samples, Solution
 
@@ -23,7 +24,7 @@ PLACES = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # of every interval: close
 JUMP, AT_ONCE = 0.02, 1e-3  # a jump changes more than this share of the range within this share of the time
 
 BLACK, GREY, PALE, GREEN = "#000000", "#666666", "#dcdcdc", "#009E73"
-COLOR = {STANCE: "#0072B2", FLIGHT: "#D55E00"}
+COLOR = {STANCE: "#0072B2", FLIGHT: "#D55E00", DESCENT: "#CC79A7"}
 JOINT_COLORS, JOINT_STYLES = ("#E69F00", "#56B4E9", "#CC79A7"), ("-", "--", "-.")
 TITLE, TEXT, SMALL = 15, 13, 11  # font sizes [pt]
 BAND = {"color": PALE, "lw": 0}
@@ -86,12 +87,12 @@ def _columns(labels: Sequence[str], width: float) -> int:
 
 
 def motion_of(solution: Solution) -> Motion:
-    """Both phases, sampled inside every interval."""
-    return {phase: solution.everywhere(phase, PLACES) for phase in (STANCE, FLIGHT)}
+    """Every phase, sampled inside every interval."""
+    return {phase: solution.everywhere(phase, PLACES) for phase in solution.phases}
 
 
 def joined(motion: Motion, value: Callable[[Samples], np.ndarray]) -> np.ndarray:
-    """A value of both phases, one after the other."""
+    """A value of all phases, one after the other."""
     return np.concatenate([value(s) for s in motion.values()])
 
 

@@ -81,8 +81,9 @@ def _stated(s: dict[str, Any]) -> str:
 
 def _hop(s: dict[str, Any]) -> list[str]:
     stance, flight, lift = s["phases"]["stance"], s["phases"]["flight"], s["lift_off"]
+    lands = f", descent {s['phases']['descent']['duration_s']:.3f} s" if "descent" in s["phases"] else ""
     return [
-        f"stance {stance['duration_s']:.3f} s, flight to the apex {flight['duration_s']:.3f} s, lift-off at "
+        f"stance {stance['duration_s']:.3f} s, flight to the apex {flight['duration_s']:.3f} s{lands}, lift-off at "
         f"{lift['vertical_m_s']:.2f} m/s up and {lift['horizontal_m_s']:+.2f} m/s along, peak ground force "
         f"{s['peak_ground_force_N']:.0f} N ({s['peak_vertical_force_N']:.0f} N vertical)",
         _ground(s),
@@ -129,7 +130,7 @@ def _evidence(s: dict[str, Any]) -> list[str]:
     ends = ", ".join(f"{o['count']} at {_measure(s, o['objective'], '.3f')}" for o in starts["optima"])
     failed = f", {len(starts['failed'])} failed" if starts["failed"] else ""
     sizes = " + ".join(str(n) for n in mesh["intervals"].values())
-    replay = max(checks[f"{phase} replay"]["residual"] for phase in ("stance", "flight"))
+    replay = max(checks[f"{phase} replay"]["residual"] for phase in s["phases"])
     change = checks["change of the objective"]["residual"]
     settled = f"objective settled to {change:.0e}" if change < float("inf") else "no second mesh to compare with"
     bias = f"tie-break bias below {_measure(s, s['tie_break_bias_m' if s['objective_unit'] == 'm' else 'tie_break_bias'], '.0e')}"

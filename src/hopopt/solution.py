@@ -16,6 +16,7 @@ from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.measures import MEASURES
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
+from hopopt.ocp.descent import DESCENT
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.verify import PLACES, Table
@@ -78,6 +79,7 @@ class PlanEvaluator:
                 com_speed += ca.jtimes(points["com"], com, com_v)
             outputs = [m.q, m.v, m.a, m.tau, m.f, com_speed, *(points[name] for name in self.names)]
             self.functions[phase] = ca.Function(phase, [x, u], [ca.densify(o) for o in outputs])
+        self.functions[DESCENT] = self.functions[FLIGHT]
 
     def __call__(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Samples:
         """Samples from states x (k, nx) and controls u (k, n or more) of one phase at times t (k,)."""
@@ -121,7 +123,15 @@ class Solution:
     @property
     def duration(self) -> float:
         """From the start of stance to the apex [s]."""
-        return sum(p.duration for p in self.phases.values())
+        return self.phases[STANCE].duration + self.phases[FLIGHT].duration
+
+    @property
+    def end(self) -> float:
+        """When the last phase ends [s]: at the apex, or at the touchdown of a hop that lands."""
+        return max(self._begin(phase) + p.duration for phase, p in self.phases.items())
+
+    def _begin(self, phase: str) -> float:
+        return {STANCE: 0.0, FLIGHT: self.lift_off, DESCENT: self.duration}[phase]
 
     @property
     def lift_off(self) -> float:
@@ -133,27 +143,25 @@ class Solution:
         return operating_region(self.design.leg, joint, self.robot.parameters)
 
     def sample(self, t: Any) -> Samples:
-        """The whole leg at times t [s] since stance began (clipped to the hop); at lift-off, flight."""
-        t = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), 0.0, self.duration)
+        """The whole leg at times t [s] since stance began (clipped to the hop); at lift-off and apex, flight."""
+        t = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), 0.0, self.end)
         parts, order = [], []
-        for phase, rows in ((STANCE, t < self.lift_off), (FLIGHT, t >= self.lift_off)):
+        stance, descent = t < self.lift_off, t > self.duration
+        for phase, rows in ((STANCE, stance), (FLIGHT, ~stance & ~descent), (DESCENT, descent)):
             if rows.any():
-                start = 0.0 if phase == STANCE else self.lift_off
-                parts.append(self.sample_phase(phase, t[rows] - start))
+                parts.append(self.sample_phase(phase, t[rows] - self._begin(phase)))
                 order.append(np.flatnonzero(rows))
         return _join(parts)[np.argsort(np.concatenate(order), kind="stable")]
 
     def sample_phase(self, phase: str, t: np.ndarray) -> Samples:
         """The whole leg at times t [s] since the phase began; both ends belong to the phase."""
         x, u = self.phases[phase].sample(t)
-        start = 0.0 if phase == STANCE else self.lift_off
-        return self._evaluate(phase, np.asarray(t) + start, x, u)
+        return self._evaluate(phase, np.asarray(t) + self._begin(phase), x, u)
 
     def everywhere(self, phase: str, places: np.ndarray) -> Samples:
         """The whole leg at the same places (0 to 1) of every interval of a phase, interval by interval."""
         t, x, u = self.phases[phase].everywhere(places)
-        start = 0.0 if phase == STANCE else self.lift_off
-        return self._evaluate(phase, t.ravel() + start, x.reshape(t.size, -1), u.reshape(t.size, -1))
+        return self._evaluate(phase, t.ravel() + self._begin(phase), x.reshape(t.size, -1), u.reshape(t.size, -1))
 
     @cached_property
     def tables(self) -> dict[str, Table]:
@@ -170,10 +178,15 @@ class Solution:
             )
         )
 
+    @property
+    def apex(self) -> Samples:
+        """The whole leg at the end of flight (one sample)."""
+        return self.sample_phase(FLIGHT, np.array([self.phases[FLIGHT].duration]))
+
     def claims(self) -> dict[str, float]:
-        """What verification is to confirm: the height of the lowest point at the end [m]; what else the hop was made
+        """What verification is to confirm: the height of the lowest point at the apex [m]; what else the hop was made
         for, the body's height there [m] or what ``summary`` states."""
-        end = self.sample(self.duration)
+        end = self.apex
         claims = {"clearance_m": float(min(end.points[name][0, 1] for name in self.robot.points))}
         if self.objective == "apex":
             claims["apex_m"] = float(end.q[0, 1])

@@ -202,8 +202,9 @@ def read(folder: str | Path) -> Solution:
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         with xr.open_datatree(folder / "solution.nc", engine="h5netcdf") as tree:
             tree = tree.load()
-        phases = {name: trajectory_of(tree[name].to_dataset()) for name in ("stance", "flight")}
-        tables = {name: table_of(tree[name].to_dataset()) for name in ("stance", "flight")}
+        names = ("stance", "flight", *(("descent",) if "descent" in tree else ()))
+        phases = {name: trajectory_of(tree[name].to_dataset()) for name in names}
+        tables = {name: table_of(tree[name].to_dataset()) for name in names}
         kkt = {str(name): np.array(value) for name, value in tree["nlp"].to_dataset().items()} if "nlp" in tree else {}
         kept = multipliers(tree)
         objective = str(tree.attrs["objective"])

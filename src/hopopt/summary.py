@@ -35,7 +35,8 @@ def summarize(
     clock: "Stopwatch",
 ) -> Solution:
     """The plan with its summary: what ``--json`` prints and ``summary.json`` keeps."""
-    stance, flight = plan.everywhere(STANCE, FINE), plan.everywhere(FLIGHT, FINE)
+    fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
+    stance = fine[STANCE]
     bad, goal = failed(list(checks)), hop.objective
     of_unit = "_m" if goal.unit == "m" else ""
     summary: dict[str, Any] = {
@@ -62,14 +63,14 @@ def summarize(
         "upper_bound": upper_bound(plan.design).figures(),
         "parts": parts(plan),
         "lowest_point": _lowest(plan),
-        "phases": {name: phase_figures(plan, name, s) for name, s in ((STANCE, stance), (FLIGHT, flight))},
+        "phases": {name: phase_figures(plan, name, s) for name, s in fine.items()},
         "lift_off": lift_off(plan),
         "peak_ground_force_N": float(np.linalg.norm(stance.f, axis=1).max()),
         "peak_vertical_force_N": float(stance.f[:, -1].max()),
         "friction": plan.design.contact.friction,
         "grip_without_load_N": float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0)),
         "saturation_mean": saturation_mean(plan, stance),
-        "energy": energy(plan, stance, flight),
+        "energy": energy(plan, fine),
         "active_limits": active_limits(plan, stance),
         f"gain_per_percent{of_unit}": limit_gains(solution),
         "verification": [c.as_dict() for c in checks],
@@ -94,7 +95,7 @@ def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FIN
 
 def parts(plan: Solution) -> dict[str, float]:
     """The three exact, signed parts [m] that sum to the clearance (COM is the whole leg's centre of mass)."""
-    start, end = plan.sample_phase(FLIGHT, np.array([0.0])), plan.sample(plan.duration)
+    start, end = plan.sample_phase(FLIGHT, np.array([0.0])), plan.apex
     low, high = float(start.points["com"][0, 1]), float(end.points["com"][0, 1])
     return {
         "com_height_at_lift_off_m": low,
@@ -104,7 +105,7 @@ def parts(plan: Solution) -> dict[str, float]:
 
 
 def _lowest(plan: Solution) -> str:
-    end = plan.sample(plan.duration)
+    end = plan.apex
     heights = {name: round(float(end.points[name][0, 1]), 9) for name in ("foot", *plan.robot.joints)}
     return min(heights, key=lambda name: heights[name])
 
@@ -136,10 +137,10 @@ def saturation_mean(plan: Solution, stance: Samples) -> dict[str, float]:
     return means
 
 
-def energy(plan: Solution, stance: Samples, flight: Samples) -> dict[str, float]:
-    """Mechanical work of the joints [J]: net and positive, in stance and in flight."""
+def energy(plan: Solution, fine: Mapping[str, Samples]) -> dict[str, float]:
+    """Mechanical work of the joints [J]: net and positive, in every phase."""
     figures = {}
-    for name, s in ((STANCE, stance), (FLIGHT, flight)):
+    for name, s in fine.items():
         power, T = s.tau * s.v[:, BASE:], plan.phases[name].duration
         figures[f"{name}_net_J"] = _time_mean(s, power.sum(axis=1)) * T
         figures[f"{name}_positive_J"] = sum(_time_mean(s, np.maximum(column, 0.0)) * T for column in power.T)

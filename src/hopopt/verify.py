@@ -19,14 +19,15 @@ from hopopt.leg.design import Design
 from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import DESCENT_RANGE, force_range, weight
-from hopopt.measures import MEASURES
+from hopopt.measures import LEAST, MEASURES
 from hopopt.sim.machine import Machine
+from hopopt.verify_landing import landing, lift_off
 
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
 STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6  # tolerances: SI, share of the range, relative
 FIGURE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
-STANCE, FLIGHT = "stance", "flight"
+STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"  # the last only of a hop that lands
 
 
 @dataclass(frozen=True)
@@ -75,10 +76,13 @@ def verify_plan(
     checks = [
         _start(machine, design, tables[STANCE]),
         _durations(design, tables),
-        _lift_off(machine, tables[STANCE], tables[FLIGHT]),
+        Check("lift-off", _largest(lift_off(machine, tables[STANCE], tables[FLIGHT])), EXACT, "SI"),
         _clearance(machine, design, tables[FLIGHT], claims),
         *_measured(robot, tables, claims),
     ]
+    if DESCENT in tables:
+        found = landing(machine, tables[FLIGHT], tables[DESCENT])
+        checks += [Check(name, _largest(parts), EXACT, "SI") for name, parts in found]
     if ends == "demand":
         missing = float(design.hop.clearance or 0.0) - claims["clearance_m"]
         checks.append(Check("clearance asked for", max(missing, 0.0), EXACT, "m"))
@@ -111,20 +115,13 @@ def _start(machine: Machine, design: Design, stance: Table) -> Check:
 
 
 def _durations(design: Design, tables: Mapping[str, Table]) -> Check:
-    """Both phases last as long as they may, and no interval runs backwards."""
+    """Every phase lasts as long as it may, and no interval runs backwards."""
     over = []
     for name, table in tables.items():
         low, high = getattr(design.hop, f"{name}_duration")
         lasted = table.t[-1, -1] - table.t[0, 0]
         over += [np.maximum(low - lasted, lasted - high), -np.diff(table.t, axis=1).min()]
     return Check("durations", float(np.maximum(np.max(over), 0.0)), EXACT, "s")
-
-
-def _lift_off(machine: Machine, stance: Table, flight: Table) -> Check:
-    """Flight begins where and when stance ends, the centre of mass not falling."""
-    jumps = [getattr(stance, s)[-1, -1] - getattr(flight, s)[0, 0] for s in ("t", "q", "v")]
-    falling = np.minimum(machine.com_velocity(flight.q[0, 0], flight.v[0, 0])[1], 0.0)
-    return Check("lift-off", _largest([*jumps, falling]), EXACT, "SI")
 
 
 def _clearance(machine: Machine, design: Design, flight: Table, claims: Mapping[str, float]) -> Check:
@@ -141,7 +138,7 @@ def _measured(robot: Robot, tables: Mapping[str, Table], claims: Mapping[str, fl
     """Work, time or peaks of the table against the claim, relative to it."""
     for name in claims.keys() & MEASURES.keys():
         value, claim = MEASURES[name](robot, tables), claims[name]
-        yield Check(f"claimed {name}", abs(value - claim) / max(abs(claim), 1e-9), FIGURE, "relative")
+        yield Check(f"claimed {name}", abs(value - claim) / max(abs(claim), LEAST.get(name, 1e-9)), FIGURE, "relative")
 
 
 def _continuity(phase: str, table: Table) -> Check:
@@ -234,7 +231,7 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
         angle = q[:, BASE + k]
         found[f"{joint} angle"] = np.maximum(low - angle, angle - high) / (high - low)
     found |= _ground(machine, design, phase, q, v, f)
-    if phase == FLIGHT and windowed:
+    if phase != STANCE and windowed:
         found |= _window(machine, robot, design, q)
     checks = []
     for name, excess in found.items():
@@ -250,7 +247,7 @@ def _ground(
     size_of_leg = reach(design.leg)
     points, found = [machine.points(row) for row in q], {}
     for name in design.hop.above_ground or tuple(machine.frames):
-        if phase == FLIGHT or name != "foot":
+        if phase != STANCE or name != "foot":
             least = 0.0 if name == "foot" else design.hop.least_height
             found[f"{name} above ground"] = np.array([least - p[name][1] for p in points]) / size_of_leg
     if machine.held:

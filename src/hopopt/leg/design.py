@@ -183,6 +183,11 @@ class Hop(Section):
     least_height: float = quantity("height above the ground that joints keep at least", "m", 0, 1, 0.0)
     counter_movement: bool = choice("may the body descend in stance", True)
 
+    @property
+    def descent_duration(self) -> tuple[float, float]:
+        """Shortest and longest time from the apex to touchdown [s]: as for flight."""
+        return self.flight_duration
+
 
 class Solver(Section):
     scheme: Literal["radau", "hermite-simpson", "trapezoidal"] = choice("transcription", "radau")

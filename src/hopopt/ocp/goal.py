@@ -8,7 +8,7 @@ import casadi as ca
 
 from hopopt.leg.design import Design
 from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint
+from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint, Phase
 
 if TYPE_CHECKING:
     from hopopt.ocp.hop import Hop
@@ -23,8 +23,8 @@ class HopObjective:
 
     ends: whether the foot must end within its window, must reach hop.clearance too, or is free.
     figure: what the value is called among the printed figures; scale(hop): its magnitude [unit]; parameters, boundary,
-    controls, path (by phase name) and integrands are the objective's own additions to the problem; fault(design) says
-    in a sentence what the problem lacks for it.
+    controls, path (by phase name), integrands and phases (after the apex) are the objective's own additions to the
+    problem; fault(design) says in a sentence what the problem lacks for it.
     """
 
     name: str
@@ -40,6 +40,7 @@ class HopObjective:
     controls: Callable[["Hop"], tuple[Control, ...]] = lambda hop: ()
     path: Callable[["Hop", str, MotionAt], tuple[PathConstraint, ...]] = lambda hop, phase, motion: ()
     integrands: Callable[["Hop", MotionAt], Mapping[str, Callable[[Instant], ca.SX]]] = lambda hop, motion: {}
+    phases: Callable[["Hop"], tuple[Phase, ...]] = lambda hop: ()
     fault: Callable[[Design], str | None] = lambda design: None
     custom: Any = None  # the function of one's own that it is made of (ocp/custom.py)
     tie_break: float = 1.0  # times the problem's own, where optima are flat

@@ -228,7 +228,7 @@ class Hop:
         labels += tuple(f"{what} {name}" for what in "qv" for name in self.leg.joints)
         return Problem(
             self.design.name,
-            (self.stance(), self.flight()),
+            (self.stance(), self.flight(), *goal.phases(self)),
             Objective(goal.name, self.goal_and_tie_break, goal.maximize, goal.unit, goal.scale(self)),
             (*self.freedom.parameters(self.robot.parameters), *goal.parameters(self)),
             (
@@ -262,11 +262,8 @@ class Hop:
 
         A region that no half-plane closes is taken up to twice its stall torque.
         """
-        longest, effort, p = (
-            self.design.hop.stance_duration[1] + self.design.hop.flight_duration[1],
-            0.0,
-            self.robot.parameters,
-        )
+        longest = sum(phase.duration[1] for phase in self.problem.phases)
+        effort, p = 0.0, self.robot.parameters
         for joint in self.leg.joints:
             stall = p[self.leg.drive(joint, "gear", "ratio")[0]] * p[self.leg.drive(joint, "motor", "max_torque")[0]]
             effort += float(np.max(np.abs(operating_region(self.leg, joint, p).corners()[:, 1]))) ** 2 / stall**2

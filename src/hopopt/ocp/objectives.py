@@ -4,6 +4,7 @@ from typing import Any
 
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import as_objective
+from hopopt.ocp.descent import IMPACT
 from hopopt.ocp.efforts import EFFORTS
 from hopopt.ocp.goal import HopObjective, lowest_point
 from hopopt.ocp.problem import Parameter
@@ -29,6 +30,7 @@ OBJECTIVES = {
             "free",
         ),
         *EFFORTS,
+        IMPACT,
     )
 }
 

@@ -17,6 +17,7 @@ from scipy.stats import qmc
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import TwoJoints, contact_axes, foot_offset, joint_positions, start_angles, tucked
+from hopopt.ocp.descent import DESCENT, landing_guess
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 
@@ -57,14 +58,13 @@ def starts(count: int, seed: int) -> list[Start]:
 
 
 def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
-    """The start as guesses of both phases, by phase name."""
+    """The start as guesses of the phases, by phase name."""
     simple = start == NAMED[0] and hop.n == 2 and not hop.loops
     stance = (saturated_push(hop) if simple else None) or _stance_guess(hop, start)
     more = sum(c.size for c in hop.objective.controls(hop))
-    return {
-        STANCE: _widened(_without_dependent(hop, stance), more),
-        FLIGHT: _widened(_flight_guess(hop, stance), more),
-    }
+    flight = _flight_guess(hop, stance)
+    found = {STANCE: _without_dependent(hop, stance), FLIGHT: flight, DESCENT: landing_guess(hop, flight)}
+    return {phase.name: _widened(found[phase.name], more) for phase in hop.problem.phases}
 
 
 def _widened(guess: Guess, more: int) -> Guess:

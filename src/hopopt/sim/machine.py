@@ -108,7 +108,7 @@ class Machine:
     def touch_down(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Speeds just after the foot has hit the ground and stays (plastic impact; Featherstone, RBDA, 11.6)."""
         M = self.mass_matrix(q)
-        J = self.foot_jacobian(q)
+        J = np.vstack([self.foot_jacobian(q), np.eye(len(v))[self.held]])  # a guide holds in an impact too
         step = np.linalg.solve(M, J.T)
         return v - step @ np.linalg.solve(J @ step, J @ v)
 
