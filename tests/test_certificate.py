@@ -8,10 +8,11 @@ import pytest
 
 from hopopt.certificate import Certificate, certify
 from hopopt.certificate_costates import phase_multipliers
-from hopopt.nlp.ipopt import NlpSolution
-from hopopt.nlp.mesh import mesh_of_arcs
+from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.mesh import mesh_of_arcs, uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
-from hopopt.ocp.problem import Objective, Problem
+from hopopt.nlp.transcribe import Transcription
+from hopopt.ocp.problem import Objective, Problem, State
 from known_problems import (
     PROBLEMS,
     Known,
@@ -21,10 +22,11 @@ from known_problems import (
     minimum_effort,
     moved,
     terminal_and_integral,
+    throw,
     timed,
     two_prices,
 )
-from test_transcription import solve
+from test_transcription import guesses, solve
 
 SCHEMES = (radau(2), radau(3), radau(5), HERMITE_SIMPSON, TRAPEZOIDAL)
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
@@ -198,3 +200,100 @@ def test_atoms_are_told_from_densities() -> None:
     m = phase_multipliers(solve(minimum_effort(), radau(3)), "move")
     np.testing.assert_allclose(m.atom[:2], [24, -12], atol=1e-6)
     assert np.abs(m.density).max() < 1e-6
+
+
+# ---- what is bounded once: initial states, durations, free parameters ---------------------------------------
+
+
+def held(known: Known, index: Callable[[Transcription], int], value: float) -> NlpSolution:
+    """The solution with one variable of the program, by its index, held at a value that the problem leaves open."""
+    t = Transcription(known.problem, radau(3), {p.name: uniform(4 * known.intervals) for p in known.problem.phases})
+    (low, high), k = t.bounds({}), index(t)
+    low[k] = high[k] = value / t.scale[k]
+    solution = NlpSolver(t)(guesses(known), bounds=Bounds(low, high, t.lbg, t.ubg))
+    assert solution.success, solution.status
+    return solution
+
+
+def left_open(c: Certificate, name: str) -> float:
+    return next(check.residual for check in c.checks if check.name == name)
+
+
+def run_from(lower: float, upper: float) -> Known:
+    """``terminal_and_integral`` from anywhere between two values: J = w x0^2 / (1 + w T) = 5 x0^2 / 11."""
+    known = terminal_and_integral()
+    (phase,) = known.problem.phases
+    phase = replace(phase, states=(State("x", initial=([lower], [upper])),))
+    return replace(known, problem=replace(known.problem, phases=(phase,)), optimum=5 * lower**2 / 11)
+
+
+@pytest.mark.parametrize(("value", "towards"), [(0.2, 1.0), (0.7, 0.05)])
+def test_a_held_duration_is_not_certified(value: float, towards: float) -> None:
+    """J = 4 d^2 / (1 + 3 s) + s for s between 0.05 and 1: what is open is |dJ/ds| times the way to the bound."""
+    c, d = certify(held(two_prices(), lambda t: t.variables["cheap"].durations.start, value)), 0.7
+    J, slope = 4 * d**2 / (1 + 3 * value) + value, 1 - 12 * d**2 / (1 + 3 * value) ** 2
+    assert failed(c) == {"cheap limits of its duration"}
+    np.testing.assert_allclose(left_open(c, "cheap limits of its duration"), abs(slope * (towards - value)) / J)
+
+
+@pytest.mark.parametrize("value", [2.5, 3.0])
+def test_a_held_initial_state_is_not_certified(value: float) -> None:
+    """J = 5 x0^2 / 11 and x0 at least 2: dJ/dx0 (x0 - 2) / J = 2 (x0 - 2) / x0."""
+    c = certify(held(run_from(2, 4), lambda t: t.variables["run"].x.start, value))
+    assert failed(c) == {"run limits of its initial state"}
+    np.testing.assert_allclose(left_open(c, "run limits of its initial state"), 2 * (value - 2) / value)
+
+
+@pytest.mark.parametrize(("angle", "towards"), [(0.5, 1.5), (1.2, 0.1)])
+def test_a_held_free_parameter_is_not_certified(angle: float, towards: float) -> None:
+    """Range v^2 sin(2 a) / g for a between 0.1 and 1.5: its logarithm has the slope 2 / tan(2 a)."""
+    c = certify(held(throw(), lambda t: t.parameters.start, angle))
+    assert failed(c) == {"limits of the free parameters"}
+    expected = abs(2 / np.tan(2 * angle) * (towards - angle))
+    np.testing.assert_allclose(left_open(c, "limits of the free parameters"), expected)
+
+
+def bounded(what: str) -> Known:
+    """A problem whose optimum lies on a bound of a duration, an initial state or a free parameter, and pushes it."""
+    if what == "initial state":
+        return run_from(2, 4)
+    known = two_prices() if what == "duration" else throw()
+    if what == "duration":
+        cheap, dear = known.problem.phases
+        return replace(known, problem=replace(known.problem, phases=(replace(cheap, duration=(0.05, 0.3)), dear)))
+    return replace(known, problem=replace(known.problem, parameters=(replace(known.problem.parameters[0], upper=0.6),)))
+
+
+@pytest.mark.parametrize(
+    ("what", "name"),
+    [
+        ("duration", "cheap limits of its duration"),
+        ("initial state", "run limits of its initial state"),
+        ("free parameter", "limits of the free parameters"),
+    ],
+)
+def test_a_bound_that_is_met_may_push_one_way_only(what: str, name: str) -> None:
+    """The optimum on a bound is certified; the multipliers of the opposite goal, which wants away from it, are not."""
+    s = solve(bounded(what), radau(3), factor=4)
+    assert certify(s).passed, failed(certify(s))
+    goal = s.transcription.problem.objective
+    turned = replace(goal, value=lambda e: -1.0 * goal.value(e))
+    t = Transcription(replace(s.transcription.problem, objective=turned), radau(3), s.transcription.mesh)
+    opposite = replace(s, transcription=t, objective=-s.objective, lam_g=-s.lam_g, lam_x=-s.lam_x)
+    assert failed(certify(opposite)) == {name}
+
+
+def test_the_sum_of_several_arcs_may_push_its_bound_only() -> None:
+    """Time 1 is the longest (J = 12 / T^3): its multiplier is the sum's; at 0.8 with the same multipliers it fails."""
+    known = minimum_effort()
+    (phase,) = known.problem.phases
+    known = replace(known, problem=replace(known.problem, phases=(replace(phase, duration=(0.5, 1.0)),)))
+    mesh = mesh_of_arcs([0, 0.5, 1], [6, 6])
+    assert certify(solve(known, radau(3), mesh)).passed
+    t = Transcription(known.problem, radau(3), {"move": mesh})
+    row = next(r.start for r in t.rows if r.kind == "duration")
+    high = t.ubg.copy()
+    high[row] *= 0.8
+    c = certify(NlpSolver(t)(guesses(known), bounds=Bounds(*t.bounds(guesses(known)), t.lbg, high)))
+    assert failed(c) == {"move limits of its duration"}
+    np.testing.assert_allclose(left_open(c, "move limits of its duration"), 3 / 0.8 * 0.2, rtol=1e-6)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.certificate_arcs import activity, arcs
+from hopopt.certificate_bounds import duration_bounds_residual, free_parameters_residual, initial_state_residual
 from hopopt.certificate_costates import phase_multipliers, sign
 from hopopt.certificate_ends import EndSlopes, end_slopes
 from hopopt.certificate_phase import FINE, PhaseCertificate, missed
@@ -64,6 +65,8 @@ def phase_checks(c: PhaseCertificate) -> list[Check]:
     within, at = c.hamiltonian_within(found)
     across, edge = c.hamiltonian_across()
     limits, limit = c.limits_residual()
+    start, state = initial_state_residual(c.solution, name)
+    duration = duration_bounds_residual(c.solution, name)
     return [
         Check(f"{name} costates", costate, COSTATE, "relative", when),
         Check(f"{name} controls stationary", c.stationarity(), WORTH, "of the objective"),
@@ -73,11 +76,13 @@ def phase_checks(c: PhaseCertificate) -> list[Check]:
         Check(f"{name} transversality at its start", c.start_residual(), ENDS, "relative"),
         Check(f"{name} transversality at its end", c.end_residual(), COSTATE, "relative"),
         Check(f"{name} transversality of its duration", c.duration_residual(), ENDS, "relative"),
+        Check(f"{name} limits of its initial state", start, ENDS, "of the objective", state),
+        Check(f"{name} limits of its duration", duration, ENDS, "of the objective"),
     ]
 
 
 def _shared(solution: NlpSolution, phases: Mapping[str, PhaseCertificate], ends: EndSlopes) -> list[Check]:
-    """Boundary constraints' complementarity, and stationarity of the free parameters."""
+    """Boundary constraints' complementarity, and stationarity and complementarity of the free parameters."""
     objective = max(abs(solution.objective), 1e-9)
     pushed = np.abs(ends.multiplier) * missed(ends.multiplier, ends.value, ends.lower, ends.upper, sign(solution), 1.0)
     checks = [Check("limits of the ends", float(pushed.sum()) / objective, ENDS, "of the objective")]
@@ -85,5 +90,7 @@ def _shared(solution: NlpSolution, phases: Mapping[str, PhaseCertificate], ends:
         along = sum(c.by_free() for c in phases.values())
         size = solution.transcription.scale[solution.transcription.parameters]
         wrong = np.abs(ends.free + along - ends.free_multiplier) * size / objective
+        bounds, parameter = free_parameters_residual(solution)
         checks.append(Check("free parameters", float(wrong.max()), ENDS, "of the objective"))
+        checks.append(Check("limits of the free parameters", bounds, ENDS, "of the objective", parameter))
     return checks
