@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 
 from hopopt import cli, second_opinion
+from hopopt.multistart import first_transcription
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop
 from hopopt.planner import Stopwatch, solve
 from hopopt.problem_file import load
 from hopopt.recheck import stored_nlp
 from hopopt.screen_opinions import opinion_lines
-from hopopt.second_opinion import Failed, Opinion, Said, by_uno, opinion, with_opinions
+from hopopt.second_opinion import Failed, Opinion, Said, affordable, by_uno, opinion, with_opinions
 from hopopt.solution import Solution
 from hopopt.storage import read, save
 
@@ -89,6 +90,17 @@ def test_a_solver_that_fails_is_stated_with_its_reason(
     with pytest.raises(Failed, match="not optimal point, constraints missed by"):
         by_uno(stored_nlp(answer), 0)
     assert capfd.readouterr() == ("", "")  # nor does Uno print anything
+
+
+def test_a_program_too_large_gives_way_to_the_first_mesh_s(answer: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Solved by Ipopt from the answer: here that is the same program, and so the same optimum."""
+    hop, stored = Hop(answer.design), stored_nlp(answer)
+    assert affordable(hop, stored) is stored
+    monkeypatch.setattr(second_opinion, "AFFORDABLE", len(stored.z) - 1)
+    first = affordable(hop, stored)
+    assert first.iterations > 0
+    assert first.transcription.mesh == first_transcription(hop).mesh
+    assert first.objective == pytest.approx(stored.objective, rel=1e-8)
 
 
 def raising(error: Exception) -> Callable[[], Said]:

@@ -25,8 +25,8 @@ from hopopt.recheck import stored_nlp
 from hopopt.solution import Solution
 
 SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which opinions agree
-AWAY = 1e-2  # scaled: standard deviation by which every variable is moved away from the answer
-AFFORDABLE = 8000  # variables of a program for Uno: half a minute to some minutes
+AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer
+AFFORDABLE = 6000  # variables of a program for Uno: a minute or some
 FEASIBLE = 1e-6  # scaled: what another solver may miss its constraints by
 NOTHING = 1e-3  # of the objective's scale: smaller values count as this large
 UNO = {"preset": "filtersqp", "TR_radius": 0.1, "time_limit": 1800.0, "logger": "SILENT", "print_solution": False}
