@@ -11,7 +11,6 @@ and with one start, which can end lower. A busy machine slows all alike. Seconds
 import sys
 import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np

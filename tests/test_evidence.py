@@ -1,12 +1,14 @@
 """Global evidence from the command line: starts kept one by one, families of local optima, what contradicts it."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from hopopt import cli
+from hopopt import cli, upright
+from hopopt.errors import ResultError
 from hopopt.evidence import Ended, families, finished, words
 
 COARSE = ("solver.refine=false", "solver.stance_intervals=12", "solver.flight_intervals=5")
@@ -88,23 +90,47 @@ def test_resume_computes_only_what_is_missing(study: Path, capsys: pytest.Captur
     [
         (["--resume", "nowhere"], "nowhere is not a folder that hopopt evidence began"),
         (["paper", "--resume", "nowhere"], "leave out the problem"),
-        (["--starts", "0"], "--starts and --processes must be at least 1"),
-        (["--grids", "2"], "--grids at least 8"),
+        (["--starts", "0"], "--starts takes 1 to"),
+        (["--starts", "1000000000"], "--starts takes 1 to"),
+        (["--grids", "2"], "--grids takes sizes from 8"),
+        (["--grids", "20000"], "--grids takes sizes from 8"),
     ],
 )
 def test_wrong_usage_is_a_sentence(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["evidence", *arguments]) in (1, 2)
+    assert cli.run(["evidence", *arguments]) == 2
     assert said in capsys.readouterr().err
 
 
-def test_a_changed_file_is_named(study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    import shutil
-
+@pytest.mark.parametrize("change", ["{}", '"index": "a"', '"objective": "9"', '"index": 7'])
+def test_a_changed_file_is_named(study: Path, tmp_path: Path, change: str, capsys: pytest.CaptureFixture[str]) -> None:
     copy = tmp_path / "copy"
     shutil.copytree(study, copy)
-    (copy / "starts" / "0000.json").write_text("{}")
-    assert cli.run(["evidence", "--resume", str(copy), "--starts", "1"]) != 0
+    file = copy / "starts" / "0000.json"
+    data = json.loads(file.read_text())
+    file.write_text(json.dumps(data | json.loads(f"{{{change}}}")) if change != "{}" else "{}")
+    assert cli.run(["evidence", "--resume", str(copy), "--starts", "1"]) == ResultError("").exit_code
     assert "0000.json is not what hopopt wrote" in capsys.readouterr().err
+
+
+def test_starts_of_another_problem_are_not_mixed_in(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(study, copy)
+    text = (copy / "problem.toml").read_text()
+    (copy / "problem.toml").write_text(text.replace("ratio = 100.0", "ratio = 90.0"))
+    assert cli.run(["evidence", "--resume", str(copy), "--starts", "1"]) == ResultError("").exit_code
+    assert "problem.toml was changed since the study began" in capsys.readouterr().err
+
+
+def test_what_the_global_method_finds_more_counts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A planner that falls short by 2 % in the reduced hop is contradicted, in the exit code and in the JSON."""
+    short = upright.by_transcription
+    monkeypatch.setattr(upright, "by_transcription", lambda design, n: 0.95 * short(design, n))
+    arguments = [*SETTINGS, "--starts", "1", "--grids", "60", "--processes", "1", "--results", str(tmp_path)]
+    assert cli.run(["evidence", *arguments]) == 3
+    data = json.loads(next(tmp_path.glob("*/summary.json")).read_text())
+    assert data["contradicted"]
 
 
 def test_a_leg_without_a_reduced_hop_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -226,7 +226,9 @@ def test_public_legs_solve_and_verify(name: str) -> None:
 
 BOMB = '<!DOCTYPE lolz [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]><robot name="&b;"/>'
 OUTSIDE = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot name="&x;"/>'
+CHAIN = "".join(f'<link name="l{k}"/><joint name="j{k}" type="fixed"><parent link="l{k}"/><child link="l{k + 1}"/></joint>' for k in range(6000))  # fmt: skip
 FAULTS = {
+    "endless chain": (f'<robot name="x">{CHAIN}<link name="l6000"/></robot>', "hopopt reads up to 1000 in all"),
     "entity bomb": (BOMB, "declares a document type or entities"),
     "outside entity": (OUTSIDE, "declares a document type or entities"),
     "no XML": ("hello", "is not XML"),
@@ -261,6 +263,7 @@ def test_faulty_files_are_refused_in_a_sentence(what: str) -> None:
         (("hip", "kne"), "toe", 'has no "kne" for leg.joints (did you mean knee?): there is hip, knee, ankle'),
         (("hip", "knee", "sole"), "toe", 'joint "sole" is not on the way from the body to the foot "toe"'),
         (("knee", "hip"), "toe", "has the joints in the order hip, knee"),
+        (("hip", "hip"), "toe", "is asked for a joint twice"),
         (("hip", "knee", "ankle"), "shank", 'joint "ankle" is not on the way'),
         (
             ("hip",),
@@ -298,6 +301,41 @@ def test_paths_stay_in_the_problems_folder(tmp_path: Path, name: str, words: str
         load(tmp_path / "m.toml")
     assert len(error.value.problems) == 1
     assert words in error.value.problems[0]
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ("locked = {hip = 1e400}", "leg.locked takes names of joints with the angle"),
+        ("gear = {ratio = -3.0}", "leg.gear.ratio = -3.0 is too small"),
+        ('urdf = "a\\u0000b.urdf"', "is not the path of a file"),
+    ],
+)
+def test_strange_numbers_and_names_end_in_a_sentence(tmp_path: Path, entry: str, words: str) -> None:
+    (tmp_path / "leg.urdf").write_text(SIMPLE)
+    urdf = "" if entry.startswith("urdf") else 'urdf = "leg.urdf"\n'
+    head = f'name = "m"\n[leg]\n{urdf}{entry}\njoints = ["knee", "ankle"]\nfoot_frame = "toe"\n'
+    (tmp_path / "m.toml").write_text(head + "[start]\njoint_angles = [-1.0, 1.0]\n")
+    with pytest.raises(ProblemFileError) as error:
+        load(tmp_path / "m.toml")
+    assert any(words in sentence for sentence in error.value.problems)
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("leg.thigh.direction=[0, 0, 0]", "leg.thigh.direction = [0, 0, 0] has no direction"),
+        ("leg.hip.axis=[0.0, 0.0, 0.0]", "has no direction"),
+        ("leg.thigh.direction=[0, 1, 0]", "links or joints leave the x-z plane"),
+        ("leg.thigh.inertia_tensor=[0.001, 0.001, 0.001, 0.5, 0.5, 0.5]", "which no body has"),
+        ("leg.thigh.inertia_tensor=[0.1, 1e-4, 1e-4, 0, 0, 0]", "which no body has"),
+        ("leg.thigh.com_position=[9, 9, 9]", "is further from the joint than twice"),
+    ],
+)
+def test_links_that_cannot_be_are_refused(override: str, words: str) -> None:
+    with pytest.raises(ProblemFileError) as error:
+        load("paper", [override])
+    assert any(words in sentence for sentence in error.value.problems), error.value.problems
 
 
 def test_absurd_mass_is_refused_with_its_entry(tmp_path: Path) -> None:

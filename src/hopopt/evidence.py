@@ -12,7 +12,7 @@ body moves over the foot. The best family's optimum is refined and verified like
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -67,7 +67,7 @@ def open_study(design: Design, objective: str, results: Path) -> Path:
     folder = unused(results / f"{design.name}-evidence-{design_hash(design)}")
     (folder / "starts").mkdir(parents=True)
     (folder / "problem.toml").write_text(resolved_toml(design), encoding="utf-8")
-    write_json({"objective": objective}, folder / "evidence.json")
+    write_json({"objective": objective, "hash": design_hash(design)}, folder / "evidence.json")
     return folder
 
 
@@ -75,11 +75,14 @@ def reopen_study(folder: Path) -> tuple[Design, str]:
     """Problem and objective of a study that was begun; ResultError if the folder is none."""
     try:
         asked = json.loads((folder / "evidence.json").read_text(encoding="utf-8"))
-        return load(folder / "problem.toml"), str(asked["objective"])
+        design, objective, begun = load(folder / "problem.toml"), str(asked["objective"]), asked["hash"]
     except (OSError, ValueError, KeyError, TypeError):
         raise ResultError(
             f"{folder} is not a folder that hopopt evidence began: give one, or leave out --resume"
         ) from None
+    if begun != design_hash(design):
+        raise ResultError(f"{folder / 'problem.toml'} was changed since the study began: begin a new one with it")
+    return design, objective
 
 
 def finished(folder: Path) -> list[Ended]:
@@ -87,9 +90,14 @@ def finished(folder: Path) -> list[Ended]:
     found = []
     for path in sorted((folder / "starts").glob("*.json")):
         try:
-            found.append(Ended(**json.loads(path.read_text(encoding="utf-8"))))
-        except (ValueError, TypeError):
+            ended = Ended(**json.loads(path.read_text(encoding="utf-8")))
+            kinds: dict[Any, tuple[type, ...]] = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
+            whole = all(isinstance(getattr(ended, f.name), kinds[f.type]) for f in fields(Ended))
+            if not whole or ended.index != int(path.stem):
+                raise ValueError
+        except (OSError, ValueError, TypeError):
             raise ResultError(f"{path} is not what hopopt wrote: remove it, and it is computed again") from None
+        found.append(ended)
     return found
 
 

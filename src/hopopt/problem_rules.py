@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from hopopt.problem_check import Report
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
+TINY = 1e-9  # below which a vector has no direction
+ROUNDED = 1e-3  # by which moments of inertia in a file may miss what they have to be
 ROUNDING = 1e-9  # m or rad: a pose given in decimals is not refused for its last digit
 
 
@@ -64,6 +66,7 @@ def _chain_faults(joints: list[str], links: list[str]) -> Iterator[tuple[str, st
 
 
 def _joint_faults(path: str, joint: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    yield from _vector_faults(path, joint, "axis")
     lower, upper = joint.get("lower"), joint.get("upper")
     if is_number(lower) and is_number(upper) and not lower < upper:
         yield (
@@ -72,7 +75,41 @@ def _joint_faults(path: str, joint: Mapping[str, Any]) -> Iterator[tuple[str, st
         )
 
 
+def _vector_faults(path: str, table: Mapping[str, Any], entry: str) -> Iterator[tuple[str, str]]:
+    vector = table.get(entry)
+    if isinstance(vector, tuple) and all(map(is_number, vector)) and not any(abs(x) > TINY for x in vector):
+        yield f"{path}.{entry}", f"= {shown(vector)} has no direction: one of its numbers has to be other than 0"
+
+
+def _solid_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """A link's own tensor and centre of mass: given once, near the link, of a body that can exist."""
+    for one, other in (("com", "com_position"), ("inertia", "inertia_tensor")):
+        if link.get(one) is not None and link.get(other) is not None:
+            yield f"{path}.{other}", f"says again what {path}.{one} says: remove one of them"
+    place, length, moments = link.get("com_position"), link.get("length"), link.get("inertia_tensor")
+    if _numbers(place, 3) and is_number(length) and np.linalg.norm(place) > 2 * length:
+        yield (
+            f"{path}.com_position",
+            f"= {shown(place)} m is further from the joint than twice {path}.length = {length} m",
+        )
+    if _numbers(moments, 6):
+        xx, yy, zz, xy, xz, yz = moments
+        low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if low < 0 or high > (low + middle) * (1 + ROUNDED):
+            yield (
+                f"{path}.inertia_tensor",
+                f"= {shown(moments)} kg m^2 has the principal moments {low:.3g}, {middle:.3g} and {high:.3g}, which no body "
+                "has: none is negative, each at most the sum of the others",
+            )
+
+
+def _numbers(value: Any, count: int) -> TypeGuard[tuple[float, ...]]:
+    return isinstance(value, tuple) and len(value) == count and all(is_number(x) and abs(x) < 1e6 for x in value)
+
+
 def _link_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    yield from _vector_faults(path, link, "direction")
+    yield from _solid_faults(path, link)
     com, length = link.get("com"), link.get("length")
     if is_number(com) and is_number(length) and com > length:
         most = f"{path}.length = {shown(length)} m"
@@ -167,8 +204,9 @@ def _angle_faults(leg: Leg, angles: tuple[float, ...]) -> Iterator[tuple[str, st
 def _height_faults(leg: Leg, start: Start) -> Iterator[tuple[str, str]]:
     height, foot = start.hip_height, start.foot_x
     assert height is not None
-    if len(leg.joints) != 2 or not planar(leg):
-        other = "with other than two joints" if len(leg.joints) != 2 else "that leaves the x-z plane"
+    flat = [name for name in leg.links if np.hypot(*np.array(leg.link[name].direction)[[0, 2]]) < TINY]
+    if len(leg.joints) != 2 or not planar(leg) or flat:
+        other = "with other than two joints" if len(leg.joints) != 2 else "whose links or joints leave the x-z plane"
         words = f"does not give the pose of a leg {other}: give start.joint_angles instead"
         yield "start.hip_height", f"= {height} m {words}"
         return

@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hopopt.leg.urdf_file import MAX_BYTES
 from hopopt.problem_text import shown, shown_path
 
 if TYPE_CHECKING:
@@ -32,7 +33,11 @@ def located(layer: Mapping[str, Any], folder: Path, label: str, report: "Report"
         inside, folder = name.removeprefix(f"{ROBOTS}/"), _robots() or Path()
     else:
         inside = name
-    found = (folder / inside).resolve()
+    try:
+        found = (folder / inside).resolve()
+    except (OSError, ValueError):  # a null byte, a loop of links
+        report.unusable(f"{where} is not the path of a file")
+        return dict(layer)
     if folder == Path() and name.startswith(f"{ROBOTS}/"):
         report.unusable(f'{where} is in the package {ROBOTS}, which is not installed: pip install "hopopt[robots]"')
     elif os.path.isabs(inside) or not found.is_relative_to(folder.resolve()):
@@ -74,7 +79,7 @@ def with_leg(data: dict[str, Any], report: "Report") -> dict[str, Any]:
 
     path = Path(given["urdf"])
     try:
-        found = read_leg(path.read_bytes(), rest["joints"], given["foot_frame"], given.get("locked", {}))
+        found = read_leg(_read(path), rest["joints"], given["foot_frame"], given.get("locked", {}))
     except OSError as error:
         report.unusable(f"{shown_path(path.name)} cannot be read: {error.strerror}")
     except UrdfError as error:
@@ -82,6 +87,14 @@ def with_leg(data: dict[str, Any], report: "Report") -> dict[str, Any]:
     else:
         return {**data, "leg": _merged(_tables(found, rest), rest)}
     return {**data, "leg": rest}
+
+
+def _read(path: Path) -> bytes:
+    """The file, or one byte more than a URDF may have; OSError if it is no file."""
+    if not path.is_file():
+        raise OSError(0, "it is not a file")
+    with path.open("rb") as file:
+        return file.read(MAX_BYTES + 1)
 
 
 def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: "Report") -> bool:
@@ -104,7 +117,7 @@ def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: "Report") 
 
 
 def _is_angle(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e3
 
 
 def _tables(found: Any, leg: Mapping[str, Any]) -> dict[str, Any]:
@@ -140,11 +153,15 @@ def _drives(found: Any, leg: Mapping[str, Any]) -> dict[str, Any]:
         own = leg.get(item.joint)
         if isinstance(own, Mapping) and "motor" in own:
             continue
-        ratio = next((t["ratio"] for t in _gears(own, leg) if isinstance(t.get("ratio"), (int, float))), 1.0) or 1.0
+        ratio = next((t["ratio"] for t in _gears(own, leg) if _is_ratio(t.get("ratio"))), 1.0)
         values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
         drives[item.joint] = {"motor": {k: v for k, v in values.items() if math.isfinite(v)}}
     common = next((d["motor"] for d in drives.values() if len(d["motor"]) == 2), None)
     return {"motor": common, **drives} if common else drives
+
+
+def _is_ratio(value: Any) -> bool:
+    return _is_angle(value) and value > 0
 
 
 def _gears(own: Any, leg: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -17,8 +17,12 @@ def print_evidence(data: Mapping[str, Any]) -> None:
     )
     if bound["clearance_m"] is not None:
         out.print(
-            f"  bound     {bound['clearance_m']:.2f} m by the drives' power and speed alone (docs/bound.md)",
+            f"  bound     {bound['clearance_m']:.2f} m in the longest stance, by the drives' power and speed alone (docs/bound.md)",
             markup=False,
+        )
+    if data["contradicted"]:
+        out.print(
+            "[bold red]the global method finds more than the planner in the reduced hop[/bold red]: neither is to be trusted"
         )
     for k, line in enumerate(_reduced(data["reduced"])):
         out.print(f"  {'reduced' if k == 0 else '':9s} {line}", markup=False)

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.bound import most_speed
-from hopopt.errors import NotSolvedError, UsageError
+from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.kinematics import TwoJoints, foot_offset, joint_positions, planar, reach, start_angles, within_limits
@@ -33,7 +33,9 @@ from hopopt.sim.machine import Machine
 ACCELERATIONS = 9  # tried between the least and the largest
 TIE = 1e-6  # m/s: weight of the effort in the planner's reduced problem
 PACE = 1.0  # steps in the time of a fast rise, for each row of the grid to the power 2/3
+SHORTEST = 1e-3  # s: a stance may be as short as it likes
 NOWHERE = -1.0  # m: worth of a state from which the leg cannot go on
+MOST = 2000  # rows of a grid: 4 million states
 HEIGHTS = 4001  # among which the ends of the body's range are looked for
 
 
@@ -57,15 +59,28 @@ class Upright:
 
 
 def reduced(design: Design) -> Design:
-    """The problem on a vertical slider, the foot under the hip; UsageError if the leg has other than two joints in a
-    plane."""
+    """The problem on a vertical slider, the foot under the hip at the height of the start, on ideal ground, with no
+    other limits than the drives', the joints' and the ground's; UsageError if the leg has other than two joints in a
+    plane, or cannot stand so."""
     if len(design.leg.joints) != 2 or not planar(design.leg):
         raise UsageError(f"{design.name}: the reduced hop needs a leg of two joints in the x-z plane")
-    return changed(design, {"leg.guides": ("z",), "start.foot_x": 0.0})
+    height = float(-foot_offset(design.leg, start_angles(design))[1])
+    longest = design.hop.stance_duration[1]
+    plain = {
+        "leg.guides": ("z",), "start.foot_x": 0.0, "start.hip_height": height,
+        "contact.friction": None, "contact.least_force": 0.0, "hop.counter_movement": True, "hop.least_height": 0.0,
+        "hop.above_ground": (), "hop.stance_duration": (min(SHORTEST, longest), longest),
+    }  # fmt: skip
+    try:
+        return changed(design, plain)
+    except ProblemFileError as error:
+        raise UsageError(f"{design.name}: no reduced hop: {' '.join(error.problems)}") from None
 
 
 def by_dynamic_programming(design: Design, size: int) -> float:
     """Greatest height [m] to which the centre of mass can be thrown, on a grid of size x size states."""
+    if not 8 <= size <= MOST:
+        raise UsageError(f"a grid of {size} x {size} states: a size from 8 to {MOST} is needed")
     leg = upright(design, size)
     share = np.linspace(-1.0, 1.0, 2 * (size // 2) + 1)  # of the largest speed
     speeds = [

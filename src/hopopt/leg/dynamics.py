@@ -7,7 +7,8 @@ contact force is what its base rows ask for.
 
 Where the guides do not follow the foot (x on a vertical slider, y where the leg leaves the plane), the pinned foot
 closes a loop: as many joints depend on the others, and as many components of the contact force are free, because
-the joints can press against the guides.
+the joints can press against the guides. There the foot is held by accelerations alone, which lets it drift by the
+error of integration: verification says by how much.
 """
 
 from collections.abc import Mapping, Sequence

@@ -165,7 +165,7 @@ def start_fault(design: Design, solutions: list[np.ndarray]) -> str:
     """Why no start pose exists, with what is allowed."""
     leg = design.leg
     if not solutions:
-        l1, l2 = (leg.link[name].length for name in leg.links)
+        l1, l2 = map(abs, TwoJoints.of(leg).ends)
         return f"the leg reaches from {abs(l1 - l2):.3f} to {l1 + l2:.3f} m"
     limits = ", ".join(f"{j} {leg.joint[j].lower:g} to {leg.joint[j].upper:g} rad" for j in leg.joints)
     poses = " or ".join("(" + ", ".join(f"{a:.3f}" for a in q) + ") rad" for q in solutions)

@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from xml.parsers import expat
 
 MAX_BYTES = 5_000_000  # the largest public robots have a tenth of it
+MOST = 1000  # links and joints; a humanoid with hands has 200
 MOVING = ("revolute", "continuous")
 TYPES = (*MOVING, "prismatic", "fixed")
 
@@ -45,6 +46,10 @@ class Tree:
         self.joints = _by_name(root, "joint")
         if not self.links:
             raise UrdfError("has no links")
+        if len(self.links) + len(self.joints) > MOST:
+            raise UrdfError(
+                f"has {len(self.links)} links and {len(self.joints)} joints: hopopt reads up to {MOST} in all"
+            )
         self.above: dict[str, str] = {}  # link -> the joint that carries it
         for name, joint in self.joints.items():
             self._check_joint(name, joint)
@@ -119,6 +124,8 @@ class Tree:
             if (kind := self.joints[name].get("type")) not in MOVING:
                 raise UrdfError(f"joint {quoted(name)} is {kind}: the joints of a leg are {' or '.join(MOVING)}")
         chain = [name for name in on_the_way if name in joints]
+        if len(set(joints)) < len(joints):
+            raise UrdfError(f"is asked for a joint twice: leg.joints names {_some(joints)}")
         if list(joints) != chain:
             raise UrdfError(f"has the joints in the order {', '.join(chain)}: write leg.joints so, from body to foot")
         return chain
