@@ -2,12 +2,14 @@
 
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
 
+import hopopt as ho
 from hopopt import load, solve
 from hopopt.closed_loop import make_plant
 from hopopt.errors import ProblemFileError, UsageError
@@ -18,6 +20,7 @@ from hopopt.leg.kinematics import joint_positions
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.urdf import read_leg
 from hopopt.leg.urdf_file import UrdfError
+from hopopt.problem_file import changed
 from hopopt.sim.machine import Machine
 
 PUBLIC = ("solo12_leg", "a1_leg", "go1_leg", "go2_leg", "b1_leg", "hyq_leg")
@@ -194,6 +197,21 @@ def test_pinned_foot_on_a_closed_loop(name: str, overrides: dict) -> None:
 def _loop_jacobian(machine: Machine, dynamics: LegDynamics, q_j: np.ndarray) -> np.ndarray:
     J = machine.foot_jacobian(np.concatenate([np.zeros(BASE), q_j]))
     return J[[machine.contact.index(axis) for axis in dynamics.loops]][:, BASE:]
+
+
+def test_body_on_a_slider_stands_where_it_starts_in_both_phases() -> None:
+    """Foot ahead of the hip: the program's flight and the plan's own begin where stance ends, x included."""
+    design = load("paper", ['leg.guides=["z"]', "start.foot_x=0.05", "solver.refine=false", "solver.starts=1"])
+    coarse = {"solver.stance_intervals": 10, "solver.flight_intervals": 5}
+    solution = solve(changed(design, coarse), objective=_height_and_place, processes=1)
+    end = solution.sample(solution.duration)
+    assert end.q[0, 0] == pytest.approx(-0.05, abs=1e-9)
+    assert solution.summary["objective_value"] == pytest.approx(end.q[0, 1] + 0.1 * end.q[0, 0], abs=1e-4)
+
+
+@ho.objective(unit="m")
+def _height_and_place(now: Any) -> Any:
+    return now.q[1] + 0.1 * now.q[0]
 
 
 @pytest.mark.parametrize("override", ['leg.guides=["z"]', "leg.hip.axis=[0.6, -0.8, 0.0]"])

@@ -161,6 +161,11 @@ def start_angles(design: Design) -> np.ndarray:
     return allowed[0]
 
 
+def body_x(design: Design) -> float:
+    """Where the body starts, and on a slider stays: x [m] from the foot."""
+    return float(-foot_offset(design.leg, start_angles(design))[0])
+
+
 def start_fault(design: Design, solutions: list[np.ndarray]) -> str:
     """Why no start pose exists, with what is allowed."""
     leg = design.leg

@@ -14,7 +14,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics, Motion
-from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_angles
+from hopopt.leg.kinematics import body_x, contact_axes, dependent_joints, loop_axes, reach, start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import force_range, weight
 from hopopt.ocp.constraints import (
@@ -94,10 +94,10 @@ class Hop:
         return s.once("motion", lambda: self.dynamics(s).flight(*self.com_and_speed(s), s.q, s.v, s.a))
 
     def com_and_speed(self, s: Instant) -> tuple[ca.SX, ca.SX]:
-        """Place and speed of the centre of mass in flight, (x, z); on a slider the body stands at x = 0."""
+        """Place and speed of the centre of mass in flight, (x, z); on a slider the body's x is that of the start."""
         if len(self.falling) == BASE:
             return s.com, s.com_v
-        return ca.vertcat(0, s.com), ca.vertcat(0, s.com_v)
+        return ca.vertcat(body_x(self.design), s.com), ca.vertcat(0, s.com_v)
 
     def points_at_end(self, e: Ends) -> dict[str, ca.SX]:
         """World (x, z) [m] of the leg's points at the end of flight."""
