@@ -46,6 +46,9 @@ def two(now):
 def torque(now):
     return now.tau[0]
 
+def leaves(now):
+    raise SystemExit
+
 number = 3
 """
 
@@ -141,6 +144,7 @@ def test_a_false_claim_is_found(softly: Solution) -> None:
         ("text", "mine:text returned str: a CasADi expression"),
         ("constant", "mine:constant does not depend on the hop"),
         ("two", "mine:two returned 2 values: an objective is one number"),
+        ("leaves", "mine:leaves stopped with SystemExit"),
         ("torque", "a, tau and f are not there at the end"),
         ("number", "mine:number is not a function"),
         ("missing", "mine:missing cannot be imported: AttributeError"),
@@ -156,6 +160,26 @@ def test_wrong_functions_are_explained(
     error = capfd.readouterr().err
     assert words in error
     assert "Traceback" not in error
+
+
+def test_a_module_that_exits_is_no_success(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "script.py").write_text("import sys\nsys.exit()\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert run(["solve", "--objective", "script:f", "--starts", "1"]) == 2
+    assert "script:f cannot be imported: SystemExit" in capfd.readouterr().err
+
+
+def test_a_leg_that_leaves_the_plane_has_a_force_of_three_parts() -> None:
+    def forces(now: Moment) -> ca.SX:
+        assert now.f.numel() == 3
+        return ca.vertcat(now.f[1], now.f[2] - now.f[-1] + now.f[0])
+
+    tilted = {"leg.knee.axis": (0.3, 0.8, 0.2), "start.joint_angles": (0.3, -0.6)}
+    hop = Hop(ho.load("paper", tilted), constraints=(custom(forces),))
+    assert [c.name for phase in hop.problem.phases for c in phase.path].count(custom(forces).name) == 2
 
 
 def test_a_stored_result_names_its_function_and_does_not_run_it(

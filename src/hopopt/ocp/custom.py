@@ -30,7 +30,8 @@ PHASES = ("stance", "flight")
 @dataclass(frozen=True)
 class Moment:
     """The whole leg at one instant, as CasADi expressions (SI): ``t`` since the phase began, ``phase``; q, v, a of body
-    x, z and joints; joint torques tau; ground force f; points: name -> (x, z) of every joint, "foot" and "com"; com_v.
+    x, z and joints; joint torques tau; points: name -> (x, z) of every joint, "foot" and "com"; com_v; ground force f
+    along x (y, if the leg leaves the plane) and z: f[-1] is its vertical part.
 
     At the end of the hop there is no a, tau or f; ``lift_off`` is the last instant of stance, ``t`` the whole duration.
     """
@@ -97,7 +98,7 @@ class Custom:
         """The function's value as a column; UsageError, saying what is wrong, if it gives none."""
         try:
             value = self.function(moment)
-        except Exception as error:  # whatever the author's code raises
+        except (Exception, SystemExit) as error:  # whatever the author's code raises
             raise UsageError(
                 f"{self.name} stopped with {type(error).__name__}: {_line(error)}{_hint(error)}"
             ) from error
@@ -137,7 +138,7 @@ def load(name: str) -> Any:
         sys.path.insert(0, os.getcwd())
     try:
         found = getattr(importlib.import_module(module), attribute)
-    except Exception as error:  # whatever the module raises
+    except (Exception, SystemExit) as error:  # whatever the module raises
         raise UsageError(f"{name} cannot be imported: {type(error).__name__}: {_line(error)}") from None
     return found
 
@@ -220,7 +221,8 @@ def _points(hop: "Hop", s: Instant, q: ca.SX, v: ca.SX) -> tuple[dict[str, ca.SX
 
 def checked(c: Custom, hop: "Hop", is_objective: bool) -> Custom:
     """The function, tried on symbols of the hop; UsageError if it does not give what it must, or nothing that moves."""
-    trial = symbols(hop.n, tuple(hop.robot.points), is_objective and not c.terms.running)
+    at_end = is_objective and not c.terms.running
+    trial = symbols(hop.n, tuple(hop.robot.points), at_end, forces=hop.contact_axes)
     value = c(trial, 1 if is_objective else None)
     if not ca.symvar(value):
         raise UsageError(f"{c.name} does not depend on the hop: it returned {np.array(ca.DM(value)).ravel().tolist()}")
