@@ -12,12 +12,14 @@ from scipy.optimize import minimize_scalar
 import hopopt as ho
 from hopopt.cli import run
 from hopopt.errors import UsageError
+from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.freedom import Coupling, Freedom, parse_coupling, parse_free
 from hopopt.ocp.guess import Guess
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
 from hopopt.sensitivity import sensitivity
 from hopopt.solution import Solution
@@ -136,6 +138,34 @@ def test_ratio_at_its_bound_on_the_command_line(tmp_path: Path, capfd: pytest.Ca
     assert "co-design confirmed" in {c["name"] for c in s["verification"]}
 
 
+@pytest.mark.parametrize("height", [0.2, 0.28, 0.5])
+@pytest.mark.parametrize(
+    ("zero", "sense", "side"), [(z, s, k) for z in (0, -1.5, 2.5) for s in (-1, 1) for k in (-1, 1)]
+)
+def test_the_start_stays_folded_to_its_side(height: float, zero: float, sense: int, side: int) -> None:
+    """The paper's leg with a knee that is straight at another angle than 0, counted in either sense, bent to either
+    side: of all knee angles within the bounds none is bent to the other side, and every one of this side is allowed."""
+    limits = sorted((sense * (zero + side * 0.05), sense * (zero + side * 3.0)))
+    turned = {
+        "leg.knee.axis": (0.0, -float(sense), 0.0), "leg.knee.lower": limits[0] - 0.5, "leg.knee.upper": limits[1] + 0.5,
+        "leg.shank.direction": (-np.sin(zero), 0.0, -np.cos(zero)), "start.hip_height": height, "leg.hip.lower": -3.0,
+        "leg.hip.upper": 3.0,
+    }  # fmt: skip
+    design = ho.load("paper", turned)
+    freedom = Freedom({"leg.shank.length": (0.3, 0.45)})
+    hop = Hop(design, freedom=freedom)
+    bounds: Any = freedom.start(hop)
+    lower, upper = bounds
+    geometry, chosen = TwoJoints.of(design.leg), start_angles(design)[1]
+    assert lower[1] < chosen < upper[1]
+    was = np.sign(geometry.bend(chosen))
+    allowed = np.linspace(limits[0] - 0.5, limits[1] + 0.5, 400)
+    for q in allowed:
+        if np.abs(q - chosen) < 3.0:
+            folded = np.sign(geometry.bend(q)) == was
+            assert folded == (lower[1] <= q <= upper[1]), q
+
+
 # ---- words --------------------------------------------------------------------------------------------------
 
 
@@ -151,7 +181,7 @@ def test_ratio_at_its_bound_on_the_command_line(tmp_path: Path, capfd: pytest.Ca
         ),
         ("2 a.b <= 3 - c.d", {"a.b": 2, "c.d": 1}, -np.inf, 3),
         ("-1e-2*a.b + 1 >= .5", {"a.b": -0.01}, -0.5, np.inf),
-        ("a.b = a.b + c.d", {"a.b": 0, "c.d": -1}, 0, 0),
+        ("a.b = 2*a.b + c.d", {"a.b": -1, "c.d": -1}, 0, 0),
     ],
 )
 def test_couplings_are_sums(text: str, factors: dict[str, float], lower: float, upper: float) -> None:
@@ -168,6 +198,22 @@ def test_couplings_are_sums(text: str, factors: dict[str, float], lower: float, 
 )
 def test_anything_else_is_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--couple"):
+        parse_coupling(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1e999*a.b = 1", "a.b has a factor that is not finite"),
+        ("1e999*a.b = 1e999*a.b", "a.b has a factor that is not finite"),
+        ("a.b <= 1e999", "its constant is not finite"),
+        ("a.b = a.b", "a.b cancels out"),
+        ("a.b = a.b + c.d", "a.b cancels out"),
+        ("0*a.b = 0", "a.b cancels out"),
+    ],
+)
+def test_factors_that_bind_nothing_are_refused(text: str, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
         parse_coupling(text)
 
 
@@ -194,6 +240,22 @@ def test_bounds_that_are_none(text: str) -> None:
 def test_impossible_wishes(free: dict[str, tuple[float, float]], couple: list[str], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         ho.codesign(ho.load("paper"), free, couple=couple)
+
+
+@pytest.mark.parametrize(
+    ("free", "words"),
+    [
+        ({"leg.shank.length": (0.3, 0.38)}, "leg.shank.com = 0.35 m is set, .* 0.35 m or above"),
+        ({"leg.shank.length": (0.3, 0.38), "leg.shank.com": (0.1, 0.33)}, "leg.shank.com can be 0.33 m"),
+    ],
+)
+def test_a_link_cannot_get_shorter_than_its_centre_of_mass_is_far(free: dict[str, Any], words: str) -> None:
+    """Said before anything is solved, whatever a coupling would exclude."""
+    design = ho.load("paper", {"leg.shank.com": 0.35})
+    with pytest.raises(UsageError, match=words):
+        ho.codesign(design, free, couple=["leg.shank.length <= 0.34"])
+    with pytest.raises(UsageError, match="no values within the bounds"):  # now the coupling is what cannot be met
+        ho.codesign(design, {"leg.shank.length": (0.35, 0.38)}, couple=["leg.shank.length <= 0.34"])
 
 
 def test_couplings_need_freedom(capfd: pytest.CaptureFixture[str]) -> None:

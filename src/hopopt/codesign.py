@@ -155,6 +155,7 @@ def checked(design: Design, freedom: Freedom) -> Freedom:
             raise UsageError(f"--free {entry}: its bounds {low:g} and {high:g} leave it no room")
         for value in (low, high):
             _possible(design, entry, value)
+        _holds_com(entry, low, freedom, known)
     for c in freedom.couplings:
         for entry in c.factors:
             if entry not in known:
@@ -173,6 +174,19 @@ def _possible(design: Design, entry: str, value: float) -> None:
         wrong = [s.removeprefix("override ") for s in error.problems if s.startswith(f"override {entry} ")]
         if wrong:
             raise UsageError(f"--free: {wrong[0]}") from None
+
+
+def _holds_com(entry: str, shortest: float, freedom: Freedom, known: Mapping[str, float]) -> None:
+    """That a link cannot get shorter than its centre of mass is far, where that is set."""
+    com = f"{entry.removesuffix('.length')}.com"
+    if not entry.endswith(".length") or com not in known:
+        return
+    far = freedom.bounds.get(com, (known[com], known[com]))[1]
+    if shortest < far:
+        reach = f"{com} can be {far:g} m" if com in freedom.bounds else f"{com} = {far:g} m is set"
+        raise UsageError(
+            f"--free {entry}: {reach}, beyond the end of a link of {shortest:g} m: begin its range at {far:g} m or above"
+        )
 
 
 def _reachable(c: Coupling, freedom: Freedom, known: Mapping[str, float]) -> None:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.errors import UsageError
-from hopopt.leg.kinematics import start_angles
+from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Numbers, Parameter
 
 if TYPE_CHECKING:
@@ -63,12 +63,16 @@ class Freedom:
         return hop.design.start.hip_height is not None and bool(lengths & self.bounds.keys())
 
     def start(self, hop: "Hop") -> Numbers | tuple[Numbers, Numbers]:
-        """Joint angles at the start [rad]: given, or free on the side to which the last joint is folded."""
+        """Joint angles at the start [rad]: given, or free on the side to which the second joint is folded, whatever its
+        angle when the leg is straight (a hip height is the start of legs of two joints only)."""
         q0 = start_angles(hop.design)
         if not self.moves_start(hop):
             return q0
         lower, upper = (side.copy() for side in hop.limits)
-        lower[-1], upper[-1] = (lower[-1], min(upper[-1], 0.0)) if q0[-1] < 0 else (max(lower[-1], 0.0), upper[-1])
+        geometry = TwoJoints.of(hop.leg)
+        bend = geometry.bend(q0[1])
+        ends = q0[1] + geometry.signs[1] * (np.array([0.0, np.copysign(np.pi, bend)]) - bend)  # straight, folded
+        lower[1], upper[1] = max(lower[1], ends.min()), min(upper[1], ends.max())
         return lower.tolist(), upper.tolist()
 
     def boundary(self, hop: "Hop") -> Iterator[BoundaryConstraint]:
@@ -111,6 +115,12 @@ def parse_coupling(text: str) -> Coupling:
     constant = _add(text, sides[0], 1.0, factors) + _add(text, sides[2], -1.0, factors)
     if not factors:
         raise UsageError(f"--couple {text}: no entry is in it; {HOW}")
+    for entry, factor in factors.items():
+        if factor == 0 or not np.isfinite(factor):
+            why = "cancels out" if factor == 0 else "has a factor that is not finite"
+            raise UsageError(f"--couple {text}: {entry} {why}; {HOW}")
+    if not np.isfinite(constant):
+        raise UsageError(f"--couple {text}: its constant is not finite; {HOW}")
     lower, upper = {"=": (-constant, -constant), "<=": (-INF, -constant), ">=": (-constant, INF)}[sides[1]]
     return Coupling(" ".join(text.split()), factors, lower, upper)
 
