@@ -69,6 +69,7 @@ def test_folder_holds_table_points_and_json(front: Front) -> None:
     with (front.folder / "table.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [float(r["peak_force_N"]) for r in rows] == [p.value for p in sorted(front.points, key=lambda p: p.asked_m)]
+    assert [r["least"] for r in rows] == ["True"] * (POINTS - 1) + ["False"]  # what the highest hop happens to have
     assert json.loads((front.folder / "front.json").read_text())["points"][0]["verified"] is True
     for row in rows:
         assert ho.read(row["result_dir"]).verified
@@ -84,6 +85,10 @@ def test_figure_shows_every_point(front: Front) -> None:
     drawn = np.array([(p.clearance_m, p.value) for p in front.verified], dtype=float)
     np.testing.assert_allclose(np.stack([x, y], axis=1), drawn)
     assert np.asarray(lines["no verified hop"].get_xdata()) == [0.5]
+    (highest,) = (line for name, line in lines.items() if str(name).startswith("highest, with what it happens to cost"))
+    assert np.asarray(highest.get_xdata()) == [front.verified[-1].clearance_m]
+    alone = figure(Front(front.design, front.against, None, [p for p in front.points if p.least], []))
+    assert not any("highest" in str(line.get_label()) for line in alone.axes[0].get_lines())
     assert picture.axes[0].get_ylabel() == "peak force [N]"
 
 
@@ -115,6 +120,7 @@ def test_stopping_keeps_what_is_finished(
         (["--against", "clearance"], "choose one of energy"),
         (["--against", "electrical_energy"], "winding_resistance"),
         (["--points", "2"], "at least 3 points"),
+        (["--points", "1001"], "at most 1000"),
         (["--from", "-1"], "a clearance from 0 to 20 m"),
     ],
 )

@@ -26,7 +26,9 @@ def pareto(
     figures: bool = True,
     json_: AsJson = False,
 ) -> int:
-    """Say what every clearance costs at least: the Pareto front of the clearance against another objective.
+    """Say what a clearance costs at least: the Pareto front of the clearance against another objective.
+
+    Its upper end is the highest hop with what it happens to cost, which may be more than the least at that clearance.
 
     Exit code: 0 every point verified, 1 none (or an end not solved), 2 wrong usage, 3 some not verified, 130 stopped:
     what is finished is kept.
@@ -38,7 +40,7 @@ def pareto(
     against
         What is to be small: energy, absolute_work, electrical_energy, time, saturation, peak_torque or peak_force.
     points
-        How many hops, the two ends counted.
+        How many hops, 3 to 1000, the two ends counted.
     lowest
         The clearance [m] at which the front begins (default 0: the least of the other objective).
     starts

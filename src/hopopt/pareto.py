@@ -33,12 +33,14 @@ from hopopt.storage import save, unused, write_json
 
 CLOSER = 1.5  # exponent that brings points closer to the highest hop
 PATIENCE = 150  # iterations from a neighbour
+MOST = 1000  # points of a front
 TOP, LEAST = "highest hop", "least {}"
 
 
 @dataclass(frozen=True)
 class FrontPoint:
-    """One hop of the front: clearance [m] and the other figure [its unit], None where it is not verified."""
+    """One hop of the front: clearance [m] and the other figure [its unit], None where it is not verified; ``least``:
+    whether that figure was minimised, not what the highest hop happens to have."""
 
     kind: str
     asked_m: float
@@ -48,6 +50,7 @@ class FrontPoint:
     sentence: str = ""
     result_dir: str | None = None
     seconds: float = 0.0
+    least: bool = True
 
 
 @dataclass
@@ -93,9 +96,9 @@ class Front:
         write_json(self.as_dict(), self.folder / "front.json")
         with (self.folder / "table.csv").open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file)
-            table.writerow(["clearance_m", self.against.figure, "verified", "point", "sentence", "result_dir"])
+            table.writerow(["clearance_m", self.against.figure, "least", "verified", "point", "sentence", "result_dir"])
             for p in sorted(self.points, key=lambda p: p.asked_m):
-                table.writerow([p.clearance_m, p.value, p.verified, p.kind, p.sentence, p.result_dir])
+                table.writerow([p.clearance_m, p.value, p.least, p.verified, p.kind, p.sentence, p.result_dir])
 
 
 def front(
@@ -141,8 +144,8 @@ def _goal(design: Design, against: str, points: int) -> HopObjective:
     choices = [o.name for o in OBJECTIVES.values() if o.ends == "demand" and o.name != "impact"]  # the top: no landing
     if against not in choices:
         raise UsageError(f"there is no front against {against!r}: choose one of {', '.join(choices)}")
-    if points < 3:
-        raise UsageError("a front has at least 3 points")
+    if not 3 <= points <= MOST:
+        raise UsageError(f"a front has at least 3 points and at most {MOST}")
     goal = find(against)
     if fault := goal.fault(changed(design, {"hop.clearance": 0.0})):
         raise UsageError(f"objective {against}: {fault}")
@@ -247,5 +250,5 @@ def _keep(found: Front, kind: str, s: Solution, asked: float, value: float, seco
     place = str(s.result_dir) if s.result_dir else None
     figures = (s.clearance, value) if s.verified else (None, None)
     sentence = "" if s.verified else f"not verified: {', '.join(s.summary['failed_checks'])}"
-    found.add(FrontPoint(kind, asked, *figures, s.verified, sentence, place, seconds), s)
+    found.add(FrontPoint(kind, asked, *figures, s.verified, sentence, place, seconds, kind != TOP), s)
     return s

@@ -1,4 +1,5 @@
-"""The figure of a Pareto front: what a clearance costs at least, with the points that failed marked."""
+"""The figure of a Pareto front: what a clearance costs at least, with the highest hop (whose cost is what it happens
+to be) and the points that failed marked."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,8 @@ from hopopt.plots_style import BLACK, COLOR, DPI, GREEN, describe, legend, new_f
 if TYPE_CHECKING:
     from hopopt.pareto import Front
 
-BLUE, ORANGE = COLOR.values()
+BLUE, ORANGE = list(COLOR.values())[:2]
+HIGHEST = "highest, with what it happens to cost"
 
 
 def figure(front: "Front") -> Figure:
@@ -28,8 +30,9 @@ def figure(front: "Front") -> Figure:
         clip_on=False,
         label="verified hops (joined to guide the eye)",
     )
-    for point, label, marker, color in ((good[:1], "least", "s", ORANGE), (good[-1:], "highest", "*", GREEN)):
-        for x, y in point:
+    ends = [p for p in front.verified if p.least][:1], [p for p in front.verified if not p.least]
+    for point, label, marker, color in zip(ends, ("least", HIGHEST), "s*", (ORANGE, GREEN), strict=True):
+        for x, y in ((p.clearance_m or 0.0, p.value or 0.0) for p in point):
             text = f"{label}: {y:.4g}{'' if unit == '1' else f' {unit}'} at {x:.3f} m"
             ax.plot(x, y, marker, color=color, ms=14, mec=BLACK, label=text, zorder=4, clip_on=False)
     failed = [p for p in front.points if not p.verified]

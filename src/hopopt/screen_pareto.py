@@ -19,7 +19,12 @@ def print_front(front: "Front") -> None:
         table.add_column(column, no_wrap=True)
     for p in sorted(front.points, key=lambda p: p.asked_m):
         figures = [f"{x:.4f}" if x is not None else "-" for x in (p.clearance_m or p.asked_m, p.value)]
-        table.add_row(p.kind, *figures, "verified" if p.verified else p.sentence, (p.result_dir or "").split("/")[-1])
+        table.add_row(
+            p.kind if p.least else f"{p.kind} (not the least)",
+            *figures,
+            "verified" if p.verified else p.sentence,
+            (p.result_dir or "").split("/")[-1],
+        )
     out = wide_console()
     out.print(table)
     good = len(front.verified)
