@@ -172,7 +172,8 @@ def axis(entry: str, given: Any, sampled: bool) -> Axis:
 
 def _spaced(entry: str, numbers: list[float]) -> list[float]:
     if len(numbers) != 3 or not numbers[0] < numbers[1] or numbers[2] != int(numbers[2]) or not 2 <= numbers[2] <= MOST:
-        raise UsageError(f"--vary {shown_path(entry)}: lower:upper:count needs lower < upper and a count of 2 or more")
+        words = f"lower:upper:count needs lower < upper and a count from 2 to {MOST}"
+        raise UsageError(f"--vary {shown_path(entry)}: {words}")
     return [float(x) for x in np.linspace(numbers[0], numbers[1], int(numbers[2]))]
 
 
@@ -189,8 +190,10 @@ def _number(entry: str, part: Any) -> float:
 def sampling(text: str) -> tuple[str, int]:
     """("lhs", 40) from "lhs:40"."""
     kind, _, count = text.partition(":")
-    if kind not in ("lhs", "sobol") or not count.isdecimal() or not 1 <= int(count) <= MOST:
+    if kind not in ("lhs", "sobol") or not count.isdecimal() or int(count) < 1:
         raise UsageError(f"--sample {text}: write {SAMPLINGS}")
+    if int(count) > MOST:
+        raise UsageError(f"--sample {text}: a study has {MOST} points at most")
     if kind == "sobol" and int(count) & (int(count) - 1):
         raise UsageError(f"--sample {text}: a Sobol sample has a power of two of points, such as 32, 64 or 128")
     return kind, int(count)
