@@ -77,9 +77,9 @@ def legs(draw: st.DrawFn, joints: st.SearchStrategy[int] = COUNTS, plane: bool =
 
 
 @st.composite
-def legs_in_motion(draw: st.DrawFn) -> tuple[Leg, np.ndarray, np.ndarray, np.ndarray]:
+def legs_in_motion(draw: st.DrawFn, plane: bool = False) -> tuple[Leg, np.ndarray, np.ndarray, np.ndarray]:
     """A leg with q, v, a of body and joints, (2 + n,) each."""
-    leg = draw(legs())
+    leg = draw(legs(plane=plane))
     m = BASE + len(leg.joints)
     state = [draw(st.lists(st.floats(-s, s), min_size=m, max_size=m)) for s in (3.0, 15.0, 300.0)]
     q, v, a = (np.array(x) for x in state)
@@ -203,7 +203,7 @@ def test_positive_angles_swing_the_leg_forward_from_straight_down() -> None:
 
 
 @quick
-@given(legs_in_motion())
+@given(legs_in_motion(plane=True))
 def test_stance_keeps_the_foot_in_place_and_its_forces_balance(
     case: tuple[Leg, np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
