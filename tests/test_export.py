@@ -35,7 +35,7 @@ def renamed(joints: tuple[str, ...], links: tuple[str, ...]) -> Robot:
 
 
 @quick
-@given(legs_in_motion())
+@given(legs_in_motion(plane=True))
 def test_urdf_is_the_same_leg_to_pinocchio(case: Case) -> None:
     """Mass matrix, bias forces, every point; rotor inertias, which URDF has not, set as its comment says."""
     leg, q, v, _ = case
@@ -96,7 +96,7 @@ def at(robot: Robot, q: np.ndarray, v: np.ndarray, **control: float) -> Any:
 
 
 @quick
-@given(legs_in_motion())
+@given(legs_in_motion(plane=True))
 def test_mjcf_is_the_same_leg_to_mujoco(case: Case) -> None:
     """Mass matrix, bias forces and foot by MuJoCo's own algorithms against Pinocchio's."""
     leg, q, v, _ = case

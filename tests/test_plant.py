@@ -109,7 +109,7 @@ def smooth(paper: Design) -> dict[float, Trace]:
 
 
 @quick
-@given(legs_in_motion(), st.floats(-200, 200))
+@given(legs_in_motion(plane=True), st.floats(-200, 200))
 def test_stance_by_joints_is_constrained_dynamics_and_the_planners(
     case: tuple[Leg, np.ndarray, np.ndarray, np.ndarray], push: float
 ) -> None:
