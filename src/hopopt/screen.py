@@ -144,7 +144,9 @@ def _evidence(s: dict[str, Any]) -> list[str]:
         f"limits between nodes within {mesh['excess']:.0e} of their range",
     ]
     if (bound := s.get("upper_bound", {}).get("clearance_m")) is not None:
-        lines.append(f"no controller can pass {bound:.2f} m, by the drives' power and speed alone (docs/bound.md)")
+        lines.append(
+            f"no controller can pass {bound:.2f} m, in its longest stance, by the drives' power and speed alone (docs/bound.md)"
+        )
     return lines + [f"FAILED {_check_line(c)}" for c in s["verification"] if not c["passed"]]
 
 
