@@ -8,7 +8,7 @@ s.plot()
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hopopt.codesign import codesign
+    from hopopt.codesign_run import codesign
     from hopopt.compare import Comparison
     from hopopt.ocp.custom import constraint, objective
     from hopopt.pareto import Front, front
@@ -35,7 +35,7 @@ __all__ = [
 ]
 _HOME = {
     "load": "problem_file", "solve": "planner", "Solution": "solution", "read": "storage", "save": "storage",
-    "sweep": "sweep_run", "Study": "sweep_run", "Comparison": "compare", "codesign": "codesign", "front": "pareto",
+    "sweep": "sweep_run", "Study": "sweep_run", "Comparison": "compare", "codesign": "codesign_run", "front": "pareto",
     "Front": "pareto", "objective": "ocp.custom", "constraint": "ocp.custom",
 }  # fmt: skip
 

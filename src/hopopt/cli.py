@@ -104,7 +104,7 @@ def _solved(
         return run(design, objective, **once, **more)
     for asked in (name.replace("_", "-") for name, wanted in once.items() if wanted):
         raise UsageError(f"--{asked} goes with a design that is given: use it on the problem.toml that --free finds")
-    from hopopt.codesign import codesign
+    from hopopt.codesign_run import codesign
     from hopopt.ocp.freedom import parse_free
 
     return codesign(design, parse_free(free), objective, couple=couple or (), **more)

@@ -18,7 +18,7 @@ from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 if TYPE_CHECKING:
     from hopopt.sweep_run import Study
 
-BLUE, ORANGE = COLOR.values()
+BLUE, ORANGE = list(COLOR.values())[:2]
 FAILED = {NOT_VERIFIED: (ORANGE, "x", "///"), NOT_SOLVED: (GREY, "x", "xxx"), IMPOSSIBLE: (BLACK, "+", "...")}
 
 
