@@ -43,7 +43,8 @@ def solve(
     Parameters
     ----------
     problem
-        A problem file, or the name of a built-in one: paper, paper_no_countermovement, paper_four_quadrant.
+        A problem file, or the name of a built-in one: paper and its variants, three_joint, a1_leg, go2_leg and others
+        (README.md lists them).
     objective
         What to make as large as possible: clearance (of the leg's lowest point) or apex (height of the body). Or as
         small as possible, with the clearance to reach as --set hop.clearance=0.4: energy, absolute_work,
