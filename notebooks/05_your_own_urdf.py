@@ -91,7 +91,7 @@ name = "test_leg"
 [leg]
 urdf = "leg.urdf"
 joints = ["hip_pitch", "knee"]    # what moves, from the body to the foot; the rest is locked
-foot = "foot"                     # the link whose origin touches the ground
+foot_frame = "foot"               # the link whose origin touches the ground
 motor = "unitree-go2"
 gear = "unitree-go2"
 
@@ -184,5 +184,5 @@ pd.DataFrame({
 # The knee runs out of speed long before it runs out of torque: without the linkage behind its gear this leg would clear far
 # more. (It would carry less; a hop is not all that a leg is for.)
 #
-# A leg of your own: `hopopt new my_leg` writes a commented problem file; put `urdf`, `joints` and `foot` into `[leg]` and
+# A leg of your own: `hopopt new my_leg` writes a commented problem file; put `urdf`, `joints` and `foot_frame` into `[leg]` and
 # leave the tables of the links out. Legs of public robots are built in: `hopopt solve go2_leg`.
