@@ -22,7 +22,7 @@ import numpy as np
 from hopopt.errors import ResultError
 from hopopt.leg.design import Design
 from hopopt.leg.kinematics import reach
-from hopopt.multistart import first_transcription, run_chunk, same, solution_of
+from hopopt.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.hop import STANCE, Hop
 from hopopt.problem_file import design_hash, load, resolved_toml
@@ -130,7 +130,7 @@ def _each(folder: Path, indices: Sequence[int], processes: int) -> Iterator[Ende
 def _program(folder: Path) -> tuple[Hop, NlpSolver]:
     """The program of the first mesh, built once in each process."""
     hop = Hop(*reopen_study(folder))
-    return hop, NlpSolver(first_transcription(hop), {"ipopt.max_iter": hop.design.solver.max_iterations})
+    return hop, first_solver(hop)
 
 
 def _ended(folder: Path, index: int) -> Ended:
@@ -158,14 +158,8 @@ def _motion(hop: Hop, plan: Solution) -> dict[str, float]:
 
 def families(ended: Sequence[Ended], *, maximize: bool = True) -> list[Family]:
     """The local optima that were found, best first."""
-    sign, groups = (1.0 if maximize else -1.0), list[list[Ended]]()
-    for e in sorted((e for e in ended if e.success), key=lambda e: -sign * e.objective):
-        group = next((g for g in groups if same(g[0].objective, e.objective)), None)
-        if group is None:
-            groups.append([e])
-        else:
-            group.append(e)
-    return [Family(group[0], len(group), words(group[0])) for group in groups]
+    ranked = sorted(ended, key=lambda e: e.objective, reverse=maximize)
+    return [Family(group[0], len(group), words(group[0])) for group in grouped(ranked)]
 
 
 def words(e: Ended) -> str:

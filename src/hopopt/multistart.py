@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,16 @@ from hopopt.ocp.starts import Start, make_guess, starts
 Progress = Callable[[str], None]
 SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
 CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
+
+
+class _Ended(Protocol):
+    @property
+    def success(self) -> bool: ...
+    @property
+    def objective(self) -> float: ...
+
+
+Ended = TypeVar("Ended", bound=_Ended)
 
 
 @dataclass(frozen=True)
@@ -52,6 +62,11 @@ def first_transcription(hop: Hop) -> Transcription:
     return Transcription(hop.problem, scheme(s.scheme, s.degree), mesh)
 
 
+def first_solver(hop: Hop) -> NlpSolver:
+    """That program, ready to be solved from any start."""
+    return NlpSolver(first_transcription(hop), {"ipopt.max_iter": hop.design.solver.max_iterations})
+
+
 def run_starts(hop: Hop, count: int, processes: int, say: Progress) -> list[StartOutcome]:
     """Solve every start on the first mesh, in chunks side by side; in the order of the starts."""
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
@@ -78,7 +93,7 @@ def _chunk_in_worker(
 
 def run_chunk(hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None) -> list[StartOutcome]:
     """Some of the starts, by number, on the first mesh; ``solver``: its program, if it is built already."""
-    solver = solver or NlpSolver(first_transcription(hop), {"ipopt.max_iter": hop.design.solver.max_iterations})
+    solver = solver or first_solver(hop)
     chosen = starts(max(chunk) + 1, hop.design.solver.seed)
     return [_run_start(hop, solver, chosen[k]) for k in chunk]
 
@@ -108,11 +123,20 @@ def solution_of(outcome: StartOutcome, t: Transcription) -> NlpSolution:
 
 def distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
     """The best representative of each local optimum that was found, best first."""
-    found: list[StartOutcome] = []
-    for outcome in sorted((o for o in outcomes if o.success), key=lambda o: -o.merit):
-        if not any(same(outcome.objective, other.objective) for other in found):
-            found.append(outcome)
-    return found
+    return [group[0] for group in grouped(sorted(outcomes, key=lambda o: -o.merit))]
+
+
+def grouped(ranked: Sequence[Ended]) -> list[list[Ended]]:
+    """The successful ones of ``ranked``, best first, gathered by the local optimum that they ended in."""
+    groups: list[list[Ended]] = []
+    for outcome in ranked:
+        if outcome.success:
+            group = next((g for g in groups if same(g[0].objective, outcome.objective)), None)
+            if group is None:
+                groups.append([outcome])
+            else:
+                group.append(outcome)
+    return groups
 
 
 def contenders(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:

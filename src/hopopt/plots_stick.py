@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
+from hopopt.leg.kinematics import reach
 from hopopt.plots_style import (
     BLACK,
     COLOR,
@@ -56,7 +57,7 @@ class _Poses:
         self.samples = solution.sample(times)
         chain = np.stack([self.samples.points[name] for name in (*self.leg.joints, "foot")], axis=1)
         self.x, self.z = chain[..., 0], chain[..., 1]
-        self.reach = sum(link.length for link in self.leg.link.values())
+        self.reach = reach(self.leg)
         self.radius = 0.09 * self.reach
         # the window is a limit of the clearance only; a wider one than the leg would only shrink the leg
         self.window = min(solution.design.hop.foot_window, self.reach) if solution.objective != "apex" else 0.0

@@ -8,7 +8,8 @@ import numpy as np
 
 from hopopt.leg.design import Design, Hop, Leg, Simulation, Start
 from hopopt.leg.entry import RESERVED, RESERVED_JOINTS
-from hopopt.leg.kinematics import TwoJoints, joint_positions, planar, reach, start_fault, within_limits
+from hopopt.leg.inertia import obeys_triangle, principal_moments
+from hopopt.leg.kinematics import TwoJoints, joint_positions, reach, start_fault, two_joints, within_limits
 from hopopt.problem_text import shown
 from hopopt.problem_words import did_you_mean, is_number, lookalike
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 TINY = 1e-9  # below which a vector has no direction
-ROUNDED = 1e-3  # by which moments of inertia in a file may miss what they have to be
 ROUNDING = 1e-9  # m or rad: a pose given in decimals is not refused for its last digit
 
 
@@ -93,9 +93,8 @@ def _solid_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str
             f"= {shown(place)} m is further from the joint than twice {path}.length = {length} m",
         )
     if _numbers(moments, 6):
-        xx, yy, zz, xy, xz, yz = moments
-        low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        if low < 0 or high > (low + middle) * (1 + ROUNDED):
+        low, middle, high = principal_moments(moments)
+        if low < 0 or not obeys_triangle(low, middle, high):
             yield (
                 f"{path}.inertia_tensor",
                 f"= {shown(moments)} kg m^2 has the principal moments {low:.3g}, {middle:.3g} and {high:.3g}, which no body "
@@ -204,8 +203,7 @@ def _angle_faults(leg: Leg, angles: tuple[float, ...]) -> Iterator[tuple[str, st
 def _height_faults(leg: Leg, start: Start) -> Iterator[tuple[str, str]]:
     height, foot = start.hip_height, start.foot_x
     assert height is not None
-    flat = [name for name in leg.links if np.hypot(*np.array(leg.link[name].direction)[[0, 2]]) < TINY]
-    if len(leg.joints) != 2 or not planar(leg) or flat:
+    if not two_joints(leg):
         other = "with other than two joints" if len(leg.joints) != 2 else "whose links or joints leave the x-z plane"
         words = f"does not give the pose of a leg {other}: give start.joint_angles instead"
         yield "start.hip_height", f"= {height} m {words}"

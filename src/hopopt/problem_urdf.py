@@ -140,9 +140,8 @@ def _tables(found: Any, leg: Mapping[str, Any]) -> dict[str, Any]:
 def _name(link: str, taken: tuple[str, ...]) -> str:
     """The link's name as a problem file may have it, unlike all others."""
     name = re.sub(r"[^A-Za-z0-9_-]", "_", link)[:32]
-    while name in taken:
-        name = f"{name[:27]}_link"
-    return name
+    others = (f"{name[:24]}_link{number}" for number in ("", *range(2, len(taken) + 2)))
+    return next(candidate for candidate in (name, *others) if candidate not in taken)
 
 
 def _drives(found: Any, leg: Mapping[str, Any]) -> dict[str, Any]:
@@ -170,7 +169,7 @@ def _gears(own: Any, leg: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """``over`` laid over ``base``, table by table; a link's own length, com or inertia takes the URDF's away."""
+    """``over`` laid over ``base``, table by table; a link's own com or inertia takes the URDF's away."""
     result = dict(base)
     for key, value in over.items():
         old = result.get(key)

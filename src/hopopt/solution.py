@@ -11,7 +11,7 @@ import numpy as np
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import body_x, dependent_joints
+from hopopt.leg.kinematics import dependent_joints, start_place
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.measures import MEASURES
 from hopopt.nlp.trajectory import PhaseTrajectory
@@ -65,7 +65,7 @@ class PlanEvaluator:
         closed = dynamics.closed(q, v, free, dependent)
         com, com_v = ca.SX.sym("com", BASE), ca.SX.sym("com_v", BASE)
         rows = slice(BASE - 1 if dynamics.slider else 0, BASE)
-        stands = [body_x(design)][: rows.start]
+        stands = start_place(design)[: rows.start]
         place, speed = ca.vertcat(stands, com[rows]), ca.vertcat(np.zeros(rows.start), com_v[rows])
         self.names = [*robot.points, "com"]
         self.functions = {}

@@ -18,7 +18,15 @@ from hopopt.bound import most_speed
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
-from hopopt.leg.kinematics import TwoJoints, foot_offset, joint_positions, planar, reach, start_angles, within_limits
+from hopopt.leg.kinematics import (
+    TwoJoints,
+    joint_positions,
+    reach,
+    start_angles,
+    start_place,
+    two_joints,
+    within_limits,
+)
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
@@ -62,9 +70,9 @@ def reduced(design: Design) -> Design:
     """The problem on a vertical slider, the foot under the hip at the height of the start, on ideal ground, with no
     other limits than the drives', the joints' and the ground's; UsageError if the leg has other than two joints in a
     plane, or cannot stand so."""
-    if len(design.leg.joints) != 2 or not planar(design.leg):
+    if not two_joints(design.leg):
         raise UsageError(f"{design.name}: the reduced hop needs a leg of two joints in the x-z plane")
-    height = float(-foot_offset(design.leg, start_angles(design))[1])
+    height = float(start_place(design)[1])
     longest = design.hop.stance_duration[1]
     plain = {
         "leg.guides": ("z",), "start.foot_x": 0.0, "start.hip_height": height,
@@ -83,27 +91,25 @@ def by_dynamic_programming(design: Design, size: int) -> float:
         raise UsageError(f"a grid of {size} x {size} states: a size from 8 to {MOST} is needed")
     leg = upright(design, size)
     share = np.linspace(-1.0, 1.0, 2 * (size // 2) + 1)  # of the largest speed
-    speeds = [
-        most_speed(operating_region(design.leg, j, build_robot(design.leg).parameters)) for j in design.leg.joints
-    ]
+    robot = build_robot(design.leg)
+    speeds = [most_speed(operating_region(design.leg, joint, robot.parameters)) for joint in robot.joints]
     fastest = np.min(np.array(speeds) / np.maximum(np.abs(leg.dq), 1e-9), axis=1)  # (m,)
     v = fastest[:, None] * share
-    gravity = -float(build_robot(design.leg).model.gravity.linear[2])
+    gravity = -float(robot.model.gravity.linear[2])
     rise = leg.com[:, None] + np.maximum(leg.dcom[:, None] * v, 0.0) ** 2 / (2 * gravity)
     least, largest = accelerations(design, leg, v)
     longest = design.hop.stance_duration[1]
     crossing = (leg.y[-1] - leg.y[0]) / float(np.median(fastest))  # [s], from the lowest to the highest
-    dt = longest / max(
-        4, round(PACE * longest / crossing * size ** (2 / 3))
-    )  # steps err with dt, cells with their size
+    steps = max(4, round(PACE * longest / crossing * size ** (2 / 3)))  # they err with dt, cells with their size
+    dt = longest / steps
     a = least[..., None] + (largest - least)[..., None] * np.linspace(0, 1, ACCELERATIONS)
     then_v, then_y = v[..., None] + a * dt, leg.y[:, None, None] + v[..., None] * dt + 0.5 * a * dt**2
     then_share = then_v / np.interp(then_y, leg.y, fastest)
     look_up = _Bilinear(leg.y, share, then_y, then_share)
     worth = rise.copy()
-    for _ in range(round(longest / dt)):
+    for _ in range(steps):
         worth = np.maximum(rise, look_up(worth).max(axis=-1))
-    begin = -foot_offset(design.leg, start_angles(design))[1]
+    begin = start_place(design)[1]
     return float(_Bilinear(leg.y, share, np.array(begin), np.array(0.0))(worth))
 
 
@@ -124,7 +130,7 @@ def _pose(geometry: TwoJoints, side: float, height: float) -> np.ndarray:
 
 def _range(design: Design, geometry: TwoJoints, side: float) -> tuple[float, float]:
     """Lowest and highest body about the start that joint limits and the ground below the joints allow [m]."""
-    start = float(-foot_offset(design.leg, start_angles(design))[1])
+    start = float(start_place(design)[1])
 
     def allowed(height: float) -> bool:
         if not geometry.angles(np.array([0.0, -height])):
@@ -134,8 +140,7 @@ def _range(design: Design, geometry: TwoJoints, side: float) -> tuple[float, flo
         return within_limits(design.leg, q, 1e-9) and bool(np.all(places >= places[-1] - 1e-9))
 
     heights = np.linspace(0.0, reach(design.leg), HEIGHTS)[1:-1]
-    below = [h for h in heights[heights <= start][::-1]]
-    above = [h for h in heights[heights >= start]]
+    below, above = heights[heights <= start][::-1], heights[heights >= start]
     return min(takewhile(allowed, below), default=start), max(takewhile(allowed, above), default=start)
 
 

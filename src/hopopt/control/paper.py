@@ -17,7 +17,7 @@ import numpy as np
 from hopopt.control.strategy import Setting, one_of, read_options
 from hopopt.control.two_mass import TwoMass
 from hopopt.errors import UsageError
-from hopopt.leg.kinematics import TwoJoints, foot_offset, planar, reach, tucked
+from hopopt.leg.kinematics import TwoJoints, foot_offset, reach, tucked, two_joints
 from hopopt.leg.robot import BASE
 from hopopt.sim.machine import StanceTerms
 from hopopt.sim.measurement import Measurement
@@ -65,7 +65,7 @@ class _Paper:
 
     def __init__(self, setting: Setting):
         self.leg = setting.design.leg
-        if len(self.leg.joints) != 2 or not planar(self.leg):
+        if not two_joints(self.leg):
             has = f"has {len(self.leg.joints)}" if len(self.leg.joints) != 2 else "leaves the x-z plane"
             raise UsageError(
                 f"{setting.design.name}: the paper's strategies need a leg of two joints, this one {has}: "

@@ -17,9 +17,9 @@ from typing import Any
 
 import casadi as ca
 
-from hopopt.leg.kinematics import contact_axes, loop_axes
+from hopopt.leg.kinematics import PLANE, contact_axes, loop_axes
 from hopopt.leg.rigid_body import com_position, frames, point_position, rnea
-from hopopt.leg.robot import BASE, PLANE, Robot, link_bodies, link_points
+from hopopt.leg.robot import BASE, Robot, link_bodies, link_points
 
 PLANE_ROWS = list(PLANE)
 

@@ -17,7 +17,8 @@ import numpy as np
 
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.design import unit
-from hopopt.leg.robot import BASE, PAIRS, MovingBody, Robot, link_bodies, tensor
+from hopopt.leg.inertia import PAIRS, tensor
+from hopopt.leg.robot import BASE, MovingBody, Robot, link_bodies
 
 GUIDES = {"x": (1.0, 0.0, 0.0), "z": (0.0, 0.0, 1.0)}
 TRAVEL = 1000.0  # m and m/s: a URDF guide must have limits; these are as good as none

@@ -10,9 +10,10 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from hopopt.leg.design import Design, Leg, unit
-from hopopt.leg.robot import PLANE, SPACE
 
+PLANE, SPACE = (0, 2), (0, 1, 2)  # world axes
 POSES = 1024  # among which the tucked pose is looked for
+FLAT = 1e-9  # share of a link in the plane, below which it has no direction there
 OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
 
 
@@ -48,6 +49,12 @@ def foot_offset(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
 def planar(leg: Leg) -> bool:
     """Whether the leg moves in a plane along x and z: every joint turns about the y axis."""
     return all(abs(unit(leg.joint[name].axis)[1]) == 1 for name in leg.joints)
+
+
+def two_joints(leg: Leg) -> bool:
+    """Whether the leg is one of two joints that moves, with both links, in the plane: what ``TwoJoints`` needs."""
+    across = [np.hypot(*np.array(unit(leg.link[name].direction))[[0, 2]]) for name in leg.links]
+    return len(leg.joints) == 2 and planar(leg) and min(across) >= FLAT
 
 
 def contact_axes(leg: Leg) -> tuple[int, ...]:
@@ -101,8 +108,8 @@ class TwoJoints:
 
     @classmethod
     def of(cls, leg: Leg) -> "TwoJoints":
-        """The geometry of ``leg``; ValueError if it has other than two joints or leaves the plane."""
-        if len(leg.joints) != 2 or not planar(leg):
+        """The geometry of ``leg``; ValueError if it is none of ``two_joints``."""
+        if not two_joints(leg):
             raise ValueError("needs a leg of two joints that moves in a plane")
         first, second = (complex(*_vector(leg, link)[[0, 2]]) for link in leg.links)
         signs = np.array([-unit(leg.joint[name].axis)[1] for name in leg.joints])
@@ -161,9 +168,9 @@ def start_angles(design: Design) -> np.ndarray:
     return allowed[0]
 
 
-def body_x(design: Design) -> float:
-    """Where the body starts, and on a slider stays: x [m] from the foot."""
-    return float(-foot_offset(design.leg, start_angles(design))[0])
+def start_place(design: Design) -> np.ndarray:
+    """Where the body starts, (x, z) [m] from the foot; on a slider it stays at that x."""
+    return -foot_offset(design.leg, start_angles(design))
 
 
 def start_fault(design: Design, solutions: list[np.ndarray]) -> str:

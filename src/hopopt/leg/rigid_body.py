@@ -13,7 +13,8 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from hopopt.leg.robot import MovingBody, tensor
+from hopopt.leg.inertia import tensor
+from hopopt.leg.robot import MovingBody
 
 
 def joint_axes(model: pin.Model) -> list[np.ndarray]:

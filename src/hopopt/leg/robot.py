@@ -4,7 +4,7 @@
 the Pinocchio model is built from it with numbers, the planner's recursion (rigid_body) with symbols.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.leg.design import Leg, physical_parameters, unit
+from hopopt.leg.inertia import PAIRS, tensor
 
 BASE = 2  # coordinates of the body: x and z; on a vertical slider x keeps its value
-PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx, yy, zz, xy, xz, yz
-PLANE, SPACE = (0, 2), (0, 1, 2)  # world axes
 
 
 @dataclass(frozen=True)
@@ -32,12 +31,6 @@ class MovingBody:
     com: tuple[Any, ...]
     inertia: tuple[Any, ...]
     armature: Any
-
-
-def tensor(inertia: Sequence[Any]) -> list[list[Any]]:
-    """Rows of the 3 x 3 inertia matrix of moments xx, yy, zz and products xy, xz, yz [kg m^2]."""
-    xx, yy, zz, xy, xz, yz = inertia
-    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hopopt.leg.robot import PAIRS
+from hopopt.leg.inertia import PAIRS, obeys_triangle, principal_moments
 from hopopt.leg.urdf_file import Tree, UrdfError, numbers, quoted, root_of
 
 ROUND = 1e-10  # what rotations by a rounded half turn leave of a zero
-SLACK = 1e-3  # by which the triangle inequality of moments may be missed: figures in files are rounded
 
 
 @dataclass(frozen=True)
@@ -93,8 +92,9 @@ def _moving_link(
     if inertia.mass <= 0:
         raise UrdfError(f"link {quoted(link)} has no <inertial>, but joint {quoted(joint)} moves it")
     matrix = turn @ inertia.inertia @ turn.T
-    low, middle, high = np.linalg.eigvalsh(matrix)
-    if low <= 0 or high > (low + middle) * (1 + SLACK):
+    moments = _clean([matrix[i, j] for i, j in PAIRS])
+    low, middle, high = principal_moments(moments)
+    if low <= 0 or not obeys_triangle(low, middle, high):
         raise UrdfError(
             f"link {quoted(link)} has principal moments of inertia {low:.3g}, {middle:.3g}, {high:.3g} kg m^2, which no "
             "body has: each is positive and at most the sum of the others"
@@ -107,7 +107,7 @@ def _moving_link(
         lower = upper = math.nan
     return MovingLink(
         joint, link, _clean(turn @ np.asarray(joint_data.S).reshape(6)[3:]), _clean(vector), float(inertia.mass),
-        _clean(turn @ inertia.lever), _clean([matrix[i, j] for i, j in PAIRS]), lower, upper,
+        _clean(turn @ inertia.lever), moments, lower, upper,
         *(float(x) if 0 < x < 1e9 else math.nan for x in (model.effortLimit[at], model.velocityLimit[at])),
     )  # fmt: skip
 

@@ -15,7 +15,8 @@ import casadi as ca
 import numpy as np
 
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.robot import BASE, PLANE
+from hopopt.leg.kinematics import PLANE
+from hopopt.leg.robot import BASE
 from hopopt.ocp.goal import HopObjective, demand, lowest_point, no_demand
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Phase, linkage

@@ -14,7 +14,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics, Motion
-from hopopt.leg.kinematics import body_x, contact_axes, dependent_joints, loop_axes, reach, start_angles
+from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_angles, start_place
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import force_range, weight
 from hopopt.ocp.constraints import (
@@ -97,7 +97,7 @@ class Hop:
         """Place and speed of the centre of mass in flight, (x, z); on a slider the body's x is that of the start."""
         if len(self.falling) == BASE:
             return s.com, s.com_v
-        return ca.vertcat(body_x(self.design), s.com), ca.vertcat(0, s.com_v)
+        return ca.vertcat(float(start_place(self.design)[0]), s.com), ca.vertcat(0, s.com_v)
 
     def points_at_end(self, e: Ends) -> dict[str, ca.SX]:
         """World (x, z) [m] of the leg's points at the end of flight."""

@@ -16,7 +16,15 @@ from scipy.stats import qmc
 
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import TwoJoints, contact_axes, foot_offset, joint_positions, start_angles, tucked
+from hopopt.leg.kinematics import (
+    TwoJoints,
+    contact_axes,
+    foot_offset,
+    joint_positions,
+    start_angles,
+    tucked,
+    two_joints,
+)
 from hopopt.ocp.descent import DESCENT, landing_guess
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
@@ -59,7 +67,7 @@ def starts(count: int, seed: int) -> list[Start]:
 
 def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
     """The start as guesses of the phases, by phase name."""
-    simple = start == NAMED[0] and hop.n == 2 and not hop.loops
+    simple = start == NAMED[0] and two_joints(hop.leg) and not hop.loops
     stance = (saturated_push(hop) if simple else None) or _stance_guess(hop, start)
     more = sum(c.size for c in hop.objective.controls(hop))
     flight = _flight_guess(hop, stance)
