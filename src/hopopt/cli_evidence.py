@@ -99,7 +99,7 @@ def _gathered(design: Any, objective: str, ended: Any, grids: tuple[int, ...], s
     return {
         "problem": design.name, "objective": objective, "upper_bound": bound.figures(),
         "reduced": simple,
-        "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": study.as_dict(found)},
+        "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": study.as_dicts(found)},
         "best": {
             "clearance_m": best.clearance, "verified": best.verified, "failed_checks": best.summary["failed_checks"],
             "start": found[0].best.name,

@@ -10,7 +10,6 @@ body moves over the foot. The best family's optimum is refined and verified like
 """
 
 import json
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cache
@@ -27,7 +26,8 @@ from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.hop import STANCE, Hop
 from hopopt.problem_file import design_hash, load, resolved_toml
 from hopopt.solution import Solution
-from hopopt.storage import unused, write_json
+from hopopt.storage import as_json, unused, write_json
+from hopopt.sweep_store import write_whole
 
 LEANING, DIPPING = 0.05, 0.03  # share of the reach from which a lean or a dip is worth a word
 FAST = 0.3  # m/s along the ground from which a hop drifts
@@ -108,9 +108,7 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
     say(f"{len(done)} of {count} starts")
     for ended in _each(folder, missing, processes):
         done[ended.index] = ended
-        path = folder / "starts" / f"{ended.index:04d}.json"
-        write_json(asdict(ended), path.with_suffix(".part"))
-        os.replace(path.with_suffix(".part"), path)
+        write_whole(folder / "starts" / f"{ended.index:04d}.json", as_json(asdict(ended)).encode())
         best = max((e.objective for e in done.values() if e.success), default=float("nan"))
         say(f"{len(done)} of {count} starts, best {best:.4f}")
     return [done[k] for k in sorted(done) if k < count]
@@ -176,6 +174,6 @@ def _side(place: float) -> str:
     return "in front of the foot" if place > 0 else "behind the foot"
 
 
-def as_dict(found: Sequence[Family]) -> list[dict[str, Any]]:
+def as_dicts(found: Sequence[Family]) -> list[dict[str, Any]]:
     """Families for ``--json``."""
     return [{**asdict(f.best), "count": f.count, "words": f.words} for f in found]
