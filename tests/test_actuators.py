@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import linregress
 
 from hopopt import actuators
 from hopopt.actuators import MARKS, PARTS, catalogue, names
@@ -13,6 +14,7 @@ from hopopt.errors import ProblemFileError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design, Gear, Motor
 from hopopt.leg.robot import build_robot
+from hopopt.mass_law import fit, mass_law, weighed
 from hopopt.problem_file import changed, design_hash, load, resolved_toml, template
 
 RPM, GCM2 = 2 * np.pi / 60, 1e-7
@@ -68,8 +70,8 @@ def test_every_entry_states_every_number_and_where_it_is_from(part, kind):
     numbers = set(kind.model_fields) - {"laws", "catalogue"}
     for name in names(part):
         entry = catalogue()[name]
-        assert set(entry.parts[part]) == numbers, name
-        assert set(entry.marks[part]) == numbers, name
+        assert set(entry.parts[part]) == numbers, name  # and no mass: the leg's masses count its motors already
+        assert set(entry.marks[part]) == numbers | ({"mass"} if part in entry.masses else set()), name
         assert set(entry.marks[part].values()) <= set(MARKS)
         assert entry.title
 
@@ -289,6 +291,122 @@ def test_the_list_names_everything(capsys):
     assert (set(listed["motors"]), set(listed["gears"])) == (set(names("motor")), set(names("gear")))
     assert listed["gears"]["csg-20-100"]["torque_cap"] == {"value": 107.0, "unit": "N m", "source": "public source"}
     assert listed["motors"]["maxon-ec45-150"]["max_torque"]["source"] == "unverified"
+
+
+# ---- masses ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_mass_of_the_catalogue_changes_no_problem():
+    """Whatever motor or gear is named, the leg weighs what it weighed."""
+    for part in PARTS:
+        for name in names(part):
+            leg = load("paper", {f"leg.{part}": name}).leg
+            assert leg.body.mass == load("paper").leg.body.mass
+            assert build_robot(leg).model.inertias[2].mass == build_robot(load("paper").leg).model.inertias[2].mass
+    assert "is not a known key" in only_fault("paper", {"leg.motor.mass": 0.85})
+
+
+@pytest.mark.parametrize("given", ["0.0", "-1", "850", '"0.85"', "true", "nan", "[0.85]"])
+def test_a_mass_that_none_can_have_is_refused(tmp_path, monkeypatch, given):
+    """850 is grams."""
+    (tmp_path / "actuators").mkdir()
+    source = (actuators.problems_folder() / "actuators" / "maxon-ec45-150.toml").read_text(encoding="utf-8")
+    (tmp_path / "actuators" / "mine.toml").write_text(source.replace("mass = 0.85 ", f"mass = {given} "))
+    monkeypatch.setattr(actuators, "problems_folder", lambda: tmp_path)
+    with pytest.raises(
+        ProblemFileError, match=r"mine\.toml: motor\.mass = .* a number from 0\.001 to 100 kg is needed"
+    ):
+        catalogue.__wrapped__()
+
+
+def test_published_masses():
+    masses = {name: entry.masses for name, entry in catalogue().items()}
+    assert masses["odri-solo"]["motor"] == 0.053
+    assert masses["odri-solo"]["motor"] + masses["odri-solo"]["gear"] == pytest.approx(
+        0.095 - 0.005
+    )  # less the encoder
+    assert masses["csg-20-100"]["gear"] == 0.98
+    assert masses["unitree-go2"] == {}  # nobody says how the module's mass divides
+
+
+# ---- what torque weighs ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("c", "n"), [(0.2, 0.9), (1.5, 2 / 3), (3e-3, 1.0), (0.7, -0.5)])
+def test_the_fit_recovers_a_power_law(c, n):
+    torques = np.geomspace(0.1, 300, 7)
+    law = fit(torques, c * torques**n)
+    assert (law.coefficient, law.exponent) == pytest.approx((c, n), rel=1e-12)
+    assert law.scatter == pytest.approx(1, abs=1e-12)
+    assert (law.entries, law.lowest, law.highest) == (7, pytest.approx(0.1), pytest.approx(300))
+    assert law.mass(2.0) == pytest.approx(c * 2**n)
+
+
+def test_the_fit_is_the_line_of_least_squares_with_its_errors():
+    """Against scipy's regression, on scattered masses; the scatter has the closed form of two pairs a factor apart."""
+    rng = np.random.default_rng(3)
+    torques, masses = np.exp(rng.normal(size=9)), np.exp(rng.normal(size=9))
+    law, line = fit(torques, masses), linregress(np.log(torques), np.log(masses))
+    assert law.exponent == pytest.approx(line.slope)
+    assert np.log(law.coefficient) == pytest.approx(line.intercept)
+    assert law.exponent_error == pytest.approx(line.stderr)
+    pairs = fit([1, 1, 8, 8], [1 / 3, 3, 4 / 3, 12])  # 1 and 4 in the middle, each off by a factor of 3
+    assert (pairs.coefficient, pairs.exponent) == pytest.approx((1, 2 / 3))
+    assert np.log(pairs.scatter) == pytest.approx(np.log(3) * np.sqrt(4 / 2))
+
+
+def test_two_entries_have_no_scatter_and_one_torque_no_law():
+    law = fit([1, 2], [3, 12])
+    assert (law.coefficient, law.exponent) == pytest.approx((3, 2))
+    assert (law.scatter, law.exponent_error) == (None, None)
+    with pytest.raises(ValueError, match="two different torques"):
+        fit([2, 2, 2], [1, 2, 3])
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_the_law_of_the_catalogue_is_of_what_its_entries_give(part):
+    entries = {name: catalogue()[name] for name in names(part) if part in catalogue()[name].masses}
+    pairs = weighed(part)
+    assert set(pairs) == set(entries)
+    for name, (torque, mass) in pairs.items():
+        values = entries[name].parts[part]
+        assert torque == min(values["torque_cap"], values.get("max_torque", np.inf))
+        assert mass == entries[name].masses[part]
+    torques, masses = np.array(list(pairs.values())).T
+    assert mass_law(part) == fit(torques, masses)
+    assert 0.5 < mass_law(part).exponent < 1.5  # torque grows with volume, a ring's with somewhat more
+
+
+def test_the_fit_on_the_command_line(capsys):
+    assert run(["actuators", "--fit"]) == 0
+    shown = capsys.readouterr().out
+    law = mass_law("motor")
+    assert f"mass = {law.coefficient:.3g} kg (torque / N m)^{law.exponent:.3g}: {law.entries} motors" in shown
+    assert f"off by a factor of {law.scatter:.2g}" in shown
+    assert "unitree-go2" not in shown  # has no mass
+    assert run(["actuators", "--fit", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    for part in PARTS:
+        law, said = mass_law(part), told[f"{part}s"]
+        assert (said["coefficient"], said["exponent"], said["scatter"]) == (law.coefficient, law.exponent, law.scatter)
+        assert said["entries"] == len(said["fitted_to"]) == len(weighed(part))
+        for name, row in said["fitted_to"].items():
+            assert (row["torque"], row["mass"]) == weighed(part)[name]
+            assert row["fitted"] == pytest.approx(law.coefficient * row["torque"] ** law.exponent)
+    assert told["motors"]["fitted_to"]["odri-solo"]["source"] == "public source"
+    assert told["motors"]["fitted_to"]["maxon-ec45-150"]["source"] == "unverified"
+
+
+def test_masses_are_listed(capsys):
+    assert run(["actuators", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert listed["motors"]["odri-solo"]["mass"] == {"value": 0.053, "unit": "kg", "source": "public source"}
+    assert "mass" not in listed["motors"]["unitree-go2"]
+    assert run(["actuators"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "0.053 " in next(line for line in lines if line.startswith("odri-solo"))
+    assert " - " in next(line for line in lines if line.startswith("unitree-go2"))
+    assert run(["actuators", "--fits"]) == 2
 
 
 def test_show_tells_the_name(capsys):

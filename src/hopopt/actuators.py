@@ -11,13 +11,15 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hopopt.errors import ProblemFileError
 from hopopt.problem_text import shown
-from hopopt.problem_words import did_you_mean
+from hopopt.problem_words import did_you_mean, is_number
 
 if TYPE_CHECKING:
     from hopopt.problem_check import Report
 
 PARTS = ("motor", "gear")
+MASSES = (1e-3, 100.0)  # kg: what a motor or gear may weigh
 KEPT = ("laws",)  # how a motor is modelled is the problem's choice and outlives a change of motor
 MARKED = re.compile(r"^([a-z_]+) = .*?\[([SDU])\]", re.MULTILINE | re.DOTALL)  # an entry and the mark that follows it
 MARKS = {"S": "public source", "D": "derived from a public source", "U": "unverified"}
@@ -27,13 +29,20 @@ MARKS = {"S": "public source", "D": "derived from a public source", "U": "unveri
 class Entry:
     """A file of the catalogue: values of its motor and its gear, whichever it has, and where each is from.
 
-    parts: {"motor": {entry: value in SI units}}; marks: {"motor": {entry: "S", "D" or "U"}}, see MARKS.
+    parts: {"motor": {entry: value in SI units}}, what a name in a problem stands for; masses: {"motor": mass [kg]} where
+    one is known, which no name brings into a problem: the leg's masses count its motors already; marks: {"motor": {entry
+    or "mass": "S", "D" or "U"}}, see MARKS.
     """
 
     name: str
     title: str
     parts: dict[str, dict[str, float]]
+    masses: dict[str, float]
     marks: dict[str, dict[str, str]]
+
+    def stated(self, part: str) -> dict[str, float]:
+        """All that the file says of its motor or gear: the entries of a problem, and the mass if there is one."""
+        return self.parts[part] | ({"mass": self.masses[part]} if part in self.masses else {})
 
 
 def problems_folder() -> Path:
@@ -45,7 +54,7 @@ def problems_folder() -> Path:
 
 @cache
 def catalogue() -> dict[str, Entry]:
-    """Every entry by its name, which is its file's."""
+    """Every entry by its name, which is its file's. ProblemFileError for a mass that none can have."""
     return {path.stem: _entry(path) for path in sorted((problems_folder() / "actuators").glob("*.toml"))}
 
 
@@ -89,10 +98,20 @@ def with_numbers(layer: Mapping[str, Any], base: Mapping[str, Any], label: str, 
 def _entry(path: Path) -> Entry:
     text = path.read_text(encoding="utf-8")
     data = tomllib.loads(text)
-    parts = {part: data[part] for part in PARTS if part in data}
+    parts = {part: dict(data[part]) for part in PARTS if part in data}
+    masses = {part: _mass(path, part, table.pop("mass")) for part, table in parts.items() if "mass" in table}
     tables = re.split(r"^\[(motor|gear)\]$", text, flags=re.MULTILINE)[1:]
     marks = {part: dict(MARKED.findall(table)) for part, table in zip(tables[::2], tables[1::2], strict=True)}
-    return Entry(path.stem, data["title"], parts, marks)
+    return Entry(path.stem, data["title"], parts, masses, marks)
+
+
+def _mass(path: Path, part: str, given: Any) -> float:
+    """A mass [kg] that is a number within MASSES."""
+    low, high = MASSES
+    if not is_number(given) or not low <= given <= high:
+        wrong = f"{path.name}: {part}.mass = {shown(given)}: a number from {low:g} to {high:g} kg is needed"
+        raise ProblemFileError(str(path), [wrong])
+    return float(given)
 
 
 def _holders(layer: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
