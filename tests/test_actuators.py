@@ -1,6 +1,7 @@
 """The catalogue: what its names stand for, where they may stand, and that the numbers are those of the sources."""
 
 import json
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -346,12 +347,13 @@ def test_the_fit_is_the_line_of_least_squares_with_its_errors():
     """Against scipy's regression, on scattered masses; the scatter has the closed form of two pairs a factor apart."""
     rng = np.random.default_rng(3)
     torques, masses = np.exp(rng.normal(size=9)), np.exp(rng.normal(size=9))
-    law, line = fit(torques, masses), linregress(np.log(torques), np.log(masses))
+    law, line = fit(torques, masses), cast(Any, linregress(np.log(torques), np.log(masses)))
     assert law.exponent == pytest.approx(line.slope)
     assert np.log(law.coefficient) == pytest.approx(line.intercept)
     assert law.exponent_error == pytest.approx(line.stderr)
     pairs = fit([1, 1, 8, 8], [1 / 3, 3, 4 / 3, 12])  # 1 and 4 in the middle, each off by a factor of 3
     assert (pairs.coefficient, pairs.exponent) == pytest.approx((1, 2 / 3))
+    assert pairs.scatter is not None
     assert np.log(pairs.scatter) == pytest.approx(np.log(3) * np.sqrt(4 / 2))
 
 

@@ -1,6 +1,8 @@
 """Co-design: closed forms, optimality of what was free, couplings, bounds, and what is said of impossible wishes."""
 
 import json
+import re
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +13,10 @@ from scipy.optimize import minimize_scalar
 
 import hopopt as ho
 from hopopt.cli import run
+from hopopt.codesign_catalogue import catalogue_coupling
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, start_angles
+from hopopt.mass_law import mass_law
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
@@ -45,7 +49,10 @@ def hopper(coupling: Coupling | None) -> dict[str, float]:
     freedom = Freedom({"ratio": (1.0, 12.0)} | ({"mass": (1.0, 20.0)} if coupling else {}))
     phase = Phase(
         "push",
-        (State("x", lower=0.0, initial=0.0, final=STROKE, scale=0.3), State("v", initial=0.0, scale=2.0)),
+        (
+            State("x", lower=0.0, initial=0.0, final=STROKE, scale=0.3),
+            State("v", lower=0.0, initial=0.0, scale=2.0),  # else it swings below x = 0 between nodes
+        ),
         (Control("u", lower=0.0, scale=100.0),),
         lambda s: {"x": s.v, "v": s.u / s.p["mass"] - G},
         (0.01, 2.0),
@@ -79,6 +86,131 @@ def test_mass_that_grows_with_the_ratio() -> None:
     assert found["mass"] == pytest.approx(2.5 + 0.5 * found["ratio"], rel=1e-8)
     assert found["ratio"] == pytest.approx(known.x, rel=1e-3)
     assert found["speed"] == pytest.approx(-known.fun, rel=1e-6)
+
+
+def test_mass_that_is_a_power_of_the_ratio() -> None:
+    """Mass 2.5 + 0.2 ratio^1.6: the program meets the closed form as it does for a line."""
+    found = hopper(parse_coupling("mass = 0.2*ratio^1.6 + 2.5"))
+    known: Any = minimize_scalar(lambda r: -lift_off_speed(r, 2.5 + 0.2 * r**1.6), bounds=(1.5, 12), method="bounded")
+    assert found["mass"] == pytest.approx(2.5 + 0.2 * found["ratio"] ** 1.6, rel=1e-8)
+    assert 1.5 < found["ratio"] < 11
+    assert found["ratio"] == pytest.approx(known.x, rel=1e-3)
+    assert found["speed"] == pytest.approx(-known.fun, rel=1e-6)
+
+
+# ---- what torque weighs -------------------------------------------------------------------------------------
+
+MASS_BY_TORQUE = "catalogue: leg.body.mass by leg.motor.max_torque"
+TORQUE_AND_MASS = {"leg.motor.max_torque": (1.0, 3.0), "leg.body.mass": (4.5, 7.0)}
+
+
+def body_mass(c: Coupling, torques: dict[str, float]) -> float:
+    """The mass that meets a coupling of the catalogue at these torques."""
+    return c.lower - float(c.value({**torques, next(iter(c.factors)): 0.0}))
+
+
+def test_the_catalogue_changes_nothing_at_the_present_design() -> None:
+    """Whatever the torque in the problem is, its own mass goes with it; twice the law's difference elsewhere."""
+    law = mass_law("motor")
+    for torque, mass in ((2.0, 5.6), (0.5, 3.0), (7.0, 9.0)):
+        leg = ho.load("paper", {"leg.motor.max_torque": torque, "leg.body.mass": mass}).leg
+        c = catalogue_coupling(MASS_BY_TORQUE, leg, TORQUE_AND_MASS)
+        assert body_mass(c, {"leg.motor.max_torque": torque}) == pytest.approx(mass, rel=1e-12)
+        for other in (1.0, 2.7):
+            expected = mass + 2 * (law.mass(other) - law.mass(torque))  # hip and knee
+            assert body_mass(c, {"leg.motor.max_torque": other}) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_derivative_of_the_law_is_that_of_differences() -> None:
+    c = catalogue_coupling(MASS_BY_TORQUE, ho.load("paper").leg, TORQUE_AND_MASS)
+    torque, mass, law = ca.SX.sym("torque"), ca.SX.sym("mass"), mass_law("motor")
+    value = c.value({"leg.motor.max_torque": torque, "leg.body.mass": mass})
+    slope = ca.Function("slope", [torque, mass], [ca.jacobian(value, ca.vertcat(torque, mass))])
+    for at in (0.4, 2.0, 5.0):
+        by_torque, by_mass = np.array(slope(at, 5.6)).ravel()
+        h = 1e-6 * at
+        assert by_mass == 1
+        assert by_torque == pytest.approx(-2 * (law.mass(at + h) - law.mass(at - h)) / (2 * h), rel=1e-7)
+        assert by_torque == pytest.approx(-2 * law.exponent * law.mass(at) / at, rel=1e-12)
+
+
+def test_every_joint_counts_by_the_motor_it_has() -> None:
+    """A knee with a torque of its own leaves the hip alone to the leg's motor; both may have their price at once."""
+    leg = ho.load("paper", {"leg.knee.motor.max_torque": 1.5}).leg
+    free = {**TORQUE_AND_MASS, "leg.knee.motor.max_torque": (1.0, 3.0)}
+    law, at = mass_law("motor"), {"leg.motor.max_torque": 2.8, "leg.knee.motor.max_torque": 2.5}
+    hip, knee = law.mass(2.8) - law.mass(2.0), law.mass(2.5) - law.mass(1.5)
+    alone = catalogue_coupling(MASS_BY_TORQUE, leg, free)
+    assert body_mass(alone, at) == pytest.approx(5.6 + hip)
+    both = catalogue_coupling(f"{MASS_BY_TORQUE} and leg.knee.motor.max_torque", leg, free)
+    assert body_mass(both, at) == pytest.approx(5.6 + hip + knee)
+    assert "leg.knee.motor.max_torque^" in both.equation()
+
+
+def test_gears_and_links_have_their_price_too() -> None:
+    leg = ho.load("paper", {"leg.gear": "csg-20-100", "leg.motor": "maxon-ec45-250"}).leg
+    free = {"leg.thigh.mass": (1.0, 3.0), "leg.gear.torque_cap": (50.0, 200.0), "leg.motor.torque_cap": (1.0, 3.0)}
+    text = "catalogue: leg.thigh.mass by leg.gear.torque_cap and leg.motor.torque_cap"
+    c = catalogue_coupling(text, leg, free)
+    motor, gear = mass_law("motor"), mass_law("gear")
+    at = {"leg.gear.torque_cap": 150.0, "leg.motor.torque_cap": 3.0}
+    expected = 1.87 + 2 * (gear.mass(150) - gear.mass(107) + motor.mass(3) - motor.mass(2))
+    assert body_mass(c, at) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "free", "couple", "words"),
+    [
+        ({}, TORQUE_AND_MASS, ["catalogue: leg.body.mass"], 'write "catalogue: leg.body.mass by'),
+        ({}, TORQUE_AND_MASS, ["catalogue leg.body.mass by leg.motor.max_torque"], 'write "catalogue: leg.body.mass by'),
+        ({}, TORQUE_AND_MASS, ["catalogue: leg.body.mas by leg.motor.max_torque"], "did you mean leg.body.mass"),
+        ({}, TORQUE_AND_MASS, ["catalogue: leg.thigh.length by leg.motor.max_torque"], "leg.thigh.length is not a mass"),
+        ({}, TORQUE_AND_MASS, ["catalogue: leg.body.mass by leg.motor.max_speed"], "no law of mass by leg.motor.max_speed"),
+        ({}, TORQUE_AND_MASS, ["catalogue: leg.body.mass by leg.thigh.mass"], "no law of mass by leg.thigh.mass"),
+        ({}, TORQUE_AND_MASS, [f"{MASS_BY_TORQUE} and leg.motor.max_torque"], "named twice"),
+        ({}, TORQUE_AND_MASS, [MASS_BY_TORQUE, MASS_BY_TORQUE], "name their torques in one"),
+        ({}, TORQUE_AND_MASS, ["catalogue: leg.body.mass by leg.gear.torque_cap"], "no entry leg.gear.torque_cap that is"),
+        ({}, {"leg.motor.max_torque": (1.0, 3.0)}, [MASS_BY_TORQUE], "add --free leg.body.mass=4.7:6.5"),
+        ({}, {"leg.body.mass": (5.0, 7.0)}, [MASS_BY_TORQUE], "leg.motor.max_torque is not free"),
+        ({}, {**TORQUE_AND_MASS, "leg.body.mass": (8.0, 9.0)}, [MASS_BY_TORQUE], "no values within the bounds"),
+        ({"leg.motor": "maxon-ec45-250"}, TORQUE_AND_MASS, [MASS_BY_TORQUE], "leg.motor.torque_cap = 2 N m is less"),
+        (
+            {"leg.hip.motor.max_torque": 1.0, "leg.knee.motor.max_torque": 1.0}, TORQUE_AND_MASS, [MASS_BY_TORQUE],
+            "no joint has leg.motor.max_torque",
+        ),
+        ({"leg.knee.gear.inertia": 0.0}, {"leg.knee.gear.inertia": (0.0, 1e-4)}, ["leg.knee.gear.inertia^0.5 <= 1"],
+         "needs it above 0"),
+    ],
+)  # fmt: skip
+def test_impossible_prices(overrides: dict[str, Any], free: dict[str, Any], couple: list[str], words: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(words)):
+        ho.codesign(ho.load("paper", overrides), free, couple=couple)
+
+
+@pytest.mark.slow
+def test_torque_that_weighs_on_the_command_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The optimum ends within its bounds or says which it is at, and no fixed torque of the law is better."""
+    free = ["--free", "leg.motor.max_torque=0.3:2.4", "--free", "leg.body.mass=4.5:7", "--couple", MASS_BY_TORQUE]
+    rest = ["--starts", "1", "--no-figures", "--results", str(tmp_path), "--json"]
+    assert run(["solve", *free, *rest]) == 0
+    s = json.loads(capfd.readouterr().out)
+    found = {p["entry"]: p for p in s["codesign"]["parameters"]}
+    torque, mass, law = found["leg.motor.max_torque"], found["leg.body.mass"], mass_law("motor")
+    assert mass["at_bound"] is None
+    assert mass["optimal"] == pytest.approx(5.6 + 2 * (law.mass(torque["optimal"]) - law.mass(2.0)), rel=1e-7)
+    if torque["at_bound"]:
+        assert torque["optimal"] == torque[torque["at_bound"]]
+        assert torque["gain_per_unit_of_the_bound"] * (1 if torque["at_bound"] == "upper" else -1) > 0
+    (c,) = s["codesign"]["couplings"]
+    assert (c["coupling"], c["active"]) == (MASS_BY_TORQUE, True)
+    assert "leg.motor.max_torque^" in c["equation"]
+    assert s["codesign"]["mass_laws"] == {"motor": json.loads(json.dumps(asdict(law)))}
+    assert any("fitted from 0.328 to 3 N m; leg.motor.max_torque may be 0.3 to 2.4" in note for note in s["notes"])
+    for other in (1.6, 2.2):
+        by_hand = 5.6 + 2 * (law.mass(other) - law.mass(2.0))
+        fixed = ["--set", f"leg.motor.max_torque={other}", "--set", f"leg.body.mass={by_hand!r}"]
+        assert run(["solve", *fixed, *rest]) == 0
+        assert s["clearance_m"] > json.loads(capfd.readouterr().out)["clearance_m"] * (1 - 1e-4)
 
 
 # ---- the leg ------------------------------------------------------------------------------------------------
@@ -182,6 +314,7 @@ def test_the_start_stays_folded_to_its_side(height: float, zero: float, sense: i
         ("2 a.b <= 3 - c.d", {"a.b": 2, "c.d": 1}, -np.inf, 3),
         ("-1e-2*a.b + 1 >= .5", {"a.b": -0.01}, -0.5, np.inf),
         ("a.b = 2*a.b + c.d", {"a.b": -1, "c.d": -1}, 0, 0),
+        ("a.b^1 = 2 c.d^1.0 - 3", {"a.b": 1, "c.d": -2}, -3, -3),
     ],
 )
 def test_couplings_are_sums(text: str, factors: dict[str, float], lower: float, upper: float) -> None:
@@ -190,6 +323,26 @@ def test_couplings_are_sums(text: str, factors: dict[str, float], lower: float, 
     assert (c.lower, c.upper) == pytest.approx((lower, upper))
     value = c.value({name: ca.SX(k + 2.0) for k, name in enumerate(c.factors)})
     assert float(ca.DM(ca.evalf(value))) == pytest.approx(sum(f * (k + 2) for k, f in enumerate(factors.values())))
+
+
+def test_couplings_have_powers() -> None:
+    c = parse_coupling("a.b - 2*c.d^0.5 + 3 c.d ^ -1.5 + c.d^0.5 <= 4")
+    assert c.factors == {"a.b": 1}
+    assert c.powers == {("c.d", 0.5): -1, ("c.d", -1.5): 3}
+    assert (c.lower, c.upper) == (-np.inf, 4)
+    assert c.value({"a.b": 7.0, "c.d": 4.0}) == pytest.approx(7 - 2 + 3 / 8)
+    assert c.equation() == "a.b - c.d^0.5 + 3*c.d^-1.5 <= 4"
+    assert parse_coupling(c.equation()) == replace(c, text=c.equation())
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a.b^ = 3", "2^3 = a.b", "a.b^c.d = 3", "a.b^2*c.d = 1", "a.b^^2 = 1", "a.b^0 = 1", "a.b^1e999 = 1",
+     "a.b^2 = a.b^2"],
+)  # fmt: skip
+def test_powers_that_are_none(text: str) -> None:
+    with pytest.raises(UsageError, match="--couple"):
+        parse_coupling(text)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.codesign_catalogue import asks_catalogue, beyond, catalogue_coupling, laws
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.design import Design, physical_parameters
 from hopopt.multistart import Progress, contenders, first_transcription, not_solved, outcome_of, run_starts
@@ -46,13 +47,14 @@ def codesign(
 ) -> Solution:
     """The best hop with the best design parameters: ``free`` maps entries to their (lowest, highest) values.
 
-    couple: linear equations or inequalities between entries, such as "leg.thigh.length + leg.shank.length = 0.741".
+    couple: equations or inequalities between entries, such as "leg.thigh.length + leg.shank.length = 0.741"; or the law
+    of mass that the catalogue's motors follow, "catalogue: leg.body.mass by leg.motor.max_torque".
     The solution's ``design`` has the optimal numbers; its summary's ``codesign`` says what was free and what is at
     its bound. Raises UsageError for entries or bounds that no problem can have, NotSolvedError as ``solve`` does.
     """
     say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
     side_by_side = processes or os.cpu_count() or 1
-    freedom = checked(design, Freedom(dict(free), tuple(parse_coupling(text) for text in couple)))
+    freedom = checked(design, free, couple)
     own = tuple(custom(c) for c in constraints)
     hop = Hop(design, given(objective), freedom, own)
     outcomes = run_starts(hop, count, side_by_side, lambda text: say(f"co-design: {text}"))
@@ -105,11 +107,14 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
             "objective_value": best.objective,
             "parameters": _parameters(hop, best),
             "couplings": [_coupling(c, hop, best) for c in hop.freedom.couplings],
+            "mass_laws": laws(hop.freedom),
         },
     }
+    notes = beyond(hop.freedom)
     if -worse > CONFIRMED:
-        note = "the fixed design has a better hop than the co-design found: try more starts"
-        summary["notes"] = [*summary.get("notes", ()), note]
+        notes.append("the fixed design has a better hop than the co-design found: try more starts")
+    if notes:
+        summary["notes"] = [*summary.get("notes", ()), *notes]
     return replace(answer, summary=summary)
 
 
@@ -134,19 +139,21 @@ def _parameters(hop: Hop, best: NlpSolution) -> list[dict[str, Any]]:
 
 def _coupling(c: Coupling, hop: Hop, best: NlpSolution) -> dict[str, Any]:
     values = {**physical_parameters(hop.leg), **{k: float(v[0]) for k, v in best.parameters.items()}}
-    total = sum(factor * values[entry] for entry, factor in c.factors.items())
-    return {"coupling": c.text, "active": bool(np.isclose(total, c.lower) or np.isclose(total, c.upper))}
+    total = c.value(values)
+    active = bool(np.isclose(total, c.lower) or np.isclose(total, c.upper))
+    return {"coupling": c.text, "equation": c.equation(), "active": active}
 
 
 # ---- what may be free ---------------------------------------------------------------------------------------
 
 
-def checked(design: Design, freedom: Freedom) -> Freedom:
-    """The freedom, if the problem can have it; UsageError in a sentence if not."""
+def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Sequence[str] = ()) -> Freedom:
+    """The freedom that is asked for, if the problem can have it; UsageError in a sentence if not."""
     known = physical_parameters(design.leg)
-    if not freedom.bounds:
+    if not free:
         raise UsageError("nothing is free: give --free leg.gear.ratio=50:200, say")
-    for entry, (low, high) in freedom.bounds.items():
+    bounds = Freedom(dict(free))
+    for entry, (low, high) in free.items():
         if entry not in known:
             raise UsageError(
                 f"--free {entry}: there is no such number of the leg that is set{did_you_mean(entry, known)}"
@@ -155,15 +162,34 @@ def checked(design: Design, freedom: Freedom) -> Freedom:
             raise UsageError(f"--free {entry}: its bounds {low:g} and {high:g} leave it no room")
         for value in (low, high):
             _possible(design, entry, value)
-        _holds_com(entry, low, freedom, known)
-    for c in freedom.couplings:
-        for entry in c.factors:
-            if entry not in known:
-                raise UsageError(f"--couple {c.text}: there is no entry {entry}{did_you_mean(entry, known)}")
-        if not c.factors.keys() & freedom.bounds.keys():
-            raise UsageError(f"--couple {c.text}: none of its entries is free")
-        _reachable(c, freedom, known)
-    return freedom
+        _holds_com(entry, low, bounds, known)
+    couplings = tuple(
+        catalogue_coupling(text, design.leg, free) if asks_catalogue(text) else parse_coupling(text) for text in couple
+    )
+    own_mass = [next(iter(c.factors)) for c in couplings if asks_catalogue(c.text)]
+    if repeated := next((mass for k, mass in enumerate(own_mass) if mass in own_mass[:k]), None):
+        raise UsageError(f'--couple: two laws of the catalogue say {repeated}: name their torques in one, with "and"')
+    for c in couplings:
+        _meets(c, free, known)
+    return Freedom(dict(free), couplings)
+
+
+def _meets(c: Coupling, free: Mapping[str, tuple[float, float]], known: Mapping[str, float]) -> None:
+    """That a coupling is one of entries that are set, at least one of them free, and can be met within the bounds."""
+    for entry in c.entries:
+        if entry not in known:
+            raise UsageError(f"--couple {c.text}: there is no entry {entry}{did_you_mean(entry, known)}")
+    if not free.keys() & set(c.entries):
+        raise UsageError(f"--couple {c.text}: none of its entries is free")
+    ends = np.zeros(2)
+    for factor, entry, exponent in c.terms:
+        low, high = free.get(entry, (known[entry], known[entry]))
+        if exponent != 1 and low <= 0:
+            raise UsageError(f"--couple {c.text}: {entry} can be {low:g}, and a power of it needs it above 0")
+        ends += sorted(factor * x**exponent for x in (low, high))
+    slack = 1e-9 * max(1.0, float(np.abs(ends).max()))
+    if ends[1] < c.lower - slack or ends[0] > c.upper + slack:
+        raise UsageError(f"--couple {c.text}: no values within the bounds of --free meet it")
 
 
 def _possible(design: Design, entry: str, value: float) -> None:
@@ -187,13 +213,3 @@ def _holds_com(entry: str, shortest: float, freedom: Freedom, known: Mapping[str
         raise UsageError(
             f"--free {entry}: {reach}, beyond the end of a link of {shortest:g} m: begin its range at {far:g} m or above"
         )
-
-
-def _reachable(c: Coupling, freedom: Freedom, known: Mapping[str, float]) -> None:
-    """That some values within the bounds meet the coupling."""
-    ends = np.zeros(2)
-    for entry, factor in c.factors.items():
-        ends += sorted(factor * x for x in freedom.bounds.get(entry, (known[entry], known[entry])))
-    slack = 1e-9 * max(1.0, float(np.abs(ends).max()))
-    if ends[1] < c.lower - slack or ends[0] > c.upper + slack:
-        raise UsageError(f"--couple {c.text}: no values within the bounds of --free meet it")

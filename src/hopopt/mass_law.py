@@ -33,7 +33,7 @@ class MassLaw:
         return self.coefficient * torque**self.exponent
 
 
-def fit(torques: Sequence[float], masses: Sequence[float]) -> MassLaw:
+def fit(torques: Sequence[float] | np.ndarray, masses: Sequence[float] | np.ndarray) -> MassLaw:
     """The power law through masses [kg] at torques [N m], (n,) each; ValueError for fewer than two different torques."""
     x, y = np.log(torques), np.log(masses)
     spread = float(np.sum((x - x.mean()) ** 2))

@@ -19,3 +19,10 @@ def print_codesign(found: dict[str, Any]) -> None:
     out.print(table)
     for c in found["couplings"]:
         out.print(f"{c['coupling']}   ({'active' if c['active'] else 'not active'})")
+        if c["coupling"].startswith("catalogue"):
+            out.print(f"  that is {c['equation']}")
+    for part, law in found["mass_laws"].items():
+        out.print(
+            f"  law of {law['entries']} {part}s from {law['lowest']:.3g} to {law['highest']:.3g} N m, "
+            f"typically off by a factor of {law['scatter']:.2g}: hopopt actuators --fit"
+        )

@@ -1,9 +1,9 @@
-"""Design parameters that the optimum may choose within bounds, and linear couplings between them."""
+"""Design parameters that the optimum may choose within bounds, and couplings between them: sums of powers."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -16,22 +16,52 @@ if TYPE_CHECKING:
     from hopopt.ocp.hop import Hop
 
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-TERM = re.compile(rf"\s*([+-]?)\s*(?:({NUMBER})\s*(?:\*\s*)?)?([A-Za-z][\w.-]*[\w])?\s*")
-HOW = 'write a sum of numbers times entries, such as "leg.thigh.length + leg.shank.length = 0.741"'
+TERM = re.compile(rf"\s*([+-]?)\s*(?:({NUMBER})\s*(?:\*\s*)?)?(?:([A-Za-z][\w.-]*[\w])(?:\s*\^\s*(-?{NUMBER}))?)?\s*")
+HOW = (
+    'write a sum of numbers times entries, such as "leg.thigh.length + leg.shank.length = 0.741"; '
+    'an entry may have a power: "leg.motor.max_torque^0.8"'
+)
 
 
 @dataclass(frozen=True)
 class Coupling:
-    """sum of factor * entry, at least ``lower`` and at most ``upper``; ``text`` as it was given."""
+    """sum of factor * entry and of factor * entry^exponent, at least ``lower`` and at most ``upper``.
+
+    text: as it was given; factors: {entry: factor}; powers: {(entry, exponent): factor}.
+    """
 
     text: str
     factors: Mapping[str, float]
     lower: float
     upper: float
+    powers: Mapping[tuple[str, float], float] = field(default_factory=dict)
 
-    def value(self, p: Mapping[str, ca.SX]) -> ca.SX:
-        """The sum."""
-        return sum((factor * p[entry] for entry, factor in self.factors.items()), ca.SX(0))
+    @property
+    def terms(self) -> list[tuple[float, str, float]]:
+        """(factor, entry, exponent) of every term."""
+        powers = [(factor, entry, exponent) for (entry, exponent), factor in self.powers.items()]
+        return [(factor, entry, 1.0) for entry, factor in self.factors.items()] + powers
+
+    @property
+    def entries(self) -> list[str]:
+        """Every entry that is in it, once."""
+        return list(dict.fromkeys(entry for _, entry, _ in self.terms))
+
+    def value(self, p: Mapping[str, Any]) -> Any:
+        """The sum, of numbers or of symbols."""
+        return sum(
+            factor * (p[entry] if exponent == 1 else p[entry] ** exponent) for factor, entry, exponent in self.terms
+        )
+
+    def equation(self) -> str:
+        """The coupling written out with its numbers."""
+        terms = [
+            f"{'-' if f < 0 else '+'} {'' if abs(f) == 1 else f'{abs(f):.6g}*'}{entry}{'' if n == 1 else f'^{n:.6g}'}"
+            for f, entry, n in self.terms
+        ]
+        sign, side = ("=", self.lower) if self.lower == self.upper else ("<=", self.upper)
+        sign, side = (">=", self.lower) if self.upper == INF else (sign, side)
+        return f"{' '.join(terms).removeprefix('+ ')} {sign} {side:.6g}"
 
 
 @dataclass(frozen=True)
@@ -107,36 +137,41 @@ def parse_free(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def parse_coupling(text: str) -> Coupling:
-    """A coupling from "2*a.b + c.d = 3", also with <= or >=; UsageError in a sentence if it is not that."""
+    """A coupling from "2*a.b + c.d^0.5 = 3", also with <= or >=; UsageError in a sentence if it is not that."""
     sides = re.split(r"(<=|>=|=)", text)
     if len(sides) != 3:
         raise UsageError(f"--couple {text}: {HOW}")
-    factors: dict[str, float] = {}
-    constant = _add(text, sides[0], 1.0, factors) + _add(text, sides[2], -1.0, factors)
-    if not factors:
+    found: dict[tuple[str, float], float] = {}
+    constant = _add(text, sides[0], 1.0, found) + _add(text, sides[2], -1.0, found)
+    if not found:
         raise UsageError(f"--couple {text}: no entry is in it; {HOW}")
-    for entry, factor in factors.items():
+    for (entry, exponent), factor in found.items():
         if factor == 0 or not np.isfinite(factor):
             why = "cancels out" if factor == 0 else "has a factor that is not finite"
             raise UsageError(f"--couple {text}: {entry} {why}; {HOW}")
+        if exponent == 0 or not np.isfinite(exponent):
+            raise UsageError(f"--couple {text}: {entry}^{exponent:g} is no power that binds anything; {HOW}")
     if not np.isfinite(constant):
         raise UsageError(f"--couple {text}: its constant is not finite; {HOW}")
     lower, upper = {"=": (-constant, -constant), "<=": (-INF, -constant), ">=": (-constant, INF)}[sides[1]]
-    return Coupling(" ".join(text.split()), factors, lower, upper)
+    factors = {entry: factor for (entry, exponent), factor in found.items() if exponent == 1}
+    powers = {key: factor for key, factor in found.items() if key[1] != 1}
+    return Coupling(" ".join(text.split()), factors, lower, upper, powers)
 
 
-def _add(text: str, side: str, sign: float, factors: dict[str, float]) -> float:
-    """Add the terms of one side to ``factors``; what stands there without an entry."""
+def _add(text: str, side: str, sign: float, found: dict[tuple[str, float], float]) -> float:
+    """Add the terms of one side to ``found``, {(entry, exponent): factor}; what stands there without an entry."""
     at, constant, first = 0, 0.0, True
     side = side.strip()
     while at < len(side) or first:
-        found = TERM.match(side, at)
-        if not found or not (found[2] or found[3]) or (not first and not found[1]):
+        term = TERM.match(side, at)
+        if not term or not (term[2] or term[3]) or (not first and not term[1]):
             raise UsageError(f"--couple {text}: {side[at:] or 'nothing'!r} is not understood; {HOW}")
-        value = sign * (-1.0 if found[1] == "-" else 1.0) * float(found[2] or 1.0)
-        if found[3]:
-            factors[found[3]] = factors.get(found[3], 0.0) + value
+        value = sign * (-1.0 if term[1] == "-" else 1.0) * float(term[2] or 1.0)
+        if term[3]:
+            key = term[3], float(term[4] or 1.0)
+            found[key] = found.get(key, 0.0) + value
         else:
             constant += value
-        at, first = found.end(), False
+        at, first = term.end(), False
     return constant
