@@ -35,10 +35,10 @@ class MassLaw:
 
 def fit(torques: Sequence[float] | np.ndarray, masses: Sequence[float] | np.ndarray) -> MassLaw:
     """The power law through masses [kg] at torques [N m], (n,) each; ValueError for fewer than two different torques."""
+    if np.unique(torques).size < 2:
+        raise ValueError("a power law needs masses at two different torques at least")
     x, y = np.log(torques), np.log(masses)
     spread = float(np.sum((x - x.mean()) ** 2))
-    if spread == 0:
-        raise ValueError("a power law needs masses at two different torques at least")
     exponent = float(np.sum((x - x.mean()) * (y - y.mean())) / spread)
     off = y - y.mean() - exponent * (x - x.mean())
     deviation = float(np.sqrt(np.sum(off**2) / (x.size - 2))) if x.size > 2 else None
