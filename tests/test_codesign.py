@@ -213,6 +213,24 @@ def test_torque_that_weighs_on_the_command_line(tmp_path: Path, capfd: pytest.Ca
         assert s["clearance_m"] > json.loads(capfd.readouterr().out)["clearance_m"] * (1 - 1e-4)
 
 
+@pytest.mark.slow
+def test_a_gear_as_strong_as_its_mass_is_worth() -> None:
+    """The law of gears ends within the bounds, where a little more torque gains what its mass costs: the derivatives by
+    both, from the multipliers of the fixed design, cancel along the law."""
+    design = ho.load("paper", {"leg.gear": "csg-20-100"})
+    free = {"leg.gear.torque_cap": (50.0, 204.0), "leg.body.mass": (3.0, 9.0)}
+    text = "catalogue: leg.body.mass by leg.gear.torque_cap"
+    s = ho.codesign(design, free, couple=[text], starts=1, processes=1)
+    assert s.verified, s.summary["failed_checks"]
+    torque, law = chosen(s)["leg.gear.torque_cap"], mass_law("gear")
+    assert 60 < torque < 200
+    slopes = {i.name: i.m_per_unit for i in sensitivity(s)}
+    gain = slopes["leg.gear.torque_cap"]
+    cost = slopes["leg.body.mass"] * 2 * law.exponent * law.mass(torque) / torque
+    assert gain > 1e-4  # m/(N m)
+    assert gain == pytest.approx(-cost, rel=0.02)
+
+
 # ---- the leg ------------------------------------------------------------------------------------------------
 
 
