@@ -9,6 +9,8 @@ import numpy as np
 
 from hopopt.errors import NotSolvedError
 from hopopt.leg.design import Design
+from hopopt.limit_words import conflict_words
+from hopopt.nlp.conflict import conflict
 from hopopt.nlp.diagnose import violations
 from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
@@ -19,6 +21,7 @@ from hopopt.ocp.freedom import Freedom
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import STANCE, Hop
 from hopopt.ocp.starts import Start, make_guess, starts
+from hopopt.problem_hints import hints
 
 Progress = Callable[[str], None]
 SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
@@ -150,15 +153,19 @@ def same(a: float, b: float) -> bool:
     return abs(a - b) <= SAME * max(abs(a), abs(b), 1e-3)
 
 
-def not_solved(hop: Hop, outcomes: Sequence[StartOutcome]) -> NotSolvedError:
-    """What went wrong, from the start that came closest to meeting the constraints."""
+def not_solved(hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = False) -> NotSolvedError:
+    """What went wrong, from the start that came closest to meeting the constraints; ``thorough``: which of them cannot
+    hold together too, which takes seconds."""
     transcription = first_transcription(hop)
     closest = min((solution_of(o, transcription) for o in outcomes), key=_infeasibility)
     statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
     worst = violations(closest)
     reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
-    advice = "Worst constraints:" if worst else "Try a larger solver.max_iterations or more starts."
-    return NotSolvedError(f"{hop.design.name}: {reason} ({statuses}). {advice}", worst)
+    message = f"{hop.design.name}: {reason} ({statuses})."
+    found = [*hints(hop.design), *(conflict_words(hop.design, conflict(closest)) if thorough and worst else [])]
+    if worst:
+        return NotSolvedError(message, [*found, "Worst constraints of the closest start:", *worst])
+    return NotSolvedError(f"{message} Try a larger solver.max_iterations or more starts.", found)
 
 
 def _infeasibility(s: NlpSolution) -> float:

@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import casadi as ca
@@ -13,6 +13,7 @@ from hopopt.certificate_result import attached
 from hopopt.custom_check import custom_checks, stated_value
 from hopopt.errors import NotSolvedError
 from hopopt.leg.design import Design
+from hopopt.limit_words import flat_words
 from hopopt.multistart import (
     Progress,
     StartOutcome,
@@ -25,6 +26,7 @@ from hopopt.multistart import (
 )
 from hopopt.nlp.accuracy import IntervalErrors
 from hopopt.nlp.backoff import PRICE, price
+from hopopt.nlp.flat import flat
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
@@ -33,6 +35,7 @@ from hopopt.ocp.custom import custom
 from hopopt.ocp.goal import HEIGHTS, HopObjective
 from hopopt.ocp.hop import EFFORT, Hop
 from hopopt.ocp.objectives import given
+from hopopt.problem_hints import hints
 from hopopt.solution import Solution
 from hopopt.structure_solve import Resolved, resolve
 from hopopt.summary import summarize
@@ -67,14 +70,15 @@ def solve(
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
     faults = hop.static_faults()
     if faults:
-        raise NotSolvedError(f"{design.name}: the leg cannot stand at its start.", faults)
+        raise NotSolvedError(f"{design.name}: the leg cannot stand at its start.", [*faults, *hints(design)])
     clock.mark("model")
     count = starts or design.solver.starts
     outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say)
     clock.mark("starts")
     finished = [finish(hop, candidate, outcomes, say, clock) for candidate in contenders(outcomes)]
     if not finished:
-        raise not_solved(hop, outcomes)
+        say("looking for the limits that cannot hold together")
+        raise not_solved(hop, outcomes, thorough=True)
     best, better = best_of(hop.objective, finished)
     if structure:
         best = with_free_switches(hop, best, outcomes, say, clock)
@@ -105,7 +109,9 @@ def best_of(goal: HopObjective, finished: Sequence[Solution]) -> tuple[Solution,
 
 def _notes(hop: Hop, best: Solution, better: Solution | None) -> list[str]:
     """What the answer does not say by itself."""
-    notes, goal, leg = [], hop.objective, hop.leg
+    from hopopt.recheck import stored_nlp
+
+    notes, goal, leg = hints(hop.design), hop.objective, hop.leg
     if better is not None:
         value = f"{better.summary['objective_value']:.4f} {goal.unit}, {'higher' if goal.maximize else 'lower'}"
         notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
@@ -115,7 +121,9 @@ def _notes(hop: Hop, best: Solution, better: Solution | None) -> list[str]:
     if any(e < 1 for e in shares.values()):
         stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())
         notes.append(f"the gears of this plan lose nothing; {stated} counts in hopopt simulate and hopopt compare")
-    return notes
+    found = flat(stored_nlp(best))
+    best.summary["flat"] = [asdict(f) for f in found]
+    return notes + flat_words(found)
 
 
 class Stopwatch:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopopt.bound import upper_bound
+from hopopt.idle import idle_limits
 from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range
@@ -72,6 +73,7 @@ def summarize(
         "saturation_mean": saturation_mean(plan, stance),
         "energy": energy(plan, fine),
         "active_limits": active_limits(plan, stance),
+        "idle_limits": idle_limits(plan, fine),
         f"gain_per_percent{of_unit}": limit_gains(solution),
         "verification": [c.as_dict() for c in checks],
         "failed_checks": [c.name for c in bad],

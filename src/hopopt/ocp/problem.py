@@ -117,7 +117,7 @@ class Ends:
 
 @dataclass(frozen=True)
 class BoundaryConstraint:
-    """lower <= value(ends) <= upper."""
+    """lower <= value(ends) <= upper; ``joins``: it is no limit, but what one phase hands to the next."""
 
     name: str
     value: Callable[[Ends], Any]
@@ -126,11 +126,12 @@ class BoundaryConstraint:
     scale: Numbers = 1.0
     unit: str = ""
     labels: tuple[str, ...] = ()
+    joins: bool = False
 
 
 def linkage(name: str, value: Callable[[Ends], Any], scale: Numbers = 1.0, **more: Any) -> BoundaryConstraint:
     """value(ends) = 0, what one phase hands to the next."""
-    return BoundaryConstraint(name, value, 0.0, 0.0, scale, **more)
+    return BoundaryConstraint(name, value, 0.0, 0.0, scale, joins=True, **more)
 
 
 @dataclass(frozen=True)

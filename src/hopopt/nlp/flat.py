@@ -1,0 +1,161 @@
+"""Flat directions: what of an optimum can move, all else following, without the objective feeling it.
+
+A quantity c'z is moved by d, and everything else may follow within the rows and the limits that act. To second order
+the objective then changes by k d^2 / 2, k = 1 / (c' C c), where C is the block of z in the inverse of
+
+    [ W + D_z   A'     ]      W = second derivative of the Lagrangian,  A = derivative of the rows,
+    [ A        -1/D_g  ]      D = multiplier / distance of each limit (huge where it acts, nothing where it does not)
+
+(the reduced Hessian's inverse in the tangent space of what acts; Nocedal and Wright, Numerical Optimization, 16.2 and
+19.3). Where C has no bound, nothing feels the move. The quantities asked are the means of every control over tenths of
+its phase, each duration and each free parameter: means, because a control at a single node is felt the less the finer
+the mesh.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.terms import csc
+
+BLOCKS = 10  # of a phase, over which a control is averaged
+FELT = 1e-4  # relative change of the objective, if a quantity is moved by its whole range, below which it is flat
+ACTS = 1e-7  # of the objective: a multiplier below it (scaled limit by its scale) comes of a tie-break, not of the objective
+HELD = 1e-8  # added to W for each variable, of the objective: what stands for no bound
+STIFF = 1e9  # most that a limit that acts is worth, of the objective
+STILL = 1e-3  # largest scaled value below which a control counts as unused; its scale is taken instead
+STRETCH = 0.1  # of a duration, by which it is moved when all else is optimised anew
+ITERATIONS = 200
+Who = tuple[str, str, str, tuple[float, float] | None]
+
+
+@dataclass(frozen=True)
+class Flat:
+    """A quantity that nothing feels: kind (duration, control, parameter), phase, name of the component, from when to
+    when [s] since the phase began (empty for durations and parameters), and its ``felt``: the largest relative change
+    of the objective if it moved by its whole range."""
+
+    kind: str
+    phase: str
+    name: str
+    when: tuple[float, float] | None
+    felt: float
+
+
+def flat(solution: NlpSolution, allowed: float = FELT) -> list[Flat]:
+    """What nothing feels at an optimum of the program (without a tie-break, or that would be felt)."""
+    found = [q for q in felt(solution) if q.felt < allowed]
+    joined: list[Flat] = []
+    for q in found:
+        last = joined[-1] if joined else None
+        if last and q.when and last.when and (last.phase, last.name, last.when[1]) == (q.phase, q.name, q.when[0]):
+            joined[-1] = Flat(q.kind, q.phase, q.name, (last.when[0], q.when[1]), max(last.felt, q.felt))
+        else:
+            joined.append(q)
+    return joined
+
+
+def felt(solution: NlpSolution) -> list[Flat]:
+    """Every quantity asked, with what the objective feels of it."""
+    asked = list(_quantities(solution))
+    stiffness = _stiffness(solution, [c for _, c, _ in asked])
+    size = _size(solution)
+    return [
+        Flat(*who, float(0.5 * abs(k) * reach**2 / size)) for (who, _, reach), k in zip(asked, stiffness, strict=True)
+    ]
+
+
+def _size(solution: NlpSolution) -> float:
+    goal = solution.transcription.problem.objective
+    return max(abs(solution.objective), 1e-3 * goal.scale)
+
+
+def _quantities(solution: NlpSolution) -> Iterator[tuple[Who, np.ndarray, float]]:
+    """(kind, phase, name, when), the row c, and the range of each quantity, in the scaled variables."""
+    t = solution.transcription
+    for name, where in t.variables.items():
+        c = _row(solution, where.durations)
+        yield ("duration", name, "duration", None), c, float(c @ solution.z)
+        yield from _means(solution, name)
+    labels = [label for p in t.free for label in p.component_names()]
+    for at, label in enumerate(labels, t.parameters.start):
+        yield ("parameter", "", label, None), _row(solution, at), max(abs(float(solution.z[at])), 1e-3)
+
+
+def _means(solution: NlpSolution, phase: str) -> Iterator[tuple[Who, np.ndarray, float]]:
+    """The means of a phase's controls over the intervals of each of its tenths."""
+    t, trajectory = solution.transcription, solution.phases[phase]
+    layout, where = t.layouts[phase], t.variables[phase]
+    labels = [label for u in layout.phase.controls for label in u.component_names()]
+    weights = layout.control_matrix @ np.outer(trajectory.lengths, layout.scheme.b).ravel()
+    interval, edges = layout.control_place[0], trajectory.edges
+    block = ((edges[:-1] + edges[1:]) / 2 / trajectory.duration * BLOCKS).astype(int)[interval]
+    at = np.arange(where.u.start, where.u.stop).reshape(len(interval), -1)
+    for k, label in enumerate(labels):
+        largest = float(np.abs(solution.z[at[:, k]]).max())
+        for own in (np.flatnonzero(block == b) for b in np.unique(block)):
+            when = float(edges[interval[own[0]]]), float(edges[interval[own[-1]] + 1])
+            row = _row(solution, at[own, k], weights[own] / weights[own].sum())
+            yield ("control", phase, label, when), row, largest if largest > STILL else 1.0
+
+
+def _row(solution: NlpSolution, at: Any, weights: Any = 1.0) -> np.ndarray:
+    c = np.zeros(len(solution.z))
+    c[at] = weights
+    return c
+
+
+def _stiffness(solution: NlpSolution, rows: list[np.ndarray]) -> np.ndarray:
+    """k of each row c; those that cannot move at all have none but the stiffest."""
+    t, b, size = solution.transcription, solution.bounds, _size(solution)
+    movable = b.low_z < b.high_z
+    g, A = t.program.jac_g().call([ca.DM(solution.z), ca.DM(solution.p)])
+    W = t.program.hess_lag().call([ca.DM(solution.z), ca.DM(solution.p), ca.DM(1.0), ca.DM(solution.lam_g)])[0].sparse()
+    W = W + sparse.triu(W, 1).T
+    on_z = _acting(solution.lam_x, solution.z, b.low_z, b.high_z, size)
+    on_g = _acting(solution.lam_g, np.array(g).ravel(), b.low_g, b.high_g, size)
+    held = on_g > 0
+    top = (W + sparse.diags(on_z + HELD * size)).tocsr()[movable][:, movable]
+    A = A.sparse().tocsr()[held][:, movable]
+    factor = splu(csc(sparse.bmat([[top, A.T], [A, -sparse.diags(1 / on_g[held])]])))
+    C = np.array(rows)[:, movable]
+    right = np.vstack([C.T, np.zeros((int(held.sum()), len(C)))])
+    moved = np.einsum("ij,ji->i", C, factor.solve(right)[: C.shape[1]])
+    return 1 / np.where(np.abs(moved) > 1 / (STIFF * size), moved, 1 / (STIFF * size))
+
+
+def _acting(lam: np.ndarray, value: np.ndarray, low: np.ndarray, high: np.ndarray, size: float) -> np.ndarray:
+    """multiplier / distance of each limit, at most STIFF, which equations have; 0 for those that do not act."""
+    push, most = np.abs(lam), STIFF * size
+    acts = push > ACTS * size
+    distance = np.where(lam > 0, high - value, value - low)
+    found = np.zeros(len(lam))
+    found[acts] = push[acts] / np.maximum(distance[acts], push[acts] / most)
+    return np.where(low == high, most, found)
+
+
+def longer_or_shorter(solution: NlpSolution, phase: str) -> dict[str, float | None]:
+    """By which share of itself the objective gets worse if the phase lasts STRETCH of its time shorter or longer and
+    all else is optimised anew: where limits take turns, second derivatives at the optimum do not tell. None where the
+    phase's limits, or any others, do not allow it (or the solver found no way)."""
+    t, b, where = solution.transcription, solution.bounds, solution.transcription.variables[phase]
+    shortest, longest = t.problem.phase(phase).duration
+    sign, changes = -1.0 if t.problem.objective.maximize else 1.0, dict[str, float | None]()
+    solver = NlpSolver(t, {"ipopt.max_iter": ITERATIONS})
+    for name, factor in (("shorter", 1 - STRETCH), ("longer", 1 + STRETCH)):
+        low, high = b.low_z.copy(), b.high_z.copy()
+        low[where.durations] = high[where.durations] = factor * solution.z[where.durations]
+        changes[name] = None
+        if shortest <= factor * solution.phases[phase].duration <= longest:
+            found = solver(
+                t.guess_from(solution.phases), solution.parameters, bounds=replace(b, low_z=low, high_z=high)
+            )
+            if found.success:
+                changes[name] = sign * (found.objective - solution.objective) / _size(solution)
+    return changes
