@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import CycloptsError
 
-from hopopt import cli_actuators, cli_evidence, cli_paper, cli_pareto, cli_runs, cli_studies, cli_sweep
+from hopopt import cli_actuators, cli_diagnose, cli_evidence, cli_paper, cli_pareto, cli_runs, cli_studies, cli_sweep
 from hopopt.cli_app import AsJson, Constraints, Couple, Free, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
@@ -71,9 +71,12 @@ def solve(
         raise UsageError("--starts and --processes must be at least 1")
     if couple and not free:
         raise UsageError("--couple relates numbers that are free: give them as --free leg.thigh.length=0.3:0.45")
+    from hopopt.problem_hints import hints
     from hopopt.storage import prepare, save
 
     prepare(results)
+    for words in hints(design):
+        print(f"hopopt: {words}", file=sys.stderr)  # before what may take long
 
     draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
@@ -204,17 +207,12 @@ def _answer(solution: "Solution", as_object: bool) -> None:
         print_opinions(solution.summary)
 
 
-app.command(cli_runs.simulate)
-app.command(cli_runs.compare)
-app.command(cli_runs.export)
-app.command(cli_studies.sensitivity)
-app.command(cli_paper.calibrate)
-app.command(cli_paper.tune)
-app.command(cli_paper.reproduce)
-app.command(cli_sweep.sweep)
-app.command(cli_pareto.pareto)
-app.command(cli_actuators.actuators)
-app.command(cli_evidence.evidence)
+for command in (
+    cli_runs.simulate, cli_runs.compare, cli_runs.export, cli_studies.sensitivity, cli_paper.calibrate,
+    cli_paper.tune, cli_paper.reproduce, cli_sweep.sweep, cli_pareto.pareto, cli_actuators.actuators,
+    cli_evidence.evidence, cli_diagnose.diagnose,
+):  # fmt: skip
+    app.command(command)
 
 
 def main(arguments: list[str] | None = None) -> None:

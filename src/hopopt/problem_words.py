@@ -85,7 +85,7 @@ def hint(value: Any, info: FieldInfo | None, *, in_list: bool = False) -> str:
         return f'; did you mean "{close[0]}"?'
     if isinstance(value, str) and kind in (int, float):
         return "; write the number alone, without quotes or unit"
-    return lookalike(value, unit_of(info), bounds_of(info)) if is_number(value) else ""
+    return lookalike(value, _extra(info, "unit"), bounds_of(info)) if is_number(value) else ""
 
 
 def lookalike(value: float, unit: str, bounds: Bounds) -> str:
@@ -93,7 +93,10 @@ def lookalike(value: float, unit: str, bounds: Bounds) -> str:
     low, high = (-float("inf") if bounds[0] is None else bounds[0], float("inf") if bounds[1] is None else bounds[1])
     if value == 0 or not abs(value) < 1e12 or low <= value <= high:
         return ""
-    meant = [f"{name}: write {value * si:.6g}" for name, si in LOOKALIKES.get(unit, ()) if low <= value * si <= high]
+    others = [(name, value * si) for name, si in LOOKALIKES.get(unit, ())]
+    if unit == "1":  # a share, or a ratio that its inverse was written for
+        others = [("per cent", value / 100)] if value >= 1 else [(f"1/{1 / value:.6g}", 1 / value)] if low >= 1 else []
+    meant = [f"{name}: write {other:.6g}" for name, other in others if low <= other <= high]
     return f"; {shown(value)} looks like {', or like '.join(meant)}" if meant else ""
 
 

@@ -1,0 +1,28 @@
+"""The command that says what a stored hop leaves open."""
+
+from pathlib import Path
+
+from hopopt.cli_app import AsJson, Constraints, progress
+
+
+def diagnose(
+    result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False
+) -> int:
+    """Say what a stored hop leaves open: motions and durations the objective does not feel, limits that never act.
+
+    Parameters
+    ----------
+    result
+        A folder that hopopt solve wrote.
+    objective
+        The function of your own that it was found with, if it was: module:function.
+    """
+    from hopopt import diagnosis
+    from hopopt.recheck import with_functions
+    from hopopt.storage import as_json, read
+
+    with progress(quiet=json_) as say:
+        say("moving the durations, all else solved anew")
+        found = diagnosis.diagnose(with_functions(read(result), objective, constraint or ()))
+    print(as_json(found) if json_ else "\n".join(found["words"]))
+    return 0

@@ -1,0 +1,61 @@
+"""What a stored hop leaves open: flat directions, durations that may change, limits that never act."""
+
+from dataclasses import asdict, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hopopt.errors import ResultError
+from hopopt.idle import idle_limits
+from hopopt.limit_words import flat_words
+from hopopt.nlp.flat import FELT, STRETCH, flat, longer_or_shorter
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.recheck import has_multipliers, stored_nlp
+from hopopt.solution import Solution
+
+PLACES = np.linspace(0.0, 1.0, 9)
+
+
+def diagnose(solution: Solution) -> dict[str, Any]:
+    """flat: what the objective does not feel (nlp/flat.py), the tie-break left out; durations: by which share of itself it
+    gets worse if a phase lasts 10 % shorter or longer and the whole hop is solved anew, None where that is not possible;
+    idle_limits (idle.py); words: the same in sentences. Takes seconds. Raises ResultError without stored multipliers."""
+    if not has_multipliers(solution):
+        raise ResultError(f"{solution.result_dir}: the file holds no multipliers: solve it again")
+    nlp = _without_tie_break(solution)
+    found, durations = flat(nlp), {phase: longer_or_shorter(nlp, phase) for phase in nlp.phases}
+    idle = idle_limits(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
+    words = flat_words(found)
+    words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
+    words += [_idle(name, **use) for name, use in idle.items()]
+    return {"flat": [asdict(f) for f in found], "durations": durations, "idle_limits": idle, "words": words}
+
+
+def _without_tie_break(solution: Solution) -> NlpSolution:
+    solver = solution.design.solver.model_copy(update={"tie_break": 0.0})
+    nlp = stored_nlp(replace(solution, design=solution.design.model_copy(update={"solver": solver})))
+    goal = nlp.transcription.problem.objective
+    cost = ca.Function("f", [nlp.transcription.nlp[k] for k in "xp"], [nlp.transcription.nlp["f"]])(nlp.z, nlp.p)
+    return replace(nlp, objective=-float(cost) if goal.maximize else float(cost))
+
+
+def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> str:
+    lasts = nlp.phases[phase].duration
+    what = f"{phase} {STRETCH:.0%} {way} ({lasts * (1 + (STRETCH if way == 'longer' else -STRETCH)):.3f} s)"
+    if change is None:
+        return f"{what}: not within the limits, or no hop was found"
+    if abs(change) < FELT:
+        return f"flat: {what} is as good, all else following"
+    return (
+        f"{what} costs {change:.2%} of the objective" if change > 0 else f"{what} gains {-change:.2%} of the objective"
+    )
+
+
+def _idle(name: str, used: float, entry: str, limit: float, enough: float) -> str:
+    could = (
+        f": {entry} = {limit:.4g} could be dropped, or tightened to {enough:.4g}, without effect on this hop"
+        if entry
+        else ""
+    )
+    return f"idle: {name}, at most {used:.0%} used{could}"
