@@ -21,6 +21,7 @@ ALLOWED = {
     "sim/machine.py": ("hopopt.leg",),
     "verify.py": ("hopopt.errors", "hopopt.leg", "hopopt.sim.machine", "hopopt.measures", "hopopt.verify_landing"),
     "verify_landing.py": ("hopopt.sim.machine",),
+    "verify_worth.py": ("hopopt.leg", "hopopt.sim.machine", "hopopt.measures", "hopopt.verify"),
     "measures.py": ("hopopt.leg", "hopopt.sim.machine"),
     "errors.py": (),
 }

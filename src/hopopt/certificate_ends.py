@@ -18,12 +18,13 @@ class EndSlopes:
     """Derivatives of the objective less the boundary constraints times their multipliers, by phase: by the initial
     and final state (nx,), the duration (), the integrals (k,); by the free parameters (f,).
 
-    value, multiplier, lower and upper (rows,) are those of the boundary constraints; free_multiplier (f,) those of
-    the free parameters' bounds.
+    objective is J of these ends; value, multiplier, lower and upper (rows,) are those of the boundary constraints;
+    free_multiplier (f,) those of the free parameters' bounds.
     """
 
     phases: Mapping[str, Mapping[str, np.ndarray]]
     free: np.ndarray
+    objective: float
     value: np.ndarray
     multiplier: np.ndarray
     lower: np.ndarray
@@ -60,23 +61,24 @@ def end_slopes(solution: NlpSolution, integrals: Mapping[str, np.ndarray]) -> En
             (t.ubg, [r.scale for r in rows]),
         )
     )
-    value, *found = _evaluated(solution, symbol, multiplier, integrals)
+    value, (objective,), *found = _evaluated(solution, symbol, multiplier, integrals)
     phases = {name: dict(zip(PARTS, found[4 * k : 4 * k + 4], strict=True)) for k, name in enumerate(symbol.parts)}
     labels = tuple(label for r in rows for label in r.labels)
     bounds_of_free = -s * (solution.lam_x / t.scale)[t.parameters]
-    return EndSlopes(phases, found[-1], value, multiplier, lower, upper, labels, bounds_of_free)
+    return EndSlopes(phases, found[-1], float(objective), value, multiplier, lower, upper, labels, bounds_of_free)
 
 
 def _evaluated(
     solution: NlpSolution, symbol: _EndSymbols, multiplier: np.ndarray, integrals: Mapping[str, np.ndarray]
 ) -> list[np.ndarray]:
-    """The boundary constraints, and the slopes by every part of every phase, then by the free parameters."""
+    """The boundary constraints, J, and the slopes by every part of every phase, then by the free parameters."""
     problem, t = solution.transcription.problem, solution.transcription
     value = ca.vertcat(*[ca.vec(ca.SX(c.value(symbol.ends))) for c in problem.boundary])
-    total = ca.SX(problem.objective.value(symbol.ends)) - ca.dot(value, ca.DM(multiplier))
+    objective = ca.SX(problem.objective.value(symbol.ends))
+    total = objective - ca.dot(value, ca.DM(multiplier))
     y = [part for parts in symbol.parts.values() for part in parts]
     gradients = [ca.gradient(total, w) for w in (*y, stack(symbol.p, t.free) if t.free else ca.SX(0, 1))]
-    slopes = ca.Function("ends", [*y, stack(symbol.p, problem.parameters)], [value, *gradients])
+    slopes = ca.Function("ends", [*y, stack(symbol.p, problem.parameters)], [value, objective, *gradients])
     numbers = []
     for name in symbol.parts:
         trajectory = solution.phases[name]

@@ -9,6 +9,7 @@ from hopopt import structure
 from hopopt.certificate import Certificate, certify
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.solution import Multipliers, Solution
+from hopopt.stated_error import could_be_beaten_by
 from hopopt.verify import Check
 
 SAME = 1e-9  # stored costates against those of the stored multipliers, relative
@@ -17,8 +18,10 @@ SAME = 1e-9  # stored costates against those of the stored multipliers, relative
 def attached(plan: Solution, solution: NlpSolution) -> Solution:
     """The plan with its certificate and its structure in the summary, and the multipliers it rests on."""
     certificate = certify(solution)
+    beaten = could_be_beaten_by(plan.summary, certificate)
     summary = {
         **plan.summary,
+        "objective_error": {**plan.summary["objective_error"], "could_be_beaten_by": beaten},
         "certified": certificate.passed,
         "certificate": certificate.as_dict(),
         "structure": structure.as_dict(structure.structure(solution)),

@@ -31,12 +31,14 @@ from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
 from hopopt.nlp.transcribe import Transcription
+from hopopt.objective_error import ObjectiveError, objective_error
 from hopopt.ocp.custom import custom
 from hopopt.ocp.goal import HEIGHTS, HopObjective
 from hopopt.ocp.hop import EFFORT, Hop
 from hopopt.ocp.objectives import given
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
+from hopopt.stated_error import simulated
 from hopopt.structure_solve import Resolved, resolve
 from hopopt.summary import summarize
 from hopopt.verify import KKT, LIMIT, Check, verify_plan
@@ -162,10 +164,12 @@ def summed_up(
     goal, solution = hop.objective, refinement.solution
     stated = {} if goal.figure in HEIGHTS else {goal.figure: without_tie_break(hop, solution)}
     own = (goal if goal.custom else None, hop.constraints)
-    plan = Solution(hop.design, goal.name, solution.phases, stated, own=own)
-    checks = numerical_checks(hop.design, solution, refinement.errors, refinement.change)
+    plan, error = Solution(hop.design, goal.name, solution.phases, stated, own=own), objective_error(solution)
+    checks = numerical_checks(hop.design, solution, refinement.errors, refinement.change, error)
     checks += verify_plan(hop.design, plan.tables, plan.claims(), goal.ends)
     checks += custom_checks(plan.robot, plan.tables, goal, hop.constraints, stated_value(stated))
+    more, told = simulated(plan, goal, error)
+    checks, plan = checks + more, replace(plan, summary={**stated, "objective_error": told})
     clock.mark("verification")
     found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement.history, clock)
     certified = attached(found, solution)
@@ -237,9 +241,14 @@ def _progress_line(hop: Hop, s: MeshStep) -> str:
 
 
 def numerical_checks(
-    design: Design, solution: NlpSolution, errors: Mapping[str, IntervalErrors], change: float
+    design: Design,
+    solution: NlpSolution,
+    errors: Mapping[str, IntervalErrors],
+    change: float,
+    error: ObjectiveError | None = None,
 ) -> list[Check]:
-    """First-order conditions recomputed, error of every interval, settled objective, price of the limits."""
+    """First-order conditions recomputed, error of every interval, settled objective, price of the limits, and the error
+    of the objective, unless ``error`` is it already."""
     r, s = residuals(solution), design.solver
     local = max(float(e.local.max()) for e in errors.values())
     return [
@@ -249,4 +258,5 @@ def numerical_checks(
         Check("local error of the intervals", local, s.tolerance, "scaled"),
         Check("change of the objective", change, s.objective_tolerance, "relative"),
         Check("price of drawing in the limits", price(solution), PRICE, "relative"),
+        (error or objective_error(solution)).check(),
     ]

@@ -1,6 +1,6 @@
 """Verification of a stored result, from its files alone."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -16,14 +16,17 @@ from hopopt.nlp.ipopt import Bounds, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcribe import Transcription
+from hopopt.objective_error import LEAST, objective_error
 from hopopt.ocp.custom import FIGURE, Custom, as_objective, custom
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import find
 from hopopt.solution import Solution
+from hopopt.stated_error import simulated
 from hopopt.verify import KKT, Check, verify_plan
 
 AGREE = 1e-9  # stored tables against the stored trajectories, relative
+SAME = 1e-7  # the error of the objective against the stated one, relative to the objective
 
 
 def recheck(solution: Solution) -> list[Check]:
@@ -86,10 +89,11 @@ def _recheck(solution: Solution) -> list[Check]:
         return [missing, _agreement(solution), *plan]
     nlp = stored_nlp(solution)
     change = next(c for c in solution.summary["verification"] if c["name"] == "change of the objective")["residual"]
-    errors = {name: interval_errors(nlp, name) for name in solution.phases}
-    checks = numerical_checks(solution.design, nlp, errors, float("inf") if change is None else change)
+    errors, error = {name: interval_errors(nlp, name) for name in solution.phases}, objective_error(nlp)
+    checks = numerical_checks(solution.design, nlp, errors, float("inf") if change is None else change, error)
     checks += [_agreement(solution), _same_program(solution, nlp), _same_limits(nlp)]
-    return checks + plan
+    more, told = simulated(solution, goal, error)
+    return [*checks, *_same_error(solution, told), *plan, *more]
 
 
 def with_functions(solution: Solution, objective: Any = None, constraints: Sequence[Any] = ()) -> Solution:
@@ -154,6 +158,14 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
     goal = t.problem.objective
     wrong.append((float(cost) - (-nlp.objective if goal.maximize else nlp.objective)) / goal.scale)
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
+
+
+def _same_error(solution: Solution, told: Mapping[str, Any]) -> Iterator[Check]:
+    """The error of the objective, computed again, is no larger than the one that stands beside the answer."""
+    if "objective_error" in solution.summary:  # results of earlier versions state none
+        stated = solution.summary["objective_error"]["too_high_by"]
+        more = (told["too_high_by"] - stated) / max(abs(float(solution.summary["objective_value"])), LEAST)
+        yield Check("error of the objective as stated", max(more, 0.0), SAME, "relative")
 
 
 def _agreement(solution: Solution) -> Check:

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from math import ceil, floor, isfinite, log10
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -144,6 +145,7 @@ def _evidence(s: dict[str, Any]) -> list[str]:
     if s["tie_break_weighs"] > 1e-3 * abs(s["objective_value"]):
         bias = f"flat: gentle torques are preferred, which weighs {_measure(s, s['tie_break_weighs'], '.2g')}"
     lines = [
+        *_error(s),
         f"{starts['count']} start{'s' if starts['count'] > 1 else ''} on the first mesh: {ends}{failed}",
         f"{len(s['mesh'])} mesh{'es' if len(s['mesh']) > 1 else ''}, last {sizes} intervals ({s['scheme']}); {settled}, "
         f"{bias}",
@@ -155,6 +157,28 @@ def _evidence(s: dict[str, Any]) -> list[str]:
             f"no controller can pass {bound:.2f} m, in its longest stance, by the drives' power and speed alone (docs/bound.md)"
         )
     return lines + [f"FAILED {_check_line(c)}" for c in s["verification"] if not c["passed"]]
+
+
+def _error(s: dict[str, Any]) -> list[str]:
+    """How far the claim may be off, either way."""
+    if (e := s.get("objective_error")) is None:  # a result of an earlier version
+        return []
+    figure, side = s["objective_figure"], "above" if s["maximized"] else "below"
+    most = _measure(s, _upwards(e["too_high_by"]), ".0e")
+    told = f"{_measure(s, s[figure], '.6g')}, at most {most} {side} the optimum"
+    if figure in e["simulated"]:
+        told += f" (simulated in one piece, torques clamped: {_measure(s, e['simulated'][figure], '.6g')})"
+    if e["could_be_beaten_by"] is not None:
+        told += f"; hops beside it gain at most {_measure(s, _upwards(e['could_be_beaten_by']), '.0e')}"
+    return [told]
+
+
+def _upwards(value: float) -> float:
+    """To one digit, never down."""
+    if value <= 0 or not isfinite(value):
+        return value
+    unit = 10.0 ** floor(log10(value))
+    return ceil(value / unit) * unit
 
 
 def _check_line(c: dict[str, Any]) -> str:

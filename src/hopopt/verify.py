@@ -223,6 +223,20 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
         np.einsum("kp,ip...->ik...", weights, x).reshape(-1, *x.shape[2:])
         for x in (table.t, table.q, table.v, table.tau, table.f)
     )
+    checks = []
+    for name, excess in limits_of(machine, robot, design, phase, (q, v, tau, f), windowed).items():
+        at = int(np.argmax(excess))
+        when = t[at] if len(excess) == len(t) else t[-1]
+        checks.append(Check(f"{phase} {name}", float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s"))
+    return checks
+
+
+def limits_of(
+    machine: Machine, robot: Robot, design: Design, phase: str, motion: tuple[np.ndarray, ...], windowed: bool
+) -> dict[str, np.ndarray]:
+    """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
+    q, v (k, 2 + n), tau (k, n), f (k, 2); one value for those of its end; ``windowed``: the foot's window is one."""
+    q, v, tau, f = motion
     found: dict[str, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
         use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k]))
@@ -233,12 +247,7 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
     found |= _ground(machine, design, phase, q, v, f)
     if phase != STANCE and windowed:
         found |= _window(machine, robot, design, q)
-    checks = []
-    for name, excess in found.items():
-        at = int(np.argmax(excess))
-        when = t[at] if len(excess) == len(t) else t[-1]
-        checks.append(Check(f"{phase} {name}", float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s"))
-    return checks
+    return found
 
 
 def _ground(

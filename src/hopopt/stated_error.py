@@ -1,0 +1,33 @@
+"""The error that is stated beside an answer: the estimate of its trajectories, and the hop simulated in one piece."""
+
+from typing import Any
+
+from hopopt.certificate import Certificate
+from hopopt.objective_error import ObjectiveError
+from hopopt.ocp.goal import HopObjective
+from hopopt.solution import Solution
+from hopopt.verify import Check
+from hopopt.verify_worth import not_simulated, worth
+
+
+def simulated(plan: Solution, goal: HopObjective, error: ObjectiveError) -> tuple[list[Check], dict[str, Any]]:
+    """Checks of the simulated hop, and for the summary (objective's unit): ``too_high_by``, the larger one of the
+    ``estimate`` and of what the ``simulated`` hop is short by; ``relative``, the same relative to the objective."""
+    told = {"too_high_by": error.too_high_by, "relative": error.relative, "estimate": error.as_dict()}
+    if note := not_simulated(plan.design):
+        return [], {**told, "simulated": {"note": note}}
+    claim = (goal.figure, {**plan.claims(), **plan.summary}[goal.figure], goal.maximize)
+    found = worth(plan.design, plan.tables, goal.figure, goal.ends)
+    largest = max(error.too_high_by, found.short(*claim))
+    told |= {"too_high_by": largest, "relative": largest / error.size}
+    return found.checks(*claim), {**told, "simulated": found.as_dict(*claim)}
+
+
+def could_be_beaten_by(summary: dict[str, Any], certificate: Certificate) -> float | None:
+    """By how much, to first order, neighbouring hops may be better [objective's unit]: what the certificate leaves open,
+    what the tie-break may cost, and the stated error; None for a hop that is not certified."""
+    if not certificate.passed:
+        return None
+    bias = summary["tie_break_bias_m" if "tie_break_bias_m" in summary else "tie_break_bias"]
+    still_open = sum(c.residual for c in certificate.checks if c.unit == "of the objective")
+    return summary["objective_error"]["too_high_by"] + still_open * abs(summary["objective_value"]) + bias
