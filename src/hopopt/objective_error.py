@@ -41,9 +41,10 @@ WEIGHTS = np.array([0.0, *np.tile(_weights / 2 / PANELS, PANELS), 0.0])
 class ObjectiveError:
     """What each fault may have gained [objective's unit]: ``dynamics`` (and integrals) that do not hold between the
     nodes, ``controls`` that pass their limits there, ``limits`` of the states that are passed, ``program`` (residuals
-    of the equations of the program, a claim that the trajectories do not bear out), ``second_order`` (the square of
-    all these relative to the objective; CURVATURE times the squared excess over limits of the states, which may be
-    touched between the nodes with no multiplier to show for it); ``size`` is what the error is relative to."""
+    of the equations of the program, a claim that the trajectories do not bear out), ``second_order`` (faults that
+    no multiplier shows, by the squares of their shares: of all the above in the objective; of the states' drift, had
+    the controls kept their limits, in the states' scales; CURVATURE times that of the excess over limits of the states,
+    which may be touched between the nodes); ``size`` is what the error is relative to."""
 
     dynamics: float
     controls: float
@@ -84,13 +85,13 @@ def objective_error(solution: NlpSolution) -> ObjectiveError:
     size = max(abs(solution.objective), LEAST * goal.scale)
     dynamics, controls, limits, jumps, squared = (float(part) for part in parts)
     program = jumps + _program_worth(solution, ends) + ROUNDING * size
-    second = (dynamics + controls + limits + program) ** 2 / size + CURVATURE * squared * size
+    second = (dynamics + controls + limits + program) ** 2 / size + squared * size
     return ObjectiveError(dynamics, controls, limits, program, second, size)
 
 
 def _phase_worth(solution: NlpSolution, name: str, ends: EndSlopes, quadrature: np.ndarray) -> np.ndarray:
-    """Worth of dynamics, controls, limits and jumps between intervals in one phase, and the sum over its limits of
-    their squared excess in shares of their scale, (5,)."""
+    """Worth of dynamics, controls, limits and jumps between intervals in one phase, and the sum of its faults' squares,
+    relative to the objective, (5,)."""
     layout, trajectory = solution.transcription.layouts[name], solution.phases[name]
     m, h, weights = phase_multipliers(solution, name), trajectory.lengths, ends.phases[name]["integrals"]
     t, x, u = trajectory.everywhere(PLACES)
@@ -118,8 +119,10 @@ def _phase_worth(solution: NlpSolution, name: str, ends: EndSlopes, quadrature: 
     limits = mass * np.maximum(excess, np.maximum(beside[:-2], beside[2:]))
     last = trajectory.at(np.arange(len(h)), np.ones(len(h)))[0]
     jumps = m.costate[1:] * (trajectory.x_start[1:] - last[:-1])
-    squared = (excess.max(axis=0) / bounds.scale) ** 2
-    return np.array([np.abs(part).sum() for part in (dynamics, controls, limits, jumps, squared)])
+    drift = np.abs(h[:, None] * np.einsum("k,ikx->ix", WEIGHTS, xdot - f_inside)).sum(axis=0)
+    touched = (excess.max(axis=0) / bounds.scale)[bounds.of_states]
+    squared = CURVATURE * touched**2, (drift / layout.phase.columns(layout.phase.states, "scale")).max() ** 2
+    return np.array([np.abs(part).sum() for part in (dynamics, controls, limits, jumps, np.hstack(squared))])
 
 
 def _program_worth(solution: NlpSolution, ends: EndSlopes) -> float:

@@ -24,10 +24,9 @@ def simulated(plan: Solution, goal: HopObjective, error: ObjectiveError) -> tupl
 
 
 def could_be_beaten_by(summary: dict[str, Any], certificate: Certificate) -> float | None:
-    """By how much, to first order, neighbouring hops may be better [objective's unit]: what the certificate leaves open,
-    what the tie-break may cost, and the stated error; None for a hop that is not certified."""
+    """By how much, to first order, neighbouring hops may be better [objective's unit], the tie-break counted in: what the
+    certificate leaves open, and the stated error; None for a hop that is not certified."""
     if not certificate.passed:
         return None
-    bias = summary["tie_break_bias_m" if "tie_break_bias_m" in summary else "tie_break_bias"]
     still_open = sum(c.residual for c in certificate.checks if c.unit == "of the objective")
-    return summary["objective_error"]["too_high_by"] + still_open * abs(summary["objective_value"]) + bias
+    return summary["objective_error"]["too_high_by"] + still_open * abs(summary["objective_value"])
