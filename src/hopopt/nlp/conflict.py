@@ -1,6 +1,6 @@
 """Which limits cannot hold together: the same program with every limit loosened by as little as it takes.
 
-    least sum of s_k   with   low_k - s_k <= value <= high_k + s_k   at all places of limit k at once,
+    least sum of s_k   with   low_k - s_k <= value <= high_k + s_k   at all places of constraint k at once,
 
 scaled, while the dynamics, what the phases hand over and the initial state are kept (an elastic program: Chinneck,
 Feasibility and Infeasibility in Optimization, 2008, chapter 6). Where s_k > 0, the limit has to give; a limit that
@@ -58,8 +58,8 @@ def conflict(solution: NlpSolution) -> Conflict | None:
     if s.max(initial=0.0) < GIVES:
         return Conflict((), {})
     push = _net(found, [lam[loose.owner == k] for k in range(len(found))])
-    parts = [_part(limit, float(s[k]), push[k]) for k, limit in enumerate(found)]
-    parts = [p for p in parts if p.gives or p.share > PUSHES]
+    parts = [_part(limit, float(s[loose.group[k]]), push[k]) for k, limit in enumerate(found)]
+    parts = [p for p in parts if p.share > PUSHES]
     order = sorted(parts, key=lambda p: (not p.gives, -max(p.gives / p.limit.scale, p.share)))
     return Conflict(tuple(order), _helps(solution, z, loose.Q[:, : len(solution.g)].T @ lam, float(s.sum())))
 
@@ -94,7 +94,8 @@ def _helps(solution: NlpSolution, z: np.ndarray, lam_g: np.ndarray, total: float
 
 
 class _Loosened:
-    """The elastic program: variables (z, s), rows Q (g, z) + S s; ``owner`` (rows,): a row's limit, -1 if it is kept."""
+    """The elastic program: variables (z, s), rows Q (g, z) + S s; ``owner`` (rows,): a row's limit, -1 if it is kept;
+    ``group``: which s loosens each limit."""
 
     def __init__(self, solution: NlpSolution, found: list[Limit]):
         self.solution, self.limits, t = solution, found, solution.transcription
@@ -107,8 +108,10 @@ class _Loosened:
         self.loose_z = soft[soft >= rows] - rows
         at, own = np.arange(len(self.place)), self.owner >= 0
         self.Q = csc((np.ones(len(at)), (at, self.place)), (len(at), rows + n))
-        sign = np.array([-1.0 if f.upper else 1.0 for f in found])
-        self.S = csc((sign[self.owner[own]], (at[own], self.owner[own])), (len(at), len(found)))
+        groups = list(dict.fromkeys(f.group for f in found))
+        self.group, self.slacks = np.array([groups.index(f.group) for f in found]), len(groups)
+        sign = np.array([-1.0 if f.upper else 1.0 for f in found])[self.owner[own]]
+        self.S = csc((sign, (at[own], self.group[self.owner[own]])), (len(at), len(groups)))
 
     def solve(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """z, s and the rows' multipliers; none if the solver gave up."""
@@ -116,7 +119,8 @@ class _Loosened:
         low_z, high_z, low, high = self._bounds()
         values = np.concatenate([last.g, last.z])[self.place]
         over = np.maximum(np.maximum(low - values, values - high), 0.0)
-        s = np.array([over[self.owner == k].max() for k in range(len(self.limits))]) + ROOM
+        s, own = np.full(self.slacks, ROOM), self.owner >= 0
+        np.maximum.at(s, self.group[self.owner[own]], over[own] + ROOM)
         solver, none, endless = self._solver(), np.zeros(len(s)), np.full(len(s), np.inf)
         bounds = {"lbx": np.r_[low_z, none], "ubx": np.r_[high_z, endless], "lbg": low, "ubg": high}
         result = solver(x0=np.r_[last.z, s], p=last.p, **bounds)
@@ -137,7 +141,7 @@ class _Loosened:
         return low_z, high_z, low, high
 
     def _solver(self) -> ca.Function:
-        t, near, n, m = self.solution.transcription, self.solution.z, len(self.solution.z), len(self.limits)
+        t, near, n, m = self.solution.transcription, self.solution.z, len(self.solution.z), self.slacks
         x, p = ca.MX.sym("x", n + m), ca.MX.sym("p", t.nlp["p"].numel())
         z, s = x[:n], x[n:]
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.Q.shape[0])

@@ -16,6 +16,8 @@ class Limit:
 
     kind: path, boundary, duration, state, final (of a state), control or parameter; ``places`` where it stands in
     (g, z), (n,); ``times`` [s] since the phase began, (n,), NaN if it has none; ``bound`` and ``scale`` in ``unit``.
+    Limits of one ``group`` are one constraint to whoever stated it: all components and both sides of a path or boundary
+    constraint; every side of a variable is a group of its own.
     """
 
     kind: str
@@ -27,6 +29,11 @@ class Limit:
     bound: float
     scale: float
     unit: str
+    constraint: str = ""
+
+    @property
+    def group(self) -> tuple[str, str, str]:
+        return self.kind, self.phase, self.constraint or f"{self.name} {'upper' if self.upper else 'lower'}"
 
 
 def limits(solution: NlpSolution) -> list[Limit]:
@@ -42,9 +49,9 @@ def _of_rows(solution: NlpSolution) -> Iterator[Limit]:
             continue
         for k, label in enumerate(rows.labels):
             places = np.arange(rows.start + k, rows.stop, len(rows.labels))
-            yield from _sides(
-                (rows.kind, rows.phase, label), places, _times(solution, rows), (t.lbg, t.ubg), rows.scale[k], rows.unit
-            )
+            who, about = (rows.kind, rows.phase, label), (rows.scale[k], rows.unit)
+            together = rows.name if rows.kind != "duration" else ""
+            yield from _sides(who, places, _times(solution, rows), (t.lbg, t.ubg), *about, together)
 
 
 def _times(solution: NlpSolution, rows: Rows) -> np.ndarray:
@@ -88,8 +95,11 @@ def _of_variables(solution: NlpSolution) -> Iterator[Limit]:
 
 
 def _sides(
-    who: tuple[str, str, str], places: np.ndarray, times: np.ndarray, sides: tuple[np.ndarray, ...], scale: float, unit: str
+    who: tuple[str, str, str], places: np.ndarray, times: np.ndarray, sides: tuple[np.ndarray, ...], scale: float, unit: str,
+    constraint: str = "",
 ) -> Iterator[Limit]:  # fmt: skip
     for upper, side in enumerate(sides):
         if len(places) and np.isfinite(side[places[0]]):
-            yield Limit(*who, bool(upper), places, times, float(side[places[0]] * scale), float(scale), unit)
+            yield Limit(
+                *who, bool(upper), places, times, float(side[places[0]] * scale), float(scale), unit, constraint
+            )

@@ -1,0 +1,251 @@
+"""Slips a user makes, planted one at a time: each is named with its entry, its value, and what to try.
+
+Most are refused when the file is read. Values that a leg may have are not: they get a hint, and where no hop is found
+the limits that cannot hold together are named.
+"""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hopopt as ho
+from hopopt.cli import run
+from hopopt.errors import NotSolvedError, ProblemFileError
+from hopopt.problem_file import builtin_names, load, template
+from hopopt.problem_hints import hints
+
+pytestmark = pytest.mark.filterwarnings("error")
+Planted = Callable[..., Path]
+
+
+@pytest.fixture
+def planted(tmp_path: Path) -> Planted:
+    """Writes the paper's problem with faults planted: (text of a line's beginning, what it is to be)."""
+
+    def planted(*edits: tuple[str, str]) -> Path:
+        text = template("mine")
+        for old, new in edits:
+            assert text.count(old) == 1, old
+            text = text.replace(old, new)
+        path = tmp_path / "mine.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return planted
+
+
+# ---- refused when the file is read: entry, value, what is needed, what to try ------------------------------------
+
+REFUSED = {
+    "a length in millimetres": (
+        ("length = 0.38 ", "length = 380 "),
+        "leg.thigh.length = 380 m is too large: a number from 0.01 to 3 m is needed; 380 looks like millimetres: write 0.38.",
+    ),
+    "an angle in degrees": (
+        ("lower = -2.4 ", "lower = -137.5 "),
+        "leg.knee.lower = -137.5 rad is too small: a number from -7 to 7 rad is needed; -137.5 looks like degrees: "
+        "write -2.39983.",
+    ),
+    "a mass in grams": (
+        ("mass = 1.87", "mass = 1870"),
+        "leg.thigh.mass = 1870 kg is too large: a number from 0.0001 to 200 kg is needed; 1870 looks like grams: write 1.87.",
+    ),
+    "a motor's speed in rpm": (
+        ("max_speed = 1256.637", "max_speed = 12000"),
+        "leg.motor.max_speed = 12000 rad/s is too large: a number from 1 to 6000 rad/s is needed; 12000 looks like rpm: "
+        "write 1256.64.",
+    ),
+    "a gear's ratio the other way round": (
+        ("ratio = 100 ", "ratio = 0.01 "),
+        "leg.gear.ratio = 0.01 is too small: a number from 1 to 1000 is needed; 0.01 looks like 1/100: write 100.",
+    ),
+    "joint limits exchanged": (
+        ("lower = -0.6 ", "lower = 1.4 "),
+        "leg.hip.lower = 1.4 rad is not below leg.hip.upper = 1.3 rad: exchange or widen them.",
+    ),
+    "a start outside of the joint limits": (
+        ("hip_height = 0.28 ", "joint_angles = [1.12, 0.5] "),
+        "start.joint_angles[1] = 0.5 rad is outside the limits of knee: a number from leg.knee.lower = -2.4 to "
+        "leg.knee.upper = -0.15 rad is needed.",
+    ),
+    "a hip height out of reach": (
+        ("hip_height = 0.28 ", "hip_height = 0.8 "),
+        "start.hip_height = 0.8 m with start.foot_x = 0.0 m is not possible: the leg reaches from 0.019 to 0.741 m; with this "
+        "foot_x choose it from 0.270 to 0.738 m.",
+    ),
+    "an inertia in g cm^2": (
+        ("rotor_inertia = 1.19e-5", "rotor_inertia = 119"),
+        "leg.motor.rotor_inertia = 119 kg m^2 is too large: a number from 0 to 0.05 kg m^2 is needed; 119 looks like g cm^2: "
+        "write 1.19e-05, or like kg cm^2: write 0.0119.",
+    ),
+    "an efficiency in per cent": (
+        ("# efficiency = 0.7 ", "efficiency = 70 "),
+        "leg.gear.efficiency = 70 is too large: a number from 0.05 to 1 is needed; 70 looks like per cent: write 0.7.",
+    ),
+    "a friction coefficient in per cent": (
+        ("# friction = 0.8 ", "friction = 80 "),
+        "contact.friction = 80 is too large: a number from 0 to 10 is needed; 80 looks like per cent: write 0.8.",
+    ),
+    "a shortest stance above the longest": (
+        ("stance_duration = [0.03, 0.4]", "stance_duration = [0.4, 0.03]"),
+        "hop.stance_duration = [0.4, 0.03] s begins above its end: write [shortest, longest].",
+    ),
+    "a stance in milliseconds": (
+        ("stance_duration = [0.03, 0.4]", "stance_duration = [0.03, 400]"),
+        "hop.stance_duration[1] = 400 s is too large: a list of two numbers, each from 0.001 to 10 s, is needed; 400 looks "
+        "like milliseconds: write 0.4.",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(name: str, planted: Planted, capsys: pytest.CaptureFixture[str]) -> None:
+    edit, sentence = REFUSED[name]
+    path = planted(edit)
+    with pytest.raises(ProblemFileError) as raised:
+        load(path)
+    assert raised.value.problems == [f"mine.toml: {sentence}"]
+    assert run(["solve", str(path)]) == 2  # wrong usage, in a sentence, no traceback
+    assert capsys.readouterr().err == f"hopopt: mine.toml: {sentence}\n"
+
+
+# ---- possible, and probably not meant: a hint ------------------------------------------------------------------
+
+HINTED = {
+    "a small motor's speed in rpm": (
+        ("max_speed = 1256.637", "max_speed = 4000"),
+        "hint: leg.motor.max_speed = 4000 rad/s is 38197 rpm; if rpm were meant, write 418.9",
+    ),
+    "the joint's speed for the motor's": (
+        ("max_speed = 1256.637", "max_speed = 12.57"),
+        "hint: leg.motor.max_speed = 12.57 rad/s behind a gear of 100 turns the hip at 0.13 rad/s at most: the motor's own "
+        "speed is needed, in rad/s",
+    ),
+    "a small angle in degrees": (
+        ("upper = 1.3 ", "upper = 5 "),
+        "hint: leg.hip.upper = 5 rad is 286 degrees; if degrees were meant, write 0.08727",
+    ),
+    "a small mass in grams": (
+        ("mass = 0.8 ", "mass = 80 "),
+        "hint: leg.shank.mass = 80 kg is 14.3 times leg.body.mass = 5.6 kg; if grams were meant, write 0.08",
+    ),
+    "a rotor's inertia in kg cm^2": (
+        ("rotor_inertia = 1.19e-5", "rotor_inertia = 0.0119"),
+        "hint: leg.motor.rotor_inertia = 0.0119 kg m^2 is 119 kg m^2 at the hip behind its gear of 100, more than the whole "
+        "machine on the end of the leg has (4.54 kg m^2): 1 g cm^2 is 1e-7 kg m^2",
+    ),
+    "a link's inertia in kg cm^2": (
+        ("# inertia = 0.0225 ", "inertia = 22.5 "),
+        "hint: leg.thigh.inertia = 22.5 kg m^2 is more than all its mass has at the length of the link (0.27 kg m^2); if kg cm^2 "
+        "were meant, write 0.00225",
+    ),
+    "a friction of zero for none": (
+        ("# friction = 0.8 ", "friction = 0 "),
+        "hint: contact.friction = 0 is slipperier than ice (0.05): leave the line out for a foot that never slips, or give 0.5 "
+        "to 1 for rubber on a floor",
+    ),
+    "a stance far too short": (
+        ("stance_duration = [0.03, 0.4]", "stance_duration = [0.001, 0.0012]"),
+        "hint: hop.stance_duration allows 0.0012 s at most: a push-off takes 0.05 to 0.5 s",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HINTED)
+def test_hinted(name: str, planted: Planted) -> None:
+    edit, sentence = HINTED[name]
+    assert hints(load(planted(edit))) == [sentence]
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_no_hint_where_nothing_is_wrong(name: str) -> None:
+    assert hints(load(name)) == []
+
+
+def test_a_hint_is_said_before_the_solve_and_kept_with_the_answer(planted: Planted, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
+    edit, sentence = HINTED["a small motor's speed in rpm"]
+    path = str(planted(edit, ("refine = true", "refine = false")))
+    run(["solve", path, "--starts", "1", "--no-figures", "--results", str(tmp_path / "results")])
+    shown = capsys.readouterr()
+    assert shown.err == f"hopopt: {sentence}\n"
+    assert sentence in shown.out
+
+
+# ---- no hop to be found: the diagnosis names the culprit ---------------------------------------------------------
+
+
+def diagnosis(*edits: str, objective: str = "clearance") -> list[str]:
+    """What is said of the paper's leg with entries changed, where no hop is found."""
+    design = load("paper", list(edits))
+    with pytest.raises(NotSolvedError) as raised:
+        ho.solve(design, objective, starts=1, processes=1)
+    return raised.value.diagnosis
+
+
+def test_a_torque_too_small_to_carry_the_leg() -> None:
+    """Statics: the whole weight acts on the foot and the shank's on its middle, at the knee's distance from the plumb line
+    through hip and foot, and half of it."""
+    (sentence,) = diagnosis("leg.motor.max_torque=0.2")
+    thigh, shank, height, g = 0.38, 0.361, 0.28, 9.81
+    along = (thigh**2 - shank**2 + height**2) / (2 * height)  # law of cosines
+    lever = np.sqrt(thigh**2 - along**2)
+    needed = g * ((5.6 + 1.87 + 0.8) * lever - 0.8 * lever / 2)
+    assert f"the knee needs {needed:.1f} N m to hold the start pose of 81 N in stance at 0 s" in sentence
+    assert "its drive gives 20.0 N m (leg.motor.max_torque = 0.2 and leg.gear.ratio = 100)" in sentence
+    assert "a stronger motor, a higher gear ratio, a lighter leg.body.mass or a higher start" in sentence
+
+
+def test_a_body_in_grams() -> None:
+    first, second = diagnosis("leg.body.mass=560")
+    assert "its drive gives 200.0 N m" in first
+    assert second.startswith("hint: leg.body.mass = 560 kg on a leg that reaches 0.741 m: is it in kg")
+
+
+def test_a_stance_too_short_for_the_clearance_asked_for() -> None:
+    """The loosest way out is the clearance that the same stance reaches at most, which is solved for on its own."""
+    short = ["hop.stance_duration=[0.01, 0.02]", "solver.refine=false"]
+    said = diagnosis(*short, "hop.clearance=0.4", "solver.max_iterations=60", objective="energy")
+    assert said[0].startswith("These cannot hold together: the clearance asked for (hop.clearance = 0.4); ")
+    assert "longest stance (hop.stance_duration = [0.01, 0.02])" in said[0]
+    (amount,) = re.findall(r"^Loosest way out: the clearance asked for, loosened by ([0-9.]+) m\.$", said[1])
+    highest = ho.solve(load("paper", short), starts=1, processes=1).summary["objective_value"]
+    assert 0.4 - float(amount) == pytest.approx(highest, abs=1e-3)
+    assert said[2].startswith("What would help most: less hop.clearance, more leg.motor.max_torque")
+
+
+def test_a_foot_window_out_of_reach() -> None:
+    """The leg starts with its foot far ahead of the hip and its joints never bring it back: at the limits of hip and
+    knee the foot is 0.38 sin 0.8 - 0.361 sin 0.4 ahead, 0.02 is allowed."""
+    said = diagnosis(
+        "hop.foot_window=0.02", "leg.hip.lower=0.8", "leg.knee.lower=-1.2", "start.joint_angles=[1.2, -1.0]"
+    )
+    assert said[0].startswith(
+        "These cannot hold together: the foot within its window at the apex (hop.foot_window = 0.02)"
+    )
+    assert "lower limit of the hip in flight (leg.hip.lower = 0.8)" in said[0]
+    assert "lower limit of the knee in flight (leg.knee.lower = -1.2)" in said[0]
+    assert said[1] == "Loosest way out: the foot within its window at the apex, loosened by 0.112 m."
+
+
+def test_a_motor_too_slow_to_lift_off() -> None:
+    said = diagnosis("leg.motor.max_speed=12")
+    assert said[0].startswith("hint: leg.motor.max_speed = 12 rad/s behind a gear of 100")
+    assert "shortest flight (hop.flight_duration = [0.03, 1])" in said[1]
+    assert "more leg.motor.max_speed" in said[3]
+    assert "less leg.gear.ratio" in said[3]
+
+
+def test_a_rotor_that_cannot_be_turned() -> None:
+    said = diagnosis("leg.motor.rotor_inertia=0.0119")
+    assert "leg.motor.rotor_inertia = 0.0119 kg m^2" in said[0]
+    assert "less leg.motor.rotor_inertia" in said[3]
+
+
+def test_a_ground_force_that_no_drive_can_give() -> None:
+    said = diagnosis("contact.least_force=5000")
+    assert "the least vertical ground force in stance (contact.least_force = 5000)" in said[0]
+    assert "the knee's drive in stance" in said[0]
+    assert "the knee's drive in stance stronger by" in said[1]
