@@ -79,7 +79,7 @@ def differentiated(nlp: dict[str, ca.MX]) -> ca.Function:
 
 def by_hand(transcription: Transcription, z: np.ndarray, p: np.ndarray, lam: np.ndarray) -> list[ca.DM]:
     """The same from the assembled functions."""
-    given = transcription.program.options()
+    given = transcription.program.options
     hessian = given["hess_lag"](z, p, 1.3, lam)
     assert hessian.sparsity().is_triu()
     return [*given["grad_f"](z, p), *given["jac_g"](z, p), hessian]

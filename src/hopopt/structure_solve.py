@@ -15,7 +15,7 @@ import numpy as np
 from hopopt.certificate_arcs import Activity, activity
 from hopopt.nlp.accuracy import IntervalErrors, interval_errors
 from hopopt.nlp.backoff import drawn_in
-from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import NEAR, WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
 from hopopt.nlp.trajectory import PhaseTrajectory
@@ -174,7 +174,7 @@ def _held_beside(last: NlpSolution, switches: Mapping[str, Sequence[float]], aim
     t, bounds = last.transcription, last.bounds
     for name, times in switches.items():
         bounds = held(t, bounds, name, _beside(last, name, times), given=True)
-    solver = NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE})
+    solver = NlpSolver(t, NEAR | {"ipopt.max_iter": PATIENCE})
     found = solver.again(last, bounds)
     for _ in range(ROUNDS):
         errors, released = errors_of(found), _released(found, last.bounds)

@@ -1,6 +1,7 @@
 """The functions an NLP solver needs, f and g and their exact derivatives, from a program's terms."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -119,8 +120,9 @@ class Program:
         inputs, names = [z, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]
         return ca.Function("nlp_hess_l", inputs, [H], names, ["hess"])
 
+    @cached_property
     def options(self) -> dict[str, Any]:
-        """The derivatives as options of nlpsol."""
+        """The derivatives as options of nlpsol, built once for all solvers of the program."""
         return {"expand": False, "grad_f": self.grad_f(), "jac_g": self.jac_g(), "hess_lag": self.hess_lag()}
 
 

@@ -25,14 +25,17 @@ OPTIONS = {
 }
 
 
-WARM = {  # where the point and the multipliers are nearly known
-    "ipopt.warm_start_init_point": "yes",
-    "ipopt.mu_init": 1e-8,
-    **{
-        f"ipopt.warm_start_{what}": 1e-6
-        for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
-    },
-}
+
+
+def _from_known(push: float) -> dict[str, Any]:
+    """Options to begin at a point and multipliers, pushed off their bounds by this much."""
+    places = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+    pushes = {f"ipopt.warm_start_{place}": push for place in places}
+    return {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-8} | pushes
+
+
+WARM = _from_known(1e-6)  # where the point and the multipliers are nearly known, as from another mesh
+NEAR = _from_known(1e-11)  # where they are those of the same program within other limits
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ class NlpSolver:
         self.transcription = transcription
         undamped = {"ipopt.tol": 1e-8} if transcription.scheme.starts_at_node else {}  # multipliers oscillate
         scaled = {"ipopt.obj_scaling_factor": 1.0 / transcription.problem.objective.scale}
-        settings = OPTIONS | undamped | scaled | transcription.program.options() | dict(options or {})
+        settings = OPTIONS | undamped | scaled | transcription.program.options | dict(options or {})
         self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
 
     def __call__(

@@ -8,13 +8,14 @@ until they hold everywhere.
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from hopopt.nlp.accuracy import interval_errors
 from hopopt.nlp.backoff import PRICE, drawn_in, price, prices
 from hopopt.nlp.carry import carried
-from hopopt.nlp.ipopt import WARM, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import NEAR, WARM, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.transcribe import Transcription
 
@@ -60,7 +61,6 @@ class Refinement:
     def __init__(self, solution: NlpSolution, aims: Aims, report: Callable[[MeshStep], None] = lambda step: None):
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock = time.perf_counter()
-        self.solver: NlpSolver | None = None  # of the last mesh
         self._accept(solution, 0, 0.0, 0.0)
 
     def run(self) -> None:
@@ -97,7 +97,7 @@ class Refinement:
 
     def _draw_in(self) -> Parts:
         """Draw in the limits until they hold; what is to be cut if that fails."""
-        began, solver = time.perf_counter(), self.solver or self._warm(self.solution.transcription)
+        began, solver = time.perf_counter(), self._solver(self.solution.transcription, NEAR)
         for k in range(ROUNDS):
             last = [step.excess for step in self.history[-3:]]
             if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]):
@@ -118,9 +118,9 @@ class Refinement:
         began, old = time.perf_counter(), self.solution
         t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
         guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
-        self.solver = self._warm(t)
+        solver = self._solver(t, WARM)
         built = time.perf_counter()
-        solution = self.solver(guess, free, carried(old, t))
+        solution = solver(guess, free, carried(old, t))
         for strategy in ("adaptive", "monotone"):
             if not solution.success or self._lost(solution):
                 solution = self._cold(t, strategy)(guess, free)
@@ -133,8 +133,8 @@ class Refinement:
         sign = -1.0 if solution.transcription.problem.objective.maximize else 1.0
         return sign * (solution.objective - self.solution.objective) > LOST * abs(self.solution.objective)
 
-    def _warm(self, t: Transcription) -> NlpSolver:
-        return NlpSolver(t, WARM | {"ipopt.max_iter": min(PATIENCE, self.aims.iterations)})
+    def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
+        return NlpSolver(t, {**known, "ipopt.max_iter": min(PATIENCE, self.aims.iterations)})
 
     def _cold(self, t: Transcription, strategy: str) -> NlpSolver:
         return NlpSolver(t, {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy})

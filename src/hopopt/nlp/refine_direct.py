@@ -12,7 +12,7 @@ import numpy as np
 
 from hopopt.nlp.backoff import PRICE, passed, price, prices, tightened
 from hopopt.nlp.carry import carried
-from hopopt.nlp.ipopt import Bounds
+from hopopt.nlp.ipopt import NEAR, WARM, Bounds
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.refine import MOST, Parts, Refinement, cut, relative
 from hopopt.nlp.transcribe import Transcription
@@ -87,17 +87,17 @@ class DirectRefinement(Refinement):
 
     def _solve_within(self, drawn: Amounts, parts: Parts) -> bool:
         """Solve on the next mesh, which may be the same, within limits that are drawn in."""
-        old = self.solution
-        if any((p > 1).any() for p in parts.values()):
+        old, finer = self.solution, any((p > 1).any() for p in parts.values())
+        t = old.transcription
+        if finer:
             mesh: dict[str, PhaseMesh] = {name: cut(old, name, p) for name, p in parts.items()}
-            t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
-            self.solver = self._warm(t)
-        else:
-            t = old.transcription
+            t = Transcription(t.problem, t.scheme, mesh)
         guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
         bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, drawn)
-        multipliers = (old.lam_g, old.lam_x) if t is old.transcription else carried(old, t)
-        solution = (self.solver or self._warm(t))(guess, free, multipliers, bounds)
+        if finer:
+            solution = self._solver(t, WARM)(guess, free, carried(old, t), bounds)
+        else:
+            solution = self._solver(t, NEAR).again(old, bounds)
         if not solution.success:
             solution = self._cold(t, "adaptive")(guess, free, None, bounds)
         if not solution.success or self._lost(solution) or price(solution) > PRICE:
