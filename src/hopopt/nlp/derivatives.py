@@ -32,34 +32,36 @@ class Program:
         """The ends' symbols for the integrals."""
         return self.ends.extra[: self.count]
 
+    @cached_property
     def row_terms(self) -> list[Term]:
         """The phases without their integrands."""
         g = slice(self.linear.shape[0])
         return [t.part(slice(n), g) for t, n in zip(self.phases, self.rows, strict=True)]
 
+    @cached_property
     def integral_terms(self) -> list[Term]:
         """The integrands of the phases that have some."""
         after = slice(self.linear.shape[0], None)
         parts = [t.part(slice(n, None), after) for t, n in zip(self.phases, self.rows, strict=True)]
         return [t for t in parts if t.outputs.numel()]
 
-    @property
+    @cached_property
     def cost(self) -> Term:
         """f."""
         return self.ends.part(slice(1), slice(1))
 
-    @property
+    @cached_property
     def boundary(self) -> Term:
         """What the ends add to g."""
         return self.ends.part(slice(1, None), slice(1, None))
 
     def integral(self, z: ca.MX, p: ca.MX) -> ca.MX:
         """All integrals, (count, 1)."""
-        return sum((t.values(z, p) for t in self.integral_terms()), ca.MX.zeros(self.count, 1))
+        return sum((t.values(z, p) for t in self.integral_terms), ca.MX.zeros(self.count, 1))
 
     def integral_slope(self, z: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """All integrals and their derivative by z, (count, n)."""
-        value, slopes = sum_of([t.jacobian(z, p) for t in self.integral_terms()])
+        value, slopes = sum_of([t.jacobian(z, p) for t in self.integral_terms])
         return self.no_integrals() + value, assemble((self.count, self.linear.shape[1]), slopes)
 
     def no_integrals(self) -> ca.MX:
@@ -71,7 +73,7 @@ class Program:
         z, p = self.symbols()
         extra = ca.vertcat(self.integral(z, p), p)
         g = to_dm(self.linear) @ z + self.boundary.values(z, extra)
-        for term in self.row_terms():
+        for term in self.row_terms:
             g += term.values(z, p)
         return {"x": z, "p": p, "f": self.cost.values(z, extra), "g": g}
 
@@ -91,7 +93,7 @@ class Program:
         local = ca.jacobian(self.boundary.outputs, self.integrals)
         integral, slope = self.integral_slope(z, p) if local.nnz() else (self.no_integrals(), None)
         extra = ca.vertcat(integral, p)
-        g, parts = sum_of([self.boundary.jacobian(z, extra), *(t.jacobian(z, p) for t in self.row_terms())])
+        g, parts = sum_of([self.boundary.jacobian(z, extra), *(t.jacobian(z, p) for t in self.row_terms)])
         J = assemble(self.linear.shape, parts, self.linear)
         if slope is not None:
             J += to_dm(self.boundary.scatter) @ (self.boundary.at_ends("slope", z, extra, local) @ slope)

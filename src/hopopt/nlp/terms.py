@@ -11,6 +11,7 @@ Practical Methods for Optimal Control, chapter 4, calls this structure discretiz
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -35,6 +36,11 @@ class Term:
     def points(self) -> int:
         return self.gather.shape[0] // self.y.numel()
 
+    @cached_property
+    def gather_dm(self) -> ca.DM:
+        """L for CasADi."""
+        return to_dm(self.gather)
+
     def part(self, outputs: slice, rows: slice) -> "Term":
         """The same with some of the outputs and rows only."""
         count = self.outputs.numel()
@@ -46,7 +52,7 @@ class Term:
         """Dense results at all points, each (size, points); weights are further inputs, (size, points) each."""
         inputs = [self.y, self.extra, *(w for w, _ in weights)]
         function = ca.Function(f"{what}_of_terms", inputs, [ca.densify(r) for r in results], {"cse": True})
-        y = ca.reshape(to_dm(self.gather) @ z, self.y.numel(), self.points)
+        y = ca.reshape(self.gather_dm @ z, self.y.numel(), self.points)
         return function.map(self.points).call([y, extra, *(w for _, w in weights)])
 
     def at_ends(self, what: str, z: ca.MX, extra: ca.MX, result: ca.SX, *weights: tuple[ca.SX, ca.MX]) -> ca.MX:
@@ -142,8 +148,8 @@ def triplet(pattern: ca.Sparsity) -> tuple[np.ndarray, np.ndarray]:
 
 
 def csc(matrix: Any, shape: tuple[int, int] | None = None) -> Matrix:
-    """A SciPy matrix by columns, or one of (values, (rows, columns))."""
-    return sparse.csc_matrix(matrix, shape=shape)
+    """A SciPy matrix by columns, or one of (values, (rows, columns)); itself if it is by columns already."""
+    return matrix.tocsc() if sparse.issparse(matrix) else sparse.csc_matrix(matrix, shape=shape)
 
 
 def shifted(block: Any, start: int, width: int) -> Matrix:
