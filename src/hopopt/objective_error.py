@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from hopopt.certificate_costates import phase_multipliers
 from hopopt.certificate_ends import EndSlopes, end_slopes
@@ -112,16 +113,22 @@ def _phase_worth(solution: NlpSolution, name: str, ends: EndSlopes, quadrature: 
 
     dynamics = integral(xdot - f, -l) + quadrature @ weights
     controls = integral(f - f_inside, l - l_inside)
-    excess = bounds.largest_excess(x, inside, path_inside)
+    drift = h[:, None, None] * cumulative_trapezoid(xdot - f_inside, PLACES, axis=1, initial=0.0)
+    followed = _evaluated(solution, layout, t, x - drift, inside)[
+        1
+    ]  # where the controls lead from the interval's start
+    excess = np.maximum(
+        bounds.largest_excess(x, inside, path_inside), bounds.largest_excess(x - drift, inside, followed)
+    )
     mass = h[:, None] * np.einsum("j,ijm->im", trajectory.scheme.b, np.abs(m.density))
     mass[-1] += np.abs(m.atom)
     beside = np.pad(excess, ((1, 1), (0, 0)))  # a limit's multiplier may lie one interval off
     limits = mass * np.maximum(excess, np.maximum(beside[:-2], beside[2:]))
     last = trajectory.at(np.arange(len(h)), np.ones(len(h)))[0]
     jumps = m.costate[1:] * (trajectory.x_start[1:] - last[:-1])
-    drift = np.abs(h[:, None] * np.einsum("k,ikx->ix", WEIGHTS, xdot - f_inside)).sum(axis=0)
+    whole = np.abs(h[:, None] * np.einsum("k,ikx->ix", WEIGHTS, xdot - f_inside)).sum(axis=0)
     touched = (excess.max(axis=0) / bounds.scale)[bounds.of_states]
-    squared = CURVATURE * touched**2, (drift / layout.phase.columns(layout.phase.states, "scale")).max() ** 2
+    squared = CURVATURE * touched**2, (whole / layout.phase.columns(layout.phase.states, "scale")).max() ** 2
     return np.array([np.abs(part).sum() for part in (dynamics, controls, limits, jumps, np.hstack(squared))])
 
 

@@ -38,7 +38,7 @@ from hopopt.ocp.hop import EFFORT, Hop
 from hopopt.ocp.objectives import given
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
-from hopopt.stated_error import simulated
+from hopopt.stated_error import relaxed, simulated
 from hopopt.structure_solve import Resolved, resolve
 from hopopt.summary import summarize
 from hopopt.verify import KKT, LIMIT, Check, verify_plan
@@ -169,6 +169,7 @@ def summed_up(
     checks += verify_plan(hop.design, plan.tables, plan.claims(), goal.ends)
     checks += custom_checks(plan.robot, plan.tables, goal, hop.constraints, stated_value(stated))
     more, told = simulated(plan, goal, error)
+    told |= relaxed(solution, refinement.history)
     checks, plan = checks + more, replace(plan, summary={**stated, "objective_error": told})
     clock.mark("verification")
     found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement.history, clock)

@@ -168,6 +168,8 @@ def _error(s: dict[str, Any]) -> list[str]:
     told = f"{_measure(s, s[figure], '.6g')}, at most {most} {side} the optimum"
     if figure in e["simulated"]:
         told += f" (simulated in one piece, torques clamped: {_measure(s, e['simulated'][figure], '.6g')})"
+    if "relaxed" in e:
+        told += f"; with limits at the nodes only it was {_measure(s, e['relaxed']['gains'], '+.0e')} better"
     if e["could_be_beaten_by"] is not None:
         told += f"; hops beside it gain at most {_measure(s, _upwards(e['could_be_beaten_by']), '.0e')}"
     return [told]

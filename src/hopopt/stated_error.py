@@ -1,13 +1,26 @@
 """The error that is stated beside an answer: the estimate of its trajectories, and the hop simulated in one piece."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from hopopt.certificate import Certificate
+from hopopt.certificate_costates import sign
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.refine import MeshStep
 from hopopt.objective_error import ObjectiveError
 from hopopt.ocp.goal import HopObjective
 from hopopt.solution import Solution
 from hopopt.verify import Check
 from hopopt.verify_worth import not_simulated, worth
+
+
+def relaxed(solution: NlpSolution, history: Sequence[MeshStep]) -> dict[str, Any]:
+    """For the summary: how much better (``gains``, objective's unit) the optimum of the last program was whose limits
+    held at its nodes only, before they were drawn in: a wider problem than the one posed; empty if there was none."""
+    wide = [step.objective for step in history if not step.drawn_in]
+    return (
+        {"relaxed": {"objective": wide[-1], "gains": -sign(solution) * (wide[-1] - solution.objective)}} if wide else {}
+    )
 
 
 def simulated(plan: Solution, goal: HopObjective, error: ObjectiveError) -> tuple[list[Check], dict[str, Any]]:
