@@ -193,8 +193,8 @@ def test_a_torque_too_small_to_carry_the_leg() -> None:
     along = (thigh**2 - shank**2 + height**2) / (2 * height)  # law of cosines
     lever = np.sqrt(thigh**2 - along**2)
     needed = g * ((5.6 + 1.87 + 0.8) * lever - 0.8 * lever / 2)
-    assert f"the knee needs {needed:.1f} N m to hold the start pose of 81 N in stance at 0 s" in sentence
-    assert "its drive gives 20.0 N m (leg.motor.max_torque = 0.2 and leg.gear.ratio = 100)" in sentence
+    assert f"the knee needs {needed:.1f} N m to hold the start pose in stance at 0 s" in sentence
+    assert "its drive gives 20.0 N m (leg.motor.max_torque = 0.2 and leg.gear.ratio = 100, for 81 N)" in sentence
     assert "a stronger motor, a higher gear ratio, a lighter leg.body.mass or a higher start" in sentence
 
 

@@ -253,9 +253,9 @@ class Hop:
                 given = self.leg.drive(joint, "motor", "max_torque"), self.leg.drive(joint, "gear", "ratio")
                 stated = " and ".join(f"{path} = {value:g}" for path, value in given)
                 faults.append(
-                    f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose of {self.weight:.0f} N in stance at 0 s; "
-                    f"its drive gives {float(upper):.1f} N m ({stated}): a stronger motor, a higher gear ratio, a "
-                    "lighter leg.body.mass or a higher start"
+                    f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose in stance at 0 s; "
+                    f"its drive gives {float(upper):.1f} N m ({stated}, for {self.weight:.0f} N): a stronger motor, "
+                    "a higher gear ratio, a lighter leg.body.mass or a higher start"
                 )
         return faults
 
