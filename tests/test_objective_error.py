@@ -240,7 +240,7 @@ def test_a_coarse_hop_says_so(coarse: Solution, hop: Solution) -> None:
 def test_the_simulated_hop_is_independent_of_the_claim(hop: Solution) -> None:
     """What is claimed beyond the plan is missing in the simulation."""
     found = worth(hop.design, hop.tables)
-    (check, limits) = found.checks("clearance_m", hop.clearance + 1e-3, True)
+    (check, limits) = found.checks("clearance_m", hop.clearance + 1e-3, True, hop.clearance)
     assert not check.passed
     assert check.residual == pytest.approx(1e-3 / hop.clearance, rel=0.01)
     assert limits.passed
@@ -257,7 +257,7 @@ def test_momentum_that_no_force_made(hop: Solution) -> None:
     found = worth(hop.design, tables)
     assert found.strayed == pytest.approx(faster, rel=0.01) or found.strayed > faster
     claimed = hop.clearance + faster * t[-1, -1]
-    assert not found.checks("clearance_m", claimed, True)[0].passed
+    assert not found.checks("clearance_m", claimed, True, claimed)[0].passed
     assert found.short("clearance_m", claimed, True) == pytest.approx(faster * speed / G, rel=0.05)
 
 

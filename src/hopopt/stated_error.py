@@ -33,7 +33,7 @@ def simulated(plan: Solution, goal: HopObjective, error: ObjectiveError) -> tupl
     found = worth(plan.design, plan.tables, goal.figure, goal.ends)
     largest = max(error.too_high_by, found.short(*claim))
     told |= {"too_high_by": largest, "relative": largest / error.size}
-    return found.checks(*claim), {**told, "simulated": found.as_dict(*claim)}
+    return found.checks(*claim, error.size), {**told, "simulated": found.as_dict(*claim)}
 
 
 def could_be_beaten_by(summary: dict[str, Any], certificate: Certificate) -> float | None:

@@ -17,7 +17,7 @@ from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.robot import BASE, Robot, build_robot
-from hopopt.measures import LEAST, MEASURES
+from hopopt.measures import MEASURES
 from hopopt.sim.machine import Machine
 from hopopt.verify import FLIGHT, LIMIT, PLACES, STANCE, Check, Table, limits_of
 
@@ -49,12 +49,13 @@ class Worth:
             return np.inf
         return max((claim - self.values.get(figure, claim)) * (1.0 if maximized else -1.0), 0.0)
 
-    def checks(self, figure: str, claim: float, maximized: bool) -> list[Check]:
-        """That it is worth what is claimed of the plan, and passes no limit by more than the plan may and as much again."""
+    def checks(self, figure: str, claim: float, maximized: bool, size: float) -> list[Check]:
+        """That it is worth what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
+        more than the plan may and as much again."""
         limits = Check("limits when simulated in one piece", self.passed, 2 * LIMIT, "of its range", self.limit)
         if self.values and figure not in self.values:
             return [limits]  # a function of one's own
-        short = self.short(figure, claim, maximized) / max(abs(claim), LEAST.get(figure, 1e-2))
+        short = self.short(figure, claim, maximized) / size
         return [Check("simulated in one piece", short, SHORT, "relative"), limits]
 
     def as_dict(self, figure: str, claim: float, maximized: bool) -> dict[str, Any]:
