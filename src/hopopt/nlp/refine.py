@@ -84,16 +84,21 @@ class Refinement:
         total = np.sort(np.concatenate(list(price.values())))
         dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
         return {
-            name: np.maximum(self._inaccurate(e.local), np.where(price[name] >= dear, MOST, 1))
+            name: np.maximum(
+                self._inaccurate(e.local, self.solution.phases[name].lengths), np.where(price[name] >= dear, MOST, 1)
+            )
             for name, e in self.errors.items()
         }
 
-    def _inaccurate(self, local: np.ndarray) -> np.ndarray:
-        """Pieces for each interval by its local error; late in the refinement, where a switch only moves on from one
-        interval to the next, its neighbours are halved too."""
+    def _inaccurate(self, local: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+        """Pieces for each interval by its local error; late in the refinement, where an error only moves on, what it
+        moves to is halved too: a switch goes to its neighbours, what lives on coarse intervals to any other of them."""
         over = local > self.aims.local_error
-        beside = np.convolve(over, [1, 1, 1], "same") > 0 if len(self.history) > EARLY else over
-        return np.where(over, MOST, np.where(beside, 2, 1))
+        if len(self.history) <= EARLY:
+            return np.where(over, MOST, 1)
+        coarse = lengths > 0.5 * lengths.max()
+        moves = (np.convolve(over, [1, 1, 1], "same") > 0) | (coarse & (over & coarse).any())
+        return np.where(over, MOST, np.where(moves, 2, 1))
 
     def _draw_in(self) -> Parts:
         """Draw in the limits until they hold; what is to be cut if that fails."""
