@@ -166,7 +166,7 @@ def _error(s: dict[str, Any]) -> list[str]:
     figure, side = s["objective_figure"], "above" if s["maximized"] else "below"
     most = _measure(s, _upwards(e["too_high_by"]), ".0e")
     told = f"{_measure(s, s[figure], '.6g')}, at most {most} {side} the optimum"
-    if figure in e["simulated"]:
+    if figure in e["simulated"] and e["simulated"].get("followed", True):
         told += f" (simulated in one piece, torques clamped: {_measure(s, e['simulated'][figure], '.6g')})"
     if "relaxed" in e:
         told += f"; with limits at the nodes only it was {_measure(s, e['relaxed']['gains'], '+.0e')} better"

@@ -25,13 +25,14 @@ def relaxed(solution: NlpSolution, history: Sequence[MeshStep]) -> dict[str, Any
 
 def simulated(plan: Solution, goal: HopObjective, error: ObjectiveError) -> tuple[list[Check], dict[str, Any]]:
     """Checks of the simulated hop, and for the summary (objective's unit): ``too_high_by``, the larger one of the
-    ``estimate`` and of what the ``simulated`` hop is short by; ``relative``, the same relative to the objective."""
+    ``estimate`` and of what the ``simulated`` hop is short by, if it followed the plan; ``relative``, the same relative
+    to the objective."""
     told = {"too_high_by": error.too_high_by, "relative": error.relative, "estimate": error.as_dict()}
     if note := not_simulated(plan.design):
         return [], {**told, "simulated": {"note": note}}
     claim = (goal.figure, {**plan.claims(), **plan.summary}[goal.figure], goal.maximize)
     found = worth(plan.design, plan.tables, goal.figure, goal.ends)
-    largest = max(error.too_high_by, found.short(*claim))
+    largest = max(error.too_high_by, found.short(*claim)) if found.followed else error.too_high_by
     told |= {"too_high_by": largest, "relative": largest / error.size}
     return found.checks(*claim, error.size), {**told, "simulated": found.as_dict(*claim)}
 

@@ -23,6 +23,7 @@ from hopopt.verify import FLIGHT, LIMIT, PLACES, STANCE, Check, Table, limits_of
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
+FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's worth
 DRIVES = "operating region"  # kept by clamping
 
 POWERS = np.arange(len(PLACES))
@@ -43,6 +44,11 @@ class Worth:
     passed: float
     limit: str
 
+    @property
+    def followed(self) -> bool:
+        """Whether it is the plan's hop: drives at their limits cannot bring a leg back that is unstable there."""
+        return not np.isfinite(self.strayed) or self.strayed <= FOLLOWED
+
     def short(self, figure: str, claim: float, maximized: bool) -> float:
         """By how much it is worth less than the claim, if it is [the figure's unit]; 0 for a figure it does not say."""
         if not np.isfinite(self.strayed):
@@ -51,7 +57,9 @@ class Worth:
 
     def checks(self, figure: str, claim: float, maximized: bool, size: float) -> list[Check]:
         """That it is worth what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
-        more than the plan may and as much again."""
+        more than the plan may and as much again; none for a hop that did not follow the plan."""
+        if not self.followed:
+            return []
         limits = Check("limits when simulated in one piece", self.passed, 2 * LIMIT, "of its range", self.limit)
         if self.values and figure not in self.values:
             return [limits]  # a function of one's own
@@ -61,7 +69,10 @@ class Worth:
     def as_dict(self, figure: str, claim: float, maximized: bool) -> dict[str, Any]:
         """For the summary."""
         short = self.short(figure, claim, maximized)
-        return {**self.values, "short_by": short, "strayed": self.strayed, "passed": self.passed, "limit": self.limit}
+        told = {"short_by": short, "strayed": self.strayed, "passed": self.passed, "limit": self.limit}
+        if not self.followed:
+            told["note"] = "it did not stay with the plan: drives at their limits could not bring it back"
+        return {**self.values, "followed": self.followed, **told}
 
 
 def not_simulated(design: Design) -> str:

@@ -25,8 +25,6 @@ OPTIONS = {
 }
 
 
-
-
 def _from_known(push: float) -> dict[str, Any]:
     """Options to begin at a point and multipliers, pushed off their bounds by this much."""
     places = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
