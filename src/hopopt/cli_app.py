@@ -46,7 +46,7 @@ Couple = Annotated[
         name="--couple",
         negative=(),
         consume_multiple=False,
-        help='A linear relation of free numbers: --couple "leg.thigh.length + leg.shank.length = 0.741" (repeat).',
+        help='A relation of free numbers, "leg.thigh.length + leg.shank.length = 0.741", powers too, or "catalogue: MASS by TORQUE" (repeat).',
     ),
 ]
 AsJson = Annotated[

@@ -1,0 +1,136 @@
+"""How dependable an answer is on legs that nobody tuned anything for: the share verified, and what became of the rest.
+
+    python benchmarks/random_legs.py [LEGS] [STARTS] [SEED]
+
+Draws feasible legs (200 unless told): sizes, masses, drives, angle limits, friction, starts and rules of the hop all at
+random around a leg that can carry itself. Each is solved from STARTS starts (3) on one of two processes. Prints a line
+for each, the clearance against the upper bound of docs/bound.md, and a table of how they ended. An answer is verified,
+solved but not verified (its failed checks are named), or not solved (with the reason); anything else, a traceback
+above all, is a defect, and so is a clearance above the bound: the exit status is then 1.
+"""
+
+import sys
+import time
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+import hopopt as ho
+from hopopt.errors import HopoptError, NotSolvedError
+from hopopt.leg.design import Design
+from hopopt.ocp.hop import Hop
+
+PROCESSES = 2
+GRAVITY = 9.81
+VERIFIED, UNVERIFIED, NOT_SOLVED, DEFECT = "verified", "not verified", "not solved", "defect"
+
+
+def draw(rng: np.random.Generator) -> dict[str, Any]:
+    """Entries of a leg whose knee can hold its weight between 1.5 and 5 times where the hop begins."""
+    thigh = rng.uniform(0.12, 0.5)
+    shank = thigh * rng.uniform(0.75, 1.25)
+    body, links = rng.uniform(1.0, 3.0) * (thigh / 0.15) ** 1.5, rng.uniform(0.05, 0.35)
+    ratio, crouch = float(rng.choice([6, 9, 20, 50, 100])), rng.uniform(0.45, 0.85)
+    weight = GRAVITY * body * (1 + links)
+    torque = weight * thigh * rng.uniform(1.5, 5.0) / ratio
+    speed = ratio * rng.uniform(8.0, 30.0)
+    entries = {
+        "leg.thigh.length": thigh,
+        "leg.shank.length": shank,
+        "leg.body.mass": body,
+        "leg.thigh.mass": body * links * rng.uniform(0.5, 0.8),
+        "leg.shank.mass": body * links * rng.uniform(0.1, 0.4),
+        "leg.hip.lower": -rng.uniform(0.4, 1.2),
+        "leg.hip.upper": rng.uniform(1.0, 1.5),
+        "leg.knee.lower": -rng.uniform(2.1, 2.7),
+        "leg.knee.upper": -rng.uniform(0.05, 0.4),
+        "leg.gear.ratio": ratio,
+        "leg.motor.max_torque": torque,
+        "leg.motor.max_speed": speed,
+        "leg.motor.rotor_inertia": rng.uniform(0.0, 0.05) * body * thigh**2 / ratio**2,
+        "leg.motor.laws": ["paper"] if rng.random() < 0.5 else ["four-quadrant"],
+        "leg.motor.torque_cap": torque,
+        "start.hip_height": (thigh + shank) * crouch,
+        "start.foot_x": rng.uniform(-0.05, 0.05) * thigh,
+        "hop.stance_duration": [0.02, rng.uniform(0.15, 0.4)],
+        "hop.foot_window": rng.uniform(0.1, 0.4) * thigh,
+        "hop.counter_movement": bool(rng.random() < 0.7),
+        "hop.flight_duration": [0.01, 1.5],
+    }
+    if rng.random() < 0.5:
+        entries["contact.friction"] = rng.uniform(0.4, 1.0)
+    return {name: round(x, 5) if isinstance(x, float) else x for name, x in entries.items()}
+
+
+def feasible_legs(count: int, seed: int) -> list[dict[str, Any]]:
+    """The first draws that are valid problems and can stand where they begin."""
+    found, rng = [], np.random.default_rng(seed)
+    while len(found) < count:
+        entries = draw(rng)
+        try:
+            if not Hop(loaded(entries)).static_faults():
+                found.append(entries)
+        except HopoptError:
+            continue
+    return found
+
+
+def loaded(entries: dict[str, Any]) -> Design:
+    """The paper's problem with these entries."""
+    said = (f"{name}={str(x).lower() if isinstance(x, bool) else repr(x)}" for name, x in entries.items())
+    return ho.load("paper", list(said))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one leg ended, in a word and in a sentence, its clearance and the bound on it [m], seconds."""
+
+    ended: str
+    sentence: str
+    clearance: float
+    bound: float
+    seconds: float
+
+
+def solved(entries: dict[str, Any], starts: int) -> Outcome:
+    """One leg's answer."""
+    began = time.perf_counter()
+    try:
+        s = ho.solve(loaded(entries), starts=starts, processes=1)
+    except NotSolvedError as error:
+        return Outcome(NOT_SOLVED, " ".join(str(error).split()), np.nan, np.nan, time.perf_counter() - began)
+    except Exception as error:  # the point of the benchmark is that there is none
+        return Outcome(DEFECT, f"{type(error).__name__}: {error}", np.nan, np.nan, time.perf_counter() - began)
+    clearance, bound = s.summary["clearance_m"], s.summary["upper_bound"]["clearance_m"]
+    ended, sentence = (VERIFIED, "") if s.verified else (UNVERIFIED, ", ".join(s.summary["failed_checks"]))
+    if not clearance <= bound:
+        ended, sentence = DEFECT, f"above the bound of {bound:.3f} m"
+    return Outcome(ended, sentence, clearance, bound, time.perf_counter() - began)
+
+
+def main() -> int:
+    """Solve, print, and say whether there was a defect."""
+    count, starts, seed = (int(x) for x in (sys.argv[1:] + ["200", "3", "0"][len(sys.argv) - 1 :])[:3])
+    legs = feasible_legs(count, seed)
+    jobs = (delayed(solved)(entries, starts) for entries in legs)
+    ended: Counter[str] = Counter()
+    shares, seconds = [], 0.0
+    results: Any = Parallel(n_jobs=PROCESSES, return_as="generator")(jobs)
+    for k, (entries, found) in enumerate(zip(legs, results, strict=True)):
+        ended[found.ended] += 1
+        shares.append(found.clearance / found.bound)
+        seconds += found.seconds
+        print(f"{k:3d} {found.ended}: {found.clearance:.4f} m of {found.bound:.2f} m, {found.seconds:.0f} s", flush=True)
+        if found.sentence:
+            print(f"    {found.sentence}\n    {entries}", flush=True)
+    print(f"\n{', '.join(f'{n} {what}' for what, n in ended.most_common())} of {count} (seed {seed}, {starts} starts)")
+    print(f"verified: {100 * ended[VERIFIED] / count:.1f} %; {seconds / count:.1f} s a leg")
+    print(f"clearance / bound: at most {np.nanmax(shares):.3f}, median {np.nanmedian(shares):.3f}")
+    return 1 if ended[DEFECT] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
