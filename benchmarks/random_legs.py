@@ -123,7 +123,9 @@ def main() -> int:
         ended[found.ended] += 1
         shares.append(found.clearance / found.bound)
         seconds += found.seconds
-        print(f"{k:3d} {found.ended}: {found.clearance:.4f} m of {found.bound:.2f} m, {found.seconds:.0f} s", flush=True)
+        print(
+            f"{k:3d} {found.ended}: {found.clearance:.4f} m of {found.bound:.2f} m, {found.seconds:.0f} s", flush=True
+        )
         if found.sentence:
             print(f"    {found.sentence}\n    {entries}", flush=True)
     print(f"\n{', '.join(f'{n} {what}' for what, n in ended.most_common())} of {count} (seed {seed}, {starts} starts)")

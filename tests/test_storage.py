@@ -76,7 +76,7 @@ def test_data_lie_in_their_folder_before_figures_are_drawn(solution: Solution, t
     seen = []
     saved = save(solution, tmp_path, lambda s, folder: seen.append((s.result_dir, contents(folder.parent))))
     assert seen == [(saved.result_dir, DATA | {"figures"})]
-    assert "notes" not in saved.summary
+    assert saved.summary.get("notes") == solution.summary.get("notes")
 
 
 @pytest.mark.parametrize(
@@ -91,13 +91,14 @@ def test_figures_that_fail_leave_the_data_and_a_note(
 
     with caplog.at_level(logging.WARNING, "hopopt"):
         saved = save(solution, tmp_path, draw)
-    (note,) = saved.summary["notes"]
+    *before, note = saved.summary["notes"]
+    assert before == solution.summary.get("notes", [])
     assert caplog.messages == [note]
     assert "figures" in note
     assert str(saved.result_dir) in note
     assert "\n" not in note
     again = read(str(saved.result_dir))
-    assert again.summary["notes"] == [note]
+    assert again.summary["notes"] == [*before, note]
     assert again.clearance == solution.clearance
     assert contents(saved.result_dir) == DATA | {"figures"}
     assert contents(tmp_path) == {saved.result_dir.name}  # type: ignore[union-attr]
