@@ -28,11 +28,12 @@ def scripts() -> dict[str, ModuleType]:
         import in_hopopt  # pyright: ignore[reportMissingImports]
         import mesh_size  # pyright: ignore[reportMissingImports]
         import posed  # pyright: ignore[reportMissingImports]
+        import random_legs  # pyright: ignore[reportMissingImports]
         import store_hop  # pyright: ignore[reportMissingImports]
         import warm  # pyright: ignore[reportMissingImports]
     finally:
         sys.path[:2] = []
-    return {m.__name__: m for m in (in_hopopt, mesh_size, posed, store_hop, warm)}
+    return {m.__name__: m for m in (in_hopopt, mesh_size, posed, random_legs, store_hop, warm)}
 
 
 @pytest.fixture(scope="module")
@@ -124,3 +125,23 @@ def test_a_package_that_fails_is_listed_with_its_reason() -> None:
     text = main["table"]("effort", 12.0, found)
     assert "| absent | - | - | - | - | - | no such package |" in text
     assert "| slow | 0.100 | 0.100 | 0.500 | 2.5 | 5 | +0.0e+00 |" in text
+
+
+def test_random_legs_are_the_same_for_a_seed_and_end_in_words(scripts: dict[str, ModuleType]) -> None:
+    """A longer list begins with the shorter one; a leg too slow to leave the ground is not solved, with a reason."""
+    script = scripts["random_legs"]
+    first, more = script.feasible_legs(2, 1), script.feasible_legs(4, 1)
+    assert more[:2] == first
+    assert more[2] != first[0]
+    heavy = {**first[0], "hop.flight_duration": [1.4, 1.5], "solver.max_iterations": 60, "solver.refine": False}
+    found = script.solved(heavy, 1)
+    assert found.ended == script.NOT_SOLVED
+    assert "hop.flight_duration" in found.sentence
+
+
+@pytest.mark.slow
+def test_a_random_leg_is_verified_below_the_bound(scripts: dict[str, ModuleType]) -> None:
+    script = scripts["random_legs"]
+    found = script.solved(script.feasible_legs(1, 1)[0], 1)
+    assert found.ended == script.VERIFIED, found.sentence
+    assert 0 < found.clearance < found.bound

@@ -29,7 +29,7 @@ from hopopt.nlp.backoff import PRICE, price
 from hopopt.nlp.flat import flat
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
-from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
+from hopopt.nlp.refine import Aims, MeshStep, Refinement
 from hopopt.nlp.transcribe import Transcription
 from hopopt.objective_error import ObjectiveError, objective_error
 from hopopt.ocp.custom import custom
@@ -39,7 +39,7 @@ from hopopt.ocp.objectives import given
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
 from hopopt.stated_error import relaxed, simulated
-from hopopt.structure_solve import Resolved, resolve
+from hopopt.structure_solve import Resolved
 from hopopt.summary import summarize
 from hopopt.verify import KKT, LIMIT, Check, verify_plan
 
@@ -83,6 +83,8 @@ def solve(
         raise not_solved(hop, outcomes, thorough=True)
     best, better = best_of(hop.objective, finished)
     if structure:
+        from hopopt.structure_answer import with_free_switches
+
         best = with_free_switches(hop, best, outcomes, say, clock)
     if notes := _notes(hop, best, better):
         best.summary["notes"] = notes
@@ -178,34 +180,6 @@ def summed_up(
     return certified
 
 
-def with_free_switches(
-    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
-) -> Solution:
-    """The best hop solved again with its drives' switches at free times, if that is verified and agrees with it."""
-    from hopopt.recheck import stored_nlp
-
-    say("solving again with free switching times")
-    settled = next(MeshStep(**step) for step in reversed(best.summary["mesh"]) if not step["drawn_in"])
-    found = resolve(stored_nlp(best), settled, aims_of(hop), lambda step: say(_progress_line(hop, step)))
-    clock.mark("structure")
-    if isinstance(found, str):
-        return _with_structure(best, {"solved_again": False, "note": found})
-    outcome = next(o for o in outcomes if o.name == best.summary["starts"]["chosen"])
-    again = summed_up(hop, found, outcomes, outcome, clock)
-    difference = relative(again.summary["objective_value"], best.summary["objective_value"])
-    wrong = again.summary["failed_checks"] + ([] if again.summary["certified"] else ["the certificate"])
-    wrong += [f"another optimum, {difference:.0e} away"] if difference > PRICE else []
-    note = f"with free switching times it failed: {', '.join(wrong)}" if wrong else ""
-    told = {"solved_again": not wrong, "note": note, "switches_s": found.switches, "jumps_s": found.jumps}
-    told["difference"] = difference
-    return _with_structure(best if wrong else again, told)
-
-
-def _with_structure(solution: Solution, more: dict[str, Any]) -> Solution:
-    summary = solution.summary
-    return replace(solution, summary={**summary, "structure": {**summary["structure"], **more}})
-
-
 def without_tie_break(hop: Hop, solution: NlpSolution) -> float:
     """What the program says of the objective itself [its unit]."""
     t = solution.transcription
@@ -220,7 +194,7 @@ def refine_outcome(hop: Hop, outcome: StartOutcome, say: Progress, first: Transc
     """A start's optimum, refined as the problem's solver settings ask for."""
     aims = aims_of(hop)
     solution = solution_of(outcome, first or first_transcription(hop))
-    refinement = Refinement(solution, aims, lambda step: say(_progress_line(hop, step)))
+    refinement = Refinement(solution, aims, lambda step: say(progress_line(hop, step)))
     refinement.run()
     return refinement
 
@@ -232,7 +206,8 @@ def aims_of(hop: Hop) -> Aims:
     return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations)
 
 
-def _progress_line(hop: Hop, s: MeshStep) -> str:
+def progress_line(hop: Hop, s: MeshStep) -> str:
+    """One solve of a refinement, for whoever waits."""
     sizes = " + ".join(str(n) for n in s.intervals.values())
     again = f", limits drawn in {s.drawn_in} time{'s' if s.drawn_in > 1 else ''}" if s.drawn_in else ""
     return (

@@ -14,14 +14,13 @@ import pinocchio as pin
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BarycentricInterpolator
 
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
-from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE, Robot, build_robot
-from hopopt.leg.scales import DESCENT_RANGE, force_range, weight
+from hopopt.leg.scales import weight
 from hopopt.measures import LEAST, MEASURES
 from hopopt.sim.machine import Machine
 from hopopt.verify_landing import landing, lift_off
+from hopopt.verify_limits import limits_of
 
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
@@ -224,60 +223,11 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
         for x in (table.t, table.q, table.v, table.tau, table.f)
     )
     checks = []
-    for name, excess in limits_of(machine, robot, design, phase, (q, v, tau, f), windowed).items():
+    for name, excess in limits_of(machine, robot, design, phase == STANCE, (q, v, tau, f), windowed).items():
         at = int(np.argmax(excess))
         when = t[at] if len(excess) == len(t) else t[-1]
         checks.append(Check(f"{phase} {name}", float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s"))
     return checks
-
-
-def limits_of(
-    machine: Machine, robot: Robot, design: Design, phase: str, motion: tuple[np.ndarray, ...], windowed: bool
-) -> dict[str, np.ndarray]:
-    """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
-    q, v (k, 2 + n), tau (k, n), f (k, 2); one value for those of its end; ``windowed``: the foot's window is one."""
-    q, v, tau, f = motion
-    found: dict[str, np.ndarray] = {}
-    for k, joint in enumerate(robot.joints):
-        use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k]))
-        found[f"{joint} operating region"] = (use.max(axis=0) - 1.0) / 2  # a tau + b w goes from -1 to 1
-        low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
-        angle = q[:, BASE + k]
-        found[f"{joint} angle"] = np.maximum(low - angle, angle - high) / (high - low)
-    found |= _ground(machine, design, phase, q, v, f)
-    if phase != STANCE and windowed:
-        found |= _window(machine, robot, design, q)
-    return found
-
-
-def _ground(
-    machine: Machine, design: Design, phase: str, q: np.ndarray, v: np.ndarray, f: np.ndarray
-) -> dict[str, np.ndarray]:
-    size_of_leg = reach(design.leg)
-    points, found = [machine.points(row) for row in q], {}
-    for name in design.hop.above_ground or tuple(machine.frames):
-        if phase != STANCE or name != "foot":
-            least = 0.0 if name == "foot" else design.hop.least_height
-            found[f"{name} above ground"] = np.array([least - p[name][1] for p in points]) / size_of_leg
-    if machine.held:
-        found["body on its slider"] = np.abs(q[:, machine.held] - q[0, machine.held]).max(axis=1) / size_of_leg
-    if phase == STANCE:
-        size = force_range(machine.model)
-        beside = np.array([machine.foot_beside(row) for row in q]) if 1 in machine.contact else np.zeros(len(q))
-        moved = [max(np.abs(p["foot"]).max(), abs(y - beside[0])) for p, y in zip(points, beside, strict=True)]
-        found["foot at rest"] = np.array(moved) / size_of_leg
-        found["ground pushes"] = (design.contact.least_force - f[:, -1]) / size
-        if design.contact.friction is not None:
-            found["friction cone"] = (np.linalg.norm(f[:, :-1], axis=1) - design.contact.friction * f[:, -1]) / size
-        if not design.hop.counter_movement:
-            found["body never descends"] = -v[:, 1] / DESCENT_RANGE
-    return found
-
-
-def _window(machine: Machine, robot: Robot, design: Design, q: np.ndarray) -> dict[str, np.ndarray]:
-    points = machine.points(q[-1])
-    offset = abs(points["foot"][0] - points[robot.joints[0]][0])
-    return {"foot window": np.array([(offset - design.hop.foot_window) / (2 * design.hop.foot_window)])}
 
 
 def failed(checks: list[Check]) -> list[Check]:

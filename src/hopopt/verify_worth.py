@@ -19,7 +19,8 @@ from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.measures import MEASURES
 from hopopt.sim.machine import Machine
-from hopopt.verify import FLIGHT, LIMIT, PLACES, STANCE, Check, Table, limits_of
+from hopopt.verify import FLIGHT, LIMIT, PLACES, STANCE, Check, Table
+from hopopt.verify_limits import limits_of
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
@@ -100,7 +101,7 @@ def worth(design: Design, tables: Mapping[str, Table], figure: str = "clearance_
     shares = {
         f"{name} {limit}": float(excess.max())
         for name, table in found.items()
-        for limit, excess in limits_of(machine, robot, design, name, _motion(table), ends != "free").items()
+        for limit, excess in limits_of(machine, robot, design, name == STANCE, _motion(table), ends != "free").items()
         if not limit.endswith(DRIVES)
     }
     if ends == "demand":

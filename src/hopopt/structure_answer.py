@@ -1,0 +1,40 @@
+"""The best hop of a leg once more with its drives' switches at free times: taken if it is verified and the same optimum."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from hopopt.multistart import Progress, StartOutcome
+from hopopt.nlp.backoff import PRICE
+from hopopt.nlp.refine import MeshStep, relative
+from hopopt.ocp.hop import Hop
+from hopopt.planner import Stopwatch, aims_of, progress_line, summed_up
+from hopopt.recheck import stored_nlp
+from hopopt.solution import Solution
+from hopopt.structure_solve import resolve
+
+
+def with_free_switches(
+    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> Solution:
+    """The best hop solved again with its drives' switches at free times, if that is verified and agrees with it."""
+    say("solving again with free switching times")
+    settled = next(MeshStep(**step) for step in reversed(best.summary["mesh"]) if not step["drawn_in"])
+    found = resolve(stored_nlp(best), settled, aims_of(hop), lambda step: say(progress_line(hop, step)))
+    clock.mark("structure")
+    if isinstance(found, str):
+        return _with_structure(best, {"solved_again": False, "note": found})
+    outcome = next(o for o in outcomes if o.name == best.summary["starts"]["chosen"])
+    again = summed_up(hop, found, outcomes, outcome, clock)
+    difference = relative(again.summary["objective_value"], best.summary["objective_value"])
+    wrong = again.summary["failed_checks"] + ([] if again.summary["certified"] else ["the certificate"])
+    wrong += [f"another optimum, {difference:.0e} away"] if difference > PRICE else []
+    note = f"with free switching times it failed: {', '.join(wrong)}" if wrong else ""
+    told = {"solved_again": not wrong, "note": note, "switches_s": found.switches, "jumps_s": found.jumps}
+    told["difference"] = difference
+    return _with_structure(best if wrong else again, told)
+
+
+def _with_structure(solution: Solution, more: dict[str, Any]) -> Solution:
+    summary = solution.summary
+    return replace(solution, summary={**summary, "structure": {**summary["structure"], **more}})
