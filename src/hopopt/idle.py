@@ -21,8 +21,9 @@ Use = tuple[str, str, float, float, float]  # name, entry, its value, the share 
 
 
 def idle_limits(plan: Solution, fine: Mapping[str, Samples]) -> dict[str, dict[str, Any]]:
-    """Limits that no instant of the plan touches, by name, the least used first, durations last: ``used`` (largest share of the range),
-    ``entry`` of the problem, its value ``limit`` and what it could be (``enough``), both in the entry's unit (SI).
+    """Limits that no instant of the plan touches, by name, the least used first, durations last: ``used`` (largest share
+    of the range), ``entry`` of the problem, its value ``limit`` and what it could be (``enough``), both in the entry's
+    unit (SI).
 
     fine: the plan's samples by phase. The plan stays what it is if such a limit is dropped or tightened to ``enough``.
     """
