@@ -86,13 +86,15 @@ def loaded(entries: dict[str, Any]) -> Design:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one leg ended, in a word and in a sentence, its clearance and the bound on it [m], seconds."""
+    """How one leg ended, in a word and in a sentence, its clearance and the bound on it [m], seconds, and whether its hop,
+    simulated in one piece, stayed with the plan."""
 
     ended: str
     sentence: str
     clearance: float
     bound: float
     seconds: float
+    followed: bool = False
 
 
 def solved(entries: dict[str, Any], starts: int) -> Outcome:
@@ -108,7 +110,8 @@ def solved(entries: dict[str, Any], starts: int) -> Outcome:
     ended, sentence = (VERIFIED, "") if s.verified else (UNVERIFIED, ", ".join(s.summary["failed_checks"]))
     if not clearance <= bound:
         ended, sentence = DEFECT, f"above the bound of {bound:.3f} m"
-    return Outcome(ended, sentence, clearance, bound, time.perf_counter() - began)
+    followed = s.summary["objective_error"]["simulated"].get("followed", False)
+    return Outcome(ended, sentence, clearance, bound, time.perf_counter() - began, followed)
 
 
 def main() -> int:
@@ -117,12 +120,13 @@ def main() -> int:
     legs = feasible_legs(count, seed)
     jobs = (delayed(solved)(entries, starts) for entries in legs)
     ended: Counter[str] = Counter()
-    shares, seconds = [], 0.0
+    shares, seconds, followed = [], 0.0, 0
     results: Any = Parallel(n_jobs=PROCESSES, return_as="generator")(jobs)
     for k, (entries, found) in enumerate(zip(legs, results, strict=True)):
         ended[found.ended] += 1
         shares.append(found.clearance / found.bound)
         seconds += found.seconds
+        followed += found.followed
         print(
             f"{k:3d} {found.ended}: {found.clearance:.4f} m of {found.bound:.2f} m, {found.seconds:.0f} s", flush=True
         )
@@ -130,6 +134,7 @@ def main() -> int:
             print(f"    {found.sentence}\n    {entries}", flush=True)
     print(f"\n{', '.join(f'{n} {what}' for what, n in ended.most_common())} of {count} (seed {seed}, {starts} starts)")
     print(f"verified: {100 * ended[VERIFIED] / count:.1f} %; {seconds / count:.1f} s a leg")
+    print(f"simulated in one piece, {followed} stayed with the plan (docs/certificate.md)")
     print(f"clearance / bound: at most {np.nanmax(shares):.3f}, median {np.nanmedian(shares):.3f}")
     return 1 if ended[DEFECT] else 0
 

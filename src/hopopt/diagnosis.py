@@ -11,7 +11,7 @@ from hopopt.idle import idle_limits
 from hopopt.limit_words import flat_words
 from hopopt.nlp.flat import FELT, STRETCH, flat, longer_or_shorter
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.recheck import has_multipliers, stored_nlp
+from hopopt.recheck import fitting, has_multipliers, stored_nlp
 from hopopt.solution import Solution
 
 PLACES = np.linspace(0.0, 1.0, 9)
@@ -23,8 +23,9 @@ def diagnose(solution: Solution) -> dict[str, Any]:
     idle_limits (idle.py); words: the same in sentences. Takes seconds. Raises ResultError without stored multipliers."""
     if not has_multipliers(solution):
         raise ResultError(f"{solution.result_dir}: the file holds no multipliers: solve it again")
-    nlp = _without_tie_break(solution)
-    found, durations = flat(nlp), {phase: longer_or_shorter(nlp, phase) for phase in nlp.phases}
+    with fitting(solution):
+        nlp = without_tie_break(solution)
+        found, durations = flat(nlp), {phase: longer_or_shorter(nlp, phase) for phase in nlp.phases}
     idle = idle_limits(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
     words = flat_words(found)
     words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
@@ -32,7 +33,8 @@ def diagnose(solution: Solution) -> dict[str, Any]:
     return {"flat": [asdict(f) for f in found], "durations": durations, "idle_limits": idle, "words": words}
 
 
-def _without_tie_break(solution: Solution) -> NlpSolution:
+def without_tie_break(solution: Solution) -> NlpSolution:
+    """The program of a hop and its solution, the tie-break taken off the objective."""
     solver = solution.design.solver.model_copy(update={"tie_break": 0.0})
     nlp = stored_nlp(replace(solution, design=solution.design.model_copy(update={"solver": solver})))
     goal = nlp.transcription.problem.objective

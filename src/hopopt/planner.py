@@ -26,7 +26,7 @@ from hopopt.multistart import (
 )
 from hopopt.nlp.accuracy import IntervalErrors
 from hopopt.nlp.backoff import PRICE, price
-from hopopt.nlp.flat import flat
+from hopopt.nlp.flat import Flat, flat
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.refine import Aims, MeshStep, Refinement
@@ -86,8 +86,11 @@ def solve(
         from hopopt.structure_answer import with_free_switches
 
         best = with_free_switches(hop, best, outcomes, say, clock)
-    if notes := _notes(hop, best, better):
+    found = _flat(best)
+    if notes := [*_notes(hop, best, better), *flat_words(found or [])]:
         best.summary["notes"] = notes
+    if found is not None:
+        best.summary["flat"] = [asdict(f) for f in found]
     if second_opinion:
         from hopopt.second_opinion import with_opinions
 
@@ -113,8 +116,6 @@ def best_of(goal: HopObjective, finished: Sequence[Solution]) -> tuple[Solution,
 
 def _notes(hop: Hop, best: Solution, better: Solution | None) -> list[str]:
     """What the answer does not say by itself."""
-    from hopopt.recheck import stored_nlp
-
     notes, goal, leg = hints(hop.design), hop.objective, hop.leg
     if better is not None:
         value = f"{better.summary['objective_value']:.4f} {goal.unit}, {'higher' if goal.maximize else 'lower'}"
@@ -125,9 +126,17 @@ def _notes(hop: Hop, best: Solution, better: Solution | None) -> list[str]:
     if any(e < 1 for e in shares.values()):
         stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())
         notes.append(f"the gears of this plan lose nothing; {stated} counts in hopopt simulate and hopopt compare")
-    found = flat(stored_nlp(best))
-    best.summary["flat"] = [asdict(f) for f in found]
-    return notes + flat_words(found)
+    return notes
+
+
+def _flat(best: Solution) -> list[Flat] | None:
+    """What the objective does not feel; None if that cannot be told."""
+    from hopopt.diagnosis import without_tie_break
+
+    try:
+        return flat(without_tie_break(best))
+    except RuntimeError:  # a singular matrix: no reason to lose the answer
+        return None
 
 
 class Stopwatch:

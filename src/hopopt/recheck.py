@@ -1,6 +1,7 @@
 """Verification of a stored result, from its files alone."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, replace
 from typing import Any
 
@@ -34,8 +35,15 @@ def recheck(solution: Solution) -> list[Check]:
 
     Raises ResultError if the files do not hold what they must.
     """
-    try:
+    with fitting(solution):
         return _recheck(solution)
+
+
+@contextmanager
+def fitting(solution: Solution) -> Iterator[None]:
+    """ResultError in a sentence for whatever stored files that do not belong together lead to."""
+    try:
+        yield
     except (KeyError, ValueError, IndexError, TypeError, StopIteration, RuntimeError) as error:
         raise ResultError(
             f"{solution.result_dir}: the result is incomplete or its files do not fit together "
@@ -164,7 +172,9 @@ def _same_error(solution: Solution, told: Mapping[str, Any]) -> Iterator[Check]:
     """The error of the objective, computed again, is no larger than the one that stands beside the answer."""
     if "objective_error" in solution.summary:  # results of earlier versions state none
         stated = solution.summary["objective_error"]["too_high_by"]
-        more = (told["too_high_by"] - stated) / max(abs(float(solution.summary["objective_value"])), LEAST)
+        more = (told["too_high_by"] - (np.inf if stated is None else stated)) / max(
+            abs(float(solution.summary["objective_value"])), LEAST
+        )
         yield Check("error of the objective as stated", max(more, 0.0), SAME, "relative")
 
 

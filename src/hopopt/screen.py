@@ -164,14 +164,18 @@ def _error(s: dict[str, Any]) -> list[str]:
     if (e := s.get("objective_error")) is None:  # a result of an earlier version
         return []
     figure, side = s["objective_figure"], "above" if s["maximized"] else "below"
+    if e["too_high_by"] is None:
+        return ["its error could not be told"]
     most = _measure(s, _upwards(e["too_high_by"]), ".0e")
-    told = f"{_measure(s, s[figure], '.6g')}, at most {most} {side} the optimum"
-    if figure in e["simulated"] and e["simulated"].get("followed", True):
+    told = f"{_measure(s, s[figure], '.6g')}, by estimate at most {most} {side} the optimum"
+    if note := e["simulated"].get("note"):
+        told += f" ({note})"
+    elif figure in e["simulated"]:
         told += f" (simulated in one piece, torques clamped: {_measure(s, e['simulated'][figure], '.6g')})"
     if "relaxed" in e:
-        told += f"; with limits at the nodes only it was {_measure(s, e['relaxed']['gains'], '+.0e')} better"
+        told += f"; with limits at the nodes only {_measure(s, e['relaxed']['gains'], '+.0e')}"
     if e["could_be_beaten_by"] is not None:
-        told += f"; hops beside it gain at most {_measure(s, _upwards(e['could_be_beaten_by']), '.0e')}"
+        told += f"; to first order hops beside it gain at most {_measure(s, _upwards(e['could_be_beaten_by']), '.0e')}"
     return [told]
 
 

@@ -16,8 +16,8 @@ from hopopt.verify_worth import not_simulated, worth
 
 def relaxed(solution: NlpSolution, history: Sequence[MeshStep]) -> dict[str, Any]:
     """For the summary: how much better (``gains``, objective's unit) the optimum of the last program was whose limits
-    held at its nodes only, before they were drawn in: a wider problem than the one posed; empty if there was none."""
-    wide = [step.objective for step in history if not step.drawn_in]
+    held at its nodes only, before they were drawn in: a wider problem than the one posed; empty if none were."""
+    wide = [step.objective for step in history if not step.drawn_in] if history[-1].drawn_in else []
     return (
         {"relaxed": {"objective": wide[-1], "gains": -sign(solution) * (wide[-1] - solution.objective)}} if wide else {}
     )

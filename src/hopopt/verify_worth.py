@@ -3,7 +3,7 @@
 Replay (verify.py) begins every interval at the plan's own state; here nothing is put back. The plan's torques and a
 feedback that holds the plan, clamped exactly to the operating region at the actual speed, move Pinocchio's leg from
 the plan's first state to its last instant: what comes out is a hop that the drives can do, up to the limits of the
-state and the ground that it passes, which are stated. So it bounds the optimum from the side of what is feasible.
+state and the ground that it passes, which are stated.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,8 +37,8 @@ Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # joint torques [N 
 @dataclass(frozen=True)
 class Worth:
     """The simulated hop: what it is worth by name (``clearance_m``, ``apex_m``, what it was made for [its unit]), how far
-    it strayed from the plan [SI], the largest share by which it passed a limit, and which; all infinite if the
-    simulation failed."""
+    it strayed from the plan [SI], the largest share by which it passed a limit, and which; infinite if the simulation
+    failed."""
 
     values: Mapping[str, float]
     strayed: float
@@ -48,12 +48,10 @@ class Worth:
     @property
     def followed(self) -> bool:
         """Whether it is the plan's hop: drives at their limits cannot bring a leg back that is unstable there."""
-        return not np.isfinite(self.strayed) or self.strayed <= FOLLOWED
+        return bool(self.strayed <= FOLLOWED)
 
     def short(self, figure: str, claim: float, maximized: bool) -> float:
         """By how much it is worth less than the claim, if it is [the figure's unit]; 0 for a figure it does not say."""
-        if not np.isfinite(self.strayed):
-            return np.inf
         return max((claim - self.values.get(figure, claim)) * (1.0 if maximized else -1.0), 0.0)
 
     def checks(self, figure: str, claim: float, maximized: bool, size: float) -> list[Check]:
@@ -69,8 +67,14 @@ class Worth:
 
     def as_dict(self, figure: str, claim: float, maximized: bool) -> dict[str, Any]:
         """For the summary."""
-        short = self.short(figure, claim, maximized)
-        told = {"short_by": short, "strayed": self.strayed, "passed": self.passed, "limit": self.limit}
+        if not np.isfinite(self.strayed):
+            return {"followed": False, "note": "the simulation did not reach the end"}
+        told = {
+            "short_by": self.short(figure, claim, maximized),
+            "strayed": self.strayed,
+            "passed": self.passed,
+            "limit": self.limit,
+        }
         if not self.followed:
             told["note"] = "it did not stay with the plan: drives at their limits could not bring it back"
         return {**self.values, "followed": self.followed, **told}

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.terms import csc
 
 BLOCKS = 10  # of a phase, over which a control is averaged
@@ -144,7 +144,8 @@ def longer_or_shorter(solution: NlpSolution, phase: str) -> dict[str, float | No
     """By which share of itself the objective gets worse if the phase lasts STRETCH of its time shorter or longer and
     all else is optimised anew: where limits take turns, second derivatives at the optimum do not tell. None where the
     phase's limits, or any others, do not allow it (or the solver found no way)."""
-    t, b, where = solution.transcription, solution.bounds, solution.transcription.variables[phase]
+    t, where = solution.transcription, solution.transcription.variables[phase]
+    b = Bounds(*t.bounds(t.guess_from(solution.phases)), t.lbg, t.ubg)  # nothing drawn in, or held at a switch
     shortest, longest = t.problem.phase(phase).duration
     sign, changes = -1.0 if t.problem.objective.maximize else 1.0, dict[str, float | None]()
     solver = NlpSolver(t, {"ipopt.max_iter": ITERATIONS})
