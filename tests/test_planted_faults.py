@@ -198,6 +198,30 @@ def test_a_torque_too_small_to_carry_the_leg() -> None:
     assert "a stronger motor, a higher gear ratio, a lighter leg.body.mass or a higher start" in sentence
 
 
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        (
+            ["leg.gear.torque_cap=15"],
+            "15.0 N m (leg.gear.torque_cap = 15, for 81 N): a higher leg.gear.torque_cap, a lighter",
+        ),
+        (
+            ["leg.motor.torque_cap=0.15"],
+            "15.0 N m (leg.motor.torque_cap = 0.15 and leg.gear.ratio = 100, for 81 N): a higher leg.motor.torque_cap, "
+            "a higher gear ratio, a lighter",
+        ),
+        (
+            ["leg.gear.torque_cap=25", "leg.motor.max_torque=0.2"],
+            "20.0 N m (leg.motor.max_torque = 0.2 and leg.gear.ratio",
+        ),
+        (["leg.gear.torque_cap=50", "leg.knee.gear.torque_cap=15"], "15.0 N m (leg.knee.gear.torque_cap = 15, for"),
+    ],
+)
+def test_the_limit_that_binds_is_named(entries: list[str], said: str) -> None:
+    (sentence,) = diagnosis(*entries)
+    assert f"its drive gives {said}" in sentence
+
+
 def test_a_body_in_grams() -> None:
     first, second = diagnosis("leg.body.mass=560")
     assert "its drive gives 200.0 N m" in first

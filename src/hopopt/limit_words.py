@@ -6,10 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hopopt.leg.actuator import CAPS, LINES
 from hopopt.leg.design import Design
 from hopopt.nlp.conflict import Conflict, Part
 from hopopt.nlp.flat import Flat
 from hopopt.nlp.limits import Limit
+from hopopt.problem_text import toml_value
 
 NAMED = 5  # limits of a conflict that are named, and parameters that would help
 MATTERS = 0.05  # least share of a conflict that a parameter of twice its size would settle, to first order
@@ -19,13 +21,13 @@ CONTROLS = {
     "loop_force": "force along {} in the closed loop",
     "drawn": "drawn power of the {}",
 }
-ENTRIES = {  # names of constraints -> what they say, and the entry behind them
-    "ground force": ("the least vertical ground force", "contact.least_force"),
-    "friction cone": ("the foot does not slip", "contact.friction"),
-    "body never descends": ("the body never descends", "hop.counter_movement"),
-    "clearance": ("the clearance asked for", "hop.clearance"),
-    "foot window": ("the foot within its window at the apex", "hop.foot_window"),
-    "landing foot window": ("the foot within its window at touchdown", "hop.foot_window"),
+ENTRIES = {  # kind and name of a constraint -> what it says, and the entry behind it
+    ("path", "ground force"): ("the least vertical ground force", "contact.least_force"),
+    ("path", "friction cone"): ("the foot does not slip", "contact.friction"),
+    ("path", "body never descends"): ("the body never descends", "hop.counter_movement"),
+    ("boundary", "clearance"): ("the clearance asked for", "hop.clearance"),
+    ("boundary", "foot window"): ("the foot within its window at the apex", "hop.foot_window"),
+    ("boundary", "landing foot window"): ("the foot within its window at touchdown", "hop.foot_window"),
 }
 
 
@@ -36,28 +38,34 @@ def words_of(design: Design, limit: Limit) -> tuple[str, str]:
     if limit.kind == "duration":
         phase = "flight" if limit.phase == "descent" else limit.phase
         return f"{'longest' if limit.upper else 'shortest'} {limit.phase}", _stated(design, f"hop.{phase}_duration")
-    if name == "q" and inner in leg.joints:
+    if limit.kind in ("state", "final") and name == "q" and inner in leg.joints:
         side = "upper" if limit.upper else "lower"
         return f"{side} limit of the {inner}{where}", _stated(design, f"leg.{inner}.{side}")
     if name.endswith(" operating region"):
         joint = name.removesuffix(" operating region")
-        torque, speed = (leg.drive(joint, "motor", entry)[0] for entry in ("max_torque", "max_speed"))
-        paths = (torque, speed, leg.drive(joint, "gear", "ratio")[0])
-        return f"the {joint}'s drive{where}", ", ".join(_stated(design, path) for path in paths)
+        paths = [leg.drive(joint, *entry)[0] for entry in CAPS.get(inner, LINES)]
+        part = inner if inner in CAPS else "drive"
+        return f"the {joint}'s {part}{where}", ", ".join(_stated(design, path) for path in paths)
     if name == "height above ground":
         entry = "hop.above_ground" if inner == "foot" else "hop.least_height"
         return f"the {inner} above the ground{where}", _stated(design, entry)
-    said, entry = ENTRIES.get(name, (limit.name, ""))
+    said, entry = ENTRIES.get((limit.kind, name), (limit.name, ""))
     return said + where, _stated(design, entry) if entry else ""
 
 
 def _stated(design: Design, path: str) -> str:
     """An entry with its value, if it has one."""
     value = path_value(design, path)
-    if value is None or value == ():
-        return path
-    shown = ", ".join(f"{x:g}" for x in value) if isinstance(value, tuple) else f"{value:g}"
-    return f"{path} = {f'[{shown}]' if isinstance(value, tuple) else shown}"
+    return path if value is None or value == () else f"{path} = {_shown(value)}"
+
+
+def _shown(value: object) -> str:
+    """A value as a file writes it, numbers shortened."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(_shown(x) for x in value)}]"
+    if isinstance(value, (bool, str)):
+        return toml_value(value)
+    return f"{value:g}"
 
 
 def path_value(design: Design, path: str) -> object:
@@ -94,8 +102,8 @@ def conflict_words(design: Design, found: Conflict | None) -> list[str]:
 
 def _way_out(part: Part) -> str:
     limit = part.limit
-    if "operating region" in limit.name:
-        return f" stronger by {part.gives / abs(limit.bound):.0%}{_when(part.when)}"
+    if " operating region[" in limit.name:
+        return f" {'higher' if any(f'[{cap}]' in limit.name for cap in CAPS) else 'stronger'} by {part.gives / abs(limit.bound):.0%}{_when(part.when)}"
     return f", loosened by {part.gives:.3g} {limit.unit}".rstrip() + _when(part.when)
 
 

@@ -6,11 +6,19 @@ joint torque [N m], w the joint speed [rad/s]; R is the gear ratio, tau_max and 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from hopopt.leg.design import Leg
+
+Entry = tuple[Literal["motor", "gear"], str]
+CAPS: dict[str, tuple[Entry, ...]] = {  # half-planes that a cap draws -> its entry, then what carries it to the joint
+    "drive torque cap": (("motor", "torque_cap"), ("gear", "ratio")),
+    "gear torque cap": (("gear", "torque_cap"),),
+    "gear speed cap": (("gear", "speed_cap"), ("gear", "ratio")),
+}
+LINES: tuple[Entry, ...] = (("motor", "max_torque"), ("motor", "max_speed"), ("gear", "ratio"))  # behind the others
 
 
 @dataclass(frozen=True)
@@ -20,6 +28,11 @@ class HalfPlane:
     name: str
     a: Any
     b: Any
+
+    @property
+    def line(self) -> str:
+        """The name without the direction."""
+        return self.name.rsplit(", ", 1)[0]
 
 
 @dataclass(frozen=True)
@@ -31,6 +44,10 @@ class OperatingRegion:
     def use(self, w: Any, tau: Any) -> list[Any]:
         """a tau + b w of each half-plane: the drive is inside where every value is <= 1."""
         return [h.a * tau + h.b * w for h in self.planes]
+
+    def binding(self, w: float, tau: float) -> str:
+        """Name of the half-plane most used at speed w [rad/s] and torque tau [N m], without its direction."""
+        return max(zip(self.use(w, tau), self.planes, strict=True), key=lambda pair: pair[0])[1].line
 
     def torque_bounds(self, w: Any) -> tuple[Any, Any]:
         """Smallest and largest torque [N m] at speed w [rad/s], shapes as w; a speed cap bounds no torque.

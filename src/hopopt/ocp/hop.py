@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import operating_region
+from hopopt.leg.actuator import CAPS, LINES, operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics, Motion
 from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_angles, start_place
@@ -248,14 +248,18 @@ class Hop:
         hold = np.array(ca.Function("hold", symbols, [tau])(q, 0, 0)).ravel()
         faults = []
         for k, joint in enumerate(self.leg.joints):
-            lower, upper = operating_region(self.leg, joint, self.robot.parameters).torque_bounds(0.0)
+            region = operating_region(self.leg, joint, self.robot.parameters)
+            lower, upper = region.torque_bounds(0.0)
             if not lower <= hold[k] <= upper:
-                given = self.leg.drive(joint, "motor", "max_torque"), self.leg.drive(joint, "gear", "ratio")
+                cap = CAPS.get(region.binding(0.0, hold[k]), ())
+                given = [self.leg.drive(joint, *entry) for entry in cap or LINES if entry[1] != "max_speed"]
                 stated = " and ".join(f"{path} = {value:g}" for path, value in given)
+                stronger = f"a higher {given[0][0]}" if cap else "a stronger motor"
+                geared = ", a higher gear ratio" if given[1:] else ""
                 faults.append(
                     f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose in stance at 0 s; "
-                    f"its drive gives {float(upper):.1f} N m ({stated}, for {self.weight:.0f} N): a stronger motor, "
-                    "a higher gear ratio, a lighter leg.body.mass or a higher start"
+                    f"its drive gives {float(upper):.1f} N m ({stated}, for {self.weight:.0f} N): {stronger}{geared}, "
+                    "a lighter leg.body.mass or a higher start"
                 )
         return faults
 
