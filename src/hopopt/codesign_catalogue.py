@@ -7,6 +7,7 @@ its masses count its own motors already.
 import re
 from collections.abc import Mapping
 from dataclasses import asdict
+from itertools import combinations
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -35,8 +36,10 @@ def catalogue_coupling(text: str, leg: Leg, bounds: Mapping[str, tuple[float, fl
     mass, torques = _asked(text, leg)
     known = physical_parameters(leg)
     own, powers, ends = known[mass], {}, np.full(2, known[mass])
+    driven = {entry: _driven(text, entry, leg) for entry in torques}
+    _each_once(text, driven)
     for entry in torques:
-        law, joints = mass_law(_part(text, entry)), _driven(text, entry, leg)
+        law, joints = mass_law(_part(text, entry)), len(driven[entry])
         own -= joints * law.mass(known[entry])
         powers[entry, law.exponent] = -joints * law.coefficient
         if entry not in bounds:
@@ -101,8 +104,19 @@ def _part(text: str, entry: str) -> Literal["motor", "gear"]:
     return cast(Literal["motor", "gear"], part)
 
 
-def _driven(text: str, entry: str, leg: Leg) -> int:
-    """How many joints have the motor or gear of this torque; UsageError where another number of it is what it gives."""
+def _each_once(text: str, driven: Mapping[str, list[str]]) -> None:
+    """UsageError where two torques are of one motor or gear, which has one mass."""
+    for (a, of_a), (b, of_b) in combinations(driven.items(), 2):
+        shared = [joint for joint in of_a if joint in of_b and _part(text, a) == _part(text, b)]
+        if shared:
+            raise UsageError(
+                f"--couple {text}: {a} and {b} are both of the {shared[0]}'s {_part(text, a)}, "
+                "whose mass would count twice: name one of them"
+            )
+
+
+def _driven(text: str, entry: str, leg: Leg) -> list[str]:
+    """The joints that have the motor or gear of this torque; UsageError where another number of it is what it gives."""
     part, key = _part(text, entry), entry.split(".")[-1]
     joints = [joint for joint in leg.joints if leg.drive(joint, part, key)[0] == entry]
     if not joints:
@@ -114,4 +128,4 @@ def _driven(text: str, entry: str, leg: Leg) -> int:
                 raise UsageError(
                     f"--couple {text}: {path} = {value:g} N m is less and what the {joint}'s {part} gives: name that"
                 )
-    return len(joints)
+    return joints
