@@ -13,6 +13,8 @@ from hopopt.leg.entry import LOOKALIKES
 from hopopt.problem_text import shown
 
 Bounds = tuple[float | None, float | None]
+SHARE = (0.5, 10.0)  # least and largest upper bound of what may be a share; less is a tolerance, more a ratio
+NEAR_WHOLE = 0.02  # relative: 0.33 is taken for 1/3
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -94,10 +96,18 @@ def lookalike(value: float, unit: str, bounds: Bounds) -> str:
     if value == 0 or not abs(value) < 1e12 or low <= value <= high:
         return ""
     others = [(name, value * si) for name, si in LOOKALIKES.get(unit, ())]
-    if unit == "1":  # a share, or a ratio that its inverse was written for
-        others = [("per cent", value / 100)] if value >= 1 else [(f"1/{1 / value:.6g}", 1 / value)] if low >= 1 else []
+    if unit == "1":
+        others = _share_or_ratio(value, low, high)
     meant = [f"{name}: write {other:.6g}" for name, other in others if low <= other <= high]
     return f"; {shown(value)} looks like {', or like '.join(meant)}" if meant else ""
+
+
+def _share_or_ratio(value: float, low: float, high: float) -> list[tuple[str, float]]:
+    """A share that was written in per cent, or a ratio that the inverse of a whole number was written for."""
+    if SHARE[0] <= high <= SHARE[1] and 2 <= value <= 100:
+        return [("per cent", value / 100)]
+    whole = round(1 / value)
+    return [(f"1/{whole}", whole)] if low >= 1 and whole >= 2 and abs(whole * value - 1) < NEAR_WHOLE else []
 
 
 def homes(key: str) -> list[str]:
