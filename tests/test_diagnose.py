@@ -8,13 +8,23 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hopopt.nlp.conflict import Conflict, Part, conflict
+from hopopt.nlp.conflict import PUSHES, Conflict, Part, conflict
 from hopopt.nlp.flat import FELT, Flat, felt, flat, longer_or_shorter
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
 from hopopt.nlp.transcribe import Transcription
-from hopopt.ocp.problem import Control, Ends, Objective, PathConstraint, Phase, Problem, State, linkage
+from hopopt.ocp.problem import (
+    BoundaryConstraint,
+    Control,
+    Ends,
+    Objective,
+    PathConstraint,
+    Phase,
+    Problem,
+    State,
+    linkage,
+)
 from known_problems import PROBLEMS, Known, double_integrator, growth, minimum_effort, moved, throw, two_prices
 from test_transcription import guesses, solve
 
@@ -98,6 +108,20 @@ def test_limits_that_can_hold_together_are_no_conflict() -> None:
     found = conflict(given_up)
     assert found is not None
     assert found.parts == ()
+
+
+def test_a_conflict_of_many_alike_is_still_told() -> None:
+    """The end said 300 times over: each pushes with 1/300 of the whole, less than what is named for its push alone."""
+    known, many = too_short(), 300
+    (phase,) = known.problem.phases
+    free = replace(phase, states=tuple(replace(s, final=None) if s.name == "x" else s for s in phase.states))
+    far = BoundaryConstraint("far", lambda e: ca.repmat(e.final["move"].x, many, 1), 1.0, np.inf)
+    problem = Problem("many", (free,), known.problem.objective, (), (far,))
+    parts = found_conflict(replace(known, problem=problem))
+    giving = [p for p in parts.values() if p.gives]
+    assert giving
+    assert all(p.limit.constraint == "far" and p.share < PUSHES for p in giving)
+    assert giving[0].gives == pytest.approx(0.75, abs=1e-3)
 
 
 # ---- flat directions ----------------------------------------------------------------------------------------

@@ -55,12 +55,11 @@ def conflict(solution: NlpSolution) -> Conflict | None:
     z, s, lam = loose.solve()
     if lam is None:
         return None
-    if s.max(initial=0.0) < GIVES:
+    if s.max(initial=0.0) <= GIVES:
         return Conflict((), {})
     push = _net(found, [lam[loose.owner == k] for k in range(len(found))])
     parts = [_part(limit, float(s[loose.group[k]]), push[k]) for k, limit in enumerate(found)]
-    parts = [p for p in parts if p.share > PUSHES]
-    order = sorted(parts, key=lambda p: (not p.gives, -max(p.gives / p.limit.scale, p.share)))
+    order = sorted(_named(parts), key=lambda p: (not p.gives, -max(p.gives / p.limit.scale, p.share)))
     return Conflict(tuple(order), _helps(solution, z, loose.Q[:, : len(solution.g)].T @ lam, float(s.sum())))
 
 
@@ -71,6 +70,14 @@ def _net(found: list[Limit], lam: list[np.ndarray]) -> list[np.ndarray]:
             both = lam[k] + lam[k + 1]
             lam[k], lam[k + 1] = np.minimum(both, 0.0), np.maximum(both, 0.0)
     return lam
+
+
+def _named(parts: list[Part]) -> list[Part]:
+    """What pushes enough to be told, and of every constraint that has to give at least what pushes most."""
+    most: dict[tuple[str, str, str], float] = {}
+    for p in parts:
+        most[p.limit.group] = max(most.get(p.limit.group, 0.0), p.share)
+    return [p for p in parts if p.share > PUSHES or (p.gives and p.share == most[p.limit.group])]
 
 
 def _part(limit: Limit, s: float, lam: np.ndarray) -> Part:
