@@ -86,9 +86,10 @@ def loaded(entries: dict[str, Any]) -> Design:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one leg ended, in a word and in a sentence, its clearance and the bound on it [m], seconds, and whether its hop,
+    """How one leg (by its number) ended, in a word and in a sentence, its clearance and the bound on it [m], seconds, and whether its hop,
     simulated in one piece, stayed with the plan."""
 
+    leg: int
     ended: str
     sentence: str
     clearance: float
@@ -97,32 +98,32 @@ class Outcome:
     followed: bool = False
 
 
-def solved(entries: dict[str, Any], starts: int) -> Outcome:
+def solved(leg: int, entries: dict[str, Any], starts: int) -> Outcome:
     """One leg's answer."""
     began = time.perf_counter()
     try:
         s = ho.solve(loaded(entries), starts=starts, processes=1)
     except NotSolvedError as error:
-        return Outcome(NOT_SOLVED, " ".join(str(error).split()), np.nan, np.nan, time.perf_counter() - began)
+        return Outcome(leg, NOT_SOLVED, " ".join(str(error).split()), np.nan, np.nan, time.perf_counter() - began)
     except Exception as error:  # the point of the benchmark is that there is none
-        return Outcome(DEFECT, f"{type(error).__name__}: {error}", np.nan, np.nan, time.perf_counter() - began)
+        return Outcome(leg, DEFECT, f"{type(error).__name__}: {error}", np.nan, np.nan, time.perf_counter() - began)
     clearance, bound = s.summary["clearance_m"], s.summary["upper_bound"]["clearance_m"]
     ended, sentence = (VERIFIED, "") if s.verified else (UNVERIFIED, ", ".join(s.summary["failed_checks"]))
     if not clearance <= bound:
         ended, sentence = DEFECT, f"above the bound of {bound:.3f} m"
     followed = s.summary["objective_error"]["simulated"].get("followed", False)
-    return Outcome(ended, sentence, clearance, bound, time.perf_counter() - began, followed)
+    return Outcome(leg, ended, sentence, clearance, bound, time.perf_counter() - began, followed)
 
 
 def main() -> int:
     """Solve, print, and say whether there was a defect."""
     count, starts, seed = (int(x) for x in (sys.argv[1:] + ["200", "3", "0"][len(sys.argv) - 1 :])[:3])
     legs = feasible_legs(count, seed)
-    jobs = (delayed(solved)(entries, starts) for entries in legs)
+    jobs = (delayed(solved)(k, entries, starts) for k, entries in enumerate(legs))
     ended: Counter[str] = Counter()
     shares, seconds, followed = [], 0.0, 0
-    results: Any = Parallel(n_jobs=PROCESSES, return_as="generator")(jobs)
-    for k, (entries, found) in enumerate(zip(legs, results, strict=True)):
+    results: Any = Parallel(n_jobs=PROCESSES, return_as="generator_unordered")(jobs)
+    for found in results:
         ended[found.ended] += 1
         shares.append(found.clearance / found.bound)
         seconds += found.seconds
@@ -131,7 +132,7 @@ def main() -> int:
             f"{k:3d} {found.ended}: {found.clearance:.4f} m of {found.bound:.2f} m, {found.seconds:.0f} s", flush=True
         )
         if found.sentence:
-            print(f"    {found.sentence}\n    {entries}", flush=True)
+            print(f"    {found.sentence}\n    {legs[found.leg]}", flush=True)
     print(f"\n{', '.join(f'{n} {what}' for what, n in ended.most_common())} of {count} (seed {seed}, {starts} starts)")
     print(f"verified: {100 * ended[VERIFIED] / count:.1f} %; {seconds / count:.1f} s a leg")
     print(f"simulated in one piece, {followed} stayed with the plan (docs/certificate.md)")

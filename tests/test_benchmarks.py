@@ -134,7 +134,7 @@ def test_random_legs_are_the_same_for_a_seed_and_end_in_words(scripts: dict[str,
     assert more[:2] == first
     assert more[2] != first[0]
     heavy = {**first[0], "hop.flight_duration": [1.4, 1.5], "solver.max_iterations": 60, "solver.refine": False}
-    found = script.solved(heavy, 1)
+    found = script.solved(0, heavy, 1)
     assert found.ended == script.NOT_SOLVED
     assert "hop.flight_duration" in found.sentence
 
@@ -142,6 +142,6 @@ def test_random_legs_are_the_same_for_a_seed_and_end_in_words(scripts: dict[str,
 @pytest.mark.slow
 def test_a_random_leg_is_verified_below_the_bound(scripts: dict[str, ModuleType]) -> None:
     script = scripts["random_legs"]
-    found = script.solved(script.feasible_legs(1, 1)[0], 1)
+    found = script.solved(0, script.feasible_legs(1, 1)[0], 1)
     assert found.ended == script.VERIFIED, found.sentence
     assert 0 < found.clearance < found.bound

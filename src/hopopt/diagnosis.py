@@ -56,7 +56,7 @@ def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> s
 
 def _idle(name: str, used: float, entry: str, limit: float, enough: float) -> str:
     could = (
-        f": {entry} = {limit:.4g} could be dropped, or tightened to {enough:.4g}, without effect on this hop"
+        f": {entry} = {limit:g} could be dropped, or tightened to {enough:.4g}, without effect on this hop"
         if entry
         else ""
     )

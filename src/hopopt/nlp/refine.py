@@ -21,7 +21,9 @@ from hopopt.nlp.transcribe import Transcription
 
 MOST = 4  # pieces into which an interval is cut at once
 BUDGET = PRICE  # of the intervals' prices before anything is drawn in: an estimate from above
-EARLY = 4  # meshes before a switch that wanders is suspected
+EARLY = 4  # meshes before an error that wanders is suspected
+COARSE = 0.01  # share of the phase: longer intervals may harbour one
+FINEST = 1000  # intervals: a solution that asks for more will not be accurate
 ROUNDS = 10  # of drawing in the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 LOST = 0.02  # relative: a finer mesh's objective may be worse by this much and no more
@@ -64,7 +66,7 @@ class Refinement:
         self._accept(solution, 0, 0.0, 0.0)
 
     def run(self) -> None:
-        """Refine until the aims are met, or no mesh is left, or one cannot be solved."""
+        """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
         for _ in range(self.aims.meshes):
             parts = self._faults()
             if not _any(parts):
@@ -96,7 +98,7 @@ class Refinement:
         over = local > self.aims.local_error
         if len(self.history) <= EARLY:
             return np.where(over, MOST, 1)
-        coarse = lengths > 0.5 * lengths.max()
+        coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
         moves = (np.convolve(over, [1, 1, 1], "same") > 0) | (coarse & (over & coarse).any())
         return np.where(over, MOST, np.where(moves, 2, 1))
 
@@ -120,6 +122,8 @@ class Refinement:
 
     def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
         """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
+        if sum(m.intervals for m in mesh.values()) > FINEST:
+            return False
         began, old = time.perf_counter(), self.solution
         t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
         guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
