@@ -128,9 +128,8 @@ def main() -> int:
         shares.append(found.clearance / found.bound)
         seconds += found.seconds
         followed += found.followed
-        print(
-            f"{k:3d} {found.ended}: {found.clearance:.4f} m of {found.bound:.2f} m, {found.seconds:.0f} s", flush=True
-        )
+        height = f"{found.clearance:.4f} m of {found.bound:.2f} m"
+        print(f"{found.leg:3d} {found.ended}: {height}, {found.seconds:.0f} s", flush=True)
         if found.sentence:
             print(f"    {found.sentence}\n    {legs[found.leg]}", flush=True)
     print(f"\n{', '.join(f'{n} {what}' for what, n in ended.most_common())} of {count} (seed {seed}, {starts} starts)")
