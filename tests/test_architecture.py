@@ -27,7 +27,8 @@ ALLOWED = {
         "hopopt.verify_landing",
         "hopopt.verify_limits",
     ),
-    "verify_l": ("hopopt.leg", "hopopt.sim.machine"),
+    "verify_landing.py": ("hopopt.sim.machine",),
+    "verify_limits.py": ("hopopt.leg", "hopopt.sim.machine"),
     "verify_worth.py": (
         "hopopt.leg",
         "hopopt.sim.machine",
