@@ -12,7 +12,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
-from scipy.stats import qmc
 
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
@@ -60,6 +59,8 @@ def starts(count: int, seed: int) -> list[Start]:
     extra = count - len(NAMED)
     if extra <= 0:
         return list(NAMED[:count])
+    from scipy.stats import qmc  # slow to import, and most solves need no drawn starts
+
     sobol = qmc.Sobol(4, rng=seed).random(2 ** int(np.ceil(np.log2(extra))))[:extra]
     points = qmc.scale(sobol, [-0.5, -0.3, 0.0, 0.2], [0.6, 0.4, 0.4, 1.0])
     return [*NAMED, *(Start(f"drawn {k + 1}", *map(float, p)) for k, p in enumerate(points))]
