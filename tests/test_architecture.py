@@ -1,6 +1,8 @@
 """What may import what: leg <- ocp <- nlp <- planner, one way, and verification on its own."""
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -58,10 +60,11 @@ ONLY = {  # libraries with one home
         "plots_sensitivity.py",
         "plots_pareto.py",
     ),
-    "xarray": ("storage.py", "storage_multipliers.py", "storage_phases.py", "storage_runs.py", "sweep_store.py"),
-    "h5netcdf": ("storage.py",),
-    "h5py": ("storage.py",),
+    "xarray": ("storage_runs.py", "sweep_store.py"),
+    "h5netcdf": ("storage_netcdf.py",),
+    "h5py": ("storage_netcdf.py",),
 }
+SLOW = ("matplotlib", "pandas", "xarray", "scipy.stats", "dask", "joblib")  # to import, and seldom needed
 UNSAFE_MODULES = ("pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve")
 UNSAFE_CALLS = ("eval", "exec", "compile", "__import__")
 
@@ -157,3 +160,12 @@ def test_modules_import_each_other_in_no_circle() -> None:
 
     graph = {m: {module(i) for i in imports(name, inside_functions=False)} - {None, m} for m, name in modules.items()}
     assert len(list(TopologicalSorter(graph).static_order())) >= len(modules)
+
+
+@pytest.mark.parametrize(
+    "modules", ["hopopt.cli, hopopt.planner, hopopt.storage", "hopopt.ocp.starts, hopopt.multistart"]
+)
+def test_what_every_solve_needs_imports_nothing_slow(modules: str) -> None:
+    words = f"import sys, {modules}; print([name for name in {SLOW} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

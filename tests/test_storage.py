@@ -19,6 +19,8 @@ from hopopt.problem_file import load
 from hopopt.recheck import recertified, recheck
 from hopopt.solution import Solution
 from hopopt.storage import read, save
+from hopopt.storage_netcdf import Group, to_bytes
+from hopopt.storage_netcdf import read as read_netcdf
 
 QUICK = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
 DATA = {"solution.nc", "summary.json", "problem.toml", "manifest.json"}
@@ -202,3 +204,20 @@ def test_a_phase_that_is_missing(solution: Solution, tmp_path: Path) -> None:
     tree.to_netcdf(other / "solution.nc", engine="h5netcdf")
     with pytest.raises(ResultError, match="an entry is missing"):
         read(other)
+
+
+def test_the_file_is_one_that_xarray_reads(tmp_path: Path) -> None:
+    import xarray as xr
+
+    values, names = np.array([[1.0, np.inf], [np.nan, -2.0]]), np.array(["hip", "knee"])
+    inner = Group({"x": (("row", "joint"), values, {"units": "m"}), "joint": (("joint",), names, {})}, {"kind": "test"})
+    (tmp_path / "a.nc").write_bytes(to_bytes({"/": Group(attributes={"format": 1}), "outer/inner": inner}))
+    expected = xr.Dataset({"x": (("row", "joint"), values, {"units": "m"})}, {"joint": names}, {"kind": "test"})
+    with xr.open_datatree(tmp_path / "a.nc", engine="h5netcdf") as tree:
+        xr.testing.assert_identical(tree["outer/inner"].to_dataset(), expected)
+        assert tree.attrs == {"format": 1}
+    again = read_netcdf(tmp_path / "a.nc")["outer/inner"]
+    np.testing.assert_array_equal(again["x"], values)
+    np.testing.assert_array_equal(again["joint"], names)
+    assert again.variables["x"][0] == ("row", "joint")
+    assert again.attributes == {"kind": "test"}

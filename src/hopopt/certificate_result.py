@@ -1,7 +1,6 @@
 """The certificate and the switching structure as a result holds them: in the summary, and as arrays to be stored."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -26,7 +25,7 @@ def attached(plan: Solution, solution: NlpSolution) -> Solution:
         "certificate": certificate.as_dict(),
         "structure": structure.as_dict(structure.structure(solution)),
     }
-    return replace(plan, summary=summary, multipliers=stored(certificate))
+    return plan.noted(summary=summary, multipliers=stored(certificate))
 
 
 def stored(certificate: Certificate) -> dict[str, Multipliers]:

@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 import casadi as ca
@@ -181,7 +181,7 @@ def summed_up(
     checks += custom_checks(plan.robot, plan.tables, goal, hop.constraints, stated_value(stated))
     more, told = simulated(plan, goal, error)
     told |= relaxed(solution, refinement.history)
-    checks, plan = checks + more, replace(plan, summary={**stated, "objective_error": told})
+    checks, plan = checks + more, plan.noted(summary={**stated, "objective_error": told})
     clock.mark("verification")
     found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement.history, clock)
     certified = attached(found, solution)

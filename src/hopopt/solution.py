@@ -1,6 +1,6 @@
 """A solved hop as the user holds it: the plan as functions of time, and every figure that is printed of it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -109,6 +109,13 @@ class Solution:
     @cached_property
     def _evaluate(self) -> PlanEvaluator:
         return PlanEvaluator(self.design, self.robot)
+
+    def noted(self, **changes: Any) -> "Solution":
+        """The same hop with another summary, folder or multipliers; what was derived of its motion is kept."""
+        other = replace(self, **changes)
+        kept = self.__dict__.keys() & {"robot", "_evaluate", "tables"}
+        other.__dict__.update({name: self.__dict__[name] for name in kept})
+        return other
 
     @property
     def clearance(self) -> float:

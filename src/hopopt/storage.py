@@ -18,13 +18,11 @@ import shutil
 import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from hopopt.errors import ResultError
 from hopopt.leg.design import Design
@@ -32,7 +30,9 @@ from hopopt.problem_file import design_hash, load, resolved_toml
 from hopopt.problem_text import printable
 from hopopt.solution import Solution
 from hopopt.storage_multipliers import groups, multipliers
-from hopopt.storage_phases import phase_dataset, table_of, trajectory_of
+from hopopt.storage_netcdf import Group, to_bytes
+from hopopt.storage_netcdf import read as read_netcdf
+from hopopt.storage_phases import phase_group, table_of, trajectory_of
 
 PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
 FORMAT = 1  # of the folder's contents
@@ -119,7 +119,7 @@ def _rescued(solution: Solution) -> str:
 
 
 def _placed(solution: Solution, target: Path) -> Solution:
-    return replace(solution, result_dir=target, summary={**solution.summary, "result_dir": str(target)})
+    return solution.noted(result_dir=target, summary={**solution.summary, "result_dir": str(target)})
 
 
 def write_json(data: Mapping[str, Any], path: Path) -> None:
@@ -137,7 +137,7 @@ def _with_figures(solution: Solution, figures: Figures) -> Solution:
     except (Exception, KeyboardInterrupt) as error:  # the data are what took the time: nothing here may lose them
         note = f"figures are missing ({reason_of(error)}); the data in {folder} are complete"
     logging.getLogger(__name__).warning(note)
-    solution = replace(solution, summary={**solution.summary, "notes": [*solution.summary.get("notes", ()), note]})
+    solution = solution.noted(summary={**solution.summary, "notes": [*solution.summary.get("notes", ()), note]})
     with suppress(OSError):
         write_json(solution.summary, folder / ".summary.json")
         (folder / ".summary.json").replace(folder / "summary.json")
@@ -172,16 +172,14 @@ def _manifest(solution: Solution) -> dict[str, Any]:
     return {"format": FORMAT, "objective": solution.objective, "versions": versions, **figures}
 
 
-def _netcdf(solution: Solution) -> memoryview:
-    """The file's bytes, made in memory: HDF5 itself does not survive a disk that is full."""
+def _netcdf(solution: Solution) -> bytes:
     attributes = {"objective": solution.objective, "problem": solution.design.name, "format": FORMAT}
     attributes["problem_sha256"] = _digest(resolved_toml(solution.design).encode())
-    datasets = {"/": xr.Dataset(attrs=attributes)}
+    found = {"/": Group(attributes=attributes)}
     for phase, trajectory in solution.phases.items():
-        datasets[f"/{phase}"] = phase_dataset(solution, solution.tables[phase], trajectory)
-    datasets |= groups(solution.multipliers)
-    datasets["/nlp"] = xr.Dataset({name: (f"{name}_row", value) for name, value in solution.kkt.items()})
-    return xr.DataTree.from_dict(datasets).to_netcdf(engine="h5netcdf")  # type: ignore[return-value]
+        found[phase] = phase_group(solution, solution.tables[phase], trajectory)
+    found["nlp"] = Group({name: ((f"{name}_row",), value, {}) for name, value in solution.kkt.items()})
+    return to_bytes(found | groups(solution.multipliers))
 
 
 def _digest(text: bytes) -> str:
@@ -200,15 +198,14 @@ def read(folder: str | Path) -> Solution:
             raise ResultError(f"{folder}: {what}: give a folder that `hopopt solve` wrote{_results_in(folder)}")
         design, digest = load(folder / "problem.toml"), _digest((folder / "problem.toml").read_bytes())
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        with xr.open_datatree(folder / "solution.nc", engine="h5netcdf") as tree:
-            tree = tree.load()
-        names = ("stance", "flight", *(("descent",) if "descent" in tree else ()))
-        phases = {name: trajectory_of(tree[name].to_dataset()) for name in names}
-        tables = {name: table_of(tree[name].to_dataset()) for name in names}
-        kkt = {str(name): np.array(value) for name, value in tree["nlp"].to_dataset().items()} if "nlp" in tree else {}
-        kept = multipliers(tree)
-        objective = str(tree.attrs["objective"])
-        if tree.attrs.get("problem_sha256", digest) != digest:
+        stored = read_netcdf(folder / "solution.nc")
+        names = ("stance", "flight", *(("descent",) if "descent" in stored else ()))
+        phases = {name: trajectory_of(stored[name]) for name in names}
+        tables = {name: table_of(stored[name]) for name in names}
+        nlp = stored.get("nlp", Group())
+        kkt, kept = {name: nlp[name] for name in nlp.variables}, multipliers(stored)
+        objective = str(stored[""].attributes["objective"])
+        if stored[""].attributes.get("problem_sha256", digest) != digest:
             raise ValueError("problem.toml is not as it was written")
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         missing = "an entry is missing: " if isinstance(error, KeyError) else ""

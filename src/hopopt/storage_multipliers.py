@@ -5,10 +5,8 @@ Signs and units: docs/certificate.md. Every multiplier is the objective's deriva
 
 from collections.abc import Mapping
 
-import numpy as np
-import xarray as xr
-
 from hopopt.solution import Multipliers
+from hopopt.storage_netcdf import Group
 
 GROUP = "certificate"
 LAYOUT = {  # dimensions and meaning of every array
@@ -18,26 +16,20 @@ LAYOUT = {  # dimensions and meaning of every array
     "limit_at_end": (("limit",), "derivative by the limit at the end of the phase: an atom"),
     "multiplier": (("constraint",), "derivative by the boundary constraint's bound"),
 }
-COORDINATES = ("state", "limit", "constraint")
+LABELS = ("state", "limit", "constraint")
 
 
-def groups(kept: Mapping[str, Multipliers]) -> dict[str, xr.Dataset]:
-    """A dataset for each phase and for the ends, by its path in the file."""
-    return {f"/{GROUP}/{name}": _dataset(arrays) for name, arrays in kept.items()}
+def groups(kept: Mapping[str, Multipliers]) -> dict[str, Group]:
+    """A group for each phase and for the ends, by its path in the file."""
+    return {f"{GROUP}/{name}": _group(arrays) for name, arrays in kept.items()}
 
 
-def _dataset(arrays: Multipliers) -> xr.Dataset:
+def _group(arrays: Multipliers) -> Group:
     variables = {n: (d, arrays[n], {"long_name": text}) for n, (d, text) in LAYOUT.items() if n in arrays}
-    return xr.Dataset(variables, coords={name: arrays[name].tolist() for name in COORDINATES if name in arrays})
+    return Group(variables | {name: ((name,), arrays[name], {}) for name in LABELS if name in arrays})
 
 
-def multipliers(tree: xr.DataTree) -> dict[str, Multipliers]:
+def multipliers(stored: Mapping[str, Group]) -> dict[str, Multipliers]:
     """What ``groups`` wrote; nothing if the file has no such groups."""
-    if GROUP not in tree:
-        return {}
-    children = tree[GROUP].children  # type: ignore[union-attr]
-    return {str(name): _arrays(child.to_dataset()) for name, child in children.items()}
-
-
-def _arrays(data: xr.Dataset) -> Multipliers:
-    return {str(name): np.array(value) for name, value in (*data.data_vars.items(), *data.coords.items())}
+    own = {path.removeprefix(f"{GROUP}/"): group for path, group in stored.items() if path.startswith(f"{GROUP}/")}
+    return {path: {name: group[name] for name in group.variables} for path, group in own.items()}

@@ -1,7 +1,6 @@
 """The best hop of a leg once more with its drives' switches at free times: taken if it is verified and the same optimum."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from hopopt.multistart import Progress, StartOutcome
@@ -37,4 +36,4 @@ def with_free_switches(
 
 def _with_structure(solution: Solution, more: dict[str, Any]) -> Solution:
     summary = solution.summary
-    return replace(solution, summary={**summary, "structure": {**summary["structure"], **more}})
+    return solution.noted(summary={**summary, "structure": {**summary["structure"], **more}})

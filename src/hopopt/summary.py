@@ -1,7 +1,7 @@
 """Every figure that is printed of a solution, computed once."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -86,7 +86,7 @@ def summarize(
         "result_dir": None,
     }
     kkt = {name: getattr(solution, name) for name in ("z", "p", "g", "lam_g", "lam_x")} | asdict(solution.bounds)
-    return replace(plan, summary=summary, kkt=kkt)
+    return plan.noted(summary=summary, kkt=kkt)
 
 
 def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FINE)) -> float:
