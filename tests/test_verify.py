@@ -123,7 +123,7 @@ def test_active_limits_on_slippery_ground() -> None:
     active, table = plan.summary["active_limits"], plan.tables[STANCE]
     sliding = np.abs(table.f[..., 0]) > 0.299 * table.f[..., 1]
     assert active["friction cone"] == pytest.approx(share_of_stance(plan, sliding), abs=0.03)
-    level = np.abs(table.v[..., 1]) < 1e-3
+    level = table.v[..., 1] < 1e-3  # at the limit, or past it between the nodes: the mesh is not refined
     assert active["body never descends"] == pytest.approx(share_of_stance(plan, level), abs=0.03)
     assert min(active["friction cone"], active["body never descends"]) > 0.1
     assert table.t[-1, -1] < 0.39

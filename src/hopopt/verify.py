@@ -24,6 +24,8 @@ from hopopt.verify_limits import limits_of
 
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
+POWERS = np.arange(len(PLACES))
+TO_POWERS = np.linalg.inv((2 * PLACES[:, None] - 1) ** POWERS)  # values at PLACES to coefficients of (2 s - 1)^k
 STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6  # tolerances: SI, share of the range, relative
 FIGURE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
 STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"  # the last only of a hop that lands
@@ -160,11 +162,11 @@ def _replay_interval(
     machine: Machine, contact: bool, t: np.ndarray, q: np.ndarray, v: np.ndarray, tau: np.ndarray
 ) -> float:
     m = q.shape[1]
-    torque = BarycentricInterpolator(PLACES, tau)
-    h = t[-1] - t[0]
+    torque, h = TO_POWERS @ tau, t[-1] - t[0]
 
     def rates(s: float, x: np.ndarray) -> np.ndarray:
-        return h * np.concatenate([x[m:], machine.acceleration(x[:m], x[m:], torque(s), contact)])
+        given = (2 * s - 1) ** POWERS @ torque
+        return h * np.concatenate([x[m:], machine.acceleration(x[:m], x[m:], given, contact)])
 
     x0 = np.concatenate([q[0], v[0]])
     run = solve_ivp(rates, (0.0, 1.0), x0, method="DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)

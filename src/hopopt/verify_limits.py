@@ -34,18 +34,18 @@ def _ground(
     machine: Machine, design: Design, contact: bool, q: np.ndarray, v: np.ndarray, f: np.ndarray
 ) -> dict[str, np.ndarray]:
     size_of_leg = reach(design.leg)
-    points, found = [machine.points(row) for row in q], {}
+    paths, found = machine.paths(q), {}
     for name in design.hop.above_ground or tuple(machine.frames):
         if not contact or name != "foot":
             least = 0.0 if name == "foot" else design.hop.least_height
-            found[f"{name} above ground"] = np.array([least - p[name][1] for p in points]) / size_of_leg
+            found[f"{name} above ground"] = (least - paths[name][:, 1]) / size_of_leg
     if machine.held:
         found["body on its slider"] = np.abs(q[:, machine.held] - q[0, machine.held]).max(axis=1) / size_of_leg
     if contact:
         size = force_range(machine.model)
         beside = np.array([machine.foot_beside(row) for row in q]) if 1 in machine.contact else np.zeros(len(q))
-        moved = [max(np.abs(p["foot"]).max(), abs(y - beside[0])) for p, y in zip(points, beside, strict=True)]
-        found["foot at rest"] = np.array(moved) / size_of_leg
+        moved = np.maximum(np.abs(paths["foot"]).max(axis=1), np.abs(beside - beside[0]))
+        found["foot at rest"] = moved / size_of_leg
         found["ground pushes"] = (design.contact.least_force - f[:, -1]) / size
         if design.contact.friction is not None:
             found["friction cone"] = (np.linalg.norm(f[:, :-1], axis=1) - design.contact.friction * f[:, -1]) / size

@@ -19,7 +19,7 @@ from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.measures import MEASURES
 from hopopt.sim.machine import Machine
-from hopopt.verify import FLIGHT, LIMIT, PLACES, STANCE, Check, Table
+from hopopt.verify import FLIGHT, LIMIT, PLACES, POWERS, STANCE, TO_POWERS, Check, Table
 from hopopt.verify_limits import limits_of
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
@@ -27,8 +27,6 @@ SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
 FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's worth
 DRIVES = "operating region"  # kept by clamping
 
-POWERS = np.arange(len(PLACES))
-TO_POWERS = np.linalg.inv((2 * PLACES[:, None] - 1) ** POWERS)  # values at PLACES to coefficients of (2 s - 1)^k
 State = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
 Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # joint torques [N m] from place, angles and speeds
@@ -139,14 +137,34 @@ def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contac
 
 def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> Law:
     """The plan's torque in one interval (values at PLACES), held to its motion by feedback and to the regions."""
-    n = machine.n
-    plan = TO_POWERS @ np.hstack([tau, q[:, BASE:], v[:, BASE:]])
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
+    ahead = TO_POWERS @ (tau + (HOLD**2 * q[:, BASE:] + 2 * HOLD * v[:, BASE:]) @ inertia.T)
 
     def torque(place: float, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        given, q_plan, v_plan = ((2 * place - 1) ** POWERS @ plan).reshape(3, n)
-        asked = given + inertia @ (HOLD**2 * (q_plan - angle) + 2 * HOLD * (v_plan - speed))
+        asked = (2 * place - 1) ** POWERS @ ahead - inertia @ (HOLD**2 * angle + 2 * HOLD * speed)
         return clamp(speed, asked)
+
+    return torque
+
+
+def _clamp(regions: Sequence[OperatingRegion]) -> Clamp:
+    """``OperatingRegion.clamp`` of all joints at once, for torques and speeds that are single numbers."""
+    planes = [[(float(h.a), float(h.b)) for h in region.planes if h.a] for region in regions]
+
+    def clamp(speed: np.ndarray, asked: np.ndarray) -> np.ndarray:
+        given = []
+        for sides, w, tau in zip(planes, speed.tolist(), asked.tolist(), strict=True):
+            low, high = -np.inf, np.inf
+            for a, b in sides:
+                bound = (1 - b * w) / a
+                if a > 0 and bound < high:
+                    high = bound
+                elif a < 0 and bound > low:
+                    low = bound
+            given.append(0.0 if low > high else min(max(tau, low), high))
+        return np.array(given)
+
+    return clamp(speed, asked)
 
     return torque
 
@@ -181,10 +199,8 @@ def _interval(machine: Machine, torque: Law, t: np.ndarray, state: State, contac
         tau = torque(place, q[BASE - first :], v[BASE - first :])
         if not contact:
             return q, v, machine.acceleration(q, v, tau, False), tau, np.zeros(BASE)
-        terms = machine.stance_terms(q, v)
-        a = terms.acceleration(tau)
-        whole = np.concatenate([-terms.jacobian @ a - terms.drift, a])
-        return terms.q, terms.v, whole, tau, terms.force(a)
+        q, v, a, f = machine.pinned(q, v, tau)
+        return q, v, a, tau, f
 
     def rates(place: float, x: np.ndarray) -> np.ndarray:
         _, v, a, _, _ = motion(place, x)

@@ -62,13 +62,16 @@ class Machine:
         self.frames = {name: self.model.getFrameId(f"point_{name}") for name in robot.points}
         self.foot = self.frames["foot"]
         self._lower = np.tril_indices(self.model.nv, -1)
+        self._axes = slice(0, 3, 1 if 1 in self.contact else 2)  # of the world, those of the contact force
+        self._nothing, self._along_guides = np.zeros(self.model.nv), np.zeros(BASE)
+        self._held_rows = np.eye(self.model.nv)[self.held]
         self.mass = float(sum(i.mass for i in self.model.inertias))
         self.gravity = np.array(self.model.gravity.linear)[[0, 2]]
 
     def foot_jacobian(self, q: np.ndarray) -> np.ndarray:
         """Along the axes of the contact force: world x and z, (2, 2 + n); x, y and z where the leg leaves the plane."""
         pin.computeJointJacobians(self.model, self.data, q)
-        return pin.getFrameJacobian(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)[self.contact]
+        return pin.getFrameJacobian(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)[self._axes]
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """(BASE + n square), with the rotors' inertia; Pinocchio fills the upper triangle."""
@@ -78,19 +81,34 @@ class Machine:
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> np.ndarray:
         """Forward dynamics [rad/s^2, m/s^2]; in contact the foot's acceleration is held at zero."""
-        forces = np.concatenate([np.zeros(BASE), tau])
+        forces = np.concatenate([self._along_guides, tau])
         if not contact and not self.held:
             return pin.aba(self.model, self.data, q, v, forces)
-        M = self.mass_matrix(q)
-        bias = pin.nonLinearEffects(self.model, self.data, q, v)
-        J, drift = np.eye(len(v))[self.held], np.zeros(len(self.held))  # a held coordinate stays where it is
-        if contact:
-            J = np.vstack([self.foot_jacobian(q), J])
-            pin.forwardKinematics(self.model, self.data, q, v, np.zeros_like(v))
-            foot = pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED).linear
-            drift = np.concatenate([foot[self.contact], drift])
-        matrix = np.block([[M, -J.T], [J, np.zeros((len(J), len(J)))]])
-        return np.linalg.solve(matrix, np.concatenate([forces - bias, -drift]))[: len(v)]
+        return pin.forwardDynamics(self.model, self.data, forces, *self._held_still(q, v, contact))
+
+    def _held_still(self, q: np.ndarray, v: np.ndarray, contact: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of what must not accelerate, in contact the foot's along the contact force, then what no guide lets move;
+        and their accelerations [m/s^2] if no coordinate accelerates. The equations of motion are ready in ``data``."""
+        pin.forwardKinematics(self.model, self.data, q, v, self._nothing)
+        pin.computeAllTerms(self.model, self.data, q, v)
+        if not contact:
+            return self._held_rows, np.zeros(len(self.held))
+        J = pin.getFrameJacobian(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)[self._axes]
+        foot = pin.getFrameClassicalAcceleration(self.model, self.data, self.foot, pin.LOCAL_WORLD_ALIGNED)
+        drift = foot.linear[self._axes]
+        if self.held:
+            return np.vstack([J, self._held_rows]), np.concatenate([drift, np.zeros(len(self.held))])
+        return J, drift
+
+    def pinned(self, q_j: np.ndarray, v_j: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, ...]:
+        """q, v, a (BASE + n) of the leg and contact force (2) [N] with the foot held at the origin, for joint angles,
+        speeds and torques; on two guides, in the plane. Where the body is and how fast it moves changes nothing else."""
+        q, v = np.concatenate([self._along_guides, q_j]), np.concatenate([self._along_guides, v_j])
+        J, drift = self._held_still(q, v, True)
+        a = pin.forwardDynamics(self.model, self.data, np.concatenate([self._along_guides, tau]), J, drift)
+        q[:BASE] = -pin.updateFramePlacement(self.model, self.data, self.foot).translation[self._axes]
+        v[:BASE] = -J[:, BASE:] @ v_j
+        return q, v, a, self.data.lambda_c.copy()
 
     def stance_terms(self, q_j: np.ndarray, v_j: np.ndarray) -> "StanceTerms":
         """The equations of motion with the foot pinned at the origin, in the joints alone."""
@@ -136,6 +154,15 @@ class Machine:
         pin.framesForwardKinematics(self.model, self.data, q)
         points = {name: self.data.oMf[f].translation[[0, 2]].copy() for name, f in self.frames.items()}
         return {**points, "com": pin.centerOfMass(self.model, self.data, q)[[0, 2]].copy()}
+
+    def paths(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """World x, z [m] of joints and foot, name -> (k, 2), at k poses q (k, BASE + n)."""
+        places = np.empty((len(self.frames), len(q), 3))
+        for k, row in enumerate(q):
+            pin.framesForwardKinematics(self.model, self.data, row)
+            for place, frame in zip(places, self.frames.values(), strict=True):
+                place[k] = self.data.oMf[frame].translation
+        return {name: place[:, [0, 2]] for name, place in zip(self.frames, places, strict=True)}
 
     def com_velocity(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """World x', z' [m/s] of the centre of mass."""
