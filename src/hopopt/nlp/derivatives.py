@@ -25,12 +25,12 @@ class Program:
 
     def symbols(self) -> tuple[ca.MX, ca.MX]:
         """z and p."""
-        return ca.MX.sym("x", self.linear.shape[1]), ca.MX.sym("p", self.ends.extra.numel() - self.count)
+        return ca.MX.sym("x", self.linear.shape[1]), ca.MX.sym("p", self.ends.local.extra.numel() - self.count)
 
     @property
     def integrals(self) -> ca.SX:
         """The ends' symbols for the integrals."""
-        return self.ends.extra[: self.count]
+        return self.ends.local.extra[: self.count]
 
     @cached_property
     def row_terms(self) -> list[Term]:
@@ -43,7 +43,7 @@ class Program:
         """The integrands of the phases that have some."""
         after = slice(self.linear.shape[0], None)
         parts = [t.part(slice(n, None), after) for t, n in zip(self.phases, self.rows, strict=True)]
-        return [t for t in parts if t.outputs.numel()]
+        return [t for t in parts if t.local.outputs.numel()]
 
     @cached_property
     def cost(self) -> Term:
@@ -83,20 +83,20 @@ class Program:
         integral, slope = self.integral_slope(z, p)
         extra = ca.vertcat(integral, p)
         f, direct = self.cost.jacobian(z, extra)
-        by_integral = self.cost.at_ends("slope", z, extra, ca.jacobian(self.cost.outputs, self.integrals))
+        by_integral = self.cost.at_ends("slope", z, extra, ca.jacobian(self.cost.local.outputs, self.integrals))
         row = assemble((1, self.linear.shape[1]), [direct]) + by_integral @ slope
         return ca.Function("nlp_grad_f", [z, p], [f, ca.densify(row.T)], ["x", "p"], ["f", "grad"])
 
     def jac_g(self) -> ca.Function:
         """(x, p) -> g, jacobian."""
         z, p = self.symbols()
-        local = ca.jacobian(self.boundary.outputs, self.integrals)
+        local = ca.jacobian(self.boundary.local.outputs, self.integrals)
         integral, slope = self.integral_slope(z, p) if local.nnz() else (self.no_integrals(), None)
         extra = ca.vertcat(integral, p)
         g, parts = sum_of([self.boundary.jacobian(z, extra), *(t.jacobian(z, p) for t in self.row_terms)])
         J = assemble(self.linear.shape, parts, self.linear)
         if slope is not None:
-            J += to_dm(self.boundary.scatter) @ (self.boundary.at_ends("slope", z, extra, local) @ slope)
+            J += self.boundary.scatter_dm @ (self.boundary.at_ends("slope", z, extra, local) @ slope)
         outputs = [to_dm(self.linear) @ z + g, J]
         return ca.Function("nlp_jac_g", [z, p], outputs, ["x", "p"], ["g", "jac"])
 
@@ -105,18 +105,18 @@ class Program:
         (z, p), n = self.symbols(), self.linear.shape[1]
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.linear.shape[0])
         lam = ca.vertcat(lam_f, lam_g)
-        w = ca.SX.sym("w", self.ends.outputs.numel())
-        by_integral = ca.jacobian(ca.dot(w, self.ends.outputs), self.integrals).T
-        mixed, twice = ca.jacobian(by_integral, self.ends.y), ca.jacobian(by_integral, self.integrals)
+        w = ca.SX.sym("w", self.ends.local.outputs.numel())
+        by_integral = ca.jacobian(ca.dot(w, self.ends.local.outputs), self.integrals).T
+        mixed, twice = ca.jacobian(by_integral, self.ends.local.y), ca.jacobian(by_integral, self.integrals)
         curved = mixed.nnz() + twice.nnz() > 0
         integral, slope = self.integral_slope(z, p) if curved else (self.no_integrals(), None)
         extra = ca.vertcat(integral, p)
-        weights = (w, to_dm(self.ends.scatter).T @ lam)
+        weights = (w, self.ends.scatter_dm.T @ lam)
         multipliers = ca.vertcat(lam_g, self.ends.at_ends("multipliers", z, extra, by_integral, weights))
         parts = [self.ends.hessian(z, extra, lam), *(t.hessian(z, p, multipliers) for t in self.phases)]
         H = assemble((n, n), parts)
         if slope is not None:
-            half = self.ends.at_ends("mixed", z, extra, mixed, weights) @ to_dm(self.ends.gather)
+            half = self.ends.at_ends("mixed", z, extra, mixed, weights) @ self.ends.gather_dm
             half += self.ends.at_ends("twice", z, extra, twice, weights) @ slope / 2
             H += ca.triu(slope.T @ half + half.T @ slope)
         inputs, names = [z, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]

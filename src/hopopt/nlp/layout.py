@@ -12,7 +12,7 @@ from scipy import sparse
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import Scheme, lagrange
 from hopopt.nlp.terms import Matrix, csc, shifted
-from hopopt.ocp.problem import Instant, Parameter, Phase, stack, symbols
+from hopopt.ocp.problem import Instant, Parameter, Phase, Problem, stack, symbols
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,11 @@ class Stage:
         xdot, path, integrands = self.function(x, u, t, stack(p, parameters))
         free, fixed = (stack(p, [q for q in parameters if q.free is kind]) for kind in (True, False))
         return ca.vertcat(x, u, t, free, T), fixed, ca.vertcat(T * xdot, path, T * integrands)
+
+
+def stage_of(problem: Problem, phase: Phase) -> Stage:
+    """The stage of a phase, made once for all meshes of the problem."""
+    return problem.once(("stage", phase.name), lambda: make_stage(phase, problem.parameters))
 
 
 def make_stage(phase: Phase, parameters: Sequence[Parameter]) -> Stage:

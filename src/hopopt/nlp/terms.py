@@ -9,8 +9,8 @@ nonzeros of the small derivatives to those of the large ones. Building then hard
 Practical Methods for Optimal Control, chapter 4, calls this structure discretization separability.)
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -21,69 +21,111 @@ from scipy import sparse
 Matrix = Any  # a SciPy sparse matrix: its kinds have no useful common type
 
 
-@dataclass(frozen=True)
-class Term:
-    """outputs(y, extra) at all points, extra being shared; gather L (points * ny, n), scatter O (rows, points * no)."""
+@dataclass(frozen=True, eq=False)
+class Local:
+    """outputs(y, extra) at one point, with what is derived of it: made once for all meshes."""
 
     name: str
     y: ca.SX
     extra: ca.SX
     outputs: ca.SX
+    kept: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    def once(self, name: Any, make: Callable[[], Any]) -> Any:
+        """The value called ``name``, made at its first use."""
+        if name not in self.kept:
+            self.kept[name] = make()
+        return self.kept[name]
+
+    def part(self, chosen: slice) -> "Local":
+        """The same with some of the outputs only."""
+        make = lambda: Local(self.name, self.y, self.extra, self.outputs[chosen])  # noqa: E731
+        return self.once(("part", chosen.start, chosen.stop), make)
+
+    def function(self, what: str, results: Sequence[ca.SX], *weights: ca.SX) -> ca.Function:
+        """Dense results of (y, extra, weights); ``what`` names them, once and for all."""
+        inputs, dense = [self.y, self.extra, *weights], [ca.densify(r) for r in results]
+        return self.once(what, lambda: ca.Function(f"{what}_of_terms", inputs, dense, {"cse": True}))
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """Outputs."""
+        return self.function("values", [self.outputs])
+
+    @cached_property
+    def jacobian(self) -> tuple[ca.Function, np.ndarray, np.ndarray]:
+        """Outputs and the nonzeros of their derivative by y; rows and columns of these."""
+        slope = ca.jacobian(self.outputs, self.y)
+        return self.function("jacobian", [self.outputs, nonzeros(slope)]), *triplet(slope.sparsity())
+
+    @cached_property
+    def hessian(self) -> tuple[ca.Function, np.ndarray, np.ndarray]:
+        """Nonzeros of the upper triangle of the second derivative of w' outputs by y; rows and columns of all."""
+        w = ca.SX.sym("w", self.outputs.numel())
+        bend = ca.hessian(ca.dot(w, self.outputs), self.y)[0]
+        return self.function("hessian", [nonzeros(ca.triu(bend))], w), *triplet(bend.sparsity())
+
+
+@dataclass(frozen=True)
+class Term:
+    """``local`` at all points, extra being shared; gather L (points * ny, n), scatter O (rows, points * no)."""
+
+    local: Local
     gather: Matrix
     scatter: Matrix
 
     @property
     def points(self) -> int:
-        return self.gather.shape[0] // self.y.numel()
+        return self.gather.shape[0] // self.local.y.numel()
 
     @cached_property
     def gather_dm(self) -> ca.DM:
         """L for CasADi."""
         return to_dm(self.gather)
 
+    @cached_property
+    def scatter_dm(self) -> ca.DM:
+        """O for CasADi."""
+        return to_dm(self.scatter)
+
     def part(self, outputs: slice, rows: slice) -> "Term":
         """The same with some of the outputs and rows only."""
-        count = self.outputs.numel()
+        count = self.local.outputs.numel()
         columns = np.arange(self.points)[:, None] * count + np.arange(count)[outputs]
-        scatter = csc(self.scatter[:, columns.ravel()][rows])
-        return Term(self.name, self.y, self.extra, self.outputs[outputs], self.gather, scatter)
+        return Term(self.local.part(outputs), self.gather, csc(self.scatter[:, columns.ravel()][rows]))
 
-    def at_points(self, what: str, z: ca.MX, extra: ca.MX, results: list[ca.SX], *weights: tuple[ca.SX, ca.MX]) -> Any:
-        """Dense results at all points, each (size, points); weights are further inputs, (size, points) each."""
-        inputs = [self.y, self.extra, *(w for w, _ in weights)]
-        function = ca.Function(f"{what}_of_terms", inputs, [ca.densify(r) for r in results], {"cse": True})
-        y = ca.reshape(self.gather_dm @ z, self.y.numel(), self.points)
-        return function.map(self.points).call([y, extra, *(w for _, w in weights)])
+    def at_points(self, function: ca.Function, z: ca.MX, extra: ca.MX, *weights: ca.MX) -> Any:
+        """A function of ``local`` at all points, each result (size, points); weights are (size, points) each too."""
+        y = ca.reshape(self.gather_dm @ z, self.local.y.numel(), self.points)
+        return function.map(self.points).call([y, extra, *weights])
 
     def at_ends(self, what: str, z: ca.MX, extra: ca.MX, result: ca.SX, *weights: tuple[ca.SX, ca.MX]) -> ca.MX:
         """One sparse result of a term that has a single point."""
-        (dense,) = self.at_points(what, z, extra, [nonzeros(result)], *weights)
+        function = self.local.function(what, [nonzeros(result)], *(symbol for symbol, _ in weights))
+        (dense,) = self.at_points(function, z, extra, *(value for _, value in weights))
         return ca.MX(result.sparsity(), ca.vec(dense))
 
     def values(self, z: ca.MX, extra: ca.MX) -> ca.MX:
         """O vec(F), (rows, 1)."""
-        (values,) = self.at_points("values", z, extra, [self.outputs])
-        return to_dm(self.scatter) @ ca.vec(values)
+        (values,) = self.at_points(self.local.values, z, extra)
+        return self.scatter_dm @ ca.vec(values)
 
     def jacobian(self, z: ca.MX, extra: ca.MX) -> tuple[ca.MX, "Scattered"]:
         """O vec(F) and its derivative by z, (rows, n)."""
-        local = ca.jacobian(self.outputs, self.y)
-        values, entries = self.at_points("jacobian", z, extra, [self.outputs, nonzeros(local)])
-        i, j = triplet(local.sparsity())
+        function, i, j = self.local.jacobian
+        values, entries = self.at_points(function, z, extra)
         places = _products(self.scatter.T, self.gather, self.points, i, j, np.arange(len(i)))
-        return to_dm(self.scatter) @ ca.vec(values), Scattered(ca.vec(entries), *places)
+        return self.scatter_dm @ ca.vec(values), Scattered(ca.vec(entries), *places)
 
     def hessian(self, z: ca.MX, extra: ca.MX, rows: ca.MX) -> "Scattered":
         """Upper triangle of the second derivative by z of rows' O vec(F), (n, n)."""
-        w = ca.SX.sym("w", self.outputs.numel())
-        local = ca.hessian(ca.dot(w, self.outputs), self.y)[0]
-        weights = ca.reshape(to_dm(self.scatter.T) @ rows, w.numel(), self.points)
-        (entries,) = self.at_points("hessian", z, extra, [nonzeros(ca.triu(local))], (w, weights))
-        return Scattered(ca.vec(entries), *self._symmetric(local.sparsity()))
+        function, i, j = self.local.hessian
+        weights = ca.reshape(self.scatter_dm.T @ rows, self.local.outputs.numel(), self.points)
+        (entries,) = self.at_points(function, z, extra, weights)
+        return Scattered(ca.vec(entries), *self._symmetric(i, j))
 
-    def _symmetric(self, local: ca.Sparsity) -> tuple[np.ndarray, ...]:
+    def _symmetric(self, i: np.ndarray, j: np.ndarray) -> tuple[np.ndarray, ...]:
         """Where the nonzeros of the small Hessian's upper triangle go in the large one's."""
-        i, j = triplet(local)
         upper = np.flatnonzero(i <= j)
         source = {(a, b): k for k, (a, b) in enumerate(zip(i[upper], j[upper], strict=True))}
         index = np.array([source[min(a, b), max(a, b)] for a, b in zip(i, j, strict=True)], dtype=int)

@@ -14,10 +14,10 @@ import numpy as np
 from scipy import sparse
 
 from hopopt.nlp.derivatives import Program
-from hopopt.nlp.layout import PhaseLayout, PhaseVariables, make_stage, row_labels
+from hopopt.nlp.layout import PhaseLayout, PhaseVariables, row_labels, stage_of
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import Scheme
-from hopopt.nlp.terms import Matrix, Term, csc, shifted
+from hopopt.nlp.terms import Local, Matrix, Term, csc, shifted
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.guess import Guess as Guess
 from hopopt.ocp.problem import Ends, Instant, Problem, split, stack, symbols
@@ -71,8 +71,7 @@ class Transcription:
         self.free = tuple(p for p in problem.parameters if p.free)
         self.fixed = tuple(p for p in problem.parameters if not p.free)
         self.layouts = {
-            phase.name: PhaseLayout(make_stage(phase, problem.parameters), scheme, mesh[phase.name])
-            for phase in problem.phases
+            phase.name: PhaseLayout(stage_of(problem, phase), scheme, mesh[phase.name]) for phase in problem.phases
         }
         self._rows: list[Rows] = []
         self._linear: list[Matrix] = []  # what the variables add to each group of rows
@@ -174,13 +173,13 @@ class Transcription:
         """The phase's right-hand sides at its points, times the duration of their arc if they are integrated."""
         stage, name = layout.stage, layout.phase.name
         gather = layout.gather(self.variables[name], self.parameters, len(self.scale)) @ sparse.diags(self.scale)
-        y, fixed, outputs = stage.over_arc(self.problem.parameters)
+        local = self.problem.once(("term", name), lambda: Local(name, *stage.over_arc(self.problem.parameters)))
         integrands = [csc((len(p.integrands), layout.points * stage.outputs)) for p in self.problem.phases]
         own, count = self.problem.phases.index(layout.phase), len(layout.phase.integrands)
         weights = shifted(np.eye(count), stage.row_outputs, stage.outputs)
         integrands[own] = csc(sparse.kron(layout.quadrature(), weights))
         scatter = sparse.vstack([self._scatter(name, layout.points * stage.outputs), *integrands])
-        return Term(name, y, fixed, outputs, csc(gather), csc(scatter))
+        return Term(local, csc(gather), csc(scatter))
 
     def _scatter(self, owner: str, outputs: int) -> Matrix:
         """What the outputs of a phase (or, with no name, of the ends) add to all rows."""
@@ -192,20 +191,23 @@ class Transcription:
 
     def _add_boundary(self) -> Term:
         """The objective and the boundary constraints: functions of the ends of all phases."""
-        problem, goal = self.problem, self.problem.objective
-        at, y, extra = self._ends()
-        values = [ca.vec(ca.SX(c.value(at))) for c in problem.boundary]
-        outputs = ca.vertcat((-1.0 if goal.maximize else 1.0) * ca.SX(goal.value(at)), *values)
-        output, width = 1, outputs.numel()
-        for constraint, value in zip(problem.boundary, values, strict=True):
-            size = int(value.numel())
+        local, sizes = self.problem.once("ends", self._ends_term)
+        output, width = 1, local.outputs.numel()
+        for constraint, size in zip(self.problem.boundary, sizes, strict=True):
             scale = np.broadcast_to(np.asarray(constraint.scale, dtype=float), (size,))
             bounds, labels = (constraint.lower, constraint.upper), row_labels(constraint, size)
             scatter = shifted(np.diag(1 / scale), output, width)
             self._add("boundary", "", constraint.name, labels, bounds, scale, None, scatter, unit=constraint.unit)
             output += size
         scatter = sparse.vstack([shifted(np.ones((1, 1)), 0, width), self._scatter("", width)])
-        return Term("ends", y, extra, outputs, self._gather_ends(), csc(scatter))
+        return Term(local, self._gather_ends(), csc(scatter))
+
+    def _ends_term(self) -> tuple[Local, list[int]]:
+        """The objective (less is better) and the boundary constraints, and how many values each of these has."""
+        goal, (at, y, extra) = self.problem.objective, self._ends()
+        values = [ca.vec(ca.SX(c.value(at))) for c in self.problem.boundary]
+        outputs = ca.vertcat((-1.0 if goal.maximize else 1.0) * ca.SX(goal.value(at)), *values)
+        return Local("ends", y, extra, outputs), [int(v.numel()) for v in values]
 
     def _ends(self) -> tuple[Ends, ca.SX, ca.SX]:
         """Symbols for the ends of all phases; which of them are variables, and the rest (integrals first)."""

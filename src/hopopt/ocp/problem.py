@@ -174,6 +174,13 @@ class Problem:
     objective: Objective
     parameters: tuple[Parameter, ...] = ()
     boundary: tuple[BoundaryConstraint, ...] = ()
+    kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def once(self, name: Any, make: Callable[[], Any]) -> Any:
+        """The value called ``name``, made at its first use: what all meshes of the problem share."""
+        if name not in self.kept:
+            self.kept[name] = make()
+        return self.kept[name]
 
     def phase(self, name: str) -> Phase:
         """The phase of that name; KeyError if there is none."""
