@@ -142,7 +142,29 @@ def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.n
 
     def torque(place: float, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
         asked = (2 * place - 1) ** POWERS @ ahead - inertia @ (HOLD**2 * angle + 2 * HOLD * speed)
-        return clamp
+        return clamp(speed, asked)
+
+    return torque
+
+
+def _clamp(regions: Sequence[OperatingRegion]) -> Clamp:
+    """``OperatingRegion.clamp`` of all joints at once, for torques and speeds that are single numbers."""
+    planes = [[(float(h.a), float(h.b)) for h in region.planes if h.a] for region in regions]
+
+    def clamp(speed: np.ndarray, asked: np.ndarray) -> np.ndarray:
+        given = []
+        for sides, w, tau in zip(planes, speed.tolist(), asked.tolist(), strict=True):
+            low, high = -np.inf, np.inf
+            for a, b in sides:
+                bound = (1 - b * w) / a
+                if a > 0 and bound < high:
+                    high = bound
+                elif a < 0 and bound > low:
+                    low = bound
+            given.append(0.0 if low > high else min(max(tau, low), high))
+        return np.array(given)
+
+    return clamp
 
 
 def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
