@@ -11,7 +11,8 @@ from hopopt.idle import idle_limits
 from hopopt.limit_words import flat_words
 from hopopt.nlp.flat import FELT, STRETCH, flat, longer_or_shorter
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.recheck import fitting, has_multipliers, stored_nlp
+from hopopt.ocp.hop import Hop
+from hopopt.recheck import fitting, has_multipliers, hop_of, stored_nlp
 from hopopt.solution import Solution
 
 PLACES = np.linspace(0.0, 1.0, 9)
@@ -33,10 +34,9 @@ def diagnose(solution: Solution) -> dict[str, Any]:
     return {"flat": [asdict(f) for f in found], "durations": durations, "idle_limits": idle, "words": words}
 
 
-def without_tie_break(solution: Solution) -> NlpSolution:
-    """The program of a hop and its solution, the tie-break taken off the objective."""
-    solver = solution.design.solver.model_copy(update={"tie_break": 0.0})
-    nlp = stored_nlp(replace(solution, design=solution.design.model_copy(update={"solver": solver})))
+def without_tie_break(solution: Solution, hop: Hop | None = None) -> NlpSolution:
+    """The program of a hop and its solution, the tie-break taken off the objective; ``hop``: it, if it is made already."""
+    nlp = stored_nlp(solution, (hop or hop_of(solution)).untied)
     goal = nlp.transcription.problem.objective
     cost = ca.Function("f", [nlp.transcription.nlp[k] for k in "xp"], [nlp.transcription.nlp["f"]])(nlp.z, nlp.p)
     return replace(nlp, objective=-float(cost) if goal.maximize else float(cost))

@@ -58,11 +58,11 @@ class StartOutcome:
 
 
 def first_transcription(hop: Hop) -> Transcription:
-    """The program that every start is solved on."""
+    """The program that every start is solved on, built once for a hop."""
     s = hop.design.solver
     counts = {phase.name: s.flight_intervals for phase in hop.problem.phases} | {STANCE: s.stance_intervals}
     mesh = {name: uniform(count) for name, count in counts.items()}
-    return Transcription(hop.problem, scheme(s.scheme, s.degree), mesh)
+    return hop.problem.once("first mesh", lambda: Transcription(hop.problem, scheme(s.scheme, s.degree), mesh))
 
 
 def first_solver(hop: Hop) -> NlpSolver:

@@ -86,7 +86,7 @@ def solve(
         from hopopt.structure_answer import with_free_switches
 
         best = with_free_switches(hop, best, outcomes, say, clock)
-    found = _flat(best)
+    found = _flat(hop, best)
     if notes := [*_notes(hop, best, better), *flat_words(found or [])]:
         best.summary["notes"] = notes
     if found is not None:
@@ -129,12 +129,12 @@ def _notes(hop: Hop, best: Solution, better: Solution | None) -> list[str]:
     return notes
 
 
-def _flat(best: Solution) -> list[Flat] | None:
+def _flat(hop: Hop, best: Solution) -> list[Flat] | None:
     """What the objective does not feel; None if that cannot be told."""
     from hopopt.diagnosis import without_tie_break
 
     try:
-        return flat(without_tie_break(best))
+        return flat(without_tie_break(best, hop))
     except RuntimeError:  # a singular matrix: no reason to lose the answer
         return None
 

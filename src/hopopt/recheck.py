@@ -22,6 +22,7 @@ from hopopt.ocp.custom import FIGURE, Custom, as_objective, custom
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import find
+from hopopt.ocp.problem import Problem
 from hopopt.solution import Solution
 from hopopt.stated_error import simulated
 from hopopt.verify import KKT, Check, verify_plan
@@ -127,15 +128,21 @@ def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]
     return goal or find(solution.objective), own
 
 
-def stored_nlp(solution: Solution) -> NlpSolution:
-    """The nonlinear program of the last mesh with its stored point, multipliers and bounds."""
+def hop_of(solution: Solution) -> Hop:
+    """The hop that the solution is of."""
     goal, constraints = own_functions(solution)
-    hop, mesh, kkt = Hop(solution.design, goal, constraints=constraints), {}, dict(solution.kkt)
+    return Hop(solution.design, goal, constraints=constraints)
+
+
+def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolution:
+    """The nonlinear program of the last mesh with its stored point, multipliers and bounds; ``problem``: the solution's,
+    if it is made already, or one that differs in its objective."""
+    problem, mesh, kkt = problem or hop_of(solution).problem, {}, dict(solution.kkt)
     for name, trajectory in solution.phases.items():
         edges = trajectory.edges / trajectory.duration
         free = np.flatnonzero(np.diff(trajectory.arc)) + 1
         mesh[name] = PhaseMesh(tuple(edges.tolist()), tuple(free.tolist()))
-    t = Transcription(hop.problem, scheme(next(iter(solution.phases.values())).scheme.name), mesh)
+    t = Transcription(problem, scheme(next(iter(solution.phases.values())).scheme.name), mesh)
     if len(kkt["z"]) != len(t.scale):
         raise ResultError(f"{solution.result_dir}: mesh and NLP vectors do not belong together")
     bounds = Bounds(*(kkt.pop(side.name) for side in fields(Bounds)))

@@ -24,6 +24,7 @@ from hopopt.verify_limits import limits_of
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
+RELATIVE, ABSOLUTE = 1e-8, 1e-9  # of the integration: far below what is told, for a clamp's kinks make it dear
 FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's worth
 DRIVES = "operating region"  # kept by clamping
 
@@ -190,7 +191,7 @@ def _interval(machine: Machine, torque: Law, t: np.ndarray, state: State, contac
         return h * np.concatenate([v[first:], a[first:]])
 
     x0 = np.concatenate([part[first:] for part in state])
-    run = solve_ivp(rates, (0.0, 1.0), x0, "DOP853", t_eval=PLACES, rtol=1e-9, atol=1e-10, first_step=1.0)
+    run = solve_ivp(rates, (0.0, 1.0), x0, "DOP853", t_eval=PLACES, rtol=RELATIVE, atol=ABSOLUTE, first_step=1.0)
     if not run.success or not np.isfinite(run.y).all():
         raise ArithmeticError("the leg cannot be integrated")
     samples = [motion(place, x) for place, x in zip(run.t, run.y.T, strict=True)]

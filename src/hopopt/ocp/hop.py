@@ -5,6 +5,7 @@ motion hold by construction and the drives enter as path constraints on the torq
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
@@ -237,6 +238,11 @@ class Hop:
                 *self.freedom.boundary(self),
             ),
         )
+
+    @property
+    def untied(self) -> Problem:
+        """The problem without the tie-break."""
+        return self.problem.towards(replace(self.problem.objective, value=lambda e: self.objective.value(self, e)))
 
     def static_faults(self) -> list[str]:
         """A sentence for each joint whose drive cannot even hold the start pose against gravity."""

@@ -5,7 +5,7 @@ function below takes an ``Instant`` (or the ``Ends`` of all phases) and returns 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -181,6 +181,12 @@ class Problem:
         if name not in self.kept:
             self.kept[name] = make()
         return self.kept[name]
+
+    def towards(self, objective: Objective) -> "Problem":
+        """The same with another objective; what was made of its phases, which is named (what, phase), is shared."""
+        other = replace(self, objective=objective)
+        other.kept.update({name: value for name, value in self.kept.items() if isinstance(name, tuple)})
+        return other
 
     def phase(self, name: str) -> Phase:
         """The phase of that name; KeyError if there is none."""
