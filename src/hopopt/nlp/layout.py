@@ -7,11 +7,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy import sparse
 
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import Scheme, lagrange
-from hopopt.nlp.terms import Matrix, csc, shifted
+from hopopt.nlp.terms import Matrix, Triplets, blocks, entries, stacked, together
 from hopopt.ocp.problem import Instant, Parameter, Phase, Problem, stack, symbols
 
 
@@ -150,43 +149,36 @@ class PhaseLayout:
     def control_matrix(self) -> Matrix:
         """C with controls at the points = U C, shape (control_nodes, points)."""
         weights = lagrange(self.scheme.control_c, np.array(self.scheme.c)).T
-        return _tidy(sparse.kron(sparse.identity(self.mesh.intervals), np.where(np.abs(weights) < 1e-14, 0, weights)))
+        weights, every = np.where(np.abs(weights) < 1e-14, 0, weights), np.arange(self.mesh.intervals)
+        parts = blocks((np.ones(len(every)), every, every), weights, *weights.shape)
+        return together([parts], (self.control_nodes, self.points))
 
-    def defect_matrices(self) -> tuple[Matrix, Matrix]:
-        """S and Q with defects = X S - (X' times arc duration) Q, one column for each new state node."""
+    def defect_matrices(self) -> tuple[Triplets, Triplets]:
+        """S' and Q' with defects = X S - (X' times arc duration) Q, one column for each new state node."""
         steps, columns = self.scheme.steps, np.arange(self.state_nodes - 1)
-        first, shape = columns // steps * steps, (self.state_nodes, self.state_nodes - 1)
-        signs = np.repeat([1.0, -1.0], len(columns))
-        S = csc((signs, (np.concatenate([columns + 1, first]), np.tile(columns, 2))), shape)
-        return S, _tidy(sparse.kron(sparse.diags(self.mesh.shares), self.scheme.A.T))
+        signs, first = np.repeat([1.0, -1.0], len(columns)), columns // steps * steps
+        S = signs, np.tile(columns, 2), np.concatenate([columns + 1, first])
+        every = np.arange(self.mesh.intervals)
+        return S, blocks((self.mesh.shares, every, every), self.scheme.A, *self.scheme.A.shape)
 
-    def gather(self, where: PhaseVariables, parameters: slice, width: int) -> Matrix:
-        """Each point's (x, u, t, free parameters, T), stacked, from the NLP vector of ``width``."""
+    def gather(self, where: PhaseVariables, parameters: slice) -> Triplets:
+        """Each point's (x, u, t, free parameters, T), stacked, from the NLP vector."""
         nx, nu, free = *(self.stage.function.size1_in(k) for k in range(2)), parameters.stop - parameters.start
-        arcs = np.eye(self.mesh.arcs)[self.arc_at]
-        nodes = csc((np.ones(self.points), (np.arange(self.points), self.state_at)), (self.points, self.state_nodes))
+        every, one, size = np.arange(self.points), np.ones(self.points), nx + nu + 2 + free
+        value, node, point = entries(self.control_matrix)
         pieces = [
-            (nodes, np.eye(nx), where.x.start),
-            (self.control_matrix.T, np.eye(nu), where.u.start),
-            (self.time_matrix, np.ones((1, 1)), where.durations.start),
-            (np.ones((self.points, 1)), np.eye(free), parameters.start),
-            (arcs, np.ones((1, 1)), where.durations.start),
+            ((one, every, self.state_at), nx, where.x.start),
+            ((value, point, node), nu, where.u.start),
+            (entries(self.time_matrix), 1, where.durations.start),
+            ((one, every, np.zeros(self.points, dtype=int)), free, parameters.start),
+            ((one, every, self.arc_at), 1, where.durations.start),
         ]
-        size, row = nx + nu + 2 + free, 0
-        total = csc((self.points * size, width))
-        for points, unit, start in pieces:
-            tall = shifted(unit.T, row, size).T  # its rows among those of a point
-            total = total + shifted(sparse.kron(points, tall), start, width)
-            row += len(unit)
-        return total
+        found, row = list[Triplets](), 0
+        for places, count, start in pieces:
+            found.append(blocks(places, np.eye(count), size, count, row, start))
+            row += count
+        return stacked(found)
 
     def quadrature(self) -> np.ndarray:
         """Weight of each point in an integral, per duration of its arc, shape (points,)."""
         return np.outer(self.mesh.shares, self.scheme.b).ravel()
-
-
-def _tidy(matrix: Any) -> Matrix:
-    """By columns, without stored zeros."""
-    matrix = csc(matrix)
-    matrix.eliminate_zeros()
-    return matrix

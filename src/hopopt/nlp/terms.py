@@ -9,7 +9,7 @@ nonzeros of the small derivatives to those of the large ones. Building then hard
 Practical Methods for Optimal Control, chapter 4, calls this structure discretization separability.)
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -19,6 +19,8 @@ import numpy as np
 from scipy import sparse
 
 Matrix = Any  # a SciPy sparse matrix: its kinds have no useful common type
+Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # values, rows, columns
+EMPTY: Triplets = (np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,10 +196,37 @@ def csc(matrix: Any, shape: tuple[int, int] | None = None) -> Matrix:
     return matrix.tocsc() if sparse.issparse(matrix) else sparse.csc_matrix(matrix, shape=shape)
 
 
-def shifted(block: Any, start: int, width: int) -> Matrix:
-    """``block`` with zeros left and right: columns from ``start`` of ``width``."""
-    m: Any = sparse.coo_matrix(block)
-    return csc((m.data, (m.row, m.col + start)), (int(m.shape[0]), width))
+def entries(matrix: Any) -> Triplets:
+    """Values, rows and columns of what is not zero in an array, or is stored in a SciPy matrix."""
+    if sparse.issparse(matrix):
+        coo = matrix.tocoo()
+        return coo.data, coo.row, coo.col
+    rows, columns = np.nonzero(matrix)
+    return matrix[rows, columns], rows, columns
+
+
+def blocks(places: Any, block: np.ndarray, height: int, width: int, row: int = 0, column: int = 0) -> Triplets:
+    """``block`` times each entry (i, j) of ``places`` (a matrix or triplets), at row i * height + row and column
+    j * width + column."""
+    value, i, j = places if isinstance(places, tuple) else entries(places)
+    b, k, l = entries(block)  # noqa: E741
+    return (
+        np.multiply.outer(value, b).ravel(),
+        np.add.outer(i * height + row, k).ravel(),
+        np.add.outer(j * width + column, l).ravel(),
+    )
+
+
+def stacked(parts: Iterable[Triplets]) -> Triplets:
+    """The triplets of all parts, one after another."""
+    value, row, column = (np.concatenate(side) for side in zip(EMPTY, *parts, strict=True))
+    return value, row, column
+
+
+def together(parts: Iterable[Triplets], shape: tuple[int, int]) -> Matrix:
+    """The sum of all parts by columns."""
+    value, row, column = stacked(parts)
+    return csc((value, (row, column)), shape)
 
 
 def to_dm(matrix: Any) -> ca.DM:

@@ -11,13 +11,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy import sparse
 
 from hopopt.nlp.derivatives import Program
 from hopopt.nlp.layout import PhaseLayout, PhaseVariables, row_labels, stage_of
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import Scheme
-from hopopt.nlp.terms import Local, Matrix, Term, csc, shifted
+from hopopt.nlp.terms import Local, Matrix, Term, Triplets, blocks, csc, entries, stacked, together
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.guess import Guess as Guess
 from hopopt.ocp.problem import Ends, Instant, Problem, split, stack, symbols
@@ -74,8 +73,11 @@ class Transcription:
             phase.name: PhaseLayout(stage_of(problem, phase), scheme, mesh[phase.name]) for phase in problem.phases
         }
         self._rows: list[Rows] = []
-        self._linear: list[Matrix] = []  # what the variables add to each group of rows
-        self._scattered: list[Matrix | None] = []  # and what the outputs of its owner (phase, or the ends) add
+        self._linear: list[Triplets] = []  # what the variables add to the rows
+        self._scattered: dict[str, list[Triplets]] = {
+            "": [],
+            **{name: [] for name in self.layouts},
+        }  # outputs, by owner
         self._lbg: list[np.ndarray] = []
         self._ubg: list[np.ndarray] = []
         self._place_variables()
@@ -129,7 +131,7 @@ class Transcription:
         self.lbg, self.ubg = np.concatenate(self._lbg), np.concatenate(self._ubg)
         self.rows = tuple(self._rows)
         self.row_scale = np.concatenate([np.tile(r.scale, max(1, len(r.interval))) for r in self.rows])
-        linear = csc(sparse.vstack(self._linear) @ sparse.diags(self.scale))
+        linear = self._by_variables(stacked(self._linear), self._count)
         terms = tuple(self._phase_term(layout) for layout in self.layouts.values())
         rows = tuple(layout.stage.row_outputs for layout in self.layouts.values())
         integrals = sum(len(phase.integrands) for phase in self.problem.phases)
@@ -142,7 +144,7 @@ class Transcription:
         self._add_path(layout)
         if layout.mesh.arcs > 1:
             scale = np.array([min(phase.duration[1], 1.0)])
-            linear = shifted(np.ones((1, layout.mesh.arcs)) / scale, where.durations.start, len(self.scale))
+            linear = blocks(np.ones((1, layout.mesh.arcs)) / scale, np.ones((1, 1)), 1, 1, 0, where.durations.start)
             self._add("duration", phase.name, "duration", ("duration",), phase.duration, scale, linear, unit="s")
 
     def _add_defects(self, layout: PhaseLayout, start: int) -> None:
@@ -151,18 +153,18 @@ class Transcription:
         labels = tuple(name for s in phase.states for name in s.component_names())
         scale = phase.columns(phase.states, "scale")
         S, Q = layout.defect_matrices()
-        linear = shifted(sparse.kron(S.T, np.diag(1 / scale)), start, len(self.scale))
-        scatter = csc(sparse.kron(-Q.T, shifted(np.diag(1 / scale), 0, layout.stage.outputs)))
+        linear = blocks(S, np.diag(1 / scale), len(scale), len(scale), 0, start)
+        scatter = blocks(Q, np.diag(-1 / scale), len(scale), layout.stage.outputs)
         interval, place = np.repeat(np.arange(N), steps), np.tile(np.array(self.scheme.c)[-steps:], N)
         self._add("defect", phase.name, "defect", labels, (0.0, 0.0), scale, linear, scatter, interval, place)
 
     def _add_path(self, layout: PhaseLayout) -> None:
         phase, output = layout.phase, layout.stage.function.size1_in(0)
         at = np.flatnonzero(layout.constrained)
-        chosen = csc((np.ones(len(at)), (np.arange(len(at)), at)), (len(at), layout.points))
+        chosen = np.ones(len(at)), np.arange(len(at)), at
         for constraint, labels in zip(phase.path, layout.stage.path_labels, strict=True):
             scale = np.broadcast_to(np.asarray(constraint.scale, dtype=float), (len(labels),))
-            scatter = csc(sparse.kron(chosen, shifted(np.diag(1 / scale), output, layout.stage.outputs)))
+            scatter = blocks(chosen, np.diag(1 / scale), len(scale), layout.stage.outputs, 0, output)
             self._add(
                 "path", phase.name, constraint.name, labels, (constraint.lower, constraint.upper), scale, None,
                 scatter, layout.interval[at], layout.place[at], constraint.unit,
@@ -172,22 +174,26 @@ class Transcription:
     def _phase_term(self, layout: PhaseLayout) -> Term:
         """The phase's right-hand sides at its points, times the duration of their arc if they are integrated."""
         stage, name = layout.stage, layout.phase.name
-        gather = layout.gather(self.variables[name], self.parameters, len(self.scale)) @ sparse.diags(self.scale)
         local = self.problem.once(("term", name), lambda: Local(name, *stage.over_arc(self.problem.parameters)))
-        integrands = [csc((len(p.integrands), layout.points * stage.outputs)) for p in self.problem.phases]
-        own, count = self.problem.phases.index(layout.phase), len(layout.phase.integrands)
-        weights = shifted(np.eye(count), stage.row_outputs, stage.outputs)
-        integrands[own] = csc(sparse.kron(layout.quadrature(), weights))
-        scatter = sparse.vstack([self._scatter(name, layout.points * stage.outputs), *integrands])
-        return Term(local, csc(gather), csc(scatter))
+        gather = self._by_variables(
+            layout.gather(self.variables[name], self.parameters), layout.points * local.y.numel()
+        )
+        counts = [len(p.integrands) for p in self.problem.phases]
+        own, w = self.problem.phases.index(layout.phase), layout.quadrature()
+        places, first = (w, np.zeros(len(w), dtype=int), np.arange(len(w))), self._count + sum(counts[:own])
+        integrals = blocks(places, np.eye(counts[own]), 0, stage.outputs, first, stage.row_outputs)
+        shape = self._count + sum(counts), layout.points * stage.outputs
+        return Term(local, gather, together([*self._scattered[name], integrals], shape))
 
-    def _scatter(self, owner: str, outputs: int) -> Matrix:
-        """What the outputs of a phase (or, with no name, of the ends) add to all rows."""
-        blocks = [
-            block if rows.phase == owner and block is not None else csc((rows.stop - rows.start, outputs))
-            for rows, block in zip(self._rows, self._scattered, strict=True)
-        ]
-        return csc(sparse.vstack(blocks))
+    def _by_variables(self, found: Triplets, rows: int) -> Matrix:
+        """A matrix of the physical variables as one of the scaled ones."""
+        value, row, column = found
+        return csc((value * self.scale[column], (row, column)), (rows, len(self.scale)))
+
+    @property
+    def _count(self) -> int:
+        """Rows so far."""
+        return self._rows[-1].stop if self._rows else 0
 
     def _add_boundary(self) -> Term:
         """The objective and the boundary constraints: functions of the ends of all phases."""
@@ -196,11 +202,12 @@ class Transcription:
         for constraint, size in zip(self.problem.boundary, sizes, strict=True):
             scale = np.broadcast_to(np.asarray(constraint.scale, dtype=float), (size,))
             bounds, labels = (constraint.lower, constraint.upper), row_labels(constraint, size)
-            scatter = shifted(np.diag(1 / scale), output, width)
+            scatter = blocks(np.ones((1, 1)), np.diag(1 / scale), 0, 0, 0, output)
             self._add("boundary", "", constraint.name, labels, bounds, scale, None, scatter, unit=constraint.unit)
             output += size
-        scatter = sparse.vstack([shifted(np.ones((1, 1)), 0, width), self._scatter("", width)])
-        return Term(local, self._gather_ends(), csc(scatter))
+        value, row, column = stacked([entries(np.ones((1, 1))), *self._scattered[""]])
+        row[1:] += 1  # the objective comes first
+        return Term(local, self._gather_ends(), csc((value, (row, column)), (1 + self._count, width)))
 
     def _ends_term(self) -> tuple[Local, list[int]]:
         """The objective (less is better) and the boundary constraints, and how many values each of these has."""
@@ -226,25 +233,31 @@ class Transcription:
 
     def _gather_ends(self) -> Matrix:
         """Initial states, final states and duration of each phase, then the free parameters, from the variables."""
-        width, blocks = len(self.scale), []
+        found, row, one = list[Triplets](), 0, np.ones((1, 1))
         for name, where in self.variables.items():
-            nx = self.layouts[name].stage.function.size1_in(0)
-            blocks += [shifted(np.eye(nx), where.x.start, width), shifted(np.eye(nx), where.x.stop - nx, width)]
-            blocks.append(shifted(np.ones((1, self.layouts[name].mesh.arcs)), where.durations.start, width))
-        blocks.append(shifted(np.eye(self.parameters.stop - self.parameters.start), self.parameters.start, width))
-        return csc(sparse.vstack(blocks) @ sparse.diags(self.scale))
+            nx, arcs = self.layouts[name].stage.function.size1_in(0), self.layouts[name].mesh.arcs
+            for start in (where.x.start, where.x.stop - nx):
+                found.append(blocks(one, np.eye(nx), 0, 0, row, start))
+                row += nx
+            found.append(blocks(one, np.ones((1, arcs)), 0, 0, row, where.durations.start))
+            row += 1
+        free = self.parameters.stop - self.parameters.start
+        found.append(blocks(one, np.eye(free), 0, 0, row, self.parameters.start))
+        return self._by_variables(stacked(found), row + free)
 
     def _add(
         self, kind: str, phase: str, name: str, labels: tuple[str, ...], bounds: tuple[Any, Any], scale: np.ndarray,
-        linear: Matrix | None, scatter: Matrix | None = None, interval: np.ndarray | None = None,
+        linear: Triplets | None, scatter: Triplets | None = None, interval: np.ndarray | None = None,
         place: np.ndarray | None = None, unit: str = "",
     ) -> None:  # fmt: skip
-        start, empty = self._rows[-1].stop if self._rows else 0, np.zeros(0)
+        start, empty = self._count, np.zeros(0)
         interval = empty.astype(int) if interval is None else interval
         rows = Rows(kind, phase, name, labels, start, interval, empty if place is None else place, scale, unit)
         self._rows.append(rows)
-        self._linear.append(csc((rows.stop - start, len(self.scale))) if linear is None else linear)
-        self._scattered.append(scatter)
+        for given, out in ((linear, self._linear), (scatter, self._scattered[phase])):
+            if given is not None:
+                value, row, column = given
+                out.append((value, row + start, column))
         for side, out in zip(bounds, (self._lbg, self._ubg), strict=True):
             column = np.broadcast_to(np.asarray(side, dtype=float), (len(labels),)) / scale
             out.append(np.tile(column, max(1, len(interval))))
