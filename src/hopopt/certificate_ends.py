@@ -51,7 +51,7 @@ class _EndSymbols:
 
 def end_slopes(solution: NlpSolution, integrals: Mapping[str, np.ndarray]) -> EndSlopes:
     """The slopes at a solution whose phases' integrals are given, by phase (k,)."""
-    t, s, symbol = solution.transcription, sign(solution), _EndSymbols(solution.transcription.problem)
+    t, s = solution.transcription, sign(solution)
     rows = [r for r in t.rows if r.kind == "boundary"]
     multiplier, lower, upper = (
         np.concatenate([np.zeros(0), *(v[r.start : r.stop] * f for r, f in zip(rows, factors, strict=True))])
@@ -61,27 +61,34 @@ def end_slopes(solution: NlpSolution, integrals: Mapping[str, np.ndarray]) -> En
             (t.ubg, [r.scale for r in rows]),
         )
     )
-    value, (objective,), *found = _evaluated(solution, symbol, multiplier, integrals)
-    phases = {name: dict(zip(PARTS, found[4 * k : 4 * k + 4], strict=True)) for k, name in enumerate(symbol.parts)}
+    names, (value, (objective,), *found) = _evaluated(solution, multiplier, integrals)
+    phases = {name: dict(zip(PARTS, found[4 * k : 4 * k + 4], strict=True)) for k, name in enumerate(names)}
     labels = tuple(label for r in rows for label in r.labels)
     bounds_of_free = -s * (solution.lam_x / t.scale)[t.parameters]
     return EndSlopes(phases, found[-1], float(objective), value, multiplier, lower, upper, labels, bounds_of_free)
 
 
-def _evaluated(
-    solution: NlpSolution, symbol: _EndSymbols, multiplier: np.ndarray, integrals: Mapping[str, np.ndarray]
-) -> list[np.ndarray]:
-    """The boundary constraints, J, and the slopes by every part of every phase, then by the free parameters."""
-    problem, t = solution.transcription.problem, solution.transcription
+def _slopes(problem: Problem) -> tuple[_EndSymbols, ca.Function]:
+    """Symbols of the ends, and a function of them, the parameters and the multipliers: the boundary constraints, J, and
+    the slopes by every part of every phase, then by the free parameters."""
+    symbol = _EndSymbols(problem)
     value = ca.vertcat(*[ca.vec(ca.SX(c.value(symbol.ends))) for c in problem.boundary])
-    objective = ca.SX(problem.objective.value(symbol.ends))
-    total = objective - ca.dot(value, ca.DM(multiplier))
+    objective, multiplier = ca.SX(problem.objective.value(symbol.ends)), ca.SX.sym("multiplier", value.numel())
+    total, free = objective - ca.dot(value, multiplier), [q for q in problem.parameters if q.free]
     y = [part for parts in symbol.parts.values() for part in parts]
-    gradients = [ca.gradient(total, w) for w in (*y, stack(symbol.p, t.free) if t.free else ca.SX(0, 1))]
-    slopes = ca.Function("ends", [*y, stack(symbol.p, problem.parameters)], [value, objective, *gradients])
-    numbers = []
+    gradients = [ca.gradient(total, w) for w in (*y, stack(symbol.p, free) if free else ca.SX(0, 1))]
+    inputs = [*y, stack(symbol.p, problem.parameters), multiplier]
+    return symbol, ca.Function("ends", inputs, [value, objective, *gradients])
+
+
+def _evaluated(
+    solution: NlpSolution, multiplier: np.ndarray, integrals: Mapping[str, np.ndarray]
+) -> tuple[list[str], list[np.ndarray]]:
+    """Names of the phases, and what ``_slopes`` says at a solution."""
+    problem, numbers = solution.transcription.problem, []
+    symbol, slopes = problem.once("end slopes", lambda: _slopes(problem))
     for name in symbol.parts:
         trajectory = solution.phases[name]
         numbers += [trajectory.x_start[0], trajectory.x_end, trajectory.duration, integrals[name]]
     chosen = [np.zeros(0), *(np.atleast_1d(solution.parameters[q.name]) for q in problem.parameters)]
-    return [np.array(v).ravel() for v in slopes(*numbers, np.concatenate(chosen))]
+    return list(symbol.parts), [np.array(v).ravel() for v in slopes(*numbers, np.concatenate(chosen), multiplier)]
