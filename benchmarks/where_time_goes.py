@@ -25,15 +25,11 @@ def stages(s: dict[str, Any], imports: float, total: float) -> dict[str, float]:
     """Seconds by stage of a run with one start, from its summary ``s``."""
     timings, solving = s["timings_s"], s["starts"]["each"][0]["seconds"]
     first, *steps = s["mesh"]
-    found = {"imports": imports, "model": timings["model"], "graph: first mesh": timings["starts"] - solving}
-    found[f"NLP of mesh 1 ({_size(first)}, {first['iterations']} iterations)"] = solving
-    mesh = 1
-    for step in steps:
-        mesh += not step["drawn_in"]
-        if step["build_seconds"] > 0.01:
-            found[f"graph: mesh {mesh}{', warm start' if step['drawn_in'] else ''}"] = step["build_seconds"]
-        what = f"limits drawn in, round {step['drawn_in']}" if step["drawn_in"] else _size(step)
-        found[f"NLP of mesh {mesh} ({what}, {step['iterations']} iterations)"] = step["solve_seconds"]
+    found = {"imports": imports, "model": timings["model"], "graph: solve 1": timings["starts"] - solving}
+    found[f"NLP of solve 1 ({_size(first)}, {first['iterations']} iterations)"] = solving
+    for k, step in enumerate(steps, start=2):
+        found[f"graph: solve {k}"] = step["build_seconds"]
+        found[f"NLP of solve {k} ({_size(step)}, {step['iterations']} iterations)"] = step["solve_seconds"]
     inside = sum(m["build_seconds"] + m["solve_seconds"] for m in steps)
     found["errors measured between the solves"] = timings["refinement"] - inside
     found["verification"] = timings["verification"]

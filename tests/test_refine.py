@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from hopopt.nlp.accuracy import interval_errors, stage_values
-from hopopt.nlp.backoff import PRICE, drawn_in, limit_nodes, price
+from hopopt.nlp.backoff import drawn_in, limit_nodes, passed, tightened
 from hopopt.nlp.carry import carried
-from hopopt.nlp.ipopt import WARM, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
-from hopopt.nlp.refine import Aims, Refinement, cut
+from hopopt.nlp.prices import PRICE, price
+from hopopt.nlp.refine import Aims, Refinement, cut, equal
 from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.transcribe import Guess, Transcription
 from hopopt.ocp.problem import Objective, Problem
@@ -56,8 +57,8 @@ def test_unrefined_bang_bang_is_too_fast() -> None:
 
 
 @pytest.mark.parametrize("method", [radau(2), radau(3)], ids=lambda s: s.name)
-def test_price_is_what_the_limits_cost(method: Scheme) -> None:
-    """In a convex problem the multipliers of the tightened one bound the gain of relaxing it, of the other the loss."""
+def test_price_of_drawing_in_covers_its_loss(method: Scheme) -> None:
+    """No less than what drawing in loses against the closed form."""
     known = bryson_denham(path=True)
     before = first(known, method, uniform(10))
     errors = {"move": interval_errors(before, "move")}
@@ -66,7 +67,7 @@ def test_price_is_what_the_limits_cost(method: Scheme) -> None:
     assert after.success
     assert interval_errors(after, "move").excess.max() < errors["move"].excess.max()
     assert price(before) == 0.0
-    assert 0.0 < (after.objective - before.objective) / after.objective <= price(after) * (1 + 1e-6)
+    assert before.objective < after.objective <= known.optimum * (1 + price(after))
 
 
 @each_scheme
@@ -103,7 +104,7 @@ def test_given_values_stay() -> None:
 def test_cutting_keeps_the_edges_there_are() -> None:
     s = first(bryson_denham(), radau(3), mesh_of_arcs([0, 0.4, 1], [2, 2]))
     edges, parts = s.phases["move"].edges, np.array([1, 3, 1, 2])
-    mesh = cut(s, "move", parts)
+    mesh = cut(s, "move", equal(parts))
     assert mesh.intervals == parts.sum()
     np.testing.assert_allclose(np.array(mesh.edges)[np.concatenate([[0], np.cumsum(parts)])], edges, atol=1e-12)
     np.testing.assert_allclose(np.array(mesh.edges)[list(mesh.free)], edges[2:3])
@@ -114,7 +115,7 @@ def test_carried_multipliers_are_nearly_those_of_the_finer_mesh(method: Scheme) 
     """Costates and densities do not depend on the mesh, and Ipopt hardly moves from them."""
     known = brachistochrone()
     coarse = first(known, method, uniform(12))
-    mesh = {"slide": cut(coarse, "slide", np.where(np.arange(12) % 2, 2, 1))}
+    mesh = {"slide": cut(coarse, "slide", equal(np.where(np.arange(12) % 2, 2, 1)))}
     t = Transcription(known.problem, method, mesh)
     guess, multipliers = t.guess_from(coarse.phases), carried(coarse, t)
     cold, warm = NlpSolver(t)(guess), NlpSolver(t, WARM)(guess, None, multipliers)
@@ -133,3 +134,40 @@ def test_multipliers_carried_to_the_same_mesh_are_the_same(method: Scheme) -> No
     lam_g, lam_x = carried(s, s.transcription)
     np.testing.assert_allclose(lam_g, s.lam_g, atol=1e-6)
     np.testing.assert_allclose(lam_x, s.lam_x, atol=1e-9)
+
+
+def test_bounds_are_drawn_in_by_what_is_given_interval_by_interval() -> None:
+    known = bang_bang()
+    s = first(known, radau(3), uniform(6))
+    t = s.transcription
+    amounts = np.zeros_like(passed(interval_errors(s, "move"), 0.0))
+    amounts[1, 2, -1] = 0.25  # the upper limit of the control in the third interval
+    own = Bounds(*t.bounds(t.guess_from(s.phases)), t.lbg, t.ubg)
+    drawn = tightened(own, t, {"move": amounts})
+    moved = np.flatnonzero(drawn.high_z != own.high_z)
+    controls = t.variables["move"].u.start + t.layouts["move"].controls_of[2]
+    np.testing.assert_array_equal(moved, controls)
+    np.testing.assert_allclose(own.high_z[moved] - drawn.high_z[moved], 0.25)
+    np.testing.assert_array_equal(drawn.low_z, own.low_z)
+    held = NlpSolver(t).again(s, drawn)
+    assert held.success
+    assert held.objective > s.objective  # slower where less is allowed
+
+
+@pytest.mark.parametrize(
+    "known", [brachistochrone(), bryson_denham(path=True)], ids=["brachistochrone", "bryson-denham"]
+)
+def test_aims_are_met_or_it_says_so(known: Known) -> None:
+    refinement = Refinement(first(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, 20, 300))
+    refinement.run()
+    errors = [interval_errors(refinement.solution, name) for name in refinement.solution.phases]
+    assert max(e.local.max() for e in errors) <= 1e-7
+    assert max(e.excess.max() for e in errors) <= ALLOWED
+    assert refinement.history[-1].objective == pytest.approx(known.optimum, rel=1e-4)
+
+
+def test_without_meshes_nothing_is_reached() -> None:
+    refinement = Refinement(first(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, 0, 300))
+    refinement.run()
+    assert len(refinement.history) == 1
+    assert refinement.change == float("inf")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hopopt.nlp.hull import bernstein
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.layout import PhaseLayout
 
@@ -55,9 +56,10 @@ def activity(solution: NlpSolution, phase: str) -> Activity:
     layout, trajectory = solution.transcription.layouts[phase], solution.phases[phase]
     scheme, N = layout.scheme, layout.mesh.intervals
     weight = (trajectory.lengths[:, None] * scheme.b).clip(1e-300)[..., None]
-    pieces, names = [], list[str]()
+    pieces, names, to_moments = [], list[str](), bernstein(scheme.c)
     for lam, value, low, high, labels in limits_of(solution, phase):
         lam, value, low, high = (a.reshape(N, -1, len(labels)) for a in (lam, value, low, high))
+        lam = np.einsum("inm,nk->ikm", lam, to_moments)  # none of them of the wrong sign
         pieces.append([np.maximum(lam, 0) / weight, np.maximum(-lam, 0) / weight, high - value, value - low])
         names += labels
     up, down, over, under = (np.concatenate(parts, axis=2) for parts in zip(*pieces, strict=True))

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hopopt.nlp.hull import bernstein
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.layout import PhaseLayout
 from hopopt.nlp.schemes import Scheme, lagrange
@@ -37,6 +38,12 @@ class PhaseMultipliers:
     start: np.ndarray
     duration: np.ndarray
     limits: tuple[str, ...]
+
+    def moments(self, h: np.ndarray, scheme: Scheme) -> np.ndarray:
+        """Each limit's density by its moments with the Bernstein polynomials of every interval (of length h), (N, n, m):
+        none is of the wrong sign where a limit is held between the nodes (nlp/hull.py), as single nodes' can be."""
+        lam = self.density * (h[:, None] * scheme.b)[..., None]
+        return np.einsum("ijm,jk->ikm", lam, bernstein(scheme.c))
 
 
 def sign(solution: NlpSolution) -> float:

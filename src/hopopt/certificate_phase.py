@@ -17,6 +17,7 @@ import numpy as np
 from hopopt.certificate_arcs import Arc, limits_of
 from hopopt.certificate_costates import PhaseMultipliers, sign
 from hopopt.certificate_points import Along
+from hopopt.nlp.hull import bernstein_at
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.schemes import radau
 
@@ -125,9 +126,11 @@ class PhaseCertificate:
         The limits are those of the problem: where they were drawn in, what that costs is part of it.
         """
         s, (lower, upper, scale) = sign(self.solution), self._bounds
-        cell = np.searchsorted(np.cumsum(self.layout.scheme.b), FINE.c).clip(max=len(self.layout.scheme.b) - 1)
-        nu = self.multipliers.density[:, cell]  # each node's multiplier, spread over its share of the interval
-        pushed = self._integral(np.abs(nu) * missed(nu, self.along.c, lower, upper, s, scale))
+        moments, scheme, pushed = self.multipliers.moments(self.h, self.layout.scheme), self.layout.scheme, 0.0
+        for nu, polynomial in zip(moments.swapaxes(0, 1), bernstein_at(FINE.c, len(scheme.c)).T, strict=True):
+            weights = FINE.b * polynomial * len(scheme.c)  # of the mean where this moment lies
+            distance = missed(nu[:, None], self.along.c, lower, upper, s, scale)
+            pushed = pushed + np.einsum("k,ikm,im->m", weights, distance, np.abs(nu))
         given = [state.end_bounds("final") for state in self.layout.phase.states]
         first, count = len(self.layout.stage.path_column("lower")), self.along.x.shape[2]
         low, high = lower.copy(), upper.copy()

@@ -120,7 +120,7 @@ def _phase_worth(solution: NlpSolution, name: str, ends: EndSlopes, quadrature: 
     excess = np.maximum(
         bounds.largest_excess(x, inside, path_inside), bounds.largest_excess(x - drift, inside, followed)
     )
-    mass = h[:, None] * np.einsum("j,ijm->im", trajectory.scheme.b, np.abs(m.density))
+    mass = np.abs(m.moments(h, trajectory.scheme)).sum(axis=1)
     mass[-1] += np.abs(m.atom)
     beside = np.pad(excess, ((1, 1), (0, 0)))  # a limit's multiplier may lie one interval off
     limits = mass * np.maximum(excess, np.maximum(beside[:-2], beside[2:]))

@@ -25,10 +25,10 @@ from hopopt.multistart import (
     solution_of,
 )
 from hopopt.nlp.accuracy import IntervalErrors
-from hopopt.nlp.backoff import PRICE, price
 from hopopt.nlp.flat import Flat, flat
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
+from hopopt.nlp.prices import PRICE, price
 from hopopt.nlp.refine import Aims, MeshStep, Refinement
 from hopopt.nlp.transcribe import Transcription
 from hopopt.objective_error import ObjectiveError, objective_error
@@ -180,7 +180,7 @@ def summed_up(
     checks += verify_plan(hop.design, plan.tables, plan.claims(), goal.ends)
     checks += custom_checks(plan.robot, plan.tables, goal, hop.constraints, stated_value(stated))
     more, told = simulated(plan, goal, error)
-    told |= relaxed(solution, refinement.history)
+    told |= relaxed(solution)
     checks, plan = checks + more, plan.noted(summary={**stated, "objective_error": told})
     clock.mark("verification")
     found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement.history, clock)
@@ -218,9 +218,9 @@ def aims_of(hop: Hop) -> Aims:
 def progress_line(hop: Hop, s: MeshStep) -> str:
     """One solve of a refinement, for whoever waits."""
     sizes = " + ".join(str(n) for n in s.intervals.values())
-    again = f", limits drawn in {s.drawn_in} time{'s' if s.drawn_in > 1 else ''}" if s.drawn_in else ""
+    held = f", limits held between the nodes in {s.held}" if s.held else ""
     return (
-        f"{sizes} intervals{again}: {hop.objective.name} {s.objective:.5f} {hop.objective.unit}, "
+        f"{sizes} intervals{held}: {hop.objective.name} {s.objective:.5f} {hop.objective.unit}, "
         f"local error {s.local_error:.0e}, limits exceeded by {s.excess:.0e}"
     )
 

@@ -173,7 +173,7 @@ def _error(s: dict[str, Any]) -> list[str]:
     elif figure in e["simulated"]:
         told += f" (simulated in one piece, torques clamped: {_measure(s, e['simulated'][figure], '.6g')})"
     if "relaxed" in e:
-        told += f"; with limits at the nodes only {_measure(s, e['relaxed']['gains'], '+.0e')}"
+        told += f"; limits held between the nodes cost {_measure(s, e['relaxed']['gains'], '.0e')}"
     if e["could_be_beaten_by"] is not None:
         told += f"; to first order hops beside it gain at most {_measure(s, _upwards(e['could_be_beaten_by']), '.0e')}"
     return [told]

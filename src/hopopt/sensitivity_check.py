@@ -1,7 +1,7 @@
 """Derivatives of the best height confirmed by solving again: the entry a little larger, a little smaller.
 
 Each changed problem is built anew from its file's entries and solved on the optimum's mesh from the optimum, with
-its limits drawn in by as much. So nothing that the derivative was made of is taken for granted but the mesh.
+the same limits held between the nodes. So nothing that the derivative was made of is taken for granted but the mesh.
 """
 
 import re
@@ -13,6 +13,7 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.leg.design import Design
+from hopopt.nlp.hull import held_between, held_in
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
@@ -122,16 +123,17 @@ def with_entry(design: Design, path: str, value: float) -> Design:
 
 
 def solve_again(old: NlpSolution, design: Design, objective: str) -> NlpSolution:
-    """The optimum of a slightly different problem on the same mesh, its limits drawn in as the old one's were."""
+    """The optimum of a slightly different problem on the same mesh, with the same limits held between the nodes."""
     before = old.transcription
     t = Transcription(Hop(design, objective).problem, before.scheme, before.mesh)
-    guess, b = before.guess_from(old.phases), old.bounds
-    given, new = (*before.bounds(guess), before.lbg, before.ubg), (*t.bounds(guess), t.lbg, t.ubg)
-    drawn = (b.low_z, b.high_z, b.low_g, b.high_g)
-    bounds = Bounds(*(_moved(*sides) for sides in zip(new, drawn, given, strict=True)))
-    start = replace(old, transcription=t, p=t.parameter_values())
-    solution = NlpSolver(t, WARM).again(start, bounds)
-    return solution if solution.success else NlpSolver(t).again(start, bounds)
+    held, guess, b = held_between(t, held_in(old)), before.guess_from(old.phases), old.bounds
+    sides = zip(t.bounds(guess), (b.low_z, b.high_z), before.bounds(guess), strict=True)
+    low, high = (_moved(*side) for side in sides)
+    bounds = Bounds(low, high, t.lbg, t.ubg)
+    program, lam_g = held.transcription, held.multipliers(old.lam_g)
+    start = replace(old, transcription=program, p=t.parameter_values(), lam_g=lam_g)
+    solution = NlpSolver(program, WARM).again(start, bounds)
+    return solution if solution.success else NlpSolver(program).again(start, bounds)
 
 
 def _moved(new: np.ndarray, drawn: np.ndarray, given: np.ndarray) -> np.ndarray:

@@ -1,12 +1,10 @@
 """The error that is stated beside an answer: the estimate of its trajectories, and the hop simulated in one piece."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from hopopt.certificate import Certificate
-from hopopt.certificate_costates import sign
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.nlp.refine import MeshStep
+from hopopt.nlp.prices import price
 from hopopt.objective_error import ObjectiveError
 from hopopt.ocp.goal import HopObjective
 from hopopt.solution import Solution
@@ -14,13 +12,10 @@ from hopopt.verify import Check
 from hopopt.verify_worth import not_simulated, worth
 
 
-def relaxed(solution: NlpSolution, history: Sequence[MeshStep]) -> dict[str, Any]:
-    """For the summary: how much better (``gains``, objective's unit) the optimum of the last program was whose limits
-    held at its nodes only, before they were drawn in: a wider problem than the one posed; empty if none were."""
-    wide = [step.objective for step in history if not step.drawn_in] if history[-1].drawn_in else []
-    return (
-        {"relaxed": {"objective": wide[-1], "gains": -sign(solution) * (wide[-1] - solution.objective)}} if wide else {}
-    )
+def relaxed(solution: NlpSolution) -> dict[str, Any]:
+    """For the summary: what the limits cost that hold between the nodes too (``gains``, objective's unit), by the
+    multipliers: so much better might a hop be whose torques follow their limits inside an interval as well."""
+    return {"relaxed": {"gains": price(solution) * abs(solution.objective)}}
 
 
 def simulated(plan: Solution, goal: HopObjective, error: ObjectiveError) -> tuple[list[Check], dict[str, Any]]:

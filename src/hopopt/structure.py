@@ -84,17 +84,18 @@ def _told(acting: list[str]) -> str:
 
 
 def _closed(found: list[Stretch], gap: float) -> list[Stretch]:
-    """Short free stretches between two lines of a drive taken as their switch."""
+    """Short free stretches between two lines of a drive taken as their switch, between two of the same limit as its."""
     kept: list[Stretch] = []
     for k, s in enumerate(found):
         inside = 0 < k < len(found) - 1 and s.limit == "free" and s.end - s.begin < gap
-        if inside and all(found[k + side].limit.endswith(("forward", "backward")) for side in (-1, 1)):
+        beside = [found[k + side].limit for side in (-1, 1)] if inside else []
+        if beside and (beside[0] == beside[1] or all(b.endswith(("forward", "backward")) for b in beside)):
             middle = (s.begin + s.end) / 2
             kept[-1] = replace(kept[-1], end=middle)
             found[k + 1] = replace(found[k + 1], begin=middle)
         else:
             kept.append(found[k])
-    return kept
+    return _joined(kept)
 
 
 def _touches(found: list[Stretch], longest: float) -> list[Stretch]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from hopopt.multistart import Progress, StartOutcome
-from hopopt.nlp.backoff import PRICE
+from hopopt.nlp.prices import PRICE
 from hopopt.nlp.refine import MeshStep, relative
 from hopopt.ocp.hop import Hop
 from hopopt.planner import Stopwatch, aims_of, progress_line, summed_up
@@ -18,7 +18,7 @@ def with_free_switches(
 ) -> Solution:
     """The best hop solved again with its drives' switches at free times, if that is verified and agrees with it."""
     say("solving again with free switching times")
-    settled = next(MeshStep(**step) for step in reversed(best.summary["mesh"]) if not step["drawn_in"])
+    settled = MeshStep(**best.summary["mesh"][-1])
     found = resolve(stored_nlp(best), settled, aims_of(hop), lambda step: say(progress_line(hop, step)))
     clock.mark("structure")
     if isinstance(found, str):

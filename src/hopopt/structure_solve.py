@@ -4,7 +4,6 @@
    finds the times (structure_arcs.py says which may move).
 2. The times found are edges of an ordinary mesh; the problem itself, all limits inequalities again, is solved and
    refined there.
-3. Beside the switches the lines are held once more, in place of limits drawn in while the times were not yet known.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,24 +11,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hopopt.certificate_arcs import Activity, activity
+from hopopt.certificate_arcs import activity
 from hopopt.nlp.accuracy import IntervalErrors, interval_errors
-from hopopt.nlp.backoff import drawn_in
-from hopopt.nlp.ipopt import NEAR, WARM, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcribe import Transcription
-from hopopt.structure import REGION
 from hopopt.structure_arcs import Pin, Plan, plan
 from hopopt.structure_jumps import jumps
 
 SLIVER = 8e-4  # share of the phase: shorter intervals beside a switch are joined with their neighbours
-BESIDE = 4e-3  # share of the phase: how far beside a switch lines are held in the end
 LEAST = 0.3  # share of an arc's duration that must remain
-ROUNDS = 8  # of drawing in the limits at last
 PATIENCE = 200  # iterations
-WRONG = 1e-6  # of the objective: what a line that is held may be worth with the wrong sign
 Report = Callable[[MeshStep], None]
 
 
@@ -72,7 +66,7 @@ def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report 
     if refinement is None:
         return "the problem was not solved on the mesh with the switches at its edges"
     switches = {n: _free_times(timed, n) for n in plans}
-    final = _held_beside(refinement.solution, switches, aims)
+    final = refinement.solution
     change = relative(final.objective, refined.objective)
     found = {n: jumps(final, n, times) for n, times in switches.items()}
     return Resolved(final, tuple(refinement.history[1:]), switches, found, change)
@@ -118,18 +112,15 @@ def _inside(edges: np.ndarray, pins: Sequence[Pin]) -> list[tuple[str, str, np.n
     return [(p.limit, p.side, np.flatnonzero((middle > p.begin) & (middle < p.end))) for p in pins]
 
 
-def held(
-    t: Transcription, b: Bounds, phase: str, lines: Sequence[tuple[str, str, np.ndarray]], given: bool = False
-) -> Bounds:
-    """The bounds with lines held as equations in some intervals, where they lie or (``given``) where the problem does."""
+def held(t: Transcription, b: Bounds, phase: str, lines: Sequence[tuple[str, str, np.ndarray]]) -> Bounds:
+    """The bounds with lines held as equations in some intervals."""
     low, high = b.low_g.copy(), b.high_g.copy()
-    source_low, source_high = (t.lbg, t.ubg) if given else (b.low_g, b.high_g)
     for rows in t.rows:
         for limit, side, intervals in lines:
             if rows.kind == "path" and rows.phase == phase and limit in rows.labels:
                 places = np.flatnonzero(np.isin(rows.interval, intervals))
                 at = rows.start + places * len(rows.labels) + rows.labels.index(limit)
-                low[at] = high[at] = (source_high if side == "upper" else source_low)[at]
+                low[at] = high[at] = (b.high_g if side == "upper" else b.low_g)[at]
     return Bounds(b.low_z, b.high_z, low, high)
 
 
@@ -167,55 +158,3 @@ def _refined(timed: NlpSolution, settled: MeshStep, aims: Aims, report: Report) 
     refinement.history.insert(0, settled)
     refinement.run()
     return refinement
-
-
-def _held_beside(last: NlpSolution, switches: Mapping[str, Sequence[float]], aims: Aims) -> NlpSolution:
-    """Lines held beside the switches in place of limits drawn in there; what was given if that does not help."""
-    t, bounds = last.transcription, last.bounds
-    for name, times in switches.items():
-        bounds = held(t, bounds, name, _beside(last, name, times), given=True)
-    solver = NlpSolver(t, NEAR | {"ipopt.max_iter": PATIENCE})
-    found = solver.again(last, bounds)
-    for _ in range(ROUNDS):
-        errors, released = errors_of(found), _released(found, last.bounds)
-        if not found.success:
-            return last
-        if released is None and max(float(e.excess.max()) for e in errors.values()) <= aims.excess:
-            return found
-        if released is not None:
-            found = replace(found, bounds=released)
-        found = solver.again(found, drawn_in(found, errors, aims.excess))
-    return last
-
-
-def _released(found: NlpSolution, before: Bounds) -> Bounds | None:
-    """Lines that are held where their multipliers would rather let go, as they were ``before``; None if there are none."""
-    t, b, low, high = found.transcription, found.bounds, found.bounds.low_g.copy(), found.bounds.high_g.copy()
-    most = WRONG * abs(found.objective)
-    held_up, held_down = (b.low_g == b.high_g) & (t.lbg < b.low_g), (b.low_g == b.high_g) & (b.high_g < t.ubg)
-    wrong = (held_up & ~held_down & (found.lam_g < -most)) | (held_down & ~held_up & (found.lam_g > most))
-    if not wrong.any():
-        return None
-    for rows in t.rows:
-        if rows.kind == "path":
-            own = slice(rows.start, rows.stop)
-            places = np.isin(rows.interval, rows.interval[wrong[own].reshape(-1, len(rows.labels)).any(axis=1)])
-            at = np.arange(rows.start, rows.stop).reshape(-1, len(rows.labels))[places].ravel()
-            low[at], high[at] = before.low_g[at], before.high_g[at]
-    return Bounds(b.low_z, b.high_z, low, high)
-
-
-def _beside(solution: NlpSolution, phase: str, times: Sequence[float]) -> list[tuple[str, str, np.ndarray]]:
-    """The drives' lines that hold in intervals beside the switches: at all nodes, or at some and no other at any."""
-    act: Activity = activity(solution, phase)
-    p, m = solution.phases[phase], len(act.limits)
-    middle = (p.edges[1:] + p.edges[:-1]) / 2
-    near = np.any(np.abs(middle[:, None] - np.array([*times, np.inf])) < BESIDE * p.duration, axis=1)
-    whole, some = np.all(act.sides, axis=1), np.any(act.sides, axis=1)
-    drives, found = [name.partition("[")[0] for name in act.limits] * 2, []
-    for k in range(2 * m):
-        if drives[k].endswith(REGION):
-            others = [j for j in range(2 * m) if drives[j] == drives[k] and j != k]
-            on = near & (whole[:, k] | (some[:, k] & ~some[:, others].any(axis=1)))
-            found.append((act.limits[k % m], "upper" if k < m else "lower", np.flatnonzero(on)))
-    return found

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hopopt.nlp.refine import Aims, Refinement
+from hopopt.nlp.refine import Refinement
 from hopopt.ocp.goal import HEIGHTS
 from hopopt.ocp.hop import Hop
-from hopopt.planner import MARGIN, numerical_checks, without_tie_break
+from hopopt.planner import numerical_checks, without_tie_break
 from hopopt.solution import Solution
 from hopopt.summary import parts
-from hopopt.verify import LIMIT, failed, verify_plan
+from hopopt.verify import failed, verify_plan
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,3 @@ def answer(hop: Hop, refinement: Refinement) -> Answer:
     checks += verify_plan(hop.design, plan.tables, claims)
     names = tuple(check.name for check in failed(checks))
     return Answer(solution.objective, claims["clearance_m"], parts(plan), names)
-
-
-def aims(hop: Hop) -> Aims:
-    """What a single solve's refinement aims at."""
-    s = hop.design.solver
-    meshes = s.max_refinements if s.refine else 0
-    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations)

@@ -1,8 +1,8 @@
 """One point of a study: solved from a neighbour's solution or from the problem's starts, refined, verified.
 
 Every point is solved on the problem's first mesh, from a neighbour's optimum and multipliers there; points that differ
-in numbers of the leg and its start alone share one compiled program of it. Refinement goes to its aims directly
-(nlp/refine_direct.py) or, if that fails, as in a single solve. The checks are those of a single solve.
+in numbers of the leg and its start alone share one compiled program of it. Refinement and
+checks are those of a single solve.
 """
 
 import threading
@@ -22,16 +22,14 @@ from hopopt.multistart import (
     not_solved,
     outcome_of,
     run_starts,
-    solution_of,
 )
 from hopopt.nlp.ipopt import WARM, NlpSolver
-from hopopt.nlp.refine_direct import DirectRefinement
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.planner import refine_outcome
 from hopopt.study import Definition
-from hopopt.sweep_answer import Answer, aims, answer
+from hopopt.sweep_answer import Answer, answer
 from hopopt.sweep_order import unlike
 from hopopt.sweep_store import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
 
@@ -171,13 +169,7 @@ def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:
 
 
 def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
-    """An optimum of the first mesh refined and verified: directly or, if that does not end well, as in a single solve."""
-    if hop.design.solver.refine:
-        direct = DirectRefinement(solution_of(outcome, t), aims(hop))
-        direct.run()
-        found = answer(hop, direct) if direct.reached else None
-        if found and found.verified:
-            return found
+    """An optimum of the first mesh refined and verified."""
     return answer(hop, refine_outcome(hop, outcome, _silent, t))
 
 

@@ -1,8 +1,6 @@
-"""Back-off: a limit that is passed between the nodes of an interval is drawn in at those nodes.
+"""Back-off: a limit that is passed between the nodes of an interval is drawn in at those nodes by the excess.
 
-Path constraints hold at the nodes; between them a solution may pass them, most where a control switches. Wherever
-a limit is passed, it is drawn in at the interval's nodes by the excess, and the same program is solved again until
-no limit is passed anywhere. The objective can only fall; by how much is the price of the limits holding everywhere.
+That serves bounds of states and controls, and what little passes the hull of a path limit (nlp/hull.py).
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,7 +11,6 @@ from hopopt.nlp.accuracy import IntervalErrors
 from hopopt.nlp.ipopt import Bounds, NlpSolution
 from hopopt.nlp.transcribe import Transcription
 
-PRICE = 1e-5  # relative: what keeping the limits between the nodes may cost the objective
 Errors = Mapping[str, IntervalErrors]
 
 
@@ -40,33 +37,6 @@ def tightened(old: Bounds, t: Transcription, amounts: Mapping[str, np.ndarray]) 
     crossed = low + up > high - down  # values that are given, such as those at the start
     low, high = np.where(crossed, low, low + up), np.where(crossed, high, high - down)
     return Bounds(low[:n], high[:n], low[n:], high[n:])
-
-
-def price(solution: NlpSolution) -> float:
-    """What the limits that were drawn in cost the objective, relative to it, by their multipliers."""
-    t, b = solution.transcription, solution.bounds
-    low_z, high_z = t.bounds(t.guess_from(solution.phases))
-    cost = 0.0
-    for drawn, given, multiplier in (
-        (b.low_z, low_z, -solution.lam_x), (b.high_z, high_z, solution.lam_x),
-        (b.low_g, t.lbg, -solution.lam_g), (b.high_g, t.ubg, solution.lam_g),
-    ):  # fmt: skip
-        moved = drawn != given
-        cost += float(np.abs(drawn[moved] - given[moved]) @ np.maximum(multiplier, 0.0)[moved])
-    return cost / max(abs(solution.objective), 1e-9)
-
-
-def prices(solution: NlpSolution, errors: Errors) -> dict[str, np.ndarray]:
-    """What drawing in the limits would cost, by the multipliers, in each interval of each phase [objective's unit]."""
-    multipliers, found = np.concatenate([solution.lam_x, solution.lam_g]), {}
-    for phase, e in errors.items():
-        found[phase] = np.zeros(len(e.local))
-        for k, nodes in enumerate(limit_nodes(solution.transcription, phase)):
-            lam = multipliers[nodes]
-            found[phase] += (
-                np.maximum(lam, 0).sum(axis=1) * e.above[:, k] - np.minimum(lam, 0).sum(axis=1) * e.below[:, k]
-            )
-    return found
 
 
 def limit_nodes(t: Transcription, phase: str) -> Iterator[np.ndarray]:

@@ -1,8 +1,9 @@
-"""Mesh refinement, then back-off: accurate states on a settled mesh, then limits that hold between the nodes too.
+"""Mesh refinement: accurate states, limits that hold between the nodes too, at a price that does not matter.
 
-Intervals are cut where the states are not accurate, and where drawing in the limits would cost too much: the price
-of an interval with a switch in it falls with the square of its length. On the last mesh the limits are drawn in
-until they hold everywhere.
+An interval is cut at once into as many pieces as its error and its price ask for by their orders: the local error falls
+with its length to the power of the nodes and one, the price of a switch with its square. Where limits are passed they
+are held between the nodes on the next mesh (nlp/hull.py); what still passes them is drawn in, and an interval that does
+not answer is cut.
 """
 
 import time
@@ -13,22 +14,29 @@ from typing import Any
 import numpy as np
 
 from hopopt.nlp.accuracy import interval_errors
-from hopopt.nlp.backoff import PRICE, drawn_in, price, prices
+from hopopt.nlp.backoff import passed, tightened
 from hopopt.nlp.carry import carried
-from hopopt.nlp.ipopt import NEAR, WARM, NlpSolution, NlpSolver
+from hopopt.nlp.hull import Chosen, held_between, passed_with_others
+from hopopt.nlp.ipopt import NEAR, WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.prices import PRICE, drawn_prices, excess_prices, switch_places
 from hopopt.nlp.transcribe import Transcription
 
-MOST = 4  # pieces into which an interval is cut at once
-BUDGET = PRICE  # of the intervals' prices before anything is drawn in: an estimate from above
+BUDGET = 0.5 * PRICE  # of all prices
+AIM = 0.2  # share of the allowed local error, and of the price, that a cut aims at
+NEARLY = 0.3  # share of what is allowed, above which an interval is cut where others must be
+PIECES = 8  # into which an interval is cut at most
+STUBBORN = 4  # pieces for an interval that does not answer
+SLOW = 2  # order to which an error falls that is still there on the second mesh
+GRADED = 4.0  # times shorter: intervals of switches that should be that are cut about them
+ANSWERS = 0.5  # share of its last excess, above which an interval does not answer to holding its limits
 EARLY = 4  # meshes before an error that wanders is suspected
 COARSE = 0.01  # share of the phase: longer intervals may harbour one
 FINEST = 1000  # intervals: a solution that asks for more will not be accurate
-ROUNDS = 10  # of drawing in the limits on one mesh
-STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 LOST = 0.02  # relative: a finer mesh's objective may be worse by this much and no more
-PATIENCE = 100  # iterations from carried multipliers, before starting without
-Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
+PATIENCE = 60  # iterations from carried multipliers, before starting without
+Cuts = Mapping[str, list[np.ndarray]]  # for each phase, the places (0 to 1) at which each interval is to be cut
+Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are drawn in, (2, N, limits)
 
 
 @dataclass(frozen=True)
@@ -44,10 +52,10 @@ class Aims:
 
 @dataclass(frozen=True)
 class MeshStep:
-    """One solve: intervals by phase, how often the limits were drawn in, objective, largest errors, effort."""
+    """One solve: intervals by phase, in how many of them limits are held, objective, largest errors, effort."""
 
     intervals: dict[str, int]
-    drawn_in: int
+    held: int
     objective: float
     local_error: float
     excess: float
@@ -63,79 +71,135 @@ class Refinement:
     def __init__(self, solution: NlpSolution, aims: Aims, report: Callable[[MeshStep], None] = lambda step: None):
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock = time.perf_counter()
-        self._accept(solution, 0, 0.0, 0.0)
+        self._accept(solution, {}, 0.0, 0.0)
+        limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
+        self._held: Chosen = {
+            name: np.zeros((N, len(solution.transcription.layouts[name].stage.path_column("scale"))), dtype=bool)
+            for name, (N, _) in limits.items()
+        }
+        self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
+        self._before = {name: np.full(N, np.inf) for name, (N, _) in limits.items()}  # excess that was answered to
 
     def run(self) -> None:
         """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
-        for _ in range(self.aims.meshes):
-            parts = self._faults()
-            if not _any(parts):
-                parts = self._draw_in() if self.change <= self.aims.change else _all(parts)
-            if not _any(parts) or not self._solve_on({n: cut(self.solution, n, p) for n, p in parts.items()}):
+        meshes = 0
+        while meshes < self.aims.meshes and len(self.history) <= 2 * self.aims.meshes:
+            cuts = self._cuts()
+            if not _any(cuts) and self._kept:
+                if self.change <= self.aims.change:
+                    return
+                cuts = {name: equal(np.full(len(places), 2)) for name, places in cuts.items()}
+            self._prepare(cuts)
+            meshes += _any(cuts)
+            if not self._solve(cuts):
                 return
 
     @property
     def change(self) -> float:
-        """Relative change of the objective with the last mesh, before its limits were drawn in; infinite after one."""
-        meshes = [step.objective for step in self.history if not step.drawn_in]
-        return relative(meshes[-1], meshes[-2]) if len(meshes) > 1 else float("inf")
+        """Relative change of the objective with the last mesh; infinite after one."""
+        sizes = [step.intervals for step in self.history]
+        first = [k for k, size in enumerate(sizes) if k == 0 or size != sizes[k - 1]]
+        if len(first) < 2:
+            return float("inf")
+        return relative(self.history[-1].objective, self.history[first[-1] - 1].objective)
 
-    def _faults(self) -> Parts:
-        """What is to be cut: inaccurate intervals, and the dearest until the rest is within the budget."""
-        price, budget = prices(self.solution, self.errors), BUDGET * abs(self.solution.objective)
-        total = np.sort(np.concatenate(list(price.values())))
-        dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
-        return {
-            name: np.maximum(
-                self._inaccurate(e.local, self.solution.phases[name].lengths), np.where(price[name] >= dear, MOST, 1)
-            )
-            for name, e in self.errors.items()
+    @property
+    def _kept(self) -> bool:
+        """Whether all limits are."""
+        return all(e.excess.max() <= self.aims.excess for e in self.errors.values())
+
+    # ---- what is to be done ----------------------------------------------------------------------------
+
+    def _cuts(self) -> Cuts:
+        """Where each interval is to be cut: if something asks for it, what nearly does is cut too."""
+        cost, allowed = self._costs(), self.aims
+        stubborn = {
+            n: (e.excess > allowed.excess) & (e.excess > ANSWERS * self._before[n]) for n, e in self.errors.items()
         }
+        inaccurate = any((e.local > allowed.local_error).any() for e in self.errors.values())
+        asked = inaccurate or any(any(on) for on in stubborn.values())
+        if not asked and sum(each.sum() for each in cost.values()) <= self._budget:
+            return {name: equal(np.ones(len(on), dtype=int)) for name, on in stubborn.items()}
+        finer = {name: np.maximum(self._inaccurate(name), np.where(on, STUBBORN, 1)) for name, on in stubborn.items()}
+        return self._dear(cost, finer)
 
-    def _inaccurate(self, local: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    def _inaccurate(self, name: str) -> np.ndarray:
         """Pieces for each interval by its local error; late in the refinement, where an error only moves on, what it
         moves to is halved too: a switch goes to its neighbours, what lives on coarse intervals to any other of them."""
-        over = local > self.aims.local_error
-        if len(self.history) <= EARLY:
-            return np.where(over, MOST, 1)
-        coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
-        moves = (np.convolve(over, [1, 1, 1], "same") > 0) | (coarse & (over & coarse).any())
-        return np.where(over, MOST, np.where(moves, 2, 1))
+        local, lengths = self.errors[name].local, self.solution.phases[name].lengths
+        allowed = NEARLY * self.aims.local_error
+        order = len(self.solution.transcription.scheme.c) + 1 if len(self.history) == 1 else SLOW
+        over = local > allowed
+        asked = np.clip(np.ceil((local / (AIM * self.aims.local_error)) ** (1 / order)), 2, PIECES)
+        moves = np.zeros(len(over), dtype=bool)
+        if len(self.history) > EARLY:
+            coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
+            moves = (np.convolve(over, [1, 1, 1], "same") > 0) | (coarse & (over & coarse).any())
+        return np.where(over, asked, np.where(moves, 2, 1)).astype(int)
 
-    def _draw_in(self) -> Parts:
-        """Draw in the limits until they hold; what is to be cut if that fails."""
-        began, solver = time.perf_counter(), self._solver(self.solution.transcription, NEAR)
-        for k in range(ROUNDS):
-            last = [step.excess for step in self.history[-3:]]
-            if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]):
-                break
-            built = time.perf_counter()
-            solution = solver.again(self.solution, drawn_in(self.solution, self.errors, self.aims.excess))
-            if not solution.success or price(solution) > PRICE:
-                break
-            self._accept(solution, k + 1, built - began, time.perf_counter() - built)
-            began = time.perf_counter()
-        return {
-            name: np.where((e.excess > self.aims.excess) | (e.local > self.aims.local_error), MOST, 1)
-            for name, e in self.errors.items()
-        }
+    @property
+    def _budget(self) -> float:
+        """What all limits may cost [objective's unit]."""
+        return BUDGET * abs(self.solution.objective)
 
-    def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
-        """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
-        if sum(m.intervals for m in mesh.values()) > FINEST:
+    def _costs(self) -> dict[str, np.ndarray]:
+        """What the limits of each interval cost, or would cost [objective's unit]."""
+        drawn, over = drawn_prices(self.solution), excess_prices(self.solution, self.errors)
+        return {name: drawn[name] + over[name] for name in drawn}
+
+    def _dear(self, cost: Mapping[str, np.ndarray], others: Mapping[str, np.ndarray]) -> Cuts:
+        """The dearest intervals cut until the rest is well within the budget, about their switch if that is known well
+        enough (not on the first mesh); the others into so many pieces."""
+        total = np.sort(np.concatenate(list(cost.values())))
+        dear = total[np.searchsorted(np.cumsum(total), NEARLY * self._budget, side="right") :]
+        share, least = AIM * self._budget / max(1, len(dear)), dear.min(initial=np.inf)
+        switch, found = switch_places(self.solution), {}
+        for name, each in cost.items():
+            shorter = np.where(each >= least, np.sqrt(each / share), 1.0)  # by which share they should be
+            pieces = np.maximum(others[name], np.clip(np.ceil(shorter), 1, PIECES)).astype(int)
+            found[name] = equal(pieces)
+            if len(self.history) > 1:
+                for k in np.flatnonzero((shorter > GRADED) & np.isfinite(switch[name])):
+                    found[name][k] = about(float(switch[name][k]), 1.0 / float(shorter[k]))
+        return found
+
+    def _prepare(self, cuts: Cuts) -> None:
+        """What is held and drawn in on the next mesh, and the excess it answers to."""
+        passing = passed_with_others(self.solution, self.errors, self.aims.excess)
+        for name, e in self.errors.items():
+            n, held, over = pieces_of(cuts[name]), self._held[name], passed(e, self.aims.excess)
+            free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
+            free[:, : held.shape[1]] = ~held
+            whole = (n == 1)[:, None] & ~free
+            self._drawn[name] = np.repeat(np.where(whole, self._drawn[name] + over, 0.0), n, axis=1)
+            answers = (n == 1) & (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
+            self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
+            self._held = {**self._held, name: np.repeat(held | passing[name], n, axis=0)}
+
+    # ---- doing it ----------------------------------------------------------------------------------------
+
+    def _solve(self, cuts: Cuts) -> bool:
+        """Solve on the next mesh, which may be the same, with limits held and drawn in."""
+        began, old, finer = time.perf_counter(), self.solution, _any(cuts)
+        if sum(int(pieces_of(places).sum()) for places in cuts.values()) > FINEST:
             return False
-        began, old = time.perf_counter(), self.solution
-        t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
+        t = old.transcription
+        if finer:
+            t = Transcription(t.problem, t.scheme, {name: cut(old, name, places) for name, places in cuts.items()})
+        held = held_between(t, self._held)
         guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
-        solver = self._solver(t, WARM)
+        bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._drawn)
+        lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
+        solver = self._solver(held.transcription, WARM if finer else NEAR)
         built = time.perf_counter()
-        solution = solver(guess, free, carried(old, t))
+        found = solver(guess, free, (held.multipliers(lam_g), lam_x), bounds)
         for strategy in ("adaptive", "monotone"):
-            if not solution.success or self._lost(solution):
-                solution = self._cold(t, strategy)(guess, free)
-        if solution.success:
-            self._accept(solution, 0, built - began, time.perf_counter() - built)
-        return solution.success
+            if not found.success or self._lost(found):
+                found = self._cold(held.transcription, strategy)(guess, free, None, bounds)
+        if not found.success or self._lost(found):
+            return False
+        self._accept(held.at_nodes(found), self._held, built - began, time.perf_counter() - built)
+        return True
 
     def _lost(self, solution: NlpSolution) -> bool:
         """Whether it is another, worse optimum than the last mesh's."""
@@ -148,7 +212,7 @@ class Refinement:
     def _cold(self, t: Transcription, strategy: str) -> NlpSolver:
         return NlpSolver(t, {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy})
 
-    def _accept(self, s: NlpSolution, drawn_in: int, build_seconds: float, solve_seconds: float) -> None:
+    def _accept(self, s: NlpSolution, held: Chosen, build_seconds: float, solve_seconds: float) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}
         sizes = {name: m.intervals for name, m in s.transcription.mesh.items()}
         local, excess = (max(float(getattr(e, w).max()) for e in self.errors.values()) for w in ("local", "excess"))
@@ -156,7 +220,7 @@ class Refinement:
         self.history.append(
             MeshStep(
                 sizes,
-                drawn_in,
+                sum(int(on.any(axis=1).sum()) for on in held.values()),
                 s.objective,
                 local,
                 excess,
@@ -170,23 +234,35 @@ class Refinement:
         self.report(self.history[-1])
 
 
+def equal(pieces: np.ndarray) -> list[np.ndarray]:
+    """Places that cut each interval into so many equal pieces."""
+    return [np.arange(1, n) / n for n in pieces]
+
+
+def about(s: float, width: float) -> np.ndarray:
+    """Places that leave a short piece about s, in which a switch is expected, and others beside it, in case it is not."""
+    places = s + width * np.array([-2.5, -0.5, 0.5, 2.5])
+    return places[(places > 0.5 * width) & (places < 1 - 0.5 * width)]
+
+
+def pieces_of(places: list[np.ndarray]) -> np.ndarray:
+    """Into how many pieces each interval is cut."""
+    return np.array([len(p) + 1 for p in places])
+
+
+def _any(cuts: Cuts) -> bool:
+    return any(len(p) for places in cuts.values() for p in places)
+
+
 def relative(a: float, b: float) -> float:
     """|a - b| relative to |a|."""
     return abs(a - b) / max(abs(a), 1e-9)
 
 
-def cut(solution: NlpSolution, phase: str, parts: np.ndarray) -> PhaseMesh:
-    """Every interval of a phase cut into its number of equal parts."""
-    trajectory, first = solution.phases[phase], np.concatenate([[0], np.cumsum(parts)])
+def cut(solution: NlpSolution, phase: str, places: list[np.ndarray]) -> PhaseMesh:
+    """Every interval of a phase cut at its places (0 to 1)."""
+    trajectory, first = solution.phases[phase], np.concatenate([[0], np.cumsum(pieces_of(places))])
     t = trajectory.edges / trajectory.duration
-    pieces = [t[k] + (t[k + 1] - t[k]) * np.arange(n) / n for k, n in enumerate(parts)]
+    edges = [t[k] + (t[k + 1] - t[k]) * np.concatenate([[0.0], p]) for k, p in enumerate(places)]
     free = tuple(int(first[k]) for k in solution.transcription.mesh[phase].free)
-    return PhaseMesh((*np.concatenate(pieces).tolist(), 1.0), free)
-
-
-def _any(parts: Parts) -> bool:
-    return any((p > 1).any() for p in parts.values())
-
-
-def _all(parts: Parts) -> Parts:
-    return {name: np.full_like(p, 2) for name, p in parts.items()}
+    return PhaseMesh((*np.concatenate(edges).tolist(), 1.0), free)
