@@ -8,10 +8,11 @@ import pytest
 from hopopt.nlp.accuracy import interval_errors, stage_values
 from hopopt.nlp.backoff import drawn_in, limit_nodes, passed, tightened
 from hopopt.nlp.carry import carried
+from hopopt.nlp.cuts import cut, equal
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.prices import PRICE, price
-from hopopt.nlp.refine import Aims, Refinement, cut, equal
+from hopopt.nlp.refine import Aims, Refinement
 from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.transcribe import Guess, Transcription
 from hopopt.ocp.problem import Objective, Problem

@@ -16,9 +16,9 @@ import numpy as np
 from hopopt.nlp.accuracy import interval_errors
 from hopopt.nlp.backoff import passed, tightened
 from hopopt.nlp.carry import carried
+from hopopt.nlp.cuts import Cuts, about, any_cut, cut, equal, pieces_of
 from hopopt.nlp.hull import Chosen, held_between, passed_with_others
 from hopopt.nlp.ipopt import NEAR, WARM, Bounds, NlpSolution, NlpSolver
-from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.prices import PRICE, drawn_prices, excess_prices, switch_places
 from hopopt.nlp.transcribe import Transcription
 
@@ -35,7 +35,6 @@ COARSE = 0.01  # share of the phase: longer intervals may harbour one
 FINEST = 1000  # intervals: a solution that asks for more will not be accurate
 LOST = 0.02  # relative: a finer mesh's objective may be worse by this much and no more
 PATIENCE = 60  # iterations from carried multipliers, before starting without
-Cuts = Mapping[str, list[np.ndarray]]  # for each phase, the places (0 to 1) at which each interval is to be cut
 Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are drawn in, (2, N, limits)
 
 
@@ -85,12 +84,12 @@ class Refinement:
         meshes = 0
         while meshes < self.aims.meshes and len(self.history) <= 2 * self.aims.meshes:
             cuts = self._cuts()
-            if not _any(cuts) and self._kept:
+            if not any_cut(cuts) and self._kept:
                 if self.change <= self.aims.change:
                     return
                 cuts = {name: equal(np.full(len(places), 2)) for name, places in cuts.items()}
             self._prepare(cuts)
-            meshes += _any(cuts)
+            meshes += any_cut(cuts)
             if not self._solve(cuts):
                 return
 
@@ -180,7 +179,7 @@ class Refinement:
 
     def _solve(self, cuts: Cuts) -> bool:
         """Solve on the next mesh, which may be the same, with limits held and drawn in."""
-        began, old, finer = time.perf_counter(), self.solution, _any(cuts)
+        began, old, finer = time.perf_counter(), self.solution, any_cut(cuts)
         if sum(int(pieces_of(places).sum()) for places in cuts.values()) > FINEST:
             return False
         t = old.transcription
@@ -234,35 +233,6 @@ class Refinement:
         self.report(self.history[-1])
 
 
-def equal(pieces: np.ndarray) -> list[np.ndarray]:
-    """Places that cut each interval into so many equal pieces."""
-    return [np.arange(1, n) / n for n in pieces]
-
-
-def about(s: float, width: float) -> np.ndarray:
-    """Places that leave a short piece about s, in which a switch is expected, and others beside it, in case it is not."""
-    places = s + width * np.array([-2.5, -0.5, 0.5, 2.5])
-    return places[(places > 0.5 * width) & (places < 1 - 0.5 * width)]
-
-
-def pieces_of(places: list[np.ndarray]) -> np.ndarray:
-    """Into how many pieces each interval is cut."""
-    return np.array([len(p) + 1 for p in places])
-
-
-def _any(cuts: Cuts) -> bool:
-    return any(len(p) for places in cuts.values() for p in places)
-
-
 def relative(a: float, b: float) -> float:
     """|a - b| relative to |a|."""
     return abs(a - b) / max(abs(a), 1e-9)
-
-
-def cut(solution: NlpSolution, phase: str, places: list[np.ndarray]) -> PhaseMesh:
-    """Every interval of a phase cut at its places (0 to 1)."""
-    trajectory, first = solution.phases[phase], np.concatenate([[0], np.cumsum(pieces_of(places))])
-    t = trajectory.edges / trajectory.duration
-    edges = [t[k] + (t[k + 1] - t[k]) * np.concatenate([[0.0], p]) for k, p in enumerate(places)]
-    free = tuple(int(first[k]) for k in solution.transcription.mesh[phase].free)
-    return PhaseMesh((*np.concatenate(edges).tolist(), 1.0), free)
