@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -324,6 +325,7 @@ def test_a_leg_that_only_stands_is_said_to(tmp_path, capsys, monkeypatch):
         "    def torque(self, now):\n"
         "        return 800 * (self.rest - now.q) - 20 * now.v\n"
     )
-    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("sys.path", [path for path in sys.path if path not in ("", str(tmp_path))])
+    monkeypatch.chdir(tmp_path)  # where it is found, as an objective of one's own is
     assert run(["simulate", "--strategy", "standing:Stand", "--results", str(tmp_path), "--no-figures"]) == 0
     assert "the foot never left the ground" in capsys.readouterr().out

@@ -1,6 +1,5 @@
 """Strategies by name: built in, from another package's entry points, or a class given as ``package.module:Class``."""
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
@@ -10,6 +9,7 @@ from hopopt.control.paper import Force, Position
 from hopopt.control.strategy import Setting
 from hopopt.control.tracking import Track
 from hopopt.errors import UsageError
+from hopopt.own_code import load
 from hopopt.sim.measurement import Controller
 
 SOFT = 180.0  # [N m/rad] the paper prints no gain for position control; `hopopt calibrate --free position.k_p=...`
@@ -75,11 +75,12 @@ def _others(name: str, meaning: str, made: Any) -> Strategy:
 
 
 def _load(path: str) -> Any:
-    module, _, attribute = path.partition(":")
     try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise UsageError(f"strategy {path}: it cannot be imported ({error}): is it on PYTHONPATH?") from None
+        found = load(path)
+    except UsageError as error:
+        raise UsageError(f"strategy {error}") from None
     if not callable(getattr(found, "torque", None)):
-        raise UsageError(f"strategy {path}: {attribute} has no method torque(now): see hopopt.control.strategy")
+        raise UsageError(
+            f"strategy {path}: {path.partition(':')[2]} has no method torque(now): see hopopt.control.strategy"
+        )
     return found

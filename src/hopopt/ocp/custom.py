@@ -5,9 +5,6 @@ constraint sees every instant. Both compute with CasADi expressions: no ``if`` o
 Only the command line and Python name such functions, never a problem file.
 """
 
-import importlib
-import os
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -19,6 +16,7 @@ from hopopt.errors import UsageError
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.goal import HopObjective, demand, lowest_point, no_demand
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
+from hopopt.own_code import last_line, load
 
 if TYPE_CHECKING:
     from hopopt.ocp.hop import Hop
@@ -100,7 +98,7 @@ class Custom:
             value = self.function(moment)
         except (Exception, SystemExit) as error:  # whatever the author's code raises
             raise UsageError(
-                f"{self.name} stopped with {type(error).__name__}: {_line(error)}{_hint(error)}"
+                f"{self.name} stopped with {type(error).__name__}: {last_line(error)}{_hint(error)}"
             ) from error
         try:
             parts = value if isinstance(value, (list, tuple)) else [value]
@@ -117,30 +115,12 @@ class Custom:
         return found
 
 
-def _line(error: BaseException) -> str:
-    return (str(error).strip().splitlines() or ["no message"])[-1][:200]
-
-
 def _hint(error: BaseException) -> str:
     if "NoneType" in str(error):
         return " (a, tau and f are not there at the end of the hop: use objective(running=True))"
     if "__bool__" in str(error) or "truth value" in str(error).lower() or "nonzero" in str(error).lower():
         return " (a value is not known while the problem is made: no if, while, min or max on it; see casadi.if_else)"
     return ""
-
-
-def load(name: str) -> Any:
-    """The function ``module:function``, the module looked for in the current folder first; UsageError if not found."""
-    module, colon, attribute = name.partition(":")
-    if not colon or not module or not attribute:
-        raise UsageError(f"{name}: write module:function")
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())
-    try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (Exception, SystemExit) as error:  # whatever the module raises
-        raise UsageError(f"{name} cannot be imported: {type(error).__name__}: {_line(error)}") from None
-    return found
 
 
 def custom(function: Any) -> Custom:
