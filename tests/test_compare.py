@@ -209,7 +209,7 @@ def test_the_command_speaks_plainly(comparison, solution, tmp_path, capsys):
     assert run(["compare", *arguments, "--no-figures"]) == 0
     out = capsys.readouterr().out
     assert "the bound is 0.79" in out
-    assert "Where the centimetres are lost" in out
+    assert "Where the centimetres are lost (+)" in out
     assert "paper, force: foot 0.44 m simulated" in out
 
 

@@ -19,10 +19,10 @@ PARTS = {  # of HopFigures.budget: label, colour
 def budget(runs: Runs) -> Figure:
     """What every strategy misses of the optimum's clearance [cm]: push, timing and retraction, from the bound down.
 
-    Each part begins where the one above it ended; a positive one is better than the optimum's.
+    Each part begins where the one above it ended; a negative one is better than the optimum's, as in the table.
     """
     others = {name: run for name, run in runs.items() if name != OPTIMUM}
-    figure = runs_figure(runs, "where the centimetres are lost", (11.0, 2.6 + 0.9 * len(others)))
+    figure = runs_figure(runs, "where the centimetres are lost (+) or gained (-)", (11.0, 2.6 + 0.9 * len(others)))
     ax, bound = figure.subplots(), CM * runs[OPTIMUM].clearance
     ax.axvline(bound, color=BLACK, lw=2, label=f"the optimum's clearance, {bound:.1f} cm")
     for row, run in enumerate(others.values()):
@@ -46,7 +46,7 @@ def _losses(ax: Axes, row: int, bound: float, best: HopFigures, own: HopFigures)
     for k, (part, (label, color)) in enumerate(PARTS.items()):
         y, gained = row + 0.28 * (k - 1), CM * (own.budget[part] - best.budget[part])
         ax.barh(y, gained, 0.26, left=end, color=color, label=label)
-        ax.text(1.11 * bound, y, f"{round(gained, 1) or 0:+.1f} cm", fontsize=SMALL, va="center", ha="right")
+        ax.text(1.11 * bound, y, f"{round(-gained, 1) or 0:+.1f} cm", fontsize=SMALL, va="center", ha="right")
         if k:
             ax.plot([end, end], [y - 0.41, y + 0.13], color=GREY, lw=0.8)  # it begins where the one above ended
         end += gained

@@ -124,13 +124,15 @@ def _cells(r: Mapping[str, Any]) -> list[str]:
 
 
 def _gaps(rows: Mapping[str, Any]) -> Table:
-    table = Table(title="Where the centimetres are lost", title_justify="left", box=None, pad_edge=False)
+    table = Table(
+        title="Where the centimetres are lost (+) or gained (-)", title_justify="left", box=None, pad_edge=False
+    )
     table.add_column("strategy", style="bold")
     for head in ("push cm", "timing cm", "retraction cm", "together cm"):
         table.add_column(head, justify="right")
     for name, r in list(rows.items())[1:]:
         gaps = [100 * r["gap"][part] for part in ("push_m", "timing_m", "retraction_m")]
-        table.add_row(name, *(f"{gap:+.1f}" for gap in gaps), f"{sum(gaps):+.1f}")
+        table.add_row(name, *(f"{round(gap, 1) or 0:+.1f}" for gap in (*gaps, sum(gaps))))
     return table
 
 
