@@ -15,12 +15,12 @@ from matplotlib.transforms import Bbox
 
 from hopopt.closed_loop import simulate
 from hopopt.compare import OPTIMUM
-from hopopt.control.strategies import find
+from hopopt.control.strategies import BUILT_IN, find
 from hopopt.errors import ResultError
 from hopopt.leg.design import Design
 from hopopt.leg.scales import weight
 from hopopt.plots_runs import FIGURES, save_all
-from hopopt.plots_runs_style import looks
+from hopopt.plots_runs_style import by_stance, looks
 from hopopt.plots_style import BLACK
 from hopopt.problem_file import load
 from hopopt.sim.hop_figures import HopFigures
@@ -249,8 +249,22 @@ def test_strategies_differ_in_colour_and_the_optimum_stands_out() -> None:
     assert len({look["color"] for look in found.values()}) == len(SEVEN)
     assert found[OPTIMUM]["color"] == BLACK
     assert all(found[OPTIMUM]["lw"] > found[name]["lw"] for name in SEVEN[1:])
+    assert len({look["color"] for look in looks(dict.fromkeys(BUILT_IN)).values()}) == len(BUILT_IN) + 1  # type: ignore[arg-type]
     many = looks(dict.fromkeys([str(k) for k in range(12)]))  # type: ignore[arg-type]
     assert len({(look["color"], look.get("ls")) for look in many.values()}) == 13
+
+
+def test_a_strategy_has_one_colour_in_every_figure(runs: Callable[[str], Runs]) -> None:
+    """Also in figures of stance, where runs of the same stance are drawn as one: there the first one's."""
+    case = runs("seven")
+    shared, _ = by_stance(case)
+    assert len(shared) < len(case)
+    for name in FIGURES.keys() - {"budget", "stick"}:
+        for ax in FIGURES[name](case).axes:
+            for line in ax.lines:
+                first = re.match(r"\w+", str(line.get_label()))
+                if first and first[0] in case:
+                    assert line.get_color() == looks(case)[first[0]]["color"], name
 
 
 def test_a_missed_limit_is_marked(runs: Callable[[str], Runs]) -> None:

@@ -52,8 +52,8 @@ def foot_height(runs: Runs) -> Figure:
 
 def saturation(runs: Runs) -> Figure:
     """Saturation ratio C of every joint over time [s] in stance (eq. sim_cact), and its mean C_avg."""
-    runs = by_stance(runs)
-    joints, look = _joints(runs), looks(runs)
+    runs, look = by_stance(runs)
+    joints = _joints(runs)
     figure = runs_figure(runs, "saturation ratio in stance", (SIZE[0], 2.2 + 2.6 * len(joints)))
     for k, ax in enumerate(figure.subplots(len(joints), sharex=True, squeeze=False)[:, 0]):
         ax.axhline(1, color=GREY, lw=1, zorder=1)
@@ -73,8 +73,8 @@ def _joints(runs: Runs) -> tuple[str, ...]:
 
 def speed_torque(runs: Runs) -> Figure:
     """Torque [N m] over speed [rad/s] of every joint in stance on its operating region (Fig. sim_graph c)."""
-    runs = by_stance(runs)
-    joints, look = _joints(runs), looks(runs)
+    runs, look = by_stance(runs)
+    joints = _joints(runs)
     single = len(runs) == 1
     rows, columns = (1, len(joints)) if single else (len(joints), len(runs))
     size = max(SIZE[0], 2.3 * columns), max(SIZE[1], 1.6 + 2.3 * rows)
@@ -114,9 +114,9 @@ def stiffness(runs: Runs) -> Figure:
     k = (f_z - m_e g) / (y_neu - y), with the last link's mass for m_e and the paper's y_neu (Fig.
     exp_sitff_clearance a); only up to a margin below y_neu, where it diverges, and where the ground pushes.
     """
-    runs = by_stance(runs)
+    runs, look = by_stance(runs)
     figure = runs_figure(runs, "actual stiffness of the two-mass model in stance")
-    ax, look = figure.subplots(), looks(runs)
+    ax = figure.subplots()
     for name, run in runs.items():
         ax.plot(*secant_stiffness(run), label=called(name, run), **look[name])
     ax.axvspan(*PAPER_RANGE, color=PALE, alpha=0.6, lw=0, zorder=0, label="heights that the paper compares")

@@ -9,7 +9,9 @@ from hopopt.compare import OPTIMUM
 from hopopt.plots_style import BLACK, SIZE, Picture, new_figure
 from hopopt.sim.hop_figures import HopFigures
 
-COLORS = ("#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7")  # Okabe and Ito, all that show on white
+COLORS = (  # Okabe and Ito, all that show on white, and darker ones of Tol's: one for each built-in strategy
+    "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7", "#882255", "#332288", "#999933",
+)  # fmt: skip
 STYLES = ("-", (0, (4, 1.5)), "-.", ":")  # in turn, for dashes over a full line show both
 OUTSIDE = "*"  # after the name of a run that did not keep every limit
 
@@ -20,13 +22,14 @@ def looks(runs: Runs) -> dict[str, dict[str, Any]]:
     """Colour, line style and width of every run; the optimum black, thick, and below the others."""
     found: dict[str, dict[str, Any]] = {}
     for k, name in enumerate(name for name in runs if name != OPTIMUM):
-        color, style = COLORS[k % 6], STYLES[(k % 2 + k // 6 * 2) % 4]
+        color, style = COLORS[k % len(COLORS)], STYLES[(k % 2 + k // len(COLORS) * 2) % 4]
         found[name] = {"color": color, "ls": style, "lw": 1.8, "zorder": 3 + 0.01 * k}
     return {**found, OPTIMUM: {"color": BLACK, "lw": 3.2, "zorder": 2.5, "solid_capstyle": "butt"}}
 
 
-def by_stance(runs: Runs) -> dict[str, HopFigures]:
-    """Runs whose stance differs, for figures of stance; runs of the same stance are named together."""
+def by_stance(runs: Runs) -> tuple[dict[str, HopFigures], dict[str, dict[str, Any]]]:
+    """Runs whose stance differs, for figures of stance, and their looks; runs of the same stance are named together
+    and look as the first of them does in every figure."""
     groups: list[tuple[list[str], HopFigures]] = []
     for name, run in runs.items():
         same = next((names for names, other in groups if _same_stance(run, other)), None)
@@ -34,7 +37,8 @@ def by_stance(runs: Runs) -> dict[str, HopFigures]:
             groups.append(([name], run))
         else:
             same.append(name)
-    return {", ".join(names): run for names, run in groups}
+    look = looks(runs)
+    return {", ".join(names): run for names, run in groups}, {", ".join(names): look[names[0]] for names, _ in groups}
 
 
 def _same_stance(a: HopFigures, b: HopFigures) -> bool:
