@@ -25,6 +25,7 @@ def scripts() -> dict[str, ModuleType]:
     folders = [str(SCRIPTS), str(SCRIPTS / "peers")]
     sys.path[:0] = folders
     try:
+        import casadi_ways  # pyright: ignore[reportMissingImports]
         import in_hopopt  # pyright: ignore[reportMissingImports]
         import mesh_size  # pyright: ignore[reportMissingImports]
         import posed  # pyright: ignore[reportMissingImports]
@@ -33,7 +34,7 @@ def scripts() -> dict[str, ModuleType]:
         import warm  # pyright: ignore[reportMissingImports]
     finally:
         sys.path[:2] = []
-    return {m.__name__: m for m in (in_hopopt, mesh_size, posed, random_legs, store_hop, warm)}
+    return {m.__name__: m for m in (casadi_ways, in_hopopt, mesh_size, posed, random_legs, store_hop, warm)}
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +126,24 @@ def test_a_package_that_fails_is_listed_with_its_reason() -> None:
     text = main["table"]("effort", 12.0, found)
     assert "| absent | - | - | - | - | - | no such package |" in text
     assert "| slow | 0.100 | 0.100 | 0.500 | 2.5 | 5 | +0.0e+00 |" in text
+
+
+@pytest.mark.parametrize("name", ["small Hessians from `ca.hessian`", "all in SX (`expand`), CasADi's derivatives"])
+def test_casadis_own_ways_have_the_same_optimum(name: str, scripts: dict[str, ModuleType]) -> None:
+    script = scripts["casadi_ways"]
+    own, other = (script.measured(way, "paper", (8, 2)) for way in ("", name))
+    assert not own["failure"]
+    assert other["objective"] == pytest.approx(own["objective"], abs=1e-9)
+    assert script.row(name, [own], [other], "").startswith(f"| {name} | ")
+
+
+def test_a_way_that_fails_is_listed_with_its_reason(scripts: dict[str, ModuleType]) -> None:
+    assert (
+        scripts["casadi_ways"].row("absent", [], [], "no such library")
+        == "| absent | - | - | - | - | no such library |"
+    )
+    late = {"failure": "Maximum_Iterations_Exceeded"}
+    assert "Maximum_Iterations_Exceeded" in scripts["casadi_ways"].row("slow", [late], [late], "")
 
 
 def test_random_legs_are_the_same_for_a_seed_and_end_in_words(scripts: dict[str, ModuleType]) -> None:

@@ -20,6 +20,7 @@ from scipy import sparse
 
 Matrix = Any  # a SciPy sparse matrix: its kinds have no useful common type
 Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # values, rows, columns
+FUNCTIONS = {"cse": True}  # options of the small functions
 EMPTY: Triplets = (np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
 
@@ -47,7 +48,7 @@ class Local:
     def function(self, what: str, results: Sequence[ca.SX], *weights: ca.SX) -> ca.Function:
         """Dense results of (y, extra, weights); ``what`` names them, once and for all."""
         inputs, dense = [self.y, self.extra, *weights], [ca.densify(r) for r in results]
-        return self.once(what, lambda: ca.Function(f"{what}_of_terms", inputs, dense, {"cse": True}))
+        return self.once(what, lambda: ca.Function(f"{what}_of_terms", inputs, dense, FUNCTIONS))
 
     @cached_property
     def values(self) -> ca.Function:
@@ -64,8 +65,10 @@ class Local:
     def hessian(self) -> tuple[ca.Function, np.ndarray, np.ndarray]:
         """Nonzeros of the upper triangle of the second derivative of w' outputs by y; rows and columns of all."""
         w = ca.SX.sym("w", self.outputs.numel())
-        bend = ca.hessian(ca.dot(w, self.outputs), self.y)[0]
-        return self.function("hessian", [nonzeros(ca.triu(bend))], w), *triplet(bend.sparsity())
+        gradient = ca.gradient(ca.dot(w, ca.cse(self.outputs)), self.y)
+        lower = ca.tril(ca.jacobian(gradient, self.y))  # by columns: fewer steps than ca.hessian or the upper triangle
+        both = lower.sparsity() + lower.T.sparsity()
+        return self.function("hessian", [nonzeros(lower.T)], w), *triplet(both)
 
 
 @dataclass(frozen=True)
