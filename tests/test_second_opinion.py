@@ -13,12 +13,13 @@ from hopopt import cli, second_opinion
 from hopopt.multistart import first_transcription
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop
-from hopopt.planner import Stopwatch, solve
+from hopopt.planner import solve
 from hopopt.problem_file import load
 from hopopt.recheck import stored_nlp
 from hopopt.screen_opinions import opinion_lines
 from hopopt.second_opinion import Failed, Opinion, Said, affordable, by_uno, opinion, with_opinions
 from hopopt.solution import Solution
+from hopopt.stopwatch import Stopwatch
 from hopopt.storage import read, save
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 5}

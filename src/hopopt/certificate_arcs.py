@@ -1,12 +1,12 @@
 """Arcs: stretches of a phase along which the same limits act, told from the multipliers and the limits' slack."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hopopt.nlp.hull import bernstein
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.ipopt import Bounds, NlpSolution
 from hopopt.nlp.layout import PhaseLayout
 
 CLOSE = 2e-4  # share of its range by which a limit may be missed and still hold
@@ -16,13 +16,15 @@ ACTS = 1e-6  # share of the phase's largest multiplier density, scaled, below wh
 @dataclass(frozen=True)
 class Activity:
     """At the n abscissae of N intervals: t (N, n) [s] since the phase began; ``upper`` and ``lower`` (N, n, m), which
-    side of each limit acts; ``push`` (N, n, 2 m), what one range of either side is worth by the node's multiplier;
+    side of each limit acts; ``push`` (N, n, 2 m), what one range of either side is worth by the node's multiplier, and
+    ``met``, whether the problem's limit is met, whatever it is worth;
     names of the limits (path constraints, then states, then controls), and which depend on the controls, (m,)."""
 
     t: np.ndarray
     upper: np.ndarray
     lower: np.ndarray
     push: np.ndarray
+    met: np.ndarray
     limits: tuple[str, ...]
     on_controls: np.ndarray
 
@@ -57,6 +59,9 @@ def activity(solution: NlpSolution, phase: str) -> Activity:
     scheme, N = layout.scheme, layout.mesh.intervals
     weight = (trajectory.lengths[:, None] * scheme.b).clip(1e-300)[..., None]
     pieces, names, to_moments = [], list[str](), bernstein(scheme.c)
+    t = solution.transcription
+    given = replace(solution, bounds=Bounds(*t.bounds(t.guess_from(solution.phases)), t.lbg, t.ubg))
+    met = [np.array([h - v, v - w]).reshape(2, N, -1, len(k)) < CLOSE for _, v, w, h, k in limits_of(given, phase)]
     for lam, value, low, high, labels in limits_of(solution, phase):
         lam, value, low, high = (a.reshape(N, -1, len(labels)) for a in (lam, value, low, high))
         lam = np.einsum("inm,nk->ikm", lam, to_moments)  # none of them of the wrong sign
@@ -64,10 +69,11 @@ def activity(solution: NlpSolution, phase: str) -> Activity:
         names += labels
     up, down, over, under = (np.concatenate(parts, axis=2) for parts in zip(*pieces, strict=True))
     least = ACTS * max(up.max(initial=0.0), down.max(initial=0.0))
-    t = trajectory.edges[:-1, None] + trajectory.lengths[:, None] * np.array(scheme.c)
+    at = trajectory.edges[:-1, None] + trajectory.lengths[:, None] * np.array(scheme.c)
     acts = (up > least) & (over < CLOSE), (down > least) & (under < CLOSE)
     push = np.concatenate([up, down], axis=2) * weight
-    return Activity(t, *acts, push, tuple(names), _on_controls(layout))
+    both = np.concatenate([np.concatenate(side, axis=2) for side in zip(*met, strict=True)], axis=2)
+    return Activity(at, *acts, push, both, tuple(names), _on_controls(layout))
 
 
 def _on_controls(layout: PhaseLayout) -> np.ndarray:

@@ -23,11 +23,12 @@ from hopopt.ocp.custom import custom
 from hopopt.ocp.freedom import Coupling, Freedom, parse_coupling
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import given
-from hopopt.planner import Stopwatch, best_of, finish, refine_outcome
+from hopopt.planner import best_of, finish, refine_outcome
 from hopopt.problem_file import changed
 from hopopt.problem_text import rows
 from hopopt.problem_words import did_you_mean
 from hopopt.solution import Solution
+from hopopt.stopwatch import Stopwatch
 from hopopt.verify import Check
 
 CONFIRMED = 1e-4  # relative: what the fixed design may differ from the co-design

@@ -26,9 +26,10 @@ from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import OBJECTIVES, find
-from hopopt.planner import Stopwatch, finish, solve
+from hopopt.planner import finish, solve
 from hopopt.problem_file import changed
 from hopopt.solution import Solution
+from hopopt.stopwatch import Stopwatch
 from hopopt.storage import save, unused, write_json
 
 CLOSER = 1.5  # exponent that brings points closer to the highest hop

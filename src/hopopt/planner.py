@@ -1,7 +1,6 @@
 """From a problem to a verified answer: several starts, refinement, verification."""
 
 import os
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -9,12 +8,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hopopt.answer_notes import flat_directions, notes_on
 from hopopt.certificate_result import attached
 from hopopt.custom_check import custom_checks, stated_value
 from hopopt.errors import NotSolvedError
 from hopopt.leg.design import Design
 from hopopt.limit_words import flat_words
 from hopopt.multistart import (
+    SAME,
     Progress,
     StartOutcome,
     contenders,
@@ -25,11 +26,10 @@ from hopopt.multistart import (
     solution_of,
 )
 from hopopt.nlp.accuracy import IntervalErrors
-from hopopt.nlp.flat import Flat, flat
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.prices import PRICE, price
-from hopopt.nlp.refine import Aims, MeshStep, Refinement
+from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
 from hopopt.nlp.transcribe import Transcription
 from hopopt.objective_error import ObjectiveError, objective_error
 from hopopt.ocp.custom import custom
@@ -39,11 +39,13 @@ from hopopt.ocp.objectives import given
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
 from hopopt.stated_error import relaxed, simulated
+from hopopt.stopwatch import Stopwatch
 from hopopt.structure_solve import Resolved
 from hopopt.summary import summarize
 from hopopt.verify import KKT, LIMIT, Check, verify_plan
 
 Refined = Refinement | Resolved
+CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
 MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
 
 
@@ -82,12 +84,14 @@ def solve(
         say("looking for the limits that cannot hold together")
         raise not_solved(hop, outcomes, thorough=True)
     best, better = best_of(hop.objective, finished)
+    if not best.verified and (again := _calmer(hop, best, outcomes, say, clock)):
+        hop, best = again
     if structure:
         from hopopt.structure_answer import with_free_switches
 
         best = with_free_switches(hop, best, outcomes, say, clock)
-    found = _flat(hop, best)
-    if notes := [*_notes(hop, best, better), *flat_words(found or [])]:
+    found = flat_directions(hop, best)
+    if notes := [*notes_on(hop, design.solver.tie_break, best, better), *flat_words(found or [])]:
         best.summary["notes"] = notes
     if found is not None:
         best.summary["flat"] = [asdict(f) for f in found]
@@ -114,43 +118,25 @@ def best_of(goal: HopObjective, finished: Sequence[Solution]) -> tuple[Solution,
     return best, None if first is best else first
 
 
-def _notes(hop: Hop, best: Solution, better: Solution | None) -> list[str]:
-    """What the answer does not say by itself."""
-    notes, goal, leg = hints(hop.design), hop.objective, hop.leg
-    if better is not None:
-        value = f"{better.summary['objective_value']:.4f} {goal.unit}, {'higher' if goal.maximize else 'lower'}"
-        notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
-    if best.summary.get("impact_J", np.inf) < 1e-3 * best.summary["tie_break_weighs"]:
-        notes.append("the foot can land at rest, as in many hops: of these, this is one with gentle torques")
-    shares = {path: e for path, e in (leg.drive(j, "gear", "efficiency") for j in leg.joints) if e}
-    if any(e < 1 for e in shares.values()):
-        stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())
-        notes.append(f"the gears of this plan lose nothing; {stated} counts in hopopt simulate and hopopt compare")
-    return notes
-
-
-def _flat(hop: Hop, best: Solution) -> list[Flat] | None:
-    """What the objective does not feel; None if that cannot be told."""
-    from hopopt.diagnosis import without_tie_break
-
-    try:
-        return flat(without_tie_break(best, hop))
-    except RuntimeError:  # a singular matrix: no reason to lose the answer
+def _calmer(
+    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> tuple[Hop, Solution] | None:
+    """The best start's hop again with a larger tie-break, where torques that hardly matter may have chattered: with its
+    problem if it is verified and as good, else nothing."""
+    s = hop.design.solver
+    if not (s.refine and s.max_refinements and 0 < s.tie_break <= LARGEST_TIE_BREAK):
         return None
-
-
-class Stopwatch:
-    """Wall time by stage [s]."""
-
-    def __init__(self) -> None:
-        self.begin = self.last = time.perf_counter()
-        self.stages: dict[str, float] = {}
-
-    def mark(self, stage: str) -> None:
-        """Add the time since the last mark to ``stage``."""
-        now = time.perf_counter()
-        self.stages[stage] = self.stages.get(stage, 0.0) + now - self.last
-        self.last = now
+    say(f"not verified: solving again with solver.tie_break = {CALMER * s.tie_break:g}")
+    data = hop.design.model_dump(exclude_none=True)
+    data["solver"]["tie_break"] = CALMER * s.tie_break
+    other = Hop(Design.model_validate(data), hop.asked, hop.freedom, hop.constraints)
+    names = [o.name for o in outcomes]
+    (outcome,) = run_chunk(other, [names.index(best.summary["starts"]["chosen"])])
+    if not outcome.success:
+        return None
+    again = finish(other, outcome, outcomes, say, clock)
+    as_good = relative(again.summary["objective_value"], best.summary["objective_value"]) < SAME
+    return (other, again) if again.verified and as_good else None
 
 
 def finish(

@@ -20,9 +20,10 @@ from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner import Stopwatch, aims_of
+from hopopt.planner import aims_of
 from hopopt.recheck import stored_nlp
 from hopopt.solution import Solution
+from hopopt.stopwatch import Stopwatch
 
 SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which opinions agree
 AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer

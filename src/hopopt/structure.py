@@ -1,6 +1,6 @@
 """The switching structure of an optimum in words: which limit acts on what, from when to when.
 
-What acts is told from the multipliers (certificate_arcs.py). A stretch shorter than SHORTEST of its phase is the trace
+Told are the limits that act somewhere, by their multipliers (certificate_arcs.py), and when they are met. A stretch shorter than SHORTEST of its phase is the trace
 of a switch between two nodes, not an arc: its neighbours meet in its middle.
 """
 
@@ -60,11 +60,11 @@ def described(limit: str, side: str) -> tuple[str, str]:
 
 
 def stretches(act: Activity, ends: tuple[float, float]) -> list[Stretch]:
-    """What acts on every subject that some limit acts on, subject by subject in the order of time."""
+    """What every subject that some limit acts on meets, subject by subject in the order of time."""
     t, m, found = act.t.ravel(), len(act.limits), list[Stretch]()
-    sides = act.sides.reshape(len(t), -1)
+    sides = act.met.reshape(len(t), -1)
     subjects: dict[str, list[tuple[int, str]]] = {}
-    for k in np.flatnonzero(sides.any(axis=0)).tolist():
+    for k in np.flatnonzero(act.sides.any(axis=(0, 1))).tolist():
         subject, words = described(act.limits[k % m], "upper" if k < m else "lower")
         subjects.setdefault(subject, []).append((k, words))
     for subject, columns in subjects.items():

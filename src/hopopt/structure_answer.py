@@ -7,9 +7,10 @@ from hopopt.multistart import Progress, StartOutcome
 from hopopt.nlp.prices import PRICE
 from hopopt.nlp.refine import MeshStep, relative
 from hopopt.ocp.hop import Hop
-from hopopt.planner import Stopwatch, aims_of, progress_line, summed_up
+from hopopt.planner import aims_of, progress_line, summed_up
 from hopopt.recheck import stored_nlp
 from hopopt.solution import Solution
+from hopopt.stopwatch import Stopwatch
 from hopopt.structure_solve import resolve
 
 

@@ -19,7 +19,7 @@ from hopopt.verify import Check, failed
 if TYPE_CHECKING:
     from hopopt.multistart import StartOutcome
     from hopopt.nlp.refine import MeshStep
-    from hopopt.planner import Stopwatch
+    from hopopt.stopwatch import Stopwatch
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
 FINE = np.linspace(0.0, 1.0, 9)

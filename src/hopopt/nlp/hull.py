@@ -45,14 +45,18 @@ def centres(count: int) -> np.ndarray:
 
 
 def passed_with_others(solution: NlpSolution, errors: Mapping[str, IntervalErrors], allowed: float) -> Chosen:
-    """Where a limit is passed by more than ``allowed``: the path limits that come close in that interval."""
+    """If some limit is passed by more than ``allowed``: the path limits that come close in an interval or beside it.
+
+    Held only where one is passed, a torque that hardly matters goes on chattering in the next interval.
+    """
     chosen = {}
     for name, e in errors.items():
         stage = solution.transcription.layouts[name].stage
         path = stage_values(solution, name, LOOKED_AT)[2]
         lower, upper, scale = (stage.path_column(side) for side in ("lower", "upper", "scale"))
         close = ((path > upper - CLOSE * scale) | (path < lower + CLOSE * scale)).any(axis=1)
-        chosen[name] = close & (e.excess > allowed)[:, None]
+        beside = np.pad(close, ((1, 1), (0, 0)))
+        chosen[name] = (close | beside[:-2] | beside[2:]) & bool((e.excess > allowed).any())
     return chosen
 
 
