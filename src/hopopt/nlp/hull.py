@@ -44,7 +44,7 @@ def centres(count: int) -> np.ndarray:
     return (1 + np.arange(count)) / (1 + count)
 
 
-def passed_with_others(solution: NlpSolution, errors: Mapping[str, IntervalErrors], allowed: float) -> Chosen:
+def coming_close(solution: NlpSolution, errors: Mapping[str, IntervalErrors], allowed: float) -> Chosen:
     """If some limit is passed by more than ``allowed``: the path limits that come close in an interval or beside it.
 
     Held only where one is passed, a torque that hardly matters goes on chattering in the next interval.

@@ -17,7 +17,7 @@ from hopopt.nlp.accuracy import interval_errors
 from hopopt.nlp.backoff import passed, tightened
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import Cuts, about, any_cut, cut, equal, pieces_of
-from hopopt.nlp.hull import Chosen, held_between, passed_with_others
+from hopopt.nlp.hull import Chosen, coming_close, held_between
 from hopopt.nlp.ipopt import NEAR, WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.prices import PRICE, drawn_prices, excess_prices, switch_places
 from hopopt.nlp.transcribe import Transcription
@@ -164,7 +164,7 @@ class Refinement:
 
     def _prepare(self, cuts: Cuts) -> None:
         """What is held and drawn in on the next mesh, and the excess it answers to."""
-        passing = passed_with_others(self.solution, self.errors, self.aims.excess)
+        close = coming_close(self.solution, self.errors, self.aims.excess)
         for name, e in self.errors.items():
             n, held, over = pieces_of(cuts[name]), self._held[name], passed(e, self.aims.excess)
             free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
@@ -173,7 +173,7 @@ class Refinement:
             self._drawn[name] = np.repeat(np.where(whole, self._drawn[name] + over, 0.0), n, axis=1)
             answers = (n == 1) & (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
             self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
-            self._held = {**self._held, name: np.repeat(held | passing[name], n, axis=0)}
+            self._held = {**self._held, name: np.repeat(held | close[name], n, axis=0)}
 
     # ---- doing it ----------------------------------------------------------------------------------------
 
