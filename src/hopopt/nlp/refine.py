@@ -76,6 +76,8 @@ class Refinement:
             name: np.zeros((N, len(solution.transcription.layouts[name].stage.path_column("scale"))), dtype=bool)
             for name, (N, _) in limits.items()
         }
+        # a control that only bounds something from above has kinks of its own, which hulls only make dearer
+        self._holds = all(len(phase.controls) <= 1 for phase in solution.transcription.problem.phases)
         self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
         self._before = {name: np.full(N, np.inf) for name, (N, _) in limits.items()}  # excess that was answered to
 
@@ -168,12 +170,12 @@ class Refinement:
         for name, e in self.errors.items():
             n, held, over = pieces_of(cuts[name]), self._held[name], passed(e, self.aims.excess)
             free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
-            free[:, : held.shape[1]] = ~held
+            free[:, : held.shape[1]] = ~held & self._holds
             whole = (n == 1)[:, None] & ~free
             self._drawn[name] = np.repeat(np.where(whole, self._drawn[name] + over, 0.0), n, axis=1)
             answers = (n == 1) & (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
             self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
-            self._held = {**self._held, name: np.repeat(held | close[name], n, axis=0)}
+            self._held = {**self._held, name: np.repeat(held | (close[name] & self._holds), n, axis=0)}
 
     # ---- doing it ----------------------------------------------------------------------------------------
 
