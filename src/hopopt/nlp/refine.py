@@ -76,8 +76,10 @@ class Refinement:
             name: np.zeros((N, len(solution.transcription.layouts[name].stage.path_column("scale"))), dtype=bool)
             for name, (N, _) in limits.items()
         }
-        # a control that only bounds something from above has kinks of its own, which hulls only make dearer
-        self._holds = all(len(phase.controls) <= 1 for phase in solution.transcription.problem.phases)
+        # a control or a least number that only bounds something from above has kinks of its own, which hulls make dearer
+        t = solution.transcription
+        least = bool(t.free) and not t.problem.objective.maximize
+        self._holds = not least and all(len(phase.controls) <= 1 for phase in t.problem.phases)
         self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
         self._before = {name: np.full(N, np.inf) for name, (N, _) in limits.items()}  # excess that was answered to
 
