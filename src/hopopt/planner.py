@@ -29,7 +29,8 @@ from hopopt.nlp.accuracy import IntervalErrors
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.prices import PRICE, price
-from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
+from hopopt.nlp.refine import Aims, MeshStep, Refinement, holds, relative
+from hopopt.nlp.refine_drawn import DrawnRefinement
 from hopopt.nlp.transcribe import Transcription
 from hopopt.objective_error import ObjectiveError, objective_error
 from hopopt.ocp.custom import custom
@@ -189,7 +190,8 @@ def refine_outcome(hop: Hop, outcome: StartOutcome, say: Progress, first: Transc
     """A start's optimum, refined as the problem's solver settings ask for."""
     aims = aims_of(hop)
     solution = solution_of(outcome, first or first_transcription(hop))
-    refinement = Refinement(solution, aims, lambda step: say(progress_line(hop, step)))
+    kind = Refinement if holds(solution) else DrawnRefinement
+    refinement = kind(solution, aims, lambda step: say(progress_line(hop, step)))
     refinement.run()
     return refinement
 

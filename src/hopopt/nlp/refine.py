@@ -76,10 +76,7 @@ class Refinement:
             name: np.zeros((N, len(solution.transcription.layouts[name].stage.path_column("scale"))), dtype=bool)
             for name, (N, _) in limits.items()
         }
-        # a control or a least number that only bounds something from above has kinks of its own, which hulls make dearer
-        t = solution.transcription
-        least = bool(t.free) and not t.problem.objective.maximize
-        self._holds = not least and all(len(phase.controls) <= 1 for phase in t.problem.phases)
+        self._holds = holds(solution)
         self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
         self._before = {name: np.full(N, np.inf) for name, (N, _) in limits.items()}  # excess that was answered to
 
@@ -235,6 +232,13 @@ class Refinement:
         )
         self.clock = now
         self.report(self.history[-1])
+
+
+def holds(solution: NlpSolution) -> bool:
+    """Whether holding limits between the nodes pays: not where a control or a least number only bounds from above."""
+    t = solution.transcription
+    least = bool(t.free) and not t.problem.objective.maximize
+    return not least and all(len(phase.controls) <= 1 for phase in t.problem.phases)
 
 
 def relative(a: float, b: float) -> float:

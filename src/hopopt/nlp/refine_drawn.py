@@ -1,0 +1,115 @@
+"""Refinement for programs with kinks of their own: accurate states first, then limits drawn in on the settled mesh.
+
+Where a control or a least number only bounds something from above, hulls (nlp/hull.py) make its kinks dearer.
+"""
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from hopopt.nlp.backoff import drawn_in
+from hopopt.nlp.carry import carried
+from hopopt.nlp.cuts import cut, equal
+from hopopt.nlp.ipopt import NEAR, WARM, NlpSolution
+from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.prices import PRICE, excess_prices
+from hopopt.nlp.prices import price as price_of
+from hopopt.nlp.refine import COARSE, FINEST, Refinement, relative
+from hopopt.nlp.transcribe import Transcription
+
+MOST = 4  # pieces into which an interval is cut at once
+BUDGET = PRICE  # of the intervals' prices before anything is drawn in
+EARLY = 4  # meshes before an error that wanders is suspected
+ROUNDS = 10  # of drawing in the limits on one mesh
+STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
+Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
+
+
+class DrawnRefinement(Refinement):
+    """From a solution on a first mesh to an accurate one whose limits are drawn in on the last: ``solution`` and ``history``."""
+
+    def run(self) -> None:
+        """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
+        for _ in range(self.aims.meshes):
+            parts = self._faults()
+            if not _any(parts):
+                parts = self._draw_in() if self.change <= self.aims.change else _all(parts)
+            if not _any(parts) or not self._solve_on({n: cut(self.solution, n, equal(p)) for n, p in parts.items()}):
+                return
+
+    @property
+    def change(self) -> float:
+        """Relative change of the objective with the last mesh, before its limits were drawn in; infinite after one."""
+        meshes = [step.objective for step in self.history if not step.held]
+        return relative(meshes[-1], meshes[-2]) if len(meshes) > 1 else float("inf")
+
+    def _faults(self) -> Parts:
+        """What is to be cut: inaccurate intervals, and the dearest until the rest is within the budget."""
+        price, budget = excess_prices(self.solution, self.errors), BUDGET * abs(self.solution.objective)
+        total = np.sort(np.concatenate(list(price.values())))
+        dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
+        return {
+            name: np.maximum(
+                self._inaccurate(e.local, self.solution.phases[name].lengths), np.where(price[name] >= dear, MOST, 1)
+            )
+            for name, e in self.errors.items()
+        }
+
+    def _inaccurate(self, local: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+        """Pieces for each interval by its local error; late in the refinement, where an error only moves on, what it
+        moves to is halved too: a switch goes to its neighbours, what lives on coarse intervals to any other of them."""
+        over = local > self.aims.local_error
+        if len(self.history) <= EARLY:
+            return np.where(over, MOST, 1)
+        coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
+        moves = (np.convolve(over, [1, 1, 1], "same") > 0) | (coarse & (over & coarse).any())
+        return np.where(over, MOST, np.where(moves, 2, 1))
+
+    def _draw_in(self) -> Parts:
+        """Draw in the limits until they hold; what is to be cut if that fails."""
+        began, solver = time.perf_counter(), self._solver(self.solution.transcription, NEAR)
+        for k in range(ROUNDS):
+            last = [step.excess for step in self.history[-3:]]
+            if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]):
+                break
+            built = time.perf_counter()
+            solution = solver.again(self.solution, drawn_in(self.solution, self.errors, self.aims.excess))
+            if not solution.success or price_of(solution) > PRICE:
+                break
+            self._take(solution, k + 1, built - began, time.perf_counter() - built)
+            began = time.perf_counter()
+        return {
+            name: np.where((e.excess > self.aims.excess) | (e.local > self.aims.local_error), MOST, 1)
+            for name, e in self.errors.items()
+        }
+
+    def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
+        """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
+        if sum(m.intervals for m in mesh.values()) > FINEST:
+            return False
+        began, old = time.perf_counter(), self.solution
+        t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
+        guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
+        solver = self._solver(t, WARM)
+        built = time.perf_counter()
+        solution = solver(guess, free, carried(old, t))
+        for strategy in ("adaptive", "monotone"):
+            if not solution.success or self._lost(solution):
+                solution = self._cold(t, strategy)(guess, free)
+        if solution.success:
+            self._take(solution, 0, built - began, time.perf_counter() - built)
+        return solution.success
+
+    def _take(self, s: NlpSolution, drawn: int, build_seconds: float, solve_seconds: float) -> None:
+        self._accept(s, {}, build_seconds, solve_seconds)
+        self.history[-1] = replace(self.history[-1], held=drawn)
+
+
+def _any(parts: Parts) -> bool:
+    return any((p > 1).any() for p in parts.values())
+
+
+def _all(parts: Parts) -> Parts:
+    return {name: np.full_like(p, 2) for name, p in parts.items()}
