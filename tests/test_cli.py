@@ -13,6 +13,8 @@ import pytest
 import xarray as xr
 
 import hopopt as ho
+from hopopt import cli, load
+from hopopt.errors import NotSolvedError, one_line
 
 ROOT = Path(__file__).parents[1]
 HOPOPT = [sys.executable, "-m", "hopopt.cli"]
@@ -263,3 +265,22 @@ def test_built_in_variants_are_verified(problem: str, tmp_path: Path) -> None:
     done = run("solve", problem, "--starts", "2", "--no-figures", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads(done.stdout)["verified"] is True
+
+
+def test_a_wrong_option_points_at_its_command_s_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["sweep", "paper", "--vary"]) == 2
+    assert capsys.readouterr().err.endswith("Try: hopopt sweep --help\n")
+    assert cli.run(["nonsense"]) == 2
+    assert capsys.readouterr().err.endswith("Try: hopopt --help\n")
+
+
+def test_a_new_problem_may_lie_in_a_new_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.run(["new", "legs/mine"]) == 0
+    assert load("legs/mine.toml").name == "mine"
+    assert cli.run(["new", "legs/mine"]) == 2  # not overwritten
+
+
+def test_the_sentences_of_an_error_in_one_line() -> None:
+    error = NotSolvedError("mine: no hop (upright: failed).", ["Worst constraints:", "a is missed by 1 m", "b by 2 m"])
+    assert one_line(error) == "mine: no hop (upright: failed). Worst constraints: a is missed by 1 m; b by 2 m"

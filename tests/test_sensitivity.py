@@ -25,7 +25,7 @@ from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Ph
 from hopopt.planner import solve
 from hopopt.problem_file import load
 from hopopt.recheck import stored_nlp
-from hopopt.screen_sensitivity import sentences
+from hopopt.screen_sensitivity import ROWS, left_out, sentences
 from hopopt.sensitivity import Influence, pose_slopes, sensitivity, settled_within
 from hopopt.sensitivity_check import Difference, chosen, confirmed, solve_again, with_entry
 from hopopt.solution import Solution
@@ -319,6 +319,11 @@ def test_verdicts() -> None:
 
 def influence(name: str, value: float, slope: float, unit: str = "m", part_of: str | None = None) -> Influence:
     return Influence(name, value, unit, slope, part_of)
+
+
+def test_rows_that_are_left_out_are_counted() -> None:
+    assert left_out([influence(f"leg.{k}", 1.0, 1.0) for k in range(ROWS)]) == []
+    assert left_out([influence(f"leg.{k}", 1.0, 1.0) for k in range(ROWS + 3)]) == ["(3 more that matter less: --json)"]
 
 
 def test_sentences() -> None:

@@ -85,6 +85,23 @@ def test_files_and_figures(study: ho.Study) -> None:
     assert len(hatched) == 2  # the two cells without a hop
 
 
+def test_failed_points_are_drawn_where_there_is_no_height(tmp_path: Path) -> None:
+    """Below the axis' scale, in a strip without ticks, and the one height that there is well above it."""
+    design = ho.load("paper", [SHORT])
+    found = ho.sweep(design, {"leg.shank.length": [0.2, 0.361]}, starts=1, processes=1, results=tmp_path)
+    (figure,) = found.plot().values()
+    figure.draw_without_rendering()
+    ax = figure.axes[0]
+    (failed,) = [line for line in ax.get_lines() if line.get_label() == IMPOSSIBLE]
+    low, high = ax.get_ylim()
+    strip = low + 0.1 * (high - low)
+    assert low + float(failed.get_ydata()[0]) * (high - low) < strip
+    assert min(ax.get_yticks()) > strip
+    assert found.best is not None
+    assert found.best.clearance_m is not None
+    assert found.best.clearance_m > strip
+
+
 def test_a_finished_study_is_resumed_without_work(study: ho.Study) -> None:
     began = times(study.folder)
     design = ho.load("paper", [SHORT])

@@ -222,6 +222,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code."""
+    words = sys.argv[1:] if arguments is None else arguments
     try:
         result = app(
             arguments, exit_on_error=False, print_error=False, result_action="return_value", help_on_error=False
@@ -229,11 +230,12 @@ def run(arguments: list[str] | None = None) -> int:
         return result if isinstance(result, int) else 0
     except CycloptsError as error:
         print(f"hopopt: {error}", file=sys.stderr)
-        print("Try: hopopt --help", file=sys.stderr)
+        command = f"{words[0]} " if words and words[0] in app else ""
+        print(f"Try: hopopt {command}--help", file=sys.stderr)
         return 2
     except HopoptError as error:
         print(f"hopopt: {error}", file=sys.stderr)
-        if isinstance(error, NotSolvedError) and "--json" in (sys.argv[1:] if arguments is None else arguments):
+        if isinstance(error, NotSolvedError) and "--json" in words:
             failure = {"status": "not solved", "verified": False, "exit_code": 1, "clearance_m": None}
             print(json.dumps({**failure, "message": str(error), "diagnosis": error.diagnosis}))
         return error.exit_code

@@ -62,8 +62,9 @@ def progress(quiet: bool) -> AbstractContextManager[Callable[[str], None]]:
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a file that must not exist yet; UsageError in a sentence if that cannot be."""
+    """Write a file that must not exist yet, in a folder that may not; UsageError in a sentence if that cannot be."""
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:

@@ -3,6 +3,12 @@
 from collections.abc import Sequence
 
 
+def one_line(error: Exception) -> str:
+    """An error's sentences in one line, told apart by semicolons."""
+    lines = [" ".join(line.split()) for line in str(error).splitlines() if line.strip()]
+    return " ".join(line if line[-1] in ".:;" else f"{line};" for line in lines).removesuffix(";")
+
+
 class HopoptError(Exception):
     """Base of all errors hopopt raises on purpose; ``exit_code`` is what the command line returns."""
 

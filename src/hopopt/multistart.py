@@ -103,7 +103,11 @@ def run_chunk(hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None) -
 
 def _run_start(hop: Hop, solver: NlpSolver, start: Start) -> StartOutcome:
     began = time.perf_counter()
-    s = solver(make_guess(hop, start))
+    guess = make_guess(hop, start)
+    s = solver(guess)
+    if not s.success and not violations(s):  # a hop, but no optimum: the adaptive barrier can lose its way to one
+        options = {"ipopt.max_iter": hop.design.solver.max_iterations, "ipopt.mu_strategy": "monotone"}
+        s = NlpSolver(s.transcription, options)(guess)
     return outcome_of(start.name, s, time.perf_counter() - began)
 
 

@@ -29,8 +29,8 @@ from hopopt.nlp.accuracy import IntervalErrors
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.prices import PRICE, price
-from hopopt.nlp.refine import Aims, MeshStep, Refinement, holds, relative
-from hopopt.nlp.refine_drawn import DrawnRefinement
+from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
+from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.objective_error import ObjectiveError, objective_error
 from hopopt.ocp.custom import custom
@@ -190,8 +190,7 @@ def refine_outcome(hop: Hop, outcome: StartOutcome, say: Progress, first: Transc
     """A start's optimum, refined as the problem's solver settings ask for."""
     aims = aims_of(hop)
     solution = solution_of(outcome, first or first_transcription(hop))
-    kind = Refinement if holds(solution) else DrawnRefinement
-    refinement = kind(solution, aims, lambda step: say(progress_line(hop, step)))
+    refinement = refinement_of(solution, aims, lambda step: say(progress_line(hop, step)))
     refinement.run()
     return refinement
 
@@ -207,6 +206,7 @@ def progress_line(hop: Hop, s: MeshStep) -> str:
     """One solve of a refinement, for whoever waits."""
     sizes = " + ".join(str(n) for n in s.intervals.values())
     held = f", limits held between the nodes in {s.held}" if s.held else ""
+    held += f", limits drawn in {s.drawn_in} time{'s' if s.drawn_in > 1 else ''}" if s.drawn_in else ""
     return (
         f"{sizes} intervals{held}: {hop.objective.name} {s.objective:.5f} {hop.objective.unit}, "
         f"local error {s.local_error:.0e}, limits exceeded by {s.excess:.0e}"

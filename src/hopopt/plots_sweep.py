@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.ocp.objectives import find
-from hopopt.plots_style import BLACK, COLOR, DPI, GREEN, GREY, SMALL, TEXT, describe, legend, new_figure
+from hopopt.plots_style import BLACK, COLOR, DPI, GREEN, GREY, PALE, SMALL, TEXT, describe, legend, new_figure
 from hopopt.problem_text import rows
 from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 
@@ -67,7 +67,7 @@ def _curve(figure: Figure, study: "Study") -> None:
     ax, x, z = figure.subplots(), study.definition.points[:, 0], _heights(study)
     order = np.argsort(x)
     ax.plot(x[order], z[order], "o-", color=BLUE, lw=2, ms=5, label="verified")  # broken where a point failed
-    _failures_below(ax, study, x)
+    _failures_below(ax, study, x, z)
     _best(ax, study, x, z)
     describe(ax, _label(study, 0), _goal(study))
 
@@ -78,18 +78,29 @@ def _panels(figure: Figure, study: "Study") -> None:
     for k, ax in enumerate(np.ravel(figure.subplots(1, d, sharey=True))):
         x = study.definition.points[:, k]
         ax.plot(x, z, "o", color=BLUE, ms=5, label="verified")
-        _failures_below(ax, study, x)
+        _failures_below(ax, study, x, z)
         _best(ax, study, x, z)
         describe(ax, _label(study, k), _goal(study) if k == 0 else "")
 
 
-def _failures_below(ax: Axes, study: "Study", x: np.ndarray) -> None:
-    """Failed points as marks at the lower edge."""
+def _failures_below(ax: Axes, study: "Study", x: np.ndarray, z: np.ndarray) -> None:
+    """Failed points as marks in a strip below the heights z, where the axis has no scale."""
+    if all(p.verified for p in study.points):
+        return
+    low, high = (float(f(z)) if np.isfinite(z).any() else edge for f, edge in ((np.nanmin, 0.0), (np.nanmax, 1.0)))
+    span = (high - low) or 0.1 * abs(high) or 1.0
+    bottom, top = low - 0.25 * span, high + 0.1 * span
+    strip = 0.1  # of the axis
+    ax.set_ylim(bottom, top)
+    ax.set_yticks([t for t in ax.get_yticks() if bottom + strip * (top - bottom) < t <= top])
+    ax.fill_between([0, 1], 0, strip, color=PALE, lw=0, zorder=0, transform=ax.transAxes)
+    if (place := ax.get_subplotspec()) and place.is_first_col():
+        ax.text(-0.01, strip / 2, "no value", fontsize=SMALL, ha="right", va="center", transform=ax.transAxes)
     for outcome, (color, marker, _) in FAILED.items():
         at = [k for k, p in enumerate(study.points) if p.outcome == outcome]
         if at:
             ax.plot(
-                x[at], np.full(len(at), 0.03), marker, color=color, ms=10, mew=2, label=outcome,
+                x[at], np.full(len(at), strip / 2), marker, color=color, ms=10, mew=2, label=outcome,
                 transform=ax.get_xaxis_transform(),
             )  # fmt: skip
 

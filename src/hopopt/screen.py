@@ -95,9 +95,9 @@ def _ground(s: dict[str, Any]) -> str:
     if s["friction"] is not None:
         return f"friction cone {s['friction']:g} held"
     grip = s["grip_without_load_N"]
-    return (
-        f"the foot is pinned: it holds up to {grip:.0f} N along the ground without load (contact.friction limits that)"
-    )
+    if grip < 0.5:
+        return "the foot is pinned, but never held along the ground without load"
+    return f"the foot is pinned: without load it is held along the ground by up to {grip:.0f} N (contact.friction limits that)"
 
 
 def _effort(s: dict[str, Any]) -> list[str]:
@@ -205,7 +205,7 @@ def print_rows(title: str, rows: "Sequence[Row]") -> None:
 
 
 def _plain(value: Any) -> str:
-    return ", ".join(map(_plain, value)) if isinstance(value, (list, tuple)) else str(value)
+    return ", ".join(map(_plain, value)) or "none" if isinstance(value, (list, tuple)) else str(value)
 
 
 def print_checks(title: str, checks: "Sequence[Check]") -> None:

@@ -24,7 +24,7 @@ def print_sensitivity(data: Mapping[str, Any], influences: "Sequence[Influence]"
     what, height = ("body apex", data["apex_m"]) if "apex_m" in data else ("clearance", data["clearance_m"])
     out.print(f"{data['problem']}: {what} {height:.4f} m, verified. What 1 % more of an entry would change:")
     out.print(_table(influences))
-    for line in (*sentences(influences), *_rest(influences), _precision(data)):
+    for line in (*left_out(influences), *sentences(influences), *_rest(influences), _precision(data)):
         out.print(line)
     out.print(f"results {data['result_dir']}")
 
@@ -36,8 +36,7 @@ def _table(influences: "Sequence[Influence]") -> Table:
     for head in ("value", "1 % more gives", "per unit", *(["solved again, per unit"] if again else [])):
         table.add_column(head, justify="right")
     table.add_column("")
-    shown = [i for k, i in enumerate(influences) if (k < ROWS and abs(i.cm_per_percent) >= LEAST) or i.difference]
-    for i in shown:
+    for i in _shown(influences):
         unit = "m" if i.unit == "1" else f"m per {i.unit}"
         cells = [
             f"{i.value:g} {i.unit}".removesuffix(" 1"),
@@ -50,6 +49,17 @@ def _table(influences: "Sequence[Influence]") -> Table:
         notes += [i.difference.verdict(i.m_per_unit)] if i.difference else []
         table.add_row(i.name, *cells, "; ".join(notes))
     return table
+
+
+def _shown(influences: "Sequence[Influence]") -> "list[Influence]":
+    return [i for k, i in enumerate(influences) if (k < ROWS and abs(i.cm_per_percent) >= LEAST) or i.difference]
+
+
+def left_out(influences: "Sequence[Influence]") -> list[str]:
+    """How many entries that matter have no row."""
+    shown = _shown(influences)
+    count = sum(abs(i.cm_per_percent) >= LEAST and i not in shown for i in influences)
+    return [f"({count} more that matter less: --json)"] if count > 0 else []
 
 
 def sentences(influences: "Sequence[Influence]") -> list[str]:

@@ -13,9 +13,9 @@ import casadi as ca
 import numpy as np
 
 from hopopt.multistart import Progress, first_transcription
-from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
-from hopopt.nlp.refine import Refinement
+from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcribe import Transcription
@@ -91,11 +91,15 @@ def opinions(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> l
 
 
 def affordable(hop: Hop, last: NlpSolution) -> NlpSolution:
-    """Ipopt's solution of the answer's own program or, where that is too large for Uno, of the first mesh's."""
-    if len(last.z) <= AFFORDABLE:
+    """Ipopt's solution on the answer's mesh or, where that is too large for Uno, on the first one; limits at the nodes
+    alone: where they are held between them too, more of them act than there are controls, and active sets fail."""
+    fits, most = len(last.z) <= AFFORDABLE, {"ipopt.max_iter": hop.design.solver.max_iterations}
+    t = last.transcription if fits else first_transcription(hop)
+    if fits and np.array_equal([t.lbg, t.ubg], [last.bounds.low_g, last.bounds.high_g]):
         return last
-    t = first_transcription(hop)
-    return NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})(t.guess_from(last.phases))
+    free = {q.name: last.parameters[q.name] for q in t.free}
+    warm = NlpSolver(t, WARM | most)(last.phases, free, (last.lam_g, last.lam_x)) if fits else None
+    return warm if warm and warm.success else NlpSolver(t, most)(last.phases, free)
 
 
 def opinion(
@@ -151,7 +155,7 @@ def by_scheme(hop: Hop, scheme: Scheme, phases: Mapping[str, PhaseTrajectory]) -
     if not first.success:
         raise Failed(f"the first mesh was not solved: {_words(first.status)}")
     aims, tolerance = aims_of(hop), _tolerance(hop, scheme)
-    refinement = Refinement(first, replace(aims, local_error=tolerance, excess=np.inf if both_ends else aims.excess))
+    refinement = refinement_of(first, replace(aims, local_error=tolerance, excess=np.inf if both_ends else aims.excess))
     refinement.run()
     wrong = max(float(e.local.max()) for e in refinement.errors.values())
     return Said(refinement.solution.objective, f"its local error is {wrong:.0e}" if wrong > tolerance else "")

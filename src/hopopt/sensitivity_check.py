@@ -24,7 +24,7 @@ from hopopt.solution import Solution
 
 STEP, WIDEST = 0.005, 0.05  # relative change of an entry, and of one that hardly matters
 LEADING = 5  # entries that are confirmed unless others are named
-NOISE = 0.01  # share of the difference that noise should be
+NOISE = 0.005  # share of the difference that noise should be
 AGREE = 0.01  # relative difference, beyond the noise, at which derivative and difference still agree
 KINK = 0.1  # relative difference of the slopes to both sides, beyond the noise, that no smooth optimum has
 

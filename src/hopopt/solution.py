@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from hopopt.errors import UsageError
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics
@@ -202,13 +203,15 @@ class Solution:
 
     def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
         """All figures by name, or the one called ``name``: heights, joints, operating_region, stick, ground_force, or
-        tornado, which is drawn only if asked for."""
+        tornado, which is drawn only if asked for. Raises UsageError for another name."""
         from hopopt.plots import FIGURES
 
         if name == "tornado":
             from hopopt.plots_sensitivity import tornado
 
             return tornado(self, self.sensitivity())
+        if name is not None and name not in FIGURES:
+            raise UsageError(f"there is no figure {name!r}; there are {', '.join([*FIGURES, 'tornado'])}")
         if name is not None:
             return FIGURES[name](self)
         return {key: draw(self) for key, draw in FIGURES.items()}

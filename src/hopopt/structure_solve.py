@@ -1,7 +1,8 @@
 """An optimum solved again with the switches of its drives at free times, so that torques jump exactly there.
 
 1. Mesh edges are moved to the switches and set free, the drives' lines between them held as equations: one program
-   finds the times (structure_arcs.py says which may move).
+   finds the times (structure_arcs.py says which may move). Limits hold between the nodes there too (nlp/hull.py), or
+   the times would serve to pass them.
 2. The times found are edges of an ordinary mesh; the problem itself, all limits inequalities again, is solved and
    refined there.
 """
@@ -13,15 +14,18 @@ import numpy as np
 
 from hopopt.certificate_arcs import activity
 from hopopt.nlp.accuracy import IntervalErrors, interval_errors
+from hopopt.nlp.hull import Chosen, held_between, nothing_held
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
+from hopopt.nlp.refine_drawn import holds, refinement_of
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcribe import Transcription
 from hopopt.structure_arcs import Pin, Plan, plan
 from hopopt.structure_jumps import jumps
 
 SLIVER = 8e-4  # share of the phase: shorter intervals beside a switch are joined with their neighbours
+BESIDE = 0.05  # share of the phase: how far beside a switch lines are held
 LEAST = 0.3  # share of an arc's duration that must remain
 PATIENCE = 200  # iterations
 Report = Callable[[MeshStep], None]
@@ -83,11 +87,16 @@ def _with_free_times(refined: NlpSolution, plans: Mapping[str, Plan]) -> NlpSolu
     bounds = Bounds(*t.bounds(guess), t.lbg, t.ubg)
     for name, p in plans.items():
         edges = np.array(mesh[name].edges) * refined.phases[name].duration
-        bounds = held(t, bounds, name, _inside(edges, p.pins))
-    z = t.pack(guess, {q.name: refined.parameters[q.name] for q in t.free})
+        bounds = held(t, bounds, name, _beside(edges, mesh[name].free, p.pins))
+    between, z = held_between(t, held_at_first(t)), t.pack(guess, {q.name: refined.parameters[q.name] for q in t.free})
     start = replace(refined, z=z, lam_g=np.zeros(len(t.lbg)), lam_x=np.zeros(len(z)))
-    found = NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE}).again(start, bounds)
-    return found if found.success else None
+    found = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE}).again(start, bounds)
+    return between.at_nodes(found) if found.success else None
+
+
+def held_at_first(t: Transcription) -> Chosen:
+    """Path limits that are held between the nodes from the beginning: all, if holding pays."""
+    return {name: none | holds(t) for name, none in nothing_held(t).items()}
 
 
 def switched_mesh(trajectory: PhaseTrajectory, p: Plan) -> PhaseMesh:
@@ -106,10 +115,15 @@ def switched_mesh(trajectory: PhaseTrajectory, p: Plan) -> PhaseMesh:
     return PhaseMesh(tuple((edges[kept] / T).tolist()), tuple(free))
 
 
-def _inside(edges: np.ndarray, pins: Sequence[Pin]) -> list[tuple[str, str, np.ndarray]]:
-    """Limit, side and the intervals (indices) in which it is held."""
-    middle = (edges[1:] + edges[:-1]) / 2
-    return [(p.limit, p.side, np.flatnonzero((middle > p.begin) & (middle < p.end))) for p in pins]
+def _beside(edges: np.ndarray, free: Sequence[int], pins: Sequence[Pin]) -> list[tuple[str, str, np.ndarray]]:
+    """Limit, side and the intervals (indices) in which it is held: those that begin or end close to an edge that is free.
+
+    Held throughout, lines that are not quite met elsewhere would move the times.
+    """
+    middle, times = (edges[1:] + edges[:-1]) / 2, edges[list(free)]
+    close = (np.abs(edges[:, None] - times) <= BESIDE * edges[-1]).any(axis=1)
+    near = close[1:] | close[:-1]
+    return [(p.limit, p.side, np.flatnonzero(near & (middle > p.begin) & (middle < p.end))) for p in pins]
 
 
 def held(t: Transcription, b: Bounds, phase: str, lines: Sequence[tuple[str, str, np.ndarray]]) -> Bounds:
@@ -149,12 +163,14 @@ def _refined(timed: NlpSolution, settled: MeshStep, aims: Aims, report: Report) 
     mesh = {name: PhaseMesh(tuple((p.edges / p.duration).tolist())) for name, p in timed.phases.items()}
     t = Transcription(old.problem, old.scheme, mesh)
     guess, free = t.guess_from(timed.phases), {q.name: timed.parameters[q.name] for q in t.free}
-    first = NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE})(guess, free)
+    chosen = held_at_first(t)
+    between = held_between(t, chosen)
+    first = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE})(guess, free)
     if not first.success:
-        first = NlpSolver(t, {"ipopt.max_iter": aims.iterations})(guess, free)
+        first = NlpSolver(between.transcription, {"ipopt.max_iter": aims.iterations})(guess, free)
     if not first.success:
         return None
-    refinement = Refinement(first, aims, report)
+    refinement = refinement_of(between.at_nodes(first), aims, report, chosen)
     refinement.history.insert(0, settled)
     refinement.run()
     return refinement

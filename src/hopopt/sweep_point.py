@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.errors import NotSolvedError, ProblemFileError
+from hopopt.errors import NotSolvedError, ProblemFileError, one_line
 from hopopt.leg.design import physical_parameters
 from hopopt.multistart import (
     StartOutcome,
@@ -69,7 +69,7 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
         except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:  # one point does not end a study
             if not point.solved:
                 what = "" if isinstance(error, NotSolvedError) else f"stopped by a {type(error).__name__}: "
-                point = replace(point, sentence=what + " ".join(str(error).split()))
+                point = replace(point, sentence=what + one_line(error))
     tried = tuple(sorted((s.index, s.solved_in) for s in sources))
     return replace(point, tried=tried, seconds=time.perf_counter() - began), begin
 

@@ -75,7 +75,7 @@ class Worth:
             "limit": self.limit,
         }
         if not self.followed:
-            told["note"] = "it did not stay with the plan: drives at their limits could not bring it back"
+            told["note"] = "the simulated leg left the plan: its drives, at their limits, could not bring it back"
         return {**self.values, "followed": self.followed, **told}
 
 

@@ -44,6 +44,12 @@ def centres(count: int) -> np.ndarray:
     return (1 + np.arange(count)) / (1 + count)
 
 
+def nothing_held(t: Transcription) -> dict[str, np.ndarray]:
+    """No path limit in any interval."""
+    sizes = {name: len(layout.stage.path_column("scale")) for name, layout in t.layouts.items()}
+    return {name: np.zeros((layout.mesh.intervals, sizes[name]), dtype=bool) for name, layout in t.layouts.items()}
+
+
 def coming_close(solution: NlpSolution, errors: Mapping[str, IntervalErrors], allowed: float) -> Chosen:
     """If some limit is passed by more than ``allowed``: the path limits that come close in an interval or beside it.
 
@@ -87,12 +93,10 @@ class Held:
 def held_in(s: NlpSolution) -> Chosen:
     """Which path limits a solution holds between the nodes, told by its bounds: those that are drawn in."""
     t, b = s.transcription, s.bounds
-    drawn, found = (b.low_g != t.lbg) | (b.high_g != t.ubg), {}
-    for name, layout in t.layouts.items():
-        count = len(layout.stage.path_column("scale"))
-        nodes = [rows - len(t.scale) for _, rows in zip(range(count), limit_nodes(t, name), strict=False)]
-        held = [drawn[rows].any(axis=1) for rows in nodes]
-        found[name] = np.array(held).T if held else np.zeros((layout.mesh.intervals, 0), dtype=bool)
+    drawn, found = (b.low_g != t.lbg) | (b.high_g != t.ubg), nothing_held(t)
+    for name, held in found.items():
+        for column, nodes in zip(held.T, limit_nodes(t, name), strict=False):  # path limits come first
+            column[:] = drawn[nodes - len(t.scale)].any(axis=1)
     return found
 
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from hopopt.nlp.backoff import Errors, limit_nodes
 from hopopt.nlp.hull import bernstein, centres
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.ipopt import OPTIONS, NlpSolution
 from hopopt.nlp.schemes import lagrange
 
 SLIGHT = 0.02  # share of its range: a limit that is missed by less beside an interval was not left in it
 LEFT = 0.3  # share of the slack on the other side, above which a limit was not met at all
 SPREAD = 0.1  # of the places that several limits tell
+BARRIER = 10 * OPTIONS["ipopt.tol"]  # of the objective's scale: a smaller multiplier times slack is Ipopt's own
 PRICE = 1e-5  # relative: what keeping the limits between the nodes may cost the objective
 
 
@@ -91,7 +92,7 @@ def _limits(s: NlpSolution, name: str) -> Iterator[_Limit]:
         slack = _finite(np.array([upper - value, value - lower]))
         at_controls = nodes.shape[1] == len(control_c)
         costs = _costs_within(lam, slack, control_c) if at_controls else _costs(lam, slack)
-        yield _Limit(slack, costs, drawn, at_controls)
+        yield _Limit(slack, np.where(costs > BARRIER * t.problem.objective.scale, costs, 0.0), drawn, at_controls)
 
 
 def _costs(lam: np.ndarray, slack: np.ndarray) -> np.ndarray:

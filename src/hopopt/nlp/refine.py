@@ -17,7 +17,7 @@ from hopopt.nlp.accuracy import interval_errors
 from hopopt.nlp.backoff import passed, tightened
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import Cuts, about, any_cut, cut, equal, pieces_of
-from hopopt.nlp.hull import Chosen, coming_close, held_between
+from hopopt.nlp.hull import Chosen, coming_close, held_between, nothing_held
 from hopopt.nlp.ipopt import NEAR, WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.prices import PRICE, drawn_prices, excess_prices, switch_places
 from hopopt.nlp.transcribe import Transcription
@@ -51,7 +51,8 @@ class Aims:
 
 @dataclass(frozen=True)
 class MeshStep:
-    """One solve: intervals by phase, in how many of them limits are held, objective, largest errors, effort."""
+    """One solve: intervals by phase, in how many of them limits are held, objective, largest errors, effort; how often
+    limits were drawn in on this mesh before."""
 
     intervals: dict[str, int]
     held: int
@@ -62,21 +63,28 @@ class MeshStep:
     build_seconds: float
     solve_seconds: float
     seconds: float
+    drawn_in: int = 0
+
+
+Report = Callable[[MeshStep], None]
 
 
 class Refinement:
-    """From a solution on a first mesh to an accurate one that keeps its limits: ``solution`` and ``history``."""
+    """From a solution on a first mesh to an accurate one that keeps its limits: ``solution`` and ``history``; ``held``:
+    those that the first one holds between the nodes already."""
 
-    def __init__(self, solution: NlpSolution, aims: Aims, report: Callable[[MeshStep], None] = lambda step: None):
+    def __init__(
+        self,
+        solution: NlpSolution,
+        aims: Aims,
+        report: Report = lambda step: None,
+        held: Chosen | None = None,
+    ):
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock = time.perf_counter()
-        self._accept(solution, {}, 0.0, 0.0)
+        self._held = held or nothing_held(solution.transcription)
+        self._accept(solution, 0.0, 0.0)
         limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
-        self._held: Chosen = {
-            name: np.zeros((N, len(solution.transcription.layouts[name].stage.path_column("scale"))), dtype=bool)
-            for name, (N, _) in limits.items()
-        }
-        self._holds = holds(solution)
         self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
         self._before = {name: np.full(N, np.inf) for name, (N, _) in limits.items()}  # excess that was answered to
 
@@ -169,12 +177,12 @@ class Refinement:
         for name, e in self.errors.items():
             n, held, over = pieces_of(cuts[name]), self._held[name], passed(e, self.aims.excess)
             free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
-            free[:, : held.shape[1]] = ~held & self._holds
+            free[:, : held.shape[1]] = ~held
             whole = (n == 1)[:, None] & ~free
             self._drawn[name] = np.repeat(np.where(whole, self._drawn[name] + over, 0.0), n, axis=1)
             answers = (n == 1) & (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
             self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
-            self._held = {**self._held, name: np.repeat(held | (close[name] & self._holds), n, axis=0)}
+            self._held = {**self._held, name: np.repeat(held | close[name], n, axis=0)}
 
     # ---- doing it ----------------------------------------------------------------------------------------
 
@@ -198,7 +206,7 @@ class Refinement:
                 found = self._cold(held.transcription, strategy)(guess, free, None, bounds)
         if not found.success or self._lost(found):
             return False
-        self._accept(held.at_nodes(found), self._held, built - began, time.perf_counter() - built)
+        self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
         return True
 
     def _lost(self, solution: NlpSolution) -> bool:
@@ -212,7 +220,7 @@ class Refinement:
     def _cold(self, t: Transcription, strategy: str) -> NlpSolver:
         return NlpSolver(t, {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy})
 
-    def _accept(self, s: NlpSolution, held: Chosen, build_seconds: float, solve_seconds: float) -> None:
+    def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}
         sizes = {name: m.intervals for name, m in s.transcription.mesh.items()}
         local, excess = (max(float(getattr(e, w).max()) for e in self.errors.values()) for w in ("local", "excess"))
@@ -220,7 +228,7 @@ class Refinement:
         self.history.append(
             MeshStep(
                 sizes,
-                sum(int(on.any(axis=1).sum()) for on in held.values()),
+                sum(int(on.any(axis=1).sum()) for on in self._held.values()),
                 s.objective,
                 local,
                 excess,
@@ -228,17 +236,11 @@ class Refinement:
                 build_seconds,
                 solve_seconds,
                 now - self.clock,
+                drawn_in,
             )
         )
         self.clock = now
         self.report(self.history[-1])
-
-
-def holds(solution: NlpSolution) -> bool:
-    """Whether holding limits between the nodes pays: not where a control or a least number only bounds from above."""
-    t = solution.transcription
-    least = bool(t.free) and not t.problem.objective.maximize
-    return not least and all(len(phase.controls) <= 1 for phase in t.problem.phases)
 
 
 def relative(a: float, b: float) -> float:

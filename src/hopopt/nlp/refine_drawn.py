@@ -1,22 +1,23 @@
 """Refinement for programs with kinks of their own: accurate states first, then limits drawn in on the settled mesh.
 
-Where a control or a least number only bounds something from above, hulls (nlp/hull.py) make its kinks dearer.
+Where a control or a least number only bounds something from above, hulls (nlp/hull.py) make its kinks dearer; schemes
+that collocate both ends of an interval, whose controls oscillate, hardly converge within them.
 """
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from hopopt.nlp.backoff import drawn_in
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import cut, equal
+from hopopt.nlp.hull import Chosen
 from hopopt.nlp.ipopt import NEAR, WARM, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.prices import PRICE, excess_prices
 from hopopt.nlp.prices import price as price_of
-from hopopt.nlp.refine import COARSE, FINEST, Refinement, relative
+from hopopt.nlp.refine import COARSE, FINEST, Aims, Refinement, Report, relative
 from hopopt.nlp.transcribe import Transcription
 
 MOST = 4  # pieces into which an interval is cut at once
@@ -25,6 +26,20 @@ EARLY = 4  # meshes before an error that wanders is suspected
 ROUNDS = 10  # of drawing in the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
+
+
+def refinement_of(
+    solution: NlpSolution, aims: Aims, report: Report = lambda step: None, held: Chosen | None = None
+) -> Refinement:
+    """The refinement that suits a program; ``held``: limits that ``solution`` holds between the nodes already."""
+    return (Refinement if holds(solution.transcription) else DrawnRefinement)(solution, aims, report, held)
+
+
+def holds(t: Transcription) -> bool:
+    """Whether holding limits between the nodes pays: not where a control or a least number only bounds from above, nor
+    with both ends of an interval collocated, where controls oscillate."""
+    least = bool(t.free) and not t.problem.objective.maximize
+    return not least and not t.scheme.starts_at_node and all(len(phase.controls) <= 1 for phase in t.problem.phases)
 
 
 class DrawnRefinement(Refinement):
@@ -42,7 +57,7 @@ class DrawnRefinement(Refinement):
     @property
     def change(self) -> float:
         """Relative change of the objective with the last mesh, before its limits were drawn in; infinite after one."""
-        meshes = [step.objective for step in self.history if not step.held]
+        meshes = [step.objective for step in self.history if not step.drawn_in]
         return relative(meshes[-1], meshes[-2]) if len(meshes) > 1 else float("inf")
 
     def _faults(self) -> Parts:
@@ -78,7 +93,7 @@ class DrawnRefinement(Refinement):
             solution = solver.again(self.solution, drawn_in(self.solution, self.errors, self.aims.excess))
             if not solution.success or price_of(solution) > PRICE:
                 break
-            self._take(solution, k + 1, built - began, time.perf_counter() - built)
+            self._accept(solution, built - began, time.perf_counter() - built, k + 1)
             began = time.perf_counter()
         return {
             name: np.where((e.excess > self.aims.excess) | (e.local > self.aims.local_error), MOST, 1)
@@ -99,12 +114,8 @@ class DrawnRefinement(Refinement):
             if not solution.success or self._lost(solution):
                 solution = self._cold(t, strategy)(guess, free)
         if solution.success:
-            self._take(solution, 0, built - began, time.perf_counter() - built)
+            self._accept(solution, built - began, time.perf_counter() - built)
         return solution.success
-
-    def _take(self, s: NlpSolution, drawn: int, build_seconds: float, solve_seconds: float) -> None:
-        self._accept(s, {}, build_seconds, solve_seconds)
-        self.history[-1] = replace(self.history[-1], held=drawn)
 
 
 def _any(parts: Parts) -> bool:
