@@ -95,7 +95,7 @@ def test_failed_points_are_drawn_where_there_is_no_height(tmp_path: Path) -> Non
     (failed,) = [line for line in ax.get_lines() if line.get_label() == IMPOSSIBLE]
     low, high = ax.get_ylim()
     strip = low + 0.1 * (high - low)
-    assert low + float(failed.get_ydata()[0]) * (high - low) < strip
+    assert low + np.asarray(failed.get_ydata(), dtype=float)[0] * (high - low) < strip
     assert min(ax.get_yticks()) > strip
     assert found.best is not None
     assert found.best.clearance_m is not None

@@ -132,17 +132,13 @@ class Refinement:
         return self._dear(cost, finer)
 
     def _inaccurate(self, name: str) -> np.ndarray:
-        """Pieces for each interval by its local error; late in the refinement, where an error only moves on, what it
-        moves to is halved too: a switch goes to its neighbours, what lives on coarse intervals to any other of them."""
-        local, lengths = self.errors[name].local, self.solution.phases[name].lengths
+        """Pieces for each interval by its local error; late in the refinement what the error may move to is halved."""
+        local = self.errors[name].local
         allowed = NEARLY * self.aims.local_error
         order = len(self.solution.transcription.scheme.c) + 1 if len(self.history) == 1 else SLOW
         over = local > allowed
         asked = np.clip(np.ceil((local / (AIM * self.aims.local_error)) ** (1 / order)), 2, PIECES)
-        moves = np.zeros(len(over), dtype=bool)
-        if len(self.history) > EARLY:
-            coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
-            moves = (np.convolve(over, [1, 1, 1], "same") > 0) | (coarse & (over & coarse).any())
+        moves = moves_to(over, self.solution.phases[name].lengths) & (len(self.history) > EARLY)
         return np.where(over, asked, np.where(moves, 2, 1)).astype(int)
 
     @property
@@ -241,6 +237,13 @@ class Refinement:
         )
         self.clock = now
         self.report(self.history[-1])
+
+
+def moves_to(over: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Where errors of the intervals that are ``over`` may move to: those of a switch to its neighbours, those that live on
+    coarse intervals to any other of them, (N,)."""
+    coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
+    return (np.convolve(over, [1, 1, 1], "same") > 0) | (coarse & (over & coarse).any())
 
 
 def relative(a: float, b: float) -> float:

@@ -17,7 +17,7 @@ from hopopt.nlp.ipopt import NEAR, WARM, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.prices import PRICE, excess_prices
 from hopopt.nlp.prices import price as price_of
-from hopopt.nlp.refine import COARSE, FINEST, Aims, Refinement, Report, relative
+from hopopt.nlp.refine import FINEST, Aims, Refinement, Report, moves_to, relative
 from hopopt.nlp.transcribe import Transcription
 
 MOST = 4  # pieces into which an interval is cut at once
@@ -66,20 +66,13 @@ class DrawnRefinement(Refinement):
         total = np.sort(np.concatenate(list(price.values())))
         dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
         return {
-            name: np.maximum(
-                self._inaccurate(e.local, self.solution.phases[name].lengths), np.where(price[name] >= dear, MOST, 1)
-            )
-            for name, e in self.errors.items()
+            name: np.maximum(self._inaccurate(name), np.where(price[name] >= dear, MOST, 1)) for name in self.errors
         }
 
-    def _inaccurate(self, local: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-        """Pieces for each interval by its local error; late in the refinement, where an error only moves on, what it
-        moves to is halved too: a switch goes to its neighbours, what lives on coarse intervals to any other of them."""
-        over = local > self.aims.local_error
-        if len(self.history) <= EARLY:
-            return np.where(over, MOST, 1)
-        coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
-        moves = (np.convolve(over, [1, 1, 1], "same") > 0) | (coarse & (over & coarse).any())
+    def _inaccurate(self, name: str) -> np.ndarray:
+        """Pieces for each interval by its local error; late in the refinement what the error may move to is halved."""
+        over = self.errors[name].local > self.aims.local_error
+        moves = moves_to(over, self.solution.phases[name].lengths) & (len(self.history) > EARLY)
         return np.where(over, MOST, np.where(moves, 2, 1))
 
     def _draw_in(self) -> Parts:
