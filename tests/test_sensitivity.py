@@ -434,3 +434,9 @@ def test_confirming_what_is_not_there(paper: Solution, tmp_path: Path, capfd: py
     arguments = ["--result", str(paper.result_dir), "--results", str(tmp_path), "--confirm", "leg.thigh.lenght"]
     assert run(["sensitivity", *arguments]) == 2
     assert "did you mean leg.thigh.length?" in capfd.readouterr().err
+
+
+def test_another_objective_is_refused_before_it_is_solved(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert run(["sensitivity", "--objective", "energy", "--results", str(tmp_path)]) == 2
+    assert "of heights, not of energy" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -88,9 +88,13 @@ def _optimum(
         say("verifying")
         solution = read(folder)
         return solution, [check.name for check in recheck(solution) if not check.passed]
+    from hopopt.ocp.goal import HEIGHTS
+    from hopopt.ocp.objectives import find
     from hopopt.planner import solve
     from hopopt.problem_file import load
 
+    if find(objective).figure not in HEIGHTS:
+        raise UsageError(f"what to change first is said of heights, not of {objective}: --objective clearance or apex")
     solution = solve(load(problem, overrides), objective, starts=starts, progress=say)
     return solution, solution.summary["failed_checks"]
 
