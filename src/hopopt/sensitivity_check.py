@@ -13,8 +13,9 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.leg.design import Design
-from hopopt.nlp.hull import held_between, held_in
+from hopopt.nlp.hull import held_between, held_in, nothing_held
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.refine_drawn import holds
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.problem_words import did_you_mean
@@ -123,13 +124,16 @@ def with_entry(design: Design, path: str, value: float) -> Design:
 
 
 def solve_again(old: NlpSolution, design: Design, objective: str) -> NlpSolution:
-    """The optimum of a slightly different problem on the same mesh, with the same limits held between the nodes."""
-    before = old.transcription
-    t = Transcription(Hop(design, objective).problem, before.scheme, before.mesh)
-    held, guess, b = held_between(t, held_in(old)), before.guess_from(old.phases), old.bounds
+    """The optimum of a slightly different problem on the same mesh, with the same limits held between the nodes or drawn
+    in by as much."""
+    before, b = old.transcription, old.bounds
+    t, guess = Transcription(Hop(design, objective).problem, before.scheme, before.mesh), before.guess_from(old.phases)
+    held = held_between(t, held_in(old) if holds(before) else nothing_held(before))
     sides = zip(t.bounds(guess), (b.low_z, b.high_z), before.bounds(guess), strict=True)
-    low, high = (_moved(*side) for side in sides)
-    bounds = Bounds(low, high, t.lbg, t.ubg)
+    rows = zip((t.lbg, t.ubg), (b.low_g, b.high_g), (before.lbg, before.ubg), strict=True)
+    bounds = Bounds(
+        *(_moved(*side) for side in sides), *((t.lbg, t.ubg) if holds(before) else (_moved(*side) for side in rows))
+    )
     program, lam_g = held.transcription, held.multipliers(old.lam_g)
     start = replace(old, transcription=program, p=t.parameter_values(), lam_g=lam_g)
     solution = NlpSolver(program, WARM).again(start, bounds)
