@@ -71,6 +71,7 @@ def test_a_known_motor_is_recovered_from_its_own_figures() -> None:
     assert c.matched
 
 
+@pytest.mark.slow
 def test_an_exact_fit_is_no_identification() -> None:
     """Position control's two figures are met exactly by more than one motor: the fit is perfect, and nothing is known."""
     c = round_trip(SIMULATION[2:], rate=500.0)
@@ -79,6 +80,7 @@ def test_an_exact_fit_is_no_identification() -> None:
     assert c.undetermined
 
 
+@pytest.mark.slow
 def test_one_saturation_does_not_determine_two_values() -> None:
     only = SIMULATION[1:2]
     leg = design(**{"simulation.control_rate": 500.0})

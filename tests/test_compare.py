@@ -316,6 +316,7 @@ def test_a_figure_that_fails_loses_nothing(comparison, tmp_path, caplog):
     assert again != folder
 
 
+@pytest.mark.slow
 def test_a_leg_that_only_stands_is_said_to(tmp_path, capsys, monkeypatch):
     (tmp_path / "standing.py").write_text(
         "class Stand:\n"

@@ -119,6 +119,7 @@ def test_an_objective_of_ones_own_at_the_end() -> None:
     assert s.summary["user_objective"] == pytest.approx(Machine(s.robot).points(height)["foot"][1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_running_objective_is_the_integral() -> None:
     """The integral of one is the time: the same least time as the built-in objective's."""
     design = ho.load("paper", {"hop.clearance": 0.3})

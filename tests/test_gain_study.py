@@ -42,6 +42,7 @@ def test_the_best_is_what_the_simulator_says(tuned: Tuned) -> None:
     assert tuned.nearby[0] == weak.figures.clearance
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_answer(tuned: Tuned) -> None:
     assert tune(DESIGN, "position", evaluations=24, seed=3, processes=1) == tuned
 

@@ -143,6 +143,7 @@ def test_descent_is_a_fall_from_the_apex() -> None:
     assert set(s.sample(np.linspace(0, s.end, 30)).phase) == {STANCE, FLIGHT, DESCENT}
 
 
+@pytest.mark.slow
 def test_no_harder_than_a_fall_with_the_joints_held() -> None:
     """The quickest hop of the same clearance, its joints held from the apex on: it falls by the foot's height."""
     s = quickest()

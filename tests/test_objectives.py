@@ -127,6 +127,7 @@ def test_least_work_lies_between_the_gain_and_other_hops_work(objective: str) ->
     assert lift(s) <= s.summary[figure] <= 1.01 * MEASURES[figure](s.robot, best("electrical_energy").tables)
 
 
+@pytest.mark.slow
 def test_more_clearance_takes_more_time() -> None:
     assert best("time", 0.35).summary["time_s"] > best("time").summary["time_s"]
 
@@ -146,6 +147,7 @@ def test_what_is_missing_is_said_in_one_sentence(objective: str, overrides: dict
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_command_line_states_the_least(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     asked = ["--objective", "time", "--set", "hop.clearance=0.3", "--starts", "1", "--results", str(tmp_path)]
     assert run(["solve", *asked, "--no-figures"]) == 0

@@ -92,6 +92,7 @@ def test_figure_shows_every_point(front: Front) -> None:
     assert picture.axes[0].get_ylabel() == "peak force [N]"
 
 
+@pytest.mark.slow
 def test_stopping_keeps_what_is_finished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
