@@ -19,7 +19,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 import hopopt as ho
-from hopopt.errors import HopoptError, NotSolvedError
+from hopopt.errors import HopoptError, NotSolvedError, one_line
 from hopopt.leg.design import Design
 from hopopt.ocp.hop import Hop
 
@@ -104,7 +104,7 @@ def solved(leg: int, entries: dict[str, Any], starts: int) -> Outcome:
     try:
         s = ho.solve(loaded(entries), starts=starts, processes=1)
     except NotSolvedError as error:
-        return Outcome(leg, NOT_SOLVED, " ".join(str(error).split()), np.nan, np.nan, time.perf_counter() - began)
+        return Outcome(leg, NOT_SOLVED, one_line(error), np.nan, np.nan, time.perf_counter() - began)
     except Exception as error:  # the point of the benchmark is that there is none
         return Outcome(leg, DEFECT, f"{type(error).__name__}: {error}", np.nan, np.nan, time.perf_counter() - began)
     clearance, bound = s.summary["clearance_m"], s.summary["upper_bound"]["clearance_m"]

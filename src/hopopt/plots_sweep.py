@@ -87,7 +87,8 @@ def _failures_below(ax: Axes, study: "Study", x: np.ndarray, z: np.ndarray) -> N
     """Failed points as marks in a strip below the heights z, where the axis has no scale."""
     if all(p.verified for p in study.points):
         return
-    low, high = (float(f(z)) if np.isfinite(z).any() else edge for f, edge in ((np.nanmin, 0.0), (np.nanmax, 1.0)))
+    known = z[np.isfinite(z)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
     span = (high - low) or 0.1 * abs(high) or 1.0
     bottom, top = low - 0.25 * span, high + 0.1 * span
     strip = 0.1  # of the axis

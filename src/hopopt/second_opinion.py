@@ -1,4 +1,4 @@
-"""Second opinions on an answer: another NLP solver on the same program, other transcription schemes on the same problem.
+"""Second opinions on an answer: another NLP solver on the answer's mesh, other transcription schemes on the same problem.
 
 Uno's filter SQP (Vanaret and Leyffer, Math. Prog. Comp. 2024) is an active-set method with a trust region and a filter;
 it shares the program with Ipopt and nothing of how it is solved: no multipliers, no barrier, CasADi's own derivatives. It
@@ -78,8 +78,10 @@ def with_opinions(hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = 
 def opinions(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> list[Opinion]:
     """All opinions on an answer; ``answer.kkt`` holds the program that it came from."""
     sign, value, own = hop.objective.sign, answer.summary["objective_value"], answer.summary["scheme"]
-    nlp, least = affordable(hop, stored_nlp(answer)), NOTHING * hop.problem.objective.scale
-    name = f"Uno, filter SQP, on the same program of {_sizes(nlp.transcription)} intervals"
+    stored, least = stored_nlp(answer), NOTHING * hop.problem.objective.scale
+    nlp = affordable(hop, stored)
+    which = "the same program" if nlp is stored else "the program with limits at the nodes alone"
+    name = f"Uno, filter SQP, on {which} of {_sizes(nlp.transcription)} intervals"
     say(f"second opinion: {name}")
     found = [opinion(name, sign, SAME_PROGRAM, nlp.objective, lambda: by_uno(nlp, hop.design.solver.seed), least)]
     for other in [s for s in SCHEMES if s.name != own][:2]:
@@ -97,9 +99,9 @@ def affordable(hop: Hop, last: NlpSolution) -> NlpSolution:
     t = last.transcription if fits else first_transcription(hop)
     if fits and np.array_equal([t.lbg, t.ubg], [last.bounds.low_g, last.bounds.high_g]):
         return last
-    free = {q.name: last.parameters[q.name] for q in t.free}
-    warm = NlpSolver(t, WARM | most)(last.phases, free, (last.lam_g, last.lam_x)) if fits else None
-    return warm if warm and warm.success else NlpSolver(t, most)(last.phases, free)
+    guess, free = t.guess_from(last.phases), {q.name: last.parameters[q.name] for q in t.free}
+    warm = NlpSolver(t, WARM | most)(guess, free, (last.lam_g, last.lam_x)) if fits else None
+    return warm if warm and warm.success else NlpSolver(t, most)(guess, free)
 
 
 def opinion(

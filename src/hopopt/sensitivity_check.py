@@ -13,9 +13,8 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.leg.design import Design
-from hopopt.nlp.hull import held_between, held_in, nothing_held
+from hopopt.nlp.hull import held_between, held_in, holds
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
-from hopopt.nlp.refine_drawn import holds
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.problem_words import did_you_mean
@@ -128,12 +127,9 @@ def solve_again(old: NlpSolution, design: Design, objective: str) -> NlpSolution
     in by as much."""
     before, b = old.transcription, old.bounds
     t, guess = Transcription(Hop(design, objective).problem, before.scheme, before.mesh), before.guess_from(old.phases)
-    held = held_between(t, held_in(old) if holds(before) else nothing_held(before))
-    sides = zip(t.bounds(guess), (b.low_z, b.high_z), before.bounds(guess), strict=True)
-    rows = zip((t.lbg, t.ubg), (b.low_g, b.high_g), (before.lbg, before.ubg), strict=True)
-    bounds = Bounds(
-        *(_moved(*side) for side in sides), *((t.lbg, t.ubg) if holds(before) else (_moved(*side) for side in rows))
-    )
+    held, given = held_between(t, held_in(old)), (*before.bounds(guess), before.lbg, before.ubg)
+    drawn = (b.low_z, b.high_z, *(given[2:] if holds(before) else (b.low_g, b.high_g)))  # rows that are held are not
+    bounds = Bounds(*map(_moved, (*t.bounds(guess), t.lbg, t.ubg), drawn, given))
     program, lam_g = held.transcription, held.multipliers(old.lam_g)
     start = replace(old, transcription=program, p=t.parameter_values(), lam_g=lam_g)
     solution = NlpSolver(program, WARM).again(start, bounds)

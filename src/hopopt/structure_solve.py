@@ -1,24 +1,24 @@
 """An optimum solved again with the switches of its drives at free times, so that torques jump exactly there.
 
-1. Mesh edges are moved to the switches and set free, the drives' lines between them held as equations: one program
+1. Mesh edges are moved to the switches and set free, the drives' lines beside them held as equations: one program
    finds the times (structure_arcs.py says which may move). Limits hold between the nodes there too (nlp/hull.py), or
    the times would serve to pass them.
 2. The times found are edges of an ordinary mesh; the problem itself, all limits inequalities again, is solved and
    refined there.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hopopt.certificate_arcs import activity
 from hopopt.nlp.accuracy import IntervalErrors, interval_errors
-from hopopt.nlp.hull import Chosen, held_between, nothing_held
+from hopopt.nlp.hull import Chosen, held_between, holds, nothing_held
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
-from hopopt.nlp.refine_drawn import holds, refinement_of
+from hopopt.nlp.refine import Aims, MeshStep, Refinement, Report, relative
+from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcribe import Transcription
 from hopopt.structure_arcs import Pin, Plan, plan
@@ -28,7 +28,6 @@ SLIVER = 8e-4  # share of the phase: shorter intervals beside a switch are joine
 BESIDE = 0.05  # share of the phase: how far beside a switch lines are held
 LEAST = 0.3  # share of an arc's duration that must remain
 PATIENCE = 200  # iterations
-Report = Callable[[MeshStep], None]
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,13 @@ def centres(count: int) -> np.ndarray:
     return (1 + np.arange(count)) / (1 + count)
 
 
+def holds(t: Transcription) -> bool:
+    """Whether holding limits between the nodes pays: not where a control or a least number only bounds from above, nor
+    with both ends of an interval collocated, where controls oscillate."""
+    least = bool(t.free) and not t.problem.objective.maximize
+    return not least and not t.scheme.starts_at_node and all(len(phase.controls) <= 1 for phase in t.problem.phases)
+
+
 def nothing_held(t: Transcription) -> dict[str, np.ndarray]:
     """No path limit in any interval."""
     sizes = {name: len(layout.stage.path_column("scale")) for name, layout in t.layouts.items()}
@@ -91,9 +98,9 @@ class Held:
 
 
 def held_in(s: NlpSolution) -> Chosen:
-    """Which path limits a solution holds between the nodes, told by its bounds: those that are drawn in."""
+    """Which path limits a solution holds between the nodes, told by its bounds: those that are drawn in, if holding pays."""
     t, b = s.transcription, s.bounds
-    drawn, found = (b.low_g != t.lbg) | (b.high_g != t.ubg), nothing_held(t)
+    drawn, found = ((b.low_g != t.lbg) | (b.high_g != t.ubg)) & holds(t), nothing_held(t)
     for name, held in found.items():
         for column, nodes in zip(held.T, limit_nodes(t, name), strict=False):  # path limits come first
             column[:] = drawn[nodes - len(t.scale)].any(axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 from hopopt.nlp.backoff import drawn_in
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import cut, equal
-from hopopt.nlp.hull import Chosen
+from hopopt.nlp.hull import Chosen, holds
 from hopopt.nlp.ipopt import NEAR, WARM, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.prices import PRICE, excess_prices
@@ -33,13 +33,6 @@ def refinement_of(
 ) -> Refinement:
     """The refinement that suits a program; ``held``: limits that ``solution`` holds between the nodes already."""
     return (Refinement if holds(solution.transcription) else DrawnRefinement)(solution, aims, report, held)
-
-
-def holds(t: Transcription) -> bool:
-    """Whether holding limits between the nodes pays: not where a control or a least number only bounds from above, nor
-    with both ends of an interval collocated, where controls oscillate."""
-    least = bool(t.free) and not t.problem.objective.maximize
-    return not least and not t.scheme.starts_at_node and all(len(phase.controls) <= 1 for phase in t.problem.phases)
 
 
 class DrawnRefinement(Refinement):
