@@ -6,10 +6,39 @@ import pytest
 
 from hopopt.answer_notes import notes_on
 from hopopt.multistart import run_starts
+from hopopt.nlp import refine
 from hopopt.ocp.hop import Hop
-from hopopt.planner import CALMER, LARGEST_TIE_BREAK, _calmer, finish
+from hopopt.planner import CALMER, LARGEST_TIE_BREAK, _calmer, finish, solve
 from hopopt.problem_file import load
+from hopopt.solution import Solution
 from hopopt.stopwatch import Stopwatch
+
+ONE_PUSH = {"hop.stance_duration": [0.03, 0.2]}
+
+
+@pytest.fixture(scope="module")
+def one_push() -> Solution:
+    return solve(load("paper", ONE_PUSH), starts=1, processes=1)
+
+
+@pytest.mark.parametrize(
+    ("tie_break", "then"), [(1e-6, "solving again with solver.tie_break = 1e-05"), (2e-5, "with restarts")]
+)
+def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
+    tie_break: float, then: str, one_push: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Too little patience for carried multipliers: a larger tie-break or, where it is large already, restarts."""
+    monkeypatch.setattr(refine, "PATIENCE", 5)
+    said: list[str] = []
+    design = load("paper", ONE_PUSH | {"solver.tie_break": tie_break})
+    s = solve(design, starts=1, processes=1, progress=said.append)
+    assert [line for line in said if line.startswith("not verified")] == [
+        next(line for line in said if line.endswith(then))
+    ]
+    assert s.verified
+    assert s.summary["refinement_ended"] == refine.MET
+    assert s.design.solver.tie_break == (CALMER * tie_break if tie_break == 1e-6 else tie_break)
+    assert s.clearance == pytest.approx(one_push.clearance, rel=1e-4)
 
 
 def silent(text: str) -> None:

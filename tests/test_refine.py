@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hopopt.nlp import refine
 from hopopt.nlp.accuracy import interval_errors, stage_values
 from hopopt.nlp.backoff import drawn_in, limit_nodes, passed, tightened
 from hopopt.nlp.carry import carried
@@ -12,7 +13,8 @@ from hopopt.nlp.cuts import cut, equal
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.prices import PRICE, price
-from hopopt.nlp.refine import Aims, Refinement
+from hopopt.nlp.refine import MET, TOO_FINE, UNSOLVED, USED_UP, Aims, Refinement
+from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.transcribe import Guess, Transcription
 from hopopt.ocp.problem import Objective, Problem
@@ -165,6 +167,7 @@ def test_aims_are_met_or_it_says_so(known: Known) -> None:
     assert max(e.local.max() for e in errors) <= 1e-7
     assert max(e.excess.max() for e in errors) <= ALLOWED
     assert refinement.history[-1].objective == pytest.approx(known.optimum, rel=1e-4)
+    assert refinement.ended == MET
 
 
 def test_without_meshes_nothing_is_reached() -> None:
@@ -172,3 +175,29 @@ def test_without_meshes_nothing_is_reached() -> None:
     refinement.run()
     assert len(refinement.history) == 1
     assert refinement.change == float("inf")
+    assert refinement.ended == USED_UP
+
+
+@each_scheme
+def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With too little patience for carried multipliers: restarts end where patience does, without them it is said."""
+    begin = first(brachistochrone(), method, uniform(8))
+    known = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300))
+    known.run()
+    monkeypatch.setattr(refine, "PATIENCE", 1)
+    hasty = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300, restarts=False))
+    hasty.run()
+    assert hasty.ended == UNSOLVED
+    assert len(hasty.history) == 1
+    patient = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300))
+    patient.run()
+    assert patient.ended == MET
+    assert patient.solution.objective == pytest.approx(known.solution.objective, rel=1e-7)
+
+
+def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refine, "FINEST", 9)
+    refinement = Refinement(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, 20, 300))
+    refinement.run()
+    assert refinement.ended == TOO_FINE
+    assert len(refinement.history) == 1

@@ -13,8 +13,8 @@ def notes_on(hop: Hop, asked: float, best: Solution, better: Solution | None) ->
     notes, goal, leg = hints(hop.design), hop.objective, hop.leg
     if hop.design.solver.tie_break != asked:
         notes.append(
-            f"with solver.tie_break = {asked:g} torques that hardly matter chattered and nothing was verified: this is the "
-            f"hop with {hop.design.solver.tie_break:g}"
+            f"with solver.tie_break = {asked:g} torques that hardly matter may chatter, and the hop was not verified: "
+            f"this is the hop with {hop.design.solver.tie_break:g}"
         )
     if better is not None:
         value = f"{better.summary['objective_value']:.4f} {goal.unit}, {'higher' if goal.maximize else 'lower'}"

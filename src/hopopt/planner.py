@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import casadi as ca
@@ -29,7 +29,7 @@ from hopopt.nlp.accuracy import IntervalErrors
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
 from hopopt.nlp.prices import PRICE, price
-from hopopt.nlp.refine import Aims, MeshStep, Refinement, relative
+from hopopt.nlp.refine import UNSOLVED, Aims, MeshStep, Refinement, relative
 from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.objective_error import ObjectiveError, objective_error
@@ -80,13 +80,17 @@ def solve(
     count = starts or design.solver.starts
     outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say)
     clock.mark("starts")
-    finished = [finish(hop, candidate, outcomes, say, clock) for candidate in contenders(outcomes)]
+    finished = [finish(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)]
     if not finished:
         say("looking for the limits that cannot hold together")
         raise not_solved(hop, outcomes, thorough=True)
     best, better = best_of(hop.objective, finished)
-    if not best.verified and (again := _calmer(hop, best, outcomes, say, clock)):
-        hop, best = again
+    if doubtful := better or (None if best.verified else best):
+        for once_more in (_calmer, _patiently):
+            again = once_more(hop, doubtful, outcomes, say, clock)
+            if again and (again[1].verified or doubtful is best):
+                (hop, best), better = again, None
+                break
     if structure:
         from hopopt.structure_answer import with_free_switches
 
@@ -122,8 +126,8 @@ def best_of(goal: HopObjective, finished: Sequence[Solution]) -> tuple[Solution,
 def _calmer(
     hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
 ) -> tuple[Hop, Solution] | None:
-    """The best start's hop again with a larger tie-break, where torques that hardly matter may have chattered: with its
-    problem if it is verified and as good, else nothing."""
+    """A hop that is not verified again with a larger tie-break, where torques that hardly matter may have chattered: with
+    its problem if it is verified and as good, else nothing."""
     s = hop.design.solver
     if not (s.refine and s.max_refinements and 0 < s.tie_break <= LARGEST_TIE_BREAK):
         return None
@@ -131,13 +135,27 @@ def _calmer(
     data = hop.design.model_dump(exclude_none=True)
     data["solver"]["tie_break"] = CALMER * s.tie_break
     other = Hop(Design.model_validate(data), hop.asked, hop.freedom, hop.constraints)
-    names = [o.name for o in outcomes]
-    (outcome,) = run_chunk(other, [names.index(best.summary["starts"]["chosen"])])
+    (outcome,) = run_chunk(other, [_chosen(best, outcomes)])
     if not outcome.success:
         return None
     again = finish(other, outcome, outcomes, say, clock)
     as_good = relative(again.summary["objective_value"], best.summary["objective_value"]) < SAME
     return (other, again) if again.verified and as_good else None
+
+
+def _patiently(
+    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> tuple[Hop, Solution] | None:
+    """A hop whose refinement did without restarts refined with them, if it ended for want of one."""
+    if best.summary["refinement_ended"] != UNSOLVED:
+        return None
+    say("not verified: refining again, with restarts")
+    return hop, finish(hop, outcomes[_chosen(best, outcomes)], outcomes, say, clock)
+
+
+def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:
+    """Which start led to it."""
+    return [o.name for o in outcomes].index(found.summary["starts"]["chosen"])
 
 
 def finish(
@@ -147,9 +165,10 @@ def finish(
     say: Progress,
     clock: Stopwatch,
     first: Transcription | None = None,
+    restarts: bool = True,
 ) -> Solution:
     """Refine one start's optimum, verify it and sum it up; ``first`` is the first mesh's program if there is one."""
-    refinement = refine_outcome(hop, outcome, say, first)
+    refinement = refine_outcome(hop, outcome, say, first, restarts)
     clock.mark("refinement")
     say("verifying")
     return summed_up(hop, refinement, outcomes, outcome, clock)
@@ -170,7 +189,7 @@ def summed_up(
     told |= relaxed(solution)
     checks, plan = checks + more, plan.noted(summary={**stated, "objective_error": told})
     clock.mark("verification")
-    found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement.history, clock)
+    found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement, clock)
     certified = attached(found, solution)
     clock.mark("certificate")
     return certified
@@ -186,9 +205,11 @@ def without_tie_break(hop: Hop, solution: NlpSolution) -> float:
     return solution.objective + hop.objective.sign * hop.tie_break * float(effort)
 
 
-def refine_outcome(hop: Hop, outcome: StartOutcome, say: Progress, first: Transcription | None = None) -> Refinement:
+def refine_outcome(
+    hop: Hop, outcome: StartOutcome, say: Progress, first: Transcription | None = None, restarts: bool = True
+) -> Refinement:
     """A start's optimum, refined as the problem's solver settings ask for."""
-    aims = aims_of(hop)
+    aims = replace(aims_of(hop), restarts=restarts)
     solution = solution_of(outcome, first or first_transcription(hop))
     refinement = refinement_of(solution, aims, lambda step: say(progress_line(hop, step)))
     refinement.run()

@@ -60,7 +60,8 @@ def _headline(s: dict[str, Any]) -> str:
     if not s["verified"]:
         return (
             "[bold red]Solved, but NOT verified[/bold red]: no answer is stated. "
-            f"Failed: {', '.join(s['failed_checks'])}. The attempt is kept for inspection."
+            f"Failed: {', '.join(s['failed_checks'])}. Refinement ended as {s['refinement_ended']}. "
+            "The attempt is kept for inspection."
         )
     p = s["parts"]
     lines = f"[bold green]clearance {s['clearance_m']:.4f} m[/bold green], verified"

@@ -17,7 +17,7 @@ from hopopt.nlp.accuracy import IntervalErrors, interval_errors
 from hopopt.nlp.hull import Chosen, held_between, holds, nothing_held
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.refine import Aims, MeshStep, Refinement, Report, relative
+from hopopt.nlp.refine import MET, Aims, MeshStep, Refinement, Report, relative
 from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcribe import Transcription
@@ -40,6 +40,11 @@ class Resolved:
     switches: Mapping[str, tuple[float, ...]]
     jumps: Mapping[str, tuple[float, ...]]
     change: float
+
+    @property
+    def ended(self) -> str:
+        """How its refinement did."""
+        return MET
 
     @property
     def errors(self) -> dict[str, IntervalErrors]:

@@ -18,8 +18,9 @@ from hopopt.verify import Check, failed
 
 if TYPE_CHECKING:
     from hopopt.multistart import StartOutcome
-    from hopopt.nlp.refine import MeshStep
+    from hopopt.nlp.refine import Refinement
     from hopopt.stopwatch import Stopwatch
+    from hopopt.structure_solve import Resolved
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
 FINE = np.linspace(0.0, 1.0, 9)
@@ -32,7 +33,7 @@ def summarize(
     checks: Sequence[Check],
     outcomes: "Sequence[StartOutcome]",
     chosen: "StartOutcome",
-    history: "Sequence[MeshStep]",
+    refinement: "Refinement | Resolved",
     clock: "Stopwatch",
 ) -> Solution:
     """The plan with its summary: what ``--json`` prints and ``summary.json`` keeps."""
@@ -77,7 +78,8 @@ def summarize(
         f"gain_per_percent{of_unit}": limit_gains(solution),
         "verification": [c.as_dict() for c in checks],
         "failed_checks": [c.name for c in bad],
-        "mesh": [asdict(step) for step in history],
+        "mesh": [asdict(step) for step in refinement.history],
+        "refinement_ended": refinement.ended,
         "scheme": solution.transcription.scheme.name,
         "starts": start_figures(outcomes, chosen),
         "seed": plan.design.solver.seed,

@@ -18,7 +18,7 @@ from hopopt.nlp.backoff import passed, tightened
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import Cuts, about, any_cut, cut, equal, pieces_of
 from hopopt.nlp.hull import Chosen, coming_close, held_between, nothing_held
-from hopopt.nlp.ipopt import NEAR, WARM, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import NEAR, WARM, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.prices import PRICE, drawn_prices, excess_prices, switch_places
 from hopopt.nlp.transcribe import Transcription
 
@@ -35,18 +35,23 @@ COARSE = 0.01  # share of the phase: longer intervals may harbour one
 FINEST = 1000  # intervals: a solution that asks for more will not be accurate
 LOST = 0.02  # relative: a finer mesh's objective may be worse by this much and no more
 PATIENCE = 60  # iterations from carried multipliers, before starting without
+RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
+MET, USED_UP = "the aims are met", "all meshes are used up"  # how a refinement ends
+TOO_FINE, UNSOLVED = f"the next mesh would have more than {FINEST} intervals", "the next mesh's program was not solved"
 Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are drawn in, (2, N, limits)
 
 
 @dataclass(frozen=True)
 class Aims:
-    """Local error (scaled), relative change of the objective, excess over the limits; meshes, iterations at most."""
+    """Local error (scaled), relative change of the objective, excess over the limits; meshes, iterations at most;
+    whether a mesh that is not solved from the last one's multipliers is solved again without, which takes long."""
 
     local_error: float
     change: float
     excess: float
     meshes: int
     iterations: int
+    restarts: bool = True
 
 
 @dataclass(frozen=True)
@@ -70,8 +75,8 @@ Report = Callable[[MeshStep], None]
 
 
 class Refinement:
-    """From a solution on a first mesh to an accurate one that keeps its limits: ``solution`` and ``history``; ``held``:
-    those that the first one holds between the nodes already."""
+    """From a solution on a first mesh to an accurate one that keeps its limits: ``solution``, ``history`` and how it
+    ``ended``; ``held``: those that the first one holds between the nodes already."""
 
     def __init__(
         self,
@@ -81,7 +86,7 @@ class Refinement:
         held: Chosen | None = None,
     ):
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
-        self.clock = time.perf_counter()
+        self.clock, self.ended = time.perf_counter(), USED_UP
         self._held = held or nothing_held(solution.transcription)
         self._accept(solution, 0.0, 0.0)
         limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
@@ -95,6 +100,7 @@ class Refinement:
             cuts = self._cuts()
             if not any_cut(cuts) and self._kept:
                 if self.change <= self.aims.change:
+                    self.ended = MET
                     return
                 cuts = {name: equal(np.full(len(places), 2)) for name, places in cuts.items()}
             self._prepare(cuts)
@@ -185,7 +191,7 @@ class Refinement:
     def _solve(self, cuts: Cuts) -> bool:
         """Solve on the next mesh, which may be the same, with limits held and drawn in."""
         began, old, finer = time.perf_counter(), self.solution, any_cut(cuts)
-        if sum(int(pieces_of(places).sum()) for places in cuts.values()) > FINEST:
+        if self._too_fine(sum(int(pieces_of(places).sum()) for places in cuts.values())):
             return False
         t = old.transcription
         if finer:
@@ -196,14 +202,33 @@ class Refinement:
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
         solver = self._solver(held.transcription, WARM if finer else NEAR)
         built = time.perf_counter()
-        found = solver(guess, free, (held.multipliers(lam_g), lam_x), bounds)
-        for strategy in ("adaptive", "monotone"):
-            if not found.success or self._lost(found):
-                found = self._cold(held.transcription, strategy)(guess, free, None, bounds)
+        found = self._with_restarts(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
         if not found.success or self._lost(found):
+            self.ended = UNSOLVED
             return False
         self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
         return True
+
+    def _too_fine(self, intervals: int) -> bool:
+        """Whether the next mesh would be."""
+        self.ended = TOO_FINE if intervals > FINEST else self.ended
+        return intervals > FINEST
+
+    def _with_restarts(
+        self,
+        warm: NlpSolver,
+        guess: Any,
+        free: Mapping[str, Any],
+        multipliers: Multipliers,
+        bounds: Bounds | None = None,
+    ) -> NlpSolution:
+        """Solved from the last mesh's point and multipliers and, if that fails, from the point alone."""
+        found = warm(guess, free, multipliers, bounds)
+        for strategy in RESTARTS if self.aims.restarts else ():
+            if not found.success or self._lost(found):
+                options = {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy}
+                found = NlpSolver(warm.transcription, options)(guess, free, None, bounds)
+        return found
 
     def _lost(self, solution: NlpSolution) -> bool:
         """Whether it is another, worse optimum than the last mesh's."""
@@ -212,9 +237,6 @@ class Refinement:
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
         return NlpSolver(t, {**known, "ipopt.max_iter": min(PATIENCE, self.aims.iterations)})
-
-    def _cold(self, t: Transcription, strategy: str) -> NlpSolver:
-        return NlpSolver(t, {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy})
 
     def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}

@@ -17,7 +17,7 @@ from hopopt.nlp.ipopt import NEAR, WARM, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.prices import PRICE, excess_prices
 from hopopt.nlp.prices import price as price_of
-from hopopt.nlp.refine import FINEST, Aims, Refinement, Report, moves_to, relative
+from hopopt.nlp.refine import MET, UNSOLVED, Aims, Refinement, Report, moves_to, relative
 from hopopt.nlp.transcribe import Transcription
 
 MOST = 4  # pieces into which an interval is cut at once
@@ -44,7 +44,10 @@ class DrawnRefinement(Refinement):
             parts = self._faults()
             if not _any(parts):
                 parts = self._draw_in() if self.change <= self.aims.change else _all(parts)
-            if not _any(parts) or not self._solve_on({n: cut(self.solution, n, equal(p)) for n, p in parts.items()}):
+            if not _any(parts):
+                self.ended = MET
+                return
+            if not self._solve_on({n: cut(self.solution, n, equal(p)) for n, p in parts.items()}):
                 return
 
     @property
@@ -88,20 +91,19 @@ class DrawnRefinement(Refinement):
 
     def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
         """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
-        if sum(m.intervals for m in mesh.values()) > FINEST:
+        if self._too_fine(sum(m.intervals for m in mesh.values())):
             return False
         began, old = time.perf_counter(), self.solution
         t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
         guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
         solver = self._solver(t, WARM)
         built = time.perf_counter()
-        solution = solver(guess, free, carried(old, t))
-        for strategy in ("adaptive", "monotone"):
-            if not solution.success or self._lost(solution):
-                solution = self._cold(t, strategy)(guess, free)
-        if solution.success:
-            self._accept(solution, built - began, time.perf_counter() - built)
-        return solution.success
+        solution = self._with_restarts(solver, guess, free, carried(old, t))
+        if not solution.success:
+            self.ended = UNSOLVED
+            return False
+        self._accept(solution, built - began, time.perf_counter() - built)
+        return True
 
 
 def _any(parts: Parts) -> bool:
