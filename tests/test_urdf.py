@@ -146,6 +146,32 @@ def test_drives_come_with_the_urdf_and_give_way_to_the_files(tmp_path: Path) -> 
     assert [leg.drive(j, "motor", "max_torque")[1] for j in leg.joints] == [2.0, 2.0, 2.0]
 
 
+@pytest.mark.parametrize(
+    ("said", "instead", "sentence"),
+    [
+        ('effort="150"', 'effort="0"', "m.toml: leg.knee.motor is missing, and the URDF states no usable effort"),
+        ('velocity="16"', 'velocity="0"', "m.toml: leg.ankle.motor is missing"),
+        ('lower="-2.4"', 'lower="-1e9"', "leg.urdf: leg.knee.lower = -1000000000.0 rad is too small"),
+        ('lower="0.2"', 'lower="1.8"', "leg.urdf: leg.ankle.lower = 1.8 rad is not below"),
+    ],
+)
+def test_placeholders_of_a_urdf_are_named_where_they_stand(
+    said: str, instead: str, sentence: str, tmp_path: Path
+) -> None:
+    """The file to blame, and what to write in the problem file in place of it."""
+    (tmp_path / "leg.urdf").write_text(SIMPLE.replace(said, instead))
+    (tmp_path / "m.toml").write_text(
+        'name = "m"\n[leg]\nurdf = "leg.urdf"\njoints = ["hip", "knee", "ankle"]\nfoot_frame = "toe"\n'
+        "[start]\njoint_angles = [1.0, -2.0, 1.2]\n"
+    )
+    with pytest.raises(ProblemFileError) as raised:
+        load(tmp_path / "m.toml")
+    assert len(str(raised.value).splitlines()) == 1
+    assert sentence in str(raised.value)
+    if "leg.urdf" in sentence:
+        assert "in the problem file to replace it" in str(raised.value)
+
+
 def test_what_is_locked_stays_at_its_angle() -> None:
     """The thigh of A1 with its hip turned sideways: the leg leaves the plane by that angle."""
     raw = urdf_of("a1_leg").read_bytes()

@@ -57,7 +57,8 @@ class Report:
         """Note a fault of the entry at ``path``; ``words`` follow the path."""
         origin = self.origins.get(re.sub(r"\[\d+\]$", "", path), self.file)
         where = "override " if origin == OVERRIDE else f"{shown_path(origin)}: "
-        self.fault(f"{where}{shown_path(path)} {words}", path)
+        instead = f"; write {path} in the problem file to replace it" if origin.endswith(".urdf") else ""
+        self.fault(f"{where}{shown_path(path)} {words}{instead}", path)
 
     def fault(self, sentence: str, path: str = "") -> None:
         """Note a fault as a whole sentence."""

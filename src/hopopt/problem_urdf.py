@@ -6,7 +6,7 @@ The file is read once, where the problem is; everything behind sees numbers only
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -85,8 +85,19 @@ def with_leg(data: dict[str, Any], report: "Report") -> dict[str, Any]:
     except UrdfError as error:
         report.unusable(f"{shown_path(path.name)} {error}")
     else:
-        return {**data, "leg": _merged(_tables(found, rest), rest)}
+        tables = _tables(found, rest, report)
+        report.origins = dict.fromkeys(_entries(tables, "leg"), path.name) | report.origins
+        return {**data, "leg": _merged(tables, rest)}
     return {**data, "leg": rest}
+
+
+def _entries(tables: Mapping[str, Any], path: str) -> Iterator[str]:
+    """Paths of all entries of nested tables."""
+    for name, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from _entries(value, f"{path}.{name}")
+        else:
+            yield f"{path}.{name}"
 
 
 def _read(path: Path) -> bytes:
@@ -120,7 +131,7 @@ def _is_angle(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e3
 
 
-def _tables(found: Any, leg: Mapping[str, Any]) -> dict[str, Any]:
+def _tables(found: Any, leg: Mapping[str, Any], report: "Report") -> dict[str, Any]:
     """Tables of the leg as a problem file has them."""
     links, tables = [], {}
     for item in found.links:
@@ -134,7 +145,7 @@ def _tables(found: Any, leg: Mapping[str, Any]) -> dict[str, Any]:
             "com_position": item.com, "inertia_tensor": item.inertia,
         }  # fmt: skip
     body = {"links": tuple(links), "body": {"mass": found.body_mass}, "gear": {"ratio": 1.0}}
-    return _merged(body | tables, {} if "motor" in leg else _drives(found, leg))
+    return _merged(body | tables, {} if "motor" in leg else _drives(found, leg, report))
 
 
 def _name(link: str, taken: tuple[str, ...]) -> str:
@@ -144,9 +155,9 @@ def _name(link: str, taken: tuple[str, ...]) -> str:
     return next(candidate for candidate in (name, *others) if candidate not in taken)
 
 
-def _drives(found: Any, leg: Mapping[str, Any]) -> dict[str, Any]:
+def _drives(found: Any, leg: Mapping[str, Any], report: "Report") -> dict[str, Any]:
     """Motors from effort and velocity, taken for torque at standstill and speed at no torque: the conservative
-    reading, for the region then lies inside both limits."""
+    reading, for the region then lies inside both limits. Joints without are reported."""
     drives: dict[str, Any] = {}
     for item in found.links:
         own = leg.get(item.joint)
@@ -155,6 +166,13 @@ def _drives(found: Any, leg: Mapping[str, Any]) -> dict[str, Any]:
         ratio = next((t["ratio"] for t in _gears(own, leg) if _is_ratio(t.get("ratio"))), 1.0)
         values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
         drives[item.joint] = {"motor": {k: v for k, v in values.items() if math.isfinite(v)}}
+        if len(drives[item.joint]["motor"]) < 2:
+            report.add(
+                f"leg.{item.joint}.motor",
+                f"is missing, and the URDF states no usable effort and velocity of {shown_path(item.joint)}: add it, or "
+                "[leg.motor] for all joints",
+            )
+            report.unreadable = True  # what is missing then would only be said again
     common = next((d["motor"] for d in drives.values() if len(d["motor"]) == 2), None)
     return {"motor": common, **drives} if common else drives
 

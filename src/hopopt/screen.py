@@ -113,7 +113,11 @@ def _limits(s: dict[str, Any]) -> list[str]:
     active = ", ".join(f"{name} {share:.0%}" for name, share in list(s["active_limits"].items())[:5]) or "none"
     found = s["gain_per_percent_m"] if "gain_per_percent_m" in s else s["gain_per_percent"]
     gains = ", ".join(f"{name} {_gain(s, gain)}" for name, gain in list(found.items())[:4]) or "none"
-    return [f"active in stance: {active}", f"1 % more would give: {gains}", *idle_line(s.get("idle_limits", {}))]
+    return [
+        f"active in stance: {active}",
+        f"1 % more of its range would give: {gains}",
+        *idle_line(s.get("idle_limits", {})),
+    ]
 
 
 def idle_line(found: dict[str, dict[str, Any]], most: int = 4) -> list[str]:

@@ -23,6 +23,7 @@ from hopopt.multistart import (
     outcome_of,
     run_starts,
 )
+from hopopt.nlp.compiled import compiling
 from hopopt.nlp.ipopt import WARM, NlpSolver
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcribe import Transcription
@@ -58,7 +59,7 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
     """Solve point k from the sources or, if none leads to a verified hop, from the starts."""
     began = time.perf_counter()
     point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
-    with _one_at_a_time:
+    with _one_at_a_time, compiling():
         try:
             hop = Hop(definition.design_at(k), definition.objective)
             if faults := hop.static_faults():
@@ -78,7 +79,7 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
     """Solve a finished point from other neighbours; the better, and that it was tried."""
     began = time.perf_counter()
     best, begin = old, dict[str, np.ndarray]()
-    with _one_at_a_time:
+    with _one_at_a_time, compiling():
         hop = Hop(definition.design_at(old.index), definition.objective)
         for source in sources:
             try:

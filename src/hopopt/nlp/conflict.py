@@ -153,7 +153,8 @@ class _Loosened:
         z, s = x[:n], x[n:]
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.Q.shape[0])
         Qg, Qz, S = (to_dm(part) for part in (self.Q[:, : len(t.lbg)], self.Q[:, len(t.lbg) :], self.S))
-        g, slope = t.program.jac_g()(z, p)
+        g = ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(z, p)  # may be differentiated by p
+        _, slope = t.program.jac_g()(z, p)
         away = z - ca.DM(near)
         f, rows = ca.sum1(s) + NEAR / 2 * ca.dot(away, away), Qg @ g + Qz @ z + S @ s
         gradient, jacobian = ca.vertcat(NEAR * away, ca.DM.ones(m)), ca.horzcat(Qg @ slope + Qz, S)

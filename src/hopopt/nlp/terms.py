@@ -18,6 +18,8 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
+from hopopt.nlp.compiled import compiled
+
 Matrix = Any  # a SciPy sparse matrix: its kinds have no useful common type
 Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # values, rows, columns
 FUNCTIONS = {"cse": True}  # options of the small functions
@@ -59,7 +61,7 @@ class Local:
     def jacobian(self) -> tuple[ca.Function, np.ndarray, np.ndarray]:
         """Outputs and the nonzeros of their derivative by y; rows and columns of these."""
         slope = ca.jacobian(self.outputs, self.y)
-        return self.function("jacobian", [self.outputs, nonzeros(slope)]), *triplet(slope.sparsity())
+        return compiled(self.function("jacobian", [self.outputs, nonzeros(slope)])), *triplet(slope.sparsity())
 
     @cached_property
     def hessian(self) -> tuple[ca.Function, np.ndarray, np.ndarray]:
@@ -68,7 +70,7 @@ class Local:
         gradient = ca.gradient(ca.dot(w, ca.cse(self.outputs)), self.y)
         lower = ca.tril(ca.jacobian(gradient, self.y))  # by columns: fewer steps than ca.hessian or the upper triangle
         both = lower.sparsity() + lower.T.sparsity()
-        return self.function("hessian", [nonzeros(lower.T)], w), *triplet(both)
+        return compiled(self.function("hessian", [nonzeros(lower.T)], w)), *triplet(both)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,86 @@
+"""Small functions as machine code: written in C by CasADi, compiled once, kept in the user's cache.
+
+A library has the name of what it was made from, so it serves every problem of the same form, whatever its numbers.
+Within ``compiling()`` libraries that are missing are made, which takes seconds; everywhere those that exist are used.
+Digits do not depend on it: the operations and their order are CasADi's own, and none are contracted. Without a
+compiler, or where anything fails, functions stay as they are.
+"""
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import casadi as ca
+
+FOLDER = "HOPOPT_CACHE"  # environment variable: a folder in place of the user's cache, or "off"
+FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
+WORTH_IT = 400  # steps of a function, below which calling it costs as much as computing it
+LONGEST = 60.0  # s that a compiler may take
+_making = False
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Make libraries that are missing: for studies that solve many problems of one form."""
+    global _making
+    before, _making = _making, True
+    try:
+        yield
+    finally:
+        _making = before
+
+
+def compiled(function: ca.Function) -> ca.Function:
+    """The function from its library, if there is one or it may be made; else itself."""
+    if function.n_instructions() < WORTH_IT:
+        return function
+    try:
+        folder = _folder()
+        library = folder / f"{_key(function)}.so" if folder else None
+        if library and (library.is_file() or (_making and _made(function, library))):
+            return ca.external(function.name(), str(library))
+    except (OSError, RuntimeError, subprocess.SubprocessError):  # no reason to lose the answer
+        pass
+    return function
+
+
+def _key(function: ca.Function) -> str:
+    """A name for all that a library depends on."""
+    parts = (function.serialize(), ca.__version__, platform.machine(), *FLAGS)
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
+
+
+def _folder() -> Path | None:
+    """Where libraries are kept, a folder that nobody else may write to; None if there is none."""
+    asked = os.environ.get(FOLDER, "")
+    if asked == "off" or os.name != "posix":
+        return None
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = Path(asked) if asked else caches / "hopopt"
+    if _making:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    elif not folder.is_dir():
+        return None
+    state = folder.stat()
+    return folder.resolve() if state.st_uid == os.getuid() and not state.st_mode & 0o022 else None
+
+
+def _made(function: ca.Function, library: Path) -> bool:
+    """Compile beside its place, then rename: whole or not at all."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        return False
+    with tempfile.TemporaryDirectory(dir=library.parent) as place:
+        generator = ca.CodeGenerator("f.c")
+        generator.add(function)
+        generator.generate(f"{place}{os.sep}")
+        command = [compiler, *FLAGS, "f.c", "-o", "f.so"]
+        subprocess.run(command, cwd=place, check=True, capture_output=True, timeout=LONGEST)
+        (Path(place) / "f.so").replace(library)
+    return True

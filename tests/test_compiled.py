@@ -1,0 +1,98 @@
+"""Compiled functions: the same digits, made only when asked for, and never a reason to fail."""
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hopopt.multistart import run_chunk
+from hopopt.nlp.compiled import FOLDER, WORTH_IT, compiled, compiling
+from hopopt.ocp.hop import Hop
+from hopopt.problem_file import load
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(FOLDER, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def long_function(steps: int = WORTH_IT) -> ca.Function:
+    x = ca.SX.sym("x", 3)
+    y = x
+    for _ in range(steps // 3):
+        y = ca.sin(y) * 1.1 + x / 3
+    return ca.Function("f", [x], [y])
+
+
+def is_library(f: ca.Function) -> bool:
+    return "External" in str(f)
+
+
+def test_same_digits(cache: Path) -> None:
+    f = long_function()
+    with compiling():
+        library = compiled(f)
+    assert is_library(library)
+    for x in np.random.default_rng(0).normal(size=(20, 3)):
+        np.testing.assert_array_equal(np.array(f(x)), np.array(library(x)))
+
+
+def test_libraries_are_made_only_within_compiling_and_used_everywhere(cache: Path) -> None:
+    f = long_function()
+    assert compiled(f) is f
+    assert not cache.exists()
+    with compiling():
+        compiled(f)
+    assert [path.suffix for path in cache.iterdir()] == [".so"]  # and nothing half done beside it
+    assert is_library(compiled(f))
+    assert not is_library(compiled(long_function(2 * WORTH_IT)))  # another function has no library
+
+
+def test_short_functions_stay(cache: Path) -> None:
+    f = long_function(30)
+    with compiling():
+        assert compiled(f) is f
+
+
+def test_it_can_be_turned_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER, "off")
+    f = long_function()
+    with compiling():
+        assert compiled(f) is f
+
+
+@pytest.mark.parametrize(
+    "fault", ["no compiler", "broken compiler", "broken library", "not a folder", "others may write"]
+)
+def test_whatever_fails_the_function_stays(fault: str, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    f = long_function()
+    if fault == "no compiler":
+        monkeypatch.setenv("PATH", str(cache))
+    if fault == "broken compiler":
+        (tools := cache.parent / "tools").mkdir()
+        (tools / "cc").write_text("#!/bin/sh\nexit 1\n")
+        (tools / "cc").chmod(0o755)
+        monkeypatch.setenv("PATH", f"{tools}:/usr/bin:/bin")
+    if fault == "broken library":
+        with compiling():
+            compiled(f)
+        for path in cache.iterdir():
+            path.write_bytes(b"no library")
+    if fault == "not a folder":
+        cache.write_text("")
+    if fault == "others may write":
+        cache.mkdir()
+        cache.chmod(0o777)
+    with compiling():
+        assert compiled(f) is f
+
+
+def test_a_hop_is_solved_to_the_same_digits(cache: Path) -> None:
+    first = run_chunk(Hop(load("paper"), "clearance"), [0])[0]
+    with compiling():
+        second = run_chunk(Hop(load("paper"), "clearance"), [0])[0]
+    assert list(cache.iterdir())
+    assert second.iterations == first.iterations
+    np.testing.assert_array_equal(second.vectors["z"], first.vectors["z"])
