@@ -195,6 +195,22 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
     assert patient.solution.objective == pytest.approx(known.solution.objective, rel=1e-7)
 
 
+def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Worse than the coarse mesh by more than an optimum may be: believed where another solve agrees, else refused."""
+    known = bang_bang()
+    coarse = first(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1]))
+    assert coarse.objective < known.optimum * (1 - 1e-4)
+    monkeypatch.setattr(refine, "LOST", 1e-5)
+    refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, 20, 300))
+    refinement.run()
+    assert refinement.ended == MET
+    assert refinement.solution.objective == pytest.approx(known.optimum, rel=2 * ALLOWED)
+    monkeypatch.setattr(refine, "AGREED", -1.0)
+    doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, 20, 300))
+    doubting.run()
+    assert doubting.ended == UNSOLVED
+
+
 def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, "FINEST", 9)
     refinement = Refinement(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, 20, 300))

@@ -33,7 +33,8 @@ ANSWERS = 0.5  # share of its last excess, above which an interval does not answ
 EARLY = 2  # meshes before an error that wanders is suspected
 COARSE = 0.01  # share of the phase: longer intervals may harbour one
 FINEST = 1000  # intervals: a solution that asks for more will not be accurate
-LOST = 0.02  # relative: a finer mesh's objective may be worse by this much and no more
+LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
+AGREED = 1e-4  # relative
 PATIENCE = 60  # iterations from carried multipliers, before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 MET, USED_UP = "the aims are met", "all meshes are used up"  # how a refinement ends
@@ -222,16 +223,20 @@ class Refinement:
         multipliers: Multipliers,
         bounds: Bounds | None = None,
     ) -> NlpSolution:
-        """Solved from the last mesh's point and multipliers and, if that fails, from the point alone."""
+        """Solved from the last mesh's point and multipliers and, if that fails or ends lower, from the point alone."""
         found = warm(guess, free, multipliers, bounds)
-        for strategy in RESTARTS if self.aims.restarts else ():
+        for strategy in RESTARTS if self.aims.restarts or found.success else ():
             if not found.success or self._lost(found):
-                options = {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy}
+                options, before = {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy}, found
                 found = NlpSolver(warm.transcription, options)(guess, free, None, bounds)
+                both = before.success and found.success
+                self._too_coarse = both and relative(before.objective, found.objective) <= AGREED
         return found
 
     def _lost(self, solution: NlpSolution) -> bool:
-        """Whether it is another, worse optimum than the last mesh's."""
+        """Whether it is another, worse optimum than the last mesh's, and that mesh was not just too coarse."""
+        if self._too_coarse:
+            return False
         sign = -1.0 if solution.transcription.problem.objective.maximize else 1.0
         return sign * (solution.objective - self.solution.objective) > LOST * abs(self.solution.objective)
 
@@ -240,6 +245,7 @@ class Refinement:
 
     def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}
+        self._too_coarse = False
         sizes = {name: m.intervals for name, m in s.transcription.mesh.items()}
         local, excess = (max(float(getattr(e, w).max()) for e in self.errors.values()) for w in ("local", "excess"))
         now = time.perf_counter()
@@ -265,7 +271,7 @@ def moves_to(over: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Where errors of the intervals that are ``over`` may move to: those of a switch to its neighbours, those that live on
     coarse intervals to any other of them, (N,)."""
     coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
-    return (np.convolve(over, [1, 1, 1], "same") > 0) | (coarse & (over & coarse).any())
+    return (np.convolve(over, [1, 1, 1])[1:-1] > 0) | (coarse & (over & coarse).any())
 
 
 def relative(a: float, b: float) -> float:
