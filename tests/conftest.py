@@ -1,9 +1,12 @@
-"""For all tests: libraries of compiled functions are kept beside pytest's own cache, not in the user's."""
+"""For all tests: functions are not compiled, and no user's cache is used, unless a test asks for it."""
 
-import os
+from collections.abc import Iterator
 
 import pytest
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    os.environ.setdefault("HOPOPT_CACHE", str(config.rootpath / ".pytest_cache" / "hopopt"))
+@pytest.fixture(scope="session", autouse=True)
+def nothing_compiled() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOPOPT_CACHE", "off")
+        yield

@@ -6,10 +6,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hopopt.errors import NotSolvedError
 from hopopt.multistart import run_chunk
 from hopopt.nlp.compiled import FOLDER, WORTH_IT, compiled, compiling
 from hopopt.ocp.hop import Hop
+from hopopt.planner import solve
 from hopopt.problem_file import load
+from hopopt.sweep_run import sweep
 
 
 @pytest.fixture
@@ -45,7 +48,9 @@ def test_libraries_are_made_only_within_compiling_and_used_everywhere(cache: Pat
     assert not cache.exists()
     with compiling():
         compiled(f)
-    assert [path.suffix for path in cache.iterdir()] == [".so"]  # and nothing half done beside it
+    (library,) = cache.iterdir()  # and nothing half done beside it
+    assert library.suffix == ".so"
+    assert not library.stat().st_mode & 0o077
     assert is_library(compiled(f))
     assert not is_library(compiled(long_function(2 * WORTH_IT)))  # another function has no library
 
@@ -96,3 +101,22 @@ def test_a_hop_is_solved_to_the_same_digits(cache: Path) -> None:
     assert list(cache.iterdir())
     assert second.iterations == first.iterations
     np.testing.assert_array_equal(second.vectors["z"], first.vectors["z"])
+
+
+def test_a_hop_that_cannot_be_is_explained_with_compiled_derivatives(cache: Path) -> None:
+    """What limits conflict is found by a program made of the same derivatives."""
+    design = load("paper", {"hop.stance_duration": [0.02, 0.03], "hop.flight_duration": [0.6, 1.0]})
+    with compiling(), pytest.raises(NotSolvedError, match="cannot hold together"):
+        solve(design, starts=1, processes=1)
+    assert list(cache.iterdir())
+
+
+def test_a_study_compiles_what_its_points_share(cache: Path, tmp_path: Path) -> None:
+    """And says the same as without; where points have programs of their own, nothing is compiled."""
+    design = load("paper", {"hop.stance_duration": [0.03, 0.2]})
+    study = sweep(design, {"leg.gear.ratio": [100.0]}, starts=1, processes=1, results=tmp_path / "a")
+    assert len(list(cache.iterdir())) > 1
+    assert study.points[0].clearance_m == solve(design, starts=1, processes=1).clearance
+    made = set(cache.iterdir())
+    sweep(design, {"contact.friction": [0.9]}, starts=1, processes=1, results=tmp_path / "b")
+    assert set(cache.iterdir()) == made

@@ -13,7 +13,7 @@ from hopopt.nlp.cuts import cut, equal
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.prices import PRICE, price
-from hopopt.nlp.refine import MET, TOO_FINE, UNSOLVED, USED_UP, Aims, Refinement
+from hopopt.nlp.refine import MET, NOT_ASKED, TOO_FINE, UNSOLVED, USED_UP, WORSE, Aims, Refinement
 from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.transcribe import Guess, Transcription
@@ -175,7 +175,10 @@ def test_without_meshes_nothing_is_reached() -> None:
     refinement.run()
     assert len(refinement.history) == 1
     assert refinement.change == float("inf")
-    assert refinement.ended == USED_UP
+    assert refinement.ended == NOT_ASKED
+    only = Refinement(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, 1, 300))
+    only.run()
+    assert only.ended == USED_UP
 
 
 @each_scheme
@@ -208,7 +211,7 @@ def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.M
     monkeypatch.setattr(refine, "AGREED", -1.0)
     doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, 20, 300))
     doubting.run()
-    assert doubting.ended == UNSOLVED
+    assert doubting.ended == WORSE
 
 
 def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from hopopt.errors import NotSolvedError
 from hopopt.leg.design import Design
 from hopopt.limit_words import flat_words
 from hopopt.multistart import (
-    SAME,
+    CLOSE,
     Progress,
     StartOutcome,
     contenders,
@@ -84,13 +84,7 @@ def solve(
     if not finished:
         say("looking for the limits that cannot hold together")
         raise not_solved(hop, outcomes, thorough=True)
-    best, better = best_of(hop.objective, finished)
-    if doubtful := better or (None if best.verified else best):
-        for once_more in (_calmer, _patiently):
-            again = once_more(hop, doubtful, outcomes, say, clock)
-            if again and (again[1].verified or doubtful is best):
-                (hop, best), better = again, None
-                break
+    hop, best, better = _settled(hop, finished, outcomes, say, clock)
     if structure:
         from hopopt.structure_answer import with_free_switches
 
@@ -123,8 +117,42 @@ def best_of(goal: HopObjective, finished: Sequence[Solution]) -> tuple[Solution,
     return best, None if first is best else first
 
 
+def _settled(
+    hop: Hop, finished: Sequence[Solution], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> tuple[Hop, Solution, Solution | None]:
+    """The best hop with its problem, and a better one that is not verified, if any, after those that claim more than the
+    best of the verified were solved again."""
+
+    def merit(s: Solution) -> float:
+        return hop.objective.merit(s.summary["objective_value"])
+
+    best, _ = best_of(hop.objective, finished)
+    chosen, better = hop, None
+    for doubtful in sorted((s for s in finished if not s.verified), key=merit, reverse=True):
+        if best.verified and merit(doubtful) <= merit(best):
+            break
+        where, again = _once_more(hop, doubtful, outcomes, say, clock)
+        if again.verified and (not best.verified or merit(again) > merit(best)):
+            chosen, best = where, again
+        elif not again.verified:
+            best, better = again if doubtful is best else best, better or again
+    return chosen, best, better if best.verified and better and merit(better) > merit(best) else None
+
+
+def _once_more(
+    hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> tuple[Hop, Solution]:
+    """A hop that is not verified with a larger tie-break or, if that does not help, with restarts."""
+    if again := _calmer(hop, doubtful, outcomes, say, clock):
+        return again
+    if doubtful.summary["refinement_ended"] != UNSOLVED:
+        return hop, doubtful
+    say("not verified: refining again, with restarts")
+    return hop, finish(hop, outcomes[_chosen(doubtful, outcomes)], outcomes, say, clock)
+
+
 def _calmer(
-    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+    hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
 ) -> tuple[Hop, Solution] | None:
     """A hop that is not verified again with a larger tie-break, where torques that hardly matter may have chattered: with
     its problem if it is verified and as good, else nothing."""
@@ -135,22 +163,12 @@ def _calmer(
     data = hop.design.model_dump(exclude_none=True)
     data["solver"]["tie_break"] = CALMER * s.tie_break
     other = Hop(Design.model_validate(data), hop.asked, hop.freedom, hop.constraints)
-    (outcome,) = run_chunk(other, [_chosen(best, outcomes)])
+    (outcome,) = run_chunk(other, [_chosen(doubtful, outcomes)])
     if not outcome.success:
         return None
     again = finish(other, outcome, outcomes, say, clock)
-    as_good = relative(again.summary["objective_value"], best.summary["objective_value"]) < SAME
+    as_good = relative(again.summary["objective_value"], doubtful.summary["objective_value"]) < CLOSE
     return (other, again) if again.verified and as_good else None
-
-
-def _patiently(
-    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
-) -> tuple[Hop, Solution] | None:
-    """A hop whose refinement did without restarts refined with them, if it ended for want of one."""
-    if best.summary["refinement_ended"] != UNSOLVED:
-        return None
-    say("not verified: refining again, with restarts")
-    return hop, finish(hop, outcomes[_chosen(best, outcomes)], outcomes, say, clock)
 
 
 def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:

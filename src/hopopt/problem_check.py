@@ -40,10 +40,12 @@ WHAT = {
 
 @dataclass
 class Report:
-    """The faults found so far with the paths of their entries, and the file each entry came from."""
+    """The faults found so far with the paths of their entries, and the file each entry came from; ``urdf``: that of the
+    leg, if it has one."""
 
     source: str
     file: str = ""
+    urdf: str | None = None
     origins: dict[str, str] = field(default_factory=dict)
     faults: list[tuple[str, str]] = field(default_factory=list)
     unreadable: bool = False
@@ -57,7 +59,10 @@ class Report:
         """Note a fault of the entry at ``path``; ``words`` follow the path."""
         origin = self.origins.get(re.sub(r"\[\d+\]$", "", path), self.file)
         where = "override " if origin == OVERRIDE else f"{shown_path(origin)}: "
-        instead = f"; write {path} in the problem file to replace it" if origin.endswith(".urdf") else ""
+        from_urdf = origin == self.urdf
+        if from_urdf and path.startswith("leg.motor."):  # a joint's, which is reported as such
+            return
+        instead = f"; write {path} in the problem file to replace it" if from_urdf and path.count(".") > 1 else ""
         self.fault(f"{where}{shown_path(path)} {words}{instead}", path)
 
     def fault(self, sentence: str, path: str = "") -> None:

@@ -86,6 +86,7 @@ def with_leg(data: dict[str, Any], report: "Report") -> dict[str, Any]:
         report.unusable(f"{shown_path(path.name)} {error}")
     else:
         tables = _tables(found, rest, report)
+        report.urdf = path.name
         report.origins = dict.fromkeys(_entries(tables, "leg"), path.name) | report.origins
         return {**data, "leg": _merged(tables, rest)}
     return {**data, "leg": rest}
@@ -161,12 +162,12 @@ def _drives(found: Any, leg: Mapping[str, Any], report: "Report") -> dict[str, A
     drives: dict[str, Any] = {}
     for item in found.links:
         own = leg.get(item.joint)
-        if isinstance(own, Mapping) and "motor" in own:
-            continue
         ratio = next((t["ratio"] for t in _gears(own, leg) if _is_ratio(t.get("ratio"))), 1.0)
         values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
-        drives[item.joint] = {"motor": {k: v for k, v in values.items() if math.isfinite(v)}}
-        if len(drives[item.joint]["motor"]) < 2:
+        stated = {k: v for k, v in values.items() if math.isfinite(v)}
+        given = own.get("motor", {}) if isinstance(own, Mapping) else {}
+        drives[item.joint] = {"motor": stated}
+        if isinstance(given, Mapping) and not values.keys() <= stated.keys() | given.keys():
             report.add(
                 f"leg.{item.joint}.motor",
                 f"is missing, and the URDF states no usable effort and velocity of {shown_path(item.joint)}: add it, or "

@@ -17,7 +17,7 @@ from hopopt.nlp.accuracy import IntervalErrors, interval_errors
 from hopopt.nlp.hull import Chosen, held_between, holds, nothing_held
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.refine import MET, Aims, MeshStep, Refinement, Report, relative
+from hopopt.nlp.refine import Aims, MeshStep, Refinement, Report, relative
 from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcribe import Transcription
@@ -33,18 +33,15 @@ PATIENCE = 200  # iterations
 @dataclass(frozen=True)
 class Resolved:
     """A solution with its switches at edges of the mesh; its history of refinement, by phase the times found for the
-    switches and those of them at which a torque jumps [s], and the relative change of the objective."""
+    switches and those of them at which a torque jumps [s], the relative change of the objective, and how refinement
+    ended."""
 
     solution: NlpSolution
     history: tuple[MeshStep, ...]
     switches: Mapping[str, tuple[float, ...]]
     jumps: Mapping[str, tuple[float, ...]]
     change: float
-
-    @property
-    def ended(self) -> str:
-        """How its refinement did."""
-        return MET
+    ended: str
 
     @property
     def errors(self) -> dict[str, IntervalErrors]:
@@ -77,7 +74,7 @@ def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report 
     final = refinement.solution
     change = relative(final.objective, refined.objective)
     found = {n: jumps(final, n, times) for n, times in switches.items()}
-    return Resolved(final, tuple(refinement.history[1:]), switches, found, change)
+    return Resolved(final, tuple(refinement.history[1:]), switches, found, change, refinement.ended)
 
 
 # ---- free times ---------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ checks are those of a single solve.
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -59,7 +60,7 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
     """Solve point k from the sources or, if none leads to a verified hop, from the starts."""
     began = time.perf_counter()
     point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
-    with _one_at_a_time, compiling():
+    with _one_at_a_time, _compiling(definition):
         try:
             hop = Hop(definition.design_at(k), definition.objective)
             if faults := hop.static_faults():
@@ -79,7 +80,7 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
     """Solve a finished point from other neighbours; the better, and that it was tried."""
     began = time.perf_counter()
     best, begin = old, dict[str, np.ndarray]()
-    with _one_at_a_time, compiling():
+    with _one_at_a_time, _compiling(definition):
         hop = Hop(definition.design_at(old.index), definition.objective)
         for source in sources:
             try:
@@ -232,6 +233,13 @@ def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]
     t, solver = _compiled[key]
     t = with_numbers_of(t, hop.problem)
     return t, solver.on(t)
+
+
+def _compiling(definition: Definition) -> AbstractContextManager[None]:
+    """Derivatives are compiled where all points share them: where numbers of the leg and its start alone are varied."""
+    numbers = physical_parameters(definition.design.leg)
+    shared = all(axis.entry in numbers or axis.entry.startswith("start.") for axis in definition.axes)
+    return compiling() if shared else nullcontext()
 
 
 def _silent(text: str) -> None:

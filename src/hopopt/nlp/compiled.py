@@ -21,8 +21,8 @@ import casadi as ca
 FOLDER = "HOPOPT_CACHE"  # environment variable: a folder in place of the user's cache, or "off"
 FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 WORTH_IT = 400  # steps of a function, below which calling it costs as much as computing it
-LONGEST = 60.0  # s that a compiler may take
-_making = False
+_making = False  # by this process; whoever makes libraries solves one problem at a time (sweep_point.py)
+_failed: set[str] = set()  # what this process could not make
 
 
 @contextmanager
@@ -43,7 +43,7 @@ def compiled(function: ca.Function) -> ca.Function:
     try:
         folder = _folder()
         library = folder / f"{_key(function)}.so" if folder else None
-        if library and (library.is_file() or (_making and _made(function, library))):
+        if library and (library.is_file() or (_making and _made(function, library))) and _ours(library):
             return ca.external(function.name(), str(library))
     except (OSError, RuntimeError, subprocess.SubprocessError):  # no reason to lose the answer
         pass
@@ -51,7 +51,7 @@ def compiled(function: ca.Function) -> ca.Function:
 
 
 def _key(function: ca.Function) -> str:
-    """A name for all that a library depends on."""
+    """A name for all that a library depends on, but the compiler."""
     parts = (function.serialize(), ca.__version__, platform.machine(), *FLAGS)
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
@@ -67,20 +67,28 @@ def _folder() -> Path | None:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     elif not folder.is_dir():
         return None
-    state = folder.stat()
-    return folder.resolve() if state.st_uid == os.getuid() and not state.st_mode & 0o022 else None
+    return folder.resolve() if _ours(folder) else None
+
+
+def _ours(path: Path) -> bool:
+    """Whether nobody else may write to it."""
+    state = path.stat()
+    return state.st_uid == os.getuid() and not state.st_mode & 0o022
 
 
 def _made(function: ca.Function, library: Path) -> bool:
-    """Compile beside its place, then rename: whole or not at all."""
+    """Compile beside its place, then rename: whole or not at all; what fails is not tried again."""
     compiler = shutil.which("cc")
-    if compiler is None:
+    if compiler is None or library.name in _failed:
         return False
+    _failed.add(library.name)
     with tempfile.TemporaryDirectory(dir=library.parent) as place:
         generator = ca.CodeGenerator("f.c")
         generator.add(function)
         generator.generate(f"{place}{os.sep}")
-        command = [compiler, *FLAGS, "f.c", "-o", "f.so"]
-        subprocess.run(command, cwd=place, check=True, capture_output=True, timeout=LONGEST)
-        (Path(place) / "f.so").replace(library)
+        made = Path(place) / "f.so"
+        subprocess.run([compiler, *FLAGS, "f.c", "-o", made.name, "-lm"], cwd=place, check=True, capture_output=True)
+        made.chmod(0o700)
+        made.replace(library)
+    _failed.discard(library.name)
     return True

@@ -7,8 +7,9 @@ not answer is cut.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,13 @@ LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and
 AGREED = 1e-4  # relative
 PATIENCE = 60  # iterations from carried multipliers, before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
-MET, USED_UP = "the aims are met", "all meshes are used up"  # how a refinement ends
-TOO_FINE, UNSOLVED = f"the next mesh would have more than {FINEST} intervals", "the next mesh's program was not solved"
+MET, NOT_ASKED, USED_UP = (
+    "its aims are met",
+    "none was asked for",
+    "all its meshes are used up",
+)  # how a refinement ends
+TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
+UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
 Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are drawn in, (2, N, limits)
 
 
@@ -87,7 +93,7 @@ class Refinement:
         held: Chosen | None = None,
     ):
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
-        self.clock, self.ended = time.perf_counter(), USED_UP
+        self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
         self._held = held or nothing_held(solution.transcription)
         self._accept(solution, 0.0, 0.0)
         limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
@@ -101,13 +107,14 @@ class Refinement:
             cuts = self._cuts()
             if not any_cut(cuts) and self._kept:
                 if self.change <= self.aims.change:
-                    self.ended = MET
-                    return
+                    break
                 cuts = {name: equal(np.full(len(places), 2)) for name, places in cuts.items()}
             self._prepare(cuts)
             meshes += any_cut(cuts)
             if not self._solve(cuts):
                 return
+        if not any_cut(self._cuts()) and self._kept and self.change <= self.aims.change:
+            self.ended = MET
 
     @property
     def change(self) -> float:
@@ -192,7 +199,8 @@ class Refinement:
     def _solve(self, cuts: Cuts) -> bool:
         """Solve on the next mesh, which may be the same, with limits held and drawn in."""
         began, old, finer = time.perf_counter(), self.solution, any_cut(cuts)
-        if self._too_fine(sum(int(pieces_of(places).sum()) for places in cuts.values())):
+        if sum(int(pieces_of(places).sum()) for places in cuts.values()) > FINEST:
+            self.ended = TOO_FINE
             return False
         t = old.transcription
         if finer:
@@ -203,40 +211,45 @@ class Refinement:
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
         solver = self._solver(held.transcription, WARM if finer else NEAR)
         built = time.perf_counter()
-        found = self._with_restarts(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
-        if not found.success or self._lost(found):
-            self.ended = UNSOLVED
+        solved = self._attempts(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
+        found = self._believable(solved)
+        if found is None:
+            self.ended = WORSE if solved else UNSOLVED
             return False
         self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
         return True
 
-    def _too_fine(self, intervals: int) -> bool:
-        """Whether the next mesh would be."""
-        self.ended = TOO_FINE if intervals > FINEST else self.ended
-        return intervals > FINEST
-
-    def _with_restarts(
+    def _attempts(
         self,
         warm: NlpSolver,
         guess: Any,
         free: Mapping[str, Any],
         multipliers: Multipliers,
         bounds: Bounds | None = None,
-    ) -> NlpSolution:
-        """Solved from the last mesh's point and multipliers and, if that fails or ends lower, from the point alone."""
-        found = warm(guess, free, multipliers, bounds)
-        for strategy in RESTARTS if self.aims.restarts or found.success else ():
-            if not found.success or self._lost(found):
-                options, before = {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy}, found
-                found = NlpSolver(warm.transcription, options)(guess, free, None, bounds)
-                both = before.success and found.success
-                self._too_coarse = both and relative(before.objective, found.objective) <= AGREED
-        return found
+    ) -> list[NlpSolution]:
+        """What was solved from the last mesh's point and multipliers and then, until a solution is no worse than that
+        mesh's, from the point alone."""
+        tried = [warm(guess, free, multipliers, bounds)]
+        for strategy in RESTARTS if self.aims.restarts or tried[0].success else ():
+            if tried[-1].success and not self._worse(tried[-1]):
+                break
+            options = {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy}
+            tried.append(NlpSolver(warm.transcription, options)(guess, free, None, bounds))
+        return [s for s in tried if s.success]
 
-    def _lost(self, solution: NlpSolution) -> bool:
-        """Whether it is another, worse optimum than the last mesh's, and that mesh was not just too coarse."""
-        if self._too_coarse:
-            return False
+    def _believable(self, solved: Sequence[NlpSolution]) -> NlpSolution | None:
+        """The last, if it is no worse than the last mesh's solution; else what two agree on, if that mesh was inaccurate
+        and may have claimed too much."""
+        if not solved or not self._worse(solved[-1]):
+            return solved[-1] if solved else None
+        aims = self.aims
+        if all(e.local.max() <= aims.local_error and e.excess.max() <= aims.excess for e in self.errors.values()):
+            return None
+        pairs = combinations(solved, 2)
+        return next((b for a, b in pairs if relative(a.objective, b.objective) <= AGREED), None)
+
+    def _worse(self, solution: NlpSolution) -> bool:
+        """Whether it may be another, worse optimum than the last mesh's."""
         sign = -1.0 if solution.transcription.problem.objective.maximize else 1.0
         return sign * (solution.objective - self.solution.objective) > LOST * abs(self.solution.objective)
 
@@ -245,7 +258,6 @@ class Refinement:
 
     def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}
-        self._too_coarse = False
         sizes = {name: m.intervals for name, m in s.transcription.mesh.items()}
         local, excess = (max(float(getattr(e, w).max()) for e in self.errors.values()) for w in ("local", "excess"))
         now = time.perf_counter()

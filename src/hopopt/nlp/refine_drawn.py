@@ -17,7 +17,7 @@ from hopopt.nlp.ipopt import NEAR, WARM, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.prices import PRICE, excess_prices
 from hopopt.nlp.prices import price as price_of
-from hopopt.nlp.refine import MET, UNSOLVED, Aims, Refinement, Report, moves_to, relative
+from hopopt.nlp.refine import FINEST, MET, TOO_FINE, UNSOLVED, Aims, Refinement, Report, moves_to, relative
 from hopopt.nlp.transcribe import Transcription
 
 MOST = 4  # pieces into which an interval is cut at once
@@ -91,18 +91,19 @@ class DrawnRefinement(Refinement):
 
     def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
         """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
-        if self._too_fine(sum(m.intervals for m in mesh.values())):
+        if sum(m.intervals for m in mesh.values()) > FINEST:
+            self.ended = TOO_FINE
             return False
         began, old = time.perf_counter(), self.solution
         t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
         guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
         solver = self._solver(t, WARM)
         built = time.perf_counter()
-        solution = self._with_restarts(solver, guess, free, carried(old, t))
-        if not solution.success:
+        solved = self._attempts(solver, guess, free, carried(old, t))
+        if not solved:
             self.ended = UNSOLVED
             return False
-        self._accept(solution, built - began, time.perf_counter() - built)
+        self._accept(solved[-1], built - began, time.perf_counter() - built)
         return True
 
 
