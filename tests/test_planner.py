@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from hopopt import planner
 from hopopt.answer_notes import notes_on
 from hopopt.multistart import run_starts
 from hopopt.nlp import refine
@@ -39,6 +40,43 @@ def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
     assert s.summary["refinement_ended"] == refine.MET
     assert s.design.solver.tie_break == (CALMER * tie_break if tie_break == 1e-6 else tie_break)
     assert s.clearance == pytest.approx(one_push.clearance, rel=1e-4)
+
+
+def claim(name: str, height: float, verified: bool) -> Solution:
+    """An answer as far as choosing among answers looks at it."""
+    return Solution(load("paper"), "clearance", {}, {"name": name, "objective_value": height, "verified": verified})
+
+
+@pytest.mark.parametrize(
+    ("finished", "again", "best", "better"),
+    [
+        ([("A", 0.500, True), ("B", 0.505, False)], {"B": (0.300, True)}, "A", None),
+        ([("A", 0.500, True), ("B", 0.505, False)], {"B": (0.503, True)}, "B", None),
+        ([("A", 0.500, True), ("B", 0.505, False)], {"B": (0.504, False)}, "A", "B"),
+        ([("A", 0.500, True), ("B", 0.490, False)], {}, "A", None),
+        ([("A", 0.505, False), ("B", 0.500, False)], {"A": (0.505, False), "B": (0.4995, True)}, "B", "A"),
+        ([("A", 0.505, False), ("B", 0.500, False)], {"A": (0.504, True)}, "A", None),
+        ([("A", 0.505, False), ("B", 0.500, False)], {"A": (0.499, False), "B": (0.498, False)}, "A", None),
+    ],
+)
+def test_the_highest_verified_hop_is_chosen(
+    finished: list[tuple[str, float, bool]],
+    again: dict[str, tuple[float, bool]],
+    best: str,
+    better: str | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Only hops that claim more than the best verified one are solved again, and what comes of them is compared."""
+    hop = Hop(load("paper"), "clearance")
+
+    def once_more(hop: Hop, doubtful: Solution, *_: object) -> tuple[Hop, Solution]:
+        name = doubtful.summary["name"]
+        return hop, claim(name, *again[name])
+
+    monkeypatch.setattr(planner, "_once_more", once_more)
+    _, chosen, other = planner._settled(hop, [claim(*each) for each in finished], [], silent, Stopwatch())
+    assert chosen.summary["name"] == best
+    assert (other and other.summary["name"]) == better
 
 
 def silent(text: str) -> None:

@@ -172,6 +172,22 @@ def test_placeholders_of_a_urdf_are_named_where_they_stand(
         assert "in the problem file to replace it" in str(raised.value)
 
 
+def test_what_a_file_says_of_a_motor_leaves_the_rest_to_the_urdf(tmp_path: Path) -> None:
+    """One joint's torque in the problem file: its speed stays its own in the URDF, not another joint's."""
+    (tmp_path / "leg.urdf").write_text(SIMPLE.replace('effort="60"', 'effort="1e8"'))
+    text = (
+        'name = "m"\n[leg]\nurdf = "leg.urdf"\njoints = ["hip", "knee", "ankle"]\nfoot_frame = "toe"\n'
+        "[start]\njoint_angles = [1.0, -2.0, 1.2]\n"
+    )
+    (tmp_path / "m.toml").write_text(text)
+    with pytest.raises(ProblemFileError, match=r"leg\.urdf: leg\.ankle\.motor\.max_torque .* write leg\.ankle\.motor"):
+        load(tmp_path / "m.toml")
+    (tmp_path / "m.toml").write_text(text.replace("[start]", "[leg.ankle.motor]\nmax_torque = 50\n[start]"))
+    leg = load(tmp_path / "m.toml").leg
+    assert [leg.drive(j, "motor", "max_torque")[1] for j in leg.joints] == [100.0, 150.0, 50.0]
+    assert [leg.drive(j, "motor", "max_speed")[1] for j in leg.joints] == [13.0, 13.0, 16.0]
+
+
 def test_what_is_locked_stays_at_its_angle() -> None:
     """The thigh of A1 with its hip turned sideways: the leg leaves the plane by that angle."""
     raw = urdf_of("a1_leg").read_bytes()
