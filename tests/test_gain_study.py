@@ -21,6 +21,7 @@ def tuned() -> Tuned:
     return tune(DESIGN, "position", evaluations=24, seed=3, processes=1)
 
 
+@pytest.mark.slow
 def test_the_best_is_not_worse_than_the_printed_gains(tuned: Tuned) -> None:
     assert tuned.best.merit >= tuned.printed.merit
     assert tuned.evaluations == 24
@@ -28,11 +29,13 @@ def test_the_best_is_not_worse_than_the_printed_gains(tuned: Tuned) -> None:
         assert lower * (1 - 1e-9) <= tuned.best.options[name] <= upper * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_the_printed_gains_are_the_papers(tuned: Tuned) -> None:
     assert tuned.printed.options == pytest.approx({"k_p": 5424.0, "k_d": 9.0, "k_s": 1700.0, "retraction": "reference"})
     assert tuned.printed.clearance == pytest.approx(simulate(DESIGN, BUILT_IN["position"]).figures.clearance, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_best_is_what_the_simulator_says(tuned: Tuned) -> None:
     """As a user would hop it; and with motors weaker than believed, it hops lower or higher as stated."""
     hop = simulate(DESIGN, BUILT_IN["position"], options=tuned.best.options)

@@ -63,6 +63,7 @@ def test_stiffness_is_force_over_shortening(hops):
     assert np.nanmin(k) < mean_stiffness(hops[0], 0.28, 0.40) < np.nanmax(k)
 
 
+@pytest.mark.slow
 def test_a_leg_too_weak_to_hop_is_said_to_be(capsys):
     assert run(["reproduce", "--set", "leg.motor.max_torque=0.3"]) == 2
     assert "never lifts the foot" in capsys.readouterr().err

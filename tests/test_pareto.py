@@ -29,6 +29,7 @@ def front(folder: Path) -> Front:
     return ho.front(ho.load("paper"), "peak_force", points=POINTS, starts=1, processes=1, results=folder)
 
 
+@pytest.mark.slow
 def test_every_point_is_verified_and_reaches_its_clearance(front: Front) -> None:
     assert front.exit_code == 0
     assert front.complete
@@ -38,12 +39,14 @@ def test_every_point_is_verified_and_reaches_its_clearance(front: Front) -> None
         assert point.clearance_m >= point.asked_m - 1e-7
 
 
+@pytest.mark.slow
 def test_front_is_monotone(front: Front) -> None:
     clearance, force = np.array([(p.clearance_m, p.value) for p in front.verified], dtype=float).T
     assert np.all(np.diff(clearance) > 0)
     assert np.all(np.diff(force) > 0)
 
 
+@pytest.mark.slow
 def test_ends_are_the_single_objective_optima(front: Front) -> None:
     least, *_, highest = front.verified
     alone = ho.solve(ho.load("paper", {"hop.clearance": 0.0}), "peak_force", starts=1, processes=1)
@@ -51,12 +54,14 @@ def test_ends_are_the_single_objective_optima(front: Front) -> None:
     assert highest.clearance_m == pytest.approx(ho.solve(ho.load("paper"), starts=1, processes=1).clearance, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_points_are_what_solving_them_alone_gives(front: Front) -> None:
     point = front.verified[1]
     alone = ho.solve(ho.load("paper", {"hop.clearance": point.asked_m}), "peak_force", starts=2, processes=1)
     assert point.value == pytest.approx(alone.summary["peak_force_N"], rel=2e-4)
 
 
+@pytest.mark.slow
 def test_least_peak_is_at_least_the_weight(front: Front) -> None:
     """To leave the ground the leg's centre of mass must not have fallen: the mean force is the weight at least."""
     s = front.solutions[0]
@@ -64,6 +69,7 @@ def test_least_peak_is_at_least_the_weight(front: Front) -> None:
     assert all((p.value or 0) >= weight(Machine(s.robot).model) * (1 - 1e-6) for p in front.verified)
 
 
+@pytest.mark.slow
 def test_folder_holds_table_points_and_json(front: Front) -> None:
     assert front.folder is not None
     with (front.folder / "table.csv").open() as file:
@@ -75,6 +81,7 @@ def test_folder_holds_table_points_and_json(front: Front) -> None:
         assert ho.read(row["result_dir"]).verified
 
 
+@pytest.mark.slow
 def test_figure_shows_every_point(front: Front) -> None:
     from hopopt.plots_pareto import figure
 

@@ -228,6 +228,7 @@ def test_a_body_in_grams() -> None:
     assert second.startswith("hint: leg.body.mass = 560 kg on a leg that reaches 0.741 m: is it in kg")
 
 
+@pytest.mark.slow
 def test_a_stance_too_short_for_the_clearance_asked_for() -> None:
     """The loosest way out is the clearance that the same stance reaches at most, which is solved for on its own."""
     short = ["hop.stance_duration=[0.01, 0.02]", "solver.refine=false"]

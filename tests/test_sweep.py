@@ -132,6 +132,7 @@ def begun(cwd: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
         raise AssertionError("the sweep finished no point")
 
 
+@pytest.mark.slow
 def test_killed_at_any_instant_it_goes_on(tmp_path: Path) -> None:
     with begun(tmp_path) as (running, folder):
         running.send_signal(signal.SIGKILL)
