@@ -32,9 +32,10 @@ def _from_known(push: float) -> dict[str, Any]:
     return {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-8} | pushes
 
 
-# Where the point and the multipliers are nearly known, as from another mesh. A barrier that falls back to decreasing
-# monotonically needs more iterations here, and on some legs never ends (docs/performance.md).
-WARM = _from_known(1e-4) | {"ipopt.adaptive_mu_globalization": "never-monotone-mode"}
+WARM = _from_known(1e-6)  # where the point and the multipliers are nearly known
+# Where they come from a coarser mesh. A barrier that falls back to decreasing monotonically needs more iterations there,
+# and on some legs never ends (docs/performance.md).
+FINER = _from_known(1e-4) | {"ipopt.adaptive_mu_globalization": "never-monotone-mode"}
 NEAR = _from_known(1e-11)  # where they are those of the same program within other limits
 
 
@@ -89,7 +90,7 @@ class NlpSolver:
     ) -> NlpSolution:
         """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters.
 
-        With the options WARM, ``multipliers`` (lam_g, lam_x) are where those begin; ``bounds``: others than the
+        With the options WARM or FINER, ``multipliers`` (lam_g, lam_x) are where those begin; ``bounds``: others than the
         program's own.
         """
         t = self.transcription
