@@ -68,7 +68,7 @@ def codesign(
     say("solving the design that came out")
     again = [*run_starts(fixed, count, side_by_side, say), _from(fixed, best)]
     clock.mark("starts")
-    answer, _ = best_of(fixed.objective, [finish(fixed, o, again, say, clock) for o in contenders(again)])
+    answer = best_of(fixed.objective, [finish(fixed, o, again, say, clock) for o in contenders(again)])
     return _described(answer, hop, best)
 
 

@@ -110,11 +110,9 @@ def solve_from(design: Design, objective: str, index: int, say: Progress = lambd
     return finish(hop, outcomes[0], outcomes, say, clock)
 
 
-def best_of(goal: HopObjective, finished: Sequence[Solution]) -> tuple[Solution, Solution | None]:
-    """The best of the verified solutions, or of all if none is; and a better one that was not verified, if any."""
-    best = max(finished, key=lambda s: (s.verified, goal.merit(s.summary["objective_value"])))
-    first = max(finished, key=lambda s: goal.merit(s.summary["objective_value"]))
-    return best, None if first is best else first
+def best_of(goal: HopObjective, finished: Sequence[Solution]) -> Solution:
+    """The best of the verified solutions, or of all if none is."""
+    return max(finished, key=lambda s: (s.verified, goal.merit(s.summary["objective_value"])))
 
 
 def _settled(
@@ -126,8 +124,7 @@ def _settled(
     def merit(s: Solution) -> float:
         return hop.objective.merit(s.summary["objective_value"])
 
-    best, _ = best_of(hop.objective, finished)
-    chosen, better = hop, None
+    chosen, best, better = hop, best_of(hop.objective, finished), None
     for doubtful in sorted((s for s in finished if not s.verified), key=merit, reverse=True):
         if best.verified and merit(doubtful) <= merit(best):
             break

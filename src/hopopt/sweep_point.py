@@ -7,7 +7,7 @@ checks are those of a single solve.
 
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, ProblemFileError, one_line
-from hopopt.leg.design import physical_parameters
+from hopopt.leg.design import Leg, physical_parameters
 from hopopt.multistart import (
     StartOutcome,
     contenders,
@@ -218,8 +218,7 @@ def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]
 
     It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
     """
-    numbers = physical_parameters(hop.leg)
-    form = {entry: x for entry, x in values.items() if entry not in numbers and not entry.startswith("start.")}
+    form = {entry: values[entry] for entry in _formative(hop.leg, values)}
     key = repr((definition.as_dict(), form))
     if key not in _compiled:
         _compiled.clear()
@@ -237,9 +236,14 @@ def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]
 
 def _compiling(definition: Definition) -> AbstractContextManager[None]:
     """Derivatives are compiled where all points share them: where numbers of the leg and its start alone are varied."""
-    numbers = physical_parameters(definition.design.leg)
-    shared = all(axis.entry in numbers or axis.entry.startswith("start.") for axis in definition.axes)
-    return compiling() if shared else nullcontext()
+    varied = (axis.entry for axis in definition.axes)
+    return nullcontext() if _formative(definition.design.leg, varied) else compiling()
+
+
+def _formative(leg: Leg, entries: Iterable[str]) -> list[str]:
+    """Those of the entries that are not just numbers of a program, but change its form or its bounds."""
+    numbers = physical_parameters(leg)
+    return [entry for entry in entries if entry not in numbers and not entry.startswith("start.")]
 
 
 def _silent(text: str) -> None:

@@ -38,11 +38,8 @@ LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and
 AGREED = 1e-4  # relative
 PATIENCE = 60  # iterations from carried multipliers, before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
-MET, NOT_ASKED, USED_UP = (
-    "its aims are met",
-    "none was asked for",
-    "all its meshes are used up",
-)  # how a refinement ends
+# How a refinement ends:
+MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its meshes are used up"
 TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
 UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
 Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are drawn in, (2, N, limits)
@@ -102,19 +99,20 @@ class Refinement:
 
     def run(self) -> None:
         """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
-        meshes = 0
-        while meshes < self.aims.meshes and len(self.history) <= 2 * self.aims.meshes:
+        meshes, solved = 0, True
+        while solved:
             cuts = self._cuts()
-            if not any_cut(cuts) and self._kept:
-                if self.change <= self.aims.change:
-                    break
+            accurate = not any_cut(cuts) and self._kept
+            if accurate and self.change <= self.aims.change:
+                self.ended = MET
+                return
+            if meshes == self.aims.meshes or len(self.history) > 2 * self.aims.meshes:
+                return
+            if accurate:
                 cuts = {name: equal(np.full(len(places), 2)) for name, places in cuts.items()}
             self._prepare(cuts)
             meshes += any_cut(cuts)
-            if not self._solve(cuts):
-                return
-        if not any_cut(self._cuts()) and self._kept and self.change <= self.aims.change:
-            self.ended = MET
+            solved = self._solve(cuts)
 
     @property
     def change(self) -> float:
@@ -240,8 +238,8 @@ class Refinement:
     def _believable(self, solved: Sequence[NlpSolution]) -> NlpSolution | None:
         """The last, if it is no worse than the last mesh's solution; else what two agree on, if that mesh was inaccurate
         and may have claimed too much."""
-        if not solved or not self._worse(solved[-1]):
-            return solved[-1] if solved else None
+        if solved and not self._worse(solved[-1]):
+            return solved[-1]
         aims = self.aims
         if all(e.local.max() <= aims.local_error and e.excess.max() <= aims.excess for e in self.errors.values()):
             return None
