@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from hopopt.cli import run
-from hopopt.errors import UsageError
+from hopopt.errors import NotSolvedError, UsageError
+from hopopt.in_reach import check_in_reach
 from hopopt.leg.robot import BASE
 from hopopt.measures import MEASURES
+from hopopt.ocp.hop import Hop
 from hopopt.planner import solve
 from hopopt.problem_file import load
 from hopopt.sim.machine import Machine
@@ -145,6 +147,23 @@ def test_what_is_missing_is_said_in_one_sentence(objective: str, overrides: dict
     with pytest.raises(UsageError, match=words) as caught:
         solve(load("paper", overrides), objective)
     assert "\n" not in str(caught.value)
+
+
+def test_a_clearance_out_of_reach_is_refused_and_one_in_reach_is_not() -> None:
+    """The limit is the highest hop on the same mesh; the loosest way out leads back to it."""
+    coarse = load("paper", ["solver.refine=false"])
+    highest = solve(coarse, starts=1, processes=1).summary["objective_value"]
+    in_reach, beyond = (Hop(load("paper", {"hop.clearance": highest + more}), "peak_force") for more in (-1e-4, 1e-4))
+    check_in_reach(in_reach, 1, print)
+    with pytest.raises(NotSolvedError, match=r"try a larger solver\.stance_intervals"):
+        check_in_reach(beyond, 1, print)
+    with pytest.raises(NotSolvedError) as caught:
+        solve(load("paper", {"hop.clearance": 0.85}), "peak_force", starts=1, processes=1)
+    message, conflict, *_ = str(caught.value).splitlines()
+    assert "0.85 m" in message
+    assert f"has {highest:.3f} m." in message
+    assert "the clearance asked for (hop.clearance = 0.85)" in conflict
+    assert "the knee's drive in stance (leg.motor.max_torque = 2" in conflict
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from hopopt.answer_notes import flat_directions, notes_on
 from hopopt.certificate_result import attached
 from hopopt.custom_check import custom_checks, stated_value
 from hopopt.errors import NotSolvedError
+from hopopt.in_reach import check_in_reach
 from hopopt.leg.design import Design
 from hopopt.limit_words import flat_words
 from hopopt.multistart import (
@@ -78,6 +79,7 @@ def solve(
         raise NotSolvedError(f"{design.name}: the leg cannot stand at its start.", [*faults, *hints(design)])
     clock.mark("model")
     count = starts or design.solver.starts
+    check_in_reach(hop, count, say)
     outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say)
     clock.mark("starts")
     finished = [finish(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)]

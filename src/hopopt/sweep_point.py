@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, ProblemFileError, one_line
+from hopopt.in_reach import check_in_reach
 from hopopt.leg.design import Leg, physical_parameters
 from hopopt.multistart import (
     StartOutcome,
@@ -176,6 +177,7 @@ def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
 
 
 def _from_starts(hop: Hop, count: int) -> tuple[Answer, Begin]:
+    check_in_reach(hop, count, _silent)
     t = first_transcription(hop)
     outcomes = run_starts(hop, count, 1, _silent)
     finished = [(_refined(hop, o, t), _begin(o, t)) for o in contenders(outcomes)]
