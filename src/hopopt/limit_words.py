@@ -103,7 +103,7 @@ def conflict_words(design: Design, found: Conflict | None) -> list[str]:
 def _way_out(part: Part) -> str:
     limit = part.limit
     if " operating region[" in limit.name:
-        return f" {'higher' if any(f'[{cap}]' in limit.name for cap in CAPS) else 'stronger'} by {part.gives / abs(limit.bound):.0%}{_when(part.when)}"
+        return f" {'higher' if any(f'[{cap}]' in limit.name for cap in CAPS) else 'stronger'} by {100 * part.gives / abs(limit.bound):.2g}%{_when(part.when)}"
     return f", loosened by {part.gives:.3g} {limit.unit}".rstrip() + _when(part.when)
 
 

@@ -42,7 +42,7 @@ def _bar(ax: Axes, row: int, i: Influence) -> None:
     ax.barh(row, i.cm_per_percent, 0.5 if i.part_of else 0.74, label=kind, color=COLORS[kind])
     side = 1 if i.cm_per_percent > 0 else -1
     ax.annotate(
-        f"{i.cm_per_percent:+.2g}", (i.cm_per_percent, row), xytext=(9 * side, 0), textcoords="offset points",
+        f"{i.cm_per_percent:+#.2g}".rstrip("."), (i.cm_per_percent, row), xytext=(9 * side, 0), textcoords="offset points",
         ha="left" if side > 0 else "right", va="center", fontsize=SMALL,
     )  # fmt: skip
     if i.difference is not None and not i.difference.fault:
