@@ -9,7 +9,7 @@ import pytest
 
 from hopopt.cli import run
 from hopopt.errors import NotSolvedError, UsageError
-from hopopt.in_reach import check_in_reach
+from hopopt.highest import from_highest
 from hopopt.leg.robot import BASE
 from hopopt.measures import MEASURES
 from hopopt.ocp.hop import Hop
@@ -154,9 +154,10 @@ def test_a_clearance_out_of_reach_is_refused_and_one_in_reach_is_not() -> None:
     coarse = load("paper", ["solver.refine=false"])
     highest = solve(coarse, starts=1, processes=1).summary["objective_value"]
     in_reach, beyond = (Hop(load("paper", {"hop.clearance": highest + more}), "peak_force") for more in (-1e-4, 1e-4))
-    check_in_reach(in_reach, 1, print)
+    (outcome,) = from_highest(in_reach, 1, print)
+    assert outcome.success
     with pytest.raises(NotSolvedError, match=r"try a larger solver\.stance_intervals"):
-        check_in_reach(beyond, 1, print)
+        from_highest(beyond, 1, print)
     with pytest.raises(NotSolvedError) as caught:
         solve(load("paper", {"hop.clearance": 0.85}), "peak_force", starts=1, processes=1)
     message, conflict, *_ = str(caught.value).splitlines()

@@ -15,7 +15,7 @@ import numpy as np
 
 from hopopt.codesign_catalogue import asks_catalogue, beyond, catalogue_coupling, laws
 from hopopt.errors import ProblemFileError, UsageError
-from hopopt.in_reach import check_in_reach
+from hopopt.highest import from_highest
 from hopopt.leg.design import Design, physical_parameters
 from hopopt.multistart import Progress, contenders, first_transcription, not_solved, outcome_of, run_starts
 from hopopt.nlp.envelope import slopes
@@ -59,8 +59,8 @@ def codesign(
     freedom = checked(design, free, couple)
     own = tuple(custom(c) for c in constraints)
     hop = Hop(design, given(objective), freedom, own)
-    check_in_reach(hop, count, say)
-    outcomes = run_starts(hop, count, side_by_side, lambda text: say(f"co-design: {text}"))
+    economical = from_highest(hop, count, say)
+    outcomes = run_starts(hop, count, side_by_side, lambda text: say(f"co-design: {text}")) + economical
     refined = [refine_outcome(hop, o, lambda text: say(f"co-design: {text}")).solution for o in contenders(outcomes)]
     if not refined:
         raise not_solved(hop, outcomes)

@@ -25,6 +25,8 @@ from hopopt.problem_hints import hints
 
 Progress = Callable[[str], None]
 SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
+PATIENCE = 200  # iterations of a start where another is known to lead to a hop
+STEEPEST = 1e5  # what is added to the Hessian then at most: Ipopt can spend minutes in far larger ones
 CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
 
 
@@ -67,7 +69,15 @@ def first_transcription(hop: Hop) -> Transcription:
 
 def first_solver(hop: Hop) -> NlpSolver:
     """That program, ready to be solved from any start."""
-    return NlpSolver(first_transcription(hop), {"ipopt.max_iter": hop.design.solver.max_iterations})
+    return NlpSolver(first_transcription(hop), _options(hop))
+
+
+def _options(hop: Hop) -> dict[str, Any]:
+    """Where a clearance is asked for, which the highest hop reaches (highest.py), no start is followed for long."""
+    most = hop.design.solver.max_iterations
+    if hop.objective.ends != "demand":
+        return {"ipopt.max_iter": most}
+    return {"ipopt.max_iter": min(most, PATIENCE), "ipopt.max_hessian_perturbation": STEEPEST}
 
 
 def run_starts(hop: Hop, count: int, processes: int, say: Progress) -> list[StartOutcome]:
@@ -106,8 +116,7 @@ def _run_start(hop: Hop, solver: NlpSolver, start: Start) -> StartOutcome:
     guess = make_guess(hop, start)
     s = solver(guess)
     if not s.success and not violations(s):  # a hop, but no optimum: the adaptive barrier can lose its way to one
-        options = {"ipopt.max_iter": hop.design.solver.max_iterations, "ipopt.mu_strategy": "monotone"}
-        s = NlpSolver(s.transcription, options)(guess)
+        s = NlpSolver(s.transcription, _options(hop) | {"ipopt.mu_strategy": "monotone"})(guess)
     return outcome_of(start.name, s, time.perf_counter() - began)
 
 

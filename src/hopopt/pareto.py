@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, UsageError
+from hopopt.highest import begun_from, highest_hop
 from hopopt.leg.design import Design
 from hopopt.measures import MEASURES
 from hopopt.multistart import Progress, StartOutcome, first_transcription, outcome_of, run_starts
@@ -171,7 +172,11 @@ class Chain:
         self.program = first_transcription(hop)
         self.warm = NlpSolver(self.program, WARM | {"ipopt.max_iter": PATIENCE})
         self.cold = NlpSolver(self.program, {"ipopt.max_iter": design.solver.max_iterations})
-        self.outcomes.append(run_starts(hop, starts, processes, say))
+        self.outcomes.append(self._from_starts(hop))
+
+    def _from_starts(self, hop: Hop) -> list[StartOutcome]:
+        found, highest = run_starts(hop, self.starts, self.processes, self.say), highest_hop(hop, self.starts)
+        return found + ([begun_from(hop, highest)] if highest else [])
 
     def hop(self, k: int) -> Hop:
         """The problem of point k."""
@@ -187,7 +192,7 @@ class Chain:
         self.clearances = [self.clearances[0], *(low + (high - low) * share)]
         last = len(self.clearances) - 1
         self.outcomes += [[] for _ in range(last)]
-        self.outcomes[last] += run_starts(self.hop(last), self.starts, self.processes, self.say)
+        self.outcomes[last] += self._from_starts(self.hop(last))
         for order in (range(1, last + 1), range(last - 1, -1, -1)):
             for k in order:
                 self._step(k, k - 1 if order.step > 0 else k + 1)

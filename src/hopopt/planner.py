@@ -1,6 +1,7 @@
 """From a problem to a verified answer: several starts, refinement, verification."""
 
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
@@ -12,7 +13,7 @@ from hopopt.answer_notes import flat_directions, notes_on
 from hopopt.certificate_result import attached
 from hopopt.custom_check import custom_checks, stated_value
 from hopopt.errors import NotSolvedError
-from hopopt.in_reach import check_in_reach
+from hopopt.highest import HIGHEST, from_highest
 from hopopt.leg.design import Design
 from hopopt.limit_words import flat_words
 from hopopt.multistart import (
@@ -20,8 +21,10 @@ from hopopt.multistart import (
     Progress,
     StartOutcome,
     contenders,
+    first_solver,
     first_transcription,
     not_solved,
+    outcome_of,
     run_chunk,
     run_starts,
     solution_of,
@@ -79,8 +82,8 @@ def solve(
         raise NotSolvedError(f"{design.name}: the leg cannot stand at its start.", [*faults, *hints(design)])
     clock.mark("model")
     count = starts or design.solver.starts
-    check_in_reach(hop, count, say)
-    outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say)
+    economical = from_highest(hop, count, say)
+    outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say) + economical
     clock.mark("starts")
     finished = [finish(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)]
     if not finished:
@@ -162,12 +165,21 @@ def _calmer(
     data = hop.design.model_dump(exclude_none=True)
     data["solver"]["tie_break"] = CALMER * s.tie_break
     other = Hop(Design.model_validate(data), hop.asked, hop.freedom, hop.constraints)
-    (outcome,) = run_chunk(other, [_chosen(doubtful, outcomes)])
+    outcome = _same_start(other, _chosen(doubtful, outcomes), outcomes)
     if not outcome.success:
         return None
     again = finish(other, outcome, outcomes, say, clock)
     as_good = relative(again.summary["objective_value"], doubtful.summary["objective_value"]) < CLOSE
     return (other, again) if again.verified and as_good else None
+
+
+def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutcome:
+    """What the start of outcome k leads to in a problem of the same form; from the outcome itself if it was the highest
+    hop's."""
+    if outcomes[k].name != HIGHEST:
+        return run_chunk(hop, [k])[0]
+    began, s = time.perf_counter(), first_solver(hop).from_vector(outcomes[k].vectors["z"])
+    return outcome_of(HIGHEST, s, time.perf_counter() - began)
 
 
 def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:

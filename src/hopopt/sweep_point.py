@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, ProblemFileError, one_line
-from hopopt.in_reach import check_in_reach
+from hopopt.highest import from_highest
 from hopopt.leg.design import Leg, physical_parameters
 from hopopt.multistart import (
     StartOutcome,
@@ -177,9 +177,8 @@ def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
 
 
 def _from_starts(hop: Hop, count: int) -> tuple[Answer, Begin]:
-    check_in_reach(hop, count, _silent)
-    t = first_transcription(hop)
-    outcomes = run_starts(hop, count, 1, _silent)
+    t, economical = first_transcription(hop), from_highest(hop, count, _silent)
+    outcomes = run_starts(hop, count, 1, _silent) + economical
     finished = [(_refined(hop, o, t), _begin(o, t)) for o in contenders(outcomes)]
     if not finished:
         raise not_solved(hop, outcomes)

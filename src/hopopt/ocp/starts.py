@@ -5,7 +5,9 @@ The first is the paper's idea: a push straight up, the knee saturated and the bo
 that this does not lift (or that has other than two joints) goes straight up as slowly as it may instead.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -29,6 +31,7 @@ from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 
 POINTS = 41  # of a guess, each phase
+FINE = 201  # of a guess that is a motion already
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,22 @@ def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
     """The start as guesses of the phases, by phase name."""
     simple = start == NAMED[0] and two_joints(hop.leg) and not hop.loops
     stance = (saturated_push(hop) if simple else None) or _stance_guess(hop, start)
+    return _all_phases(hop, _without_dependent(hop, stance), _flight_guess(hop, stance))
+
+
+def motion_guess(hop: Hop, phases: Mapping[str, Any]) -> dict[str, Guess]:
+    """A hop towards another objective (anything with duration [s] and sample, by phase name) as guesses of the phases."""
+    s = np.linspace(0, 1, FINE)
+    stance, flight = (
+        Guess(found.duration, s, *found.sample(s * found.duration)) for found in (phases[STANCE], phases[FLIGHT])
+    )
+    return _all_phases(hop, stance, flight)
+
+
+def _all_phases(hop: Hop, stance: Guess, flight: Guess) -> dict[str, Guess]:
+    """The guesses of the phases that the objective has, with its controls."""
     more = sum(c.size for c in hop.objective.controls(hop))
-    flight = _flight_guess(hop, stance)
-    found = {STANCE: _without_dependent(hop, stance), FLIGHT: flight, DESCENT: landing_guess(hop, flight)}
+    found = {STANCE: stance, FLIGHT: flight, DESCENT: landing_guess(hop, flight)}
     return {phase.name: _widened(found[phase.name], more) for phase in hop.problem.phases}
 
 

@@ -1,0 +1,87 @@
+"""The highest hop, from which the most economical hop of a given clearance is looked for; or there is none that high.
+
+Close to the highest clearance, and beyond it, other starts drive the solver away from every hop, for minutes each; the
+highest hop on the same mesh takes a second, and what stands in a clearance's way is told best from there.
+"""
+
+import time
+
+import casadi as ca
+
+from hopopt.errors import NotSolvedError
+from hopopt.limit_words import conflict_words
+from hopopt.multistart import (
+    Progress,
+    StartOutcome,
+    first_solver,
+    first_transcription,
+    outcome_of,
+    run_chunk,
+    solution_of,
+)
+from hopopt.nlp.conflict import conflict
+from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.ocp.goal import DEMAND, HopObjective, demand, lowest_point
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.starts import motion_guess
+from hopopt.problem_hints import hints
+
+HIGHEST = "the highest hop"  # its name as a start
+ANY = HopObjective(
+    "any hop", "a hop as high as asked", "", lambda hop, e: ca.SX(0), "", "demand", maximize=False,
+    parameters=lambda hop: (demand(hop),), boundary=lambda hop: lowest_point(hop, DEMAND),
+)  # fmt: skip
+NEARLY = 0.01  # relative: what a finer mesh may add to the highest hop
+FINER = " A finer one may reach a little more: try a larger solver.stance_intervals."
+
+
+def from_highest(hop: Hop, starts: int, say: Progress) -> list[StartOutcome]:
+    """If the objective asks for a clearance, what the highest hop as one more start leads to on the first mesh.
+
+    NotSolvedError, with the limits that cannot hold together, if the highest from so many starts does not reach it.
+    """
+    asked = hop.design.hop.clearance
+    if hop.objective.ends != "demand" or asked is None:
+        return []
+    say(f"looking whether a clearance of {asked:g} m is in reach")
+    highest = highest_hop(hop, starts)
+    if highest is None:
+        return []
+    if highest.objective < asked:
+        raise NotSolvedError(
+            f"{hop.design.name}: no hop reaches the clearance of {asked:g} m that hop.clearance asks for: the highest that "
+            f"was found, on the first mesh from {starts} start{'s' if starts > 1 else ''}, has {highest.objective:.3f} m."
+            + (FINER if asked < (1 + NEARLY) * highest.objective else ""),
+            [*hints(hop.design), *_in_the_way(hop, highest)],
+        )
+    return [begun_from(hop, highest)]
+
+
+def highest_hop(hop: Hop, starts: int) -> NlpSolution | None:
+    """On the first mesh: the first hop that reaches the clearance asked for or, if none does, the highest."""
+    high = Hop(hop.design, "clearance", hop.freedom, hop.constraints)
+    solver, highest = first_solver(high), None
+    for k in range(starts):
+        (found,) = run_chunk(high, [k], solver)
+        if found.success and (highest is None or found.objective > highest.objective):
+            highest = found
+        if highest is not None and highest.objective >= (hop.design.hop.clearance or 0.0):
+            break
+    return highest and solution_of(highest, first_transcription(high))
+
+
+def begun_from(hop: Hop, highest: NlpSolution) -> StartOutcome:
+    """The objective's own program solved from the highest hop's motion."""
+    began, t = time.perf_counter(), first_transcription(hop)
+    free = {q.name: highest.parameters[q.name] for q in t.free if q.name in highest.parameters}
+    solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
+    s = solver(motion_guess(hop, highest.phases), {q.name: q.value for q in t.free} | free)
+    return outcome_of(HIGHEST, s, time.perf_counter() - began)
+
+
+def _in_the_way(hop: Hop, highest: NlpSolution) -> list[str]:
+    """Which limits cannot hold together with the clearance asked for, seen from the highest hop."""
+    if hop.freedom:
+        return []
+    t = first_transcription(Hop(hop.design, ANY, constraints=hop.constraints))
+    return conflict_words(hop.design, conflict(NlpSolver(t, {"ipopt.max_iter": 0})(t.guess_from(highest.phases))))
