@@ -59,8 +59,8 @@ def codesign(
     freedom = checked(design, free, couple)
     own = tuple(custom(c) for c in constraints)
     hop = Hop(design, given(objective), freedom, own)
-    economical = from_highest(hop, count, say)
-    outcomes = run_starts(hop, count, side_by_side, lambda text: say(f"co-design: {text}")) + economical
+    told = lambda text: say(f"co-design: {text}")  # noqa: E731
+    outcomes = run_starts(hop, count, side_by_side, told, from_highest(hop, count, told))
     refined = [refine_outcome(hop, o, lambda text: say(f"co-design: {text}")).solution for o in contenders(outcomes)]
     if not refined:
         raise not_solved(hop, outcomes)
@@ -68,8 +68,10 @@ def codesign(
     clock.mark("co-design")
     fixed = Hop(changed(design, optimal(freedom, best)), hop.asked, constraints=own)
     say("solving the design that came out")
-    again = [*run_starts(fixed, count, side_by_side, say), _from(fixed, best)]
+    again = run_starts(fixed, count, side_by_side, say, [_from(fixed, best)])
     clock.mark("starts")
+    if not contenders(again):
+        raise not_solved(fixed, again)
     answer = best_of(fixed.objective, [finish(fixed, o, again, say, clock) for o in contenders(again)])
     return _described(answer, hop, best)
 

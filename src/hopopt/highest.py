@@ -19,7 +19,7 @@ from hopopt.multistart import (
     run_chunk,
     solution_of,
 )
-from hopopt.nlp.conflict import conflict
+from hopopt.nlp.conflict import Conflict, conflict
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.ocp.goal import DEMAND, HopObjective, demand, lowest_point
 from hopopt.ocp.hop import Hop
@@ -32,42 +32,57 @@ ANY = HopObjective(
     parameters=lambda hop: (demand(hop),), boundary=lambda hop: lowest_point(hop, DEMAND),
 )  # fmt: skip
 NEARLY = 0.01  # relative: what a finer mesh may add to the highest hop
-FINER = " A finer one may reach a little more: try a larger solver.stance_intervals."
 
 
-def from_highest(hop: Hop, starts: int, say: Progress) -> list[StartOutcome]:
+def from_highest(hop: Hop, starts: int, say: Progress, thorough: bool = True) -> list[StartOutcome]:
     """If the objective asks for a clearance, what the highest hop as one more start leads to on the first mesh.
 
-    NotSolvedError, with the limits that cannot hold together, if the highest from so many starts does not reach it.
+    NotSolvedError if the highest from so many starts does not reach it; ``thorough``: with the limits that cannot hold
+    together, unless a hop that high turns up there.
     """
     asked = hop.design.hop.clearance
     if hop.objective.ends != "demand" or asked is None:
         return []
     say(f"looking whether a clearance of {asked:g} m is in reach")
     highest = highest_hop(hop, starts)
-    if highest is None:
+    if highest is None or clearance(highest) >= asked:
+        return economical(hop, highest)
+    found = _in_the_way(hop, highest) if thorough else None
+    if found is not None and not found.parts:
         return []
-    if highest.objective < asked:
-        raise NotSolvedError(
-            f"{hop.design.name}: no hop reaches the clearance of {asked:g} m that hop.clearance asks for: the highest that "
-            f"was found, on the first mesh from {starts} start{'s' if starts > 1 else ''}, has {highest.objective:.3f} m."
-            + (FINER if asked < (1 + NEARLY) * highest.objective else ""),
-            [*hints(hop.design), *_in_the_way(hop, highest)],
-        )
-    return [begun_from(hop, highest)]
+    more = "a larger solver.stance_intervals or " if asked < (1 + NEARLY) * clearance(highest) else ""
+    raise NotSolvedError(
+        f"{hop.design.name}: no hop was found that reaches the clearance of {asked:g} m that hop.clearance asks for: the "
+        f"highest, on the first mesh from {starts} start{'s' if starts > 1 else ''}, has {clearance(highest):.6g} m. "
+        f"Ask for less, or try {more}more starts.",
+        [*hints(hop.design), *conflict_words(hop.design, found)],
+    )
 
 
 def highest_hop(hop: Hop, starts: int) -> NlpSolution | None:
     """On the first mesh: the first hop that reaches the clearance asked for or, if none does, the highest."""
     high = Hop(hop.design, "clearance", hop.freedom, hop.constraints)
-    solver, highest = first_solver(high), None
+    solver, t, highest = first_solver(high), first_transcription(high), None
     for k in range(starts):
-        (found,) = run_chunk(high, [k], solver)
-        if found.success and (highest is None or found.objective > highest.objective):
-            highest = found
-        if highest is not None and highest.objective >= (hop.design.hop.clearance or 0.0):
-            break
-    return highest and solution_of(highest, first_transcription(high))
+        (outcome,) = run_chunk(high, [k], solver)
+        if outcome.success:
+            found = solution_of(outcome, t)
+            if highest is None or clearance(found) > clearance(highest):
+                highest = found
+            if clearance(highest) >= (hop.design.hop.clearance or 0.0):
+                break
+    return highest
+
+
+def clearance(highest: NlpSolution) -> float:
+    """Of the highest hop [m]; its program's objective is less by the tie-break."""
+    return float(highest.parameters["clearance"][0])
+
+
+def economical(hop: Hop, highest: NlpSolution | None) -> list[StartOutcome]:
+    """What the highest hop leads to, if it is as high as asked."""
+    reaches = highest is not None and clearance(highest) >= (hop.design.hop.clearance or 0.0)
+    return [begun_from(hop, highest)] if highest is not None and reaches else []
 
 
 def begun_from(hop: Hop, highest: NlpSolution) -> StartOutcome:
@@ -79,9 +94,9 @@ def begun_from(hop: Hop, highest: NlpSolution) -> StartOutcome:
     return outcome_of(HIGHEST, s, time.perf_counter() - began)
 
 
-def _in_the_way(hop: Hop, highest: NlpSolution) -> list[str]:
+def _in_the_way(hop: Hop, highest: NlpSolution) -> Conflict | None:
     """Which limits cannot hold together with the clearance asked for, seen from the highest hop."""
     if hop.freedom:
-        return []
+        return None
     t = first_transcription(Hop(hop.design, ANY, constraints=hop.constraints))
-    return conflict_words(hop.design, conflict(NlpSolver(t, {"ipopt.max_iter": 0})(t.guess_from(highest.phases))))
+    return conflict(NlpSolver(t, {"ipopt.max_iter": 0})(t.guess_from(highest.phases)))

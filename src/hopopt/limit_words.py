@@ -103,8 +103,12 @@ def conflict_words(design: Design, found: Conflict | None) -> list[str]:
 def _way_out(part: Part) -> str:
     limit = part.limit
     if " operating region[" in limit.name:
-        return f" {'higher' if any(f'[{cap}]' in limit.name for cap in CAPS) else 'stronger'} by {100 * part.gives / abs(limit.bound):.2g}%{_when(part.when)}"
+        return f" {'higher' if any(f'[{cap}]' in limit.name for cap in CAPS) else 'stronger'} by {_percent(part.gives / abs(limit.bound))}{_when(part.when)}"
     return f", loosened by {part.gives:.3g} {limit.unit}".rstrip() + _when(part.when)
+
+
+def _percent(share: float) -> str:
+    return f"{share:.0%}" if share >= 0.095 else f"{100 * share:.2g}%"
 
 
 def _when(when: tuple[float, float]) -> str:

@@ -67,29 +67,35 @@ def first_transcription(hop: Hop) -> Transcription:
     return hop.problem.once("first mesh", lambda: Transcription(hop.problem, scheme(s.scheme, s.degree), mesh))
 
 
-def first_solver(hop: Hop) -> NlpSolver:
-    """That program, ready to be solved from any start."""
-    return NlpSolver(first_transcription(hop), _options(hop))
+def first_solver(hop: Hop, known: bool = False) -> NlpSolver:
+    """That program, ready to be solved from any start; not for long if a hop is ``known`` already."""
+    return NlpSolver(first_transcription(hop), _options(hop, known))
 
 
-def _options(hop: Hop) -> dict[str, Any]:
-    """Where a clearance is asked for, which the highest hop reaches (highest.py), no start is followed for long."""
+def _options(hop: Hop, known: bool) -> dict[str, Any]:
     most = hop.design.solver.max_iterations
-    if hop.objective.ends != "demand":
+    if not known:
         return {"ipopt.max_iter": most}
     return {"ipopt.max_iter": min(most, PATIENCE), "ipopt.max_hessian_perturbation": STEEPEST}
 
 
-def run_starts(hop: Hop, count: int, processes: int, say: Progress) -> list[StartOutcome]:
-    """Solve every start on the first mesh, in chunks side by side; in the order of the starts."""
+def run_starts(
+    hop: Hop, count: int, processes: int, say: Progress, besides: Sequence[StartOutcome] = ()
+) -> list[StartOutcome]:
+    """Solve every start on the first mesh, in chunks side by side; in the order of the starts, then those ``besides``,
+    of which any that leads to a hop says that no start need be followed for long."""
+    return [*_run_all(hop, count, processes, say, any(o.success for o in besides)), *besides]
+
+
+def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -> list[StartOutcome]:
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
     processes = min(processes, count)
     if processes == 1:
-        return run_chunk(hop, range(count))
+        return run_chunk(hop, range(count), known=known)
     from joblib import Parallel, delayed
 
     data, chunks = hop.design.model_dump(exclude_none=True), [range(k, count, processes) for k in range(processes)]
-    jobs = (delayed(_chunk_in_worker)(data, hop.asked, hop.freedom, hop.constraints, chunk) for chunk in chunks)
+    jobs = (delayed(_chunk_in_worker)(data, hop.asked, hop.freedom, hop.constraints, chunk, known) for chunk in chunks)
     parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
     return [parts[k % processes][k // processes] for k in range(count)]
 
@@ -100,23 +106,26 @@ def _chunk_in_worker(
     freedom: Freedom,
     constraints: tuple[Custom, ...],
     chunk: Sequence[int],
+    known: bool,
 ) -> list[StartOutcome]:
-    return run_chunk(Hop(Design.model_validate(data), objective, freedom, constraints), chunk)
+    return run_chunk(Hop(Design.model_validate(data), objective, freedom, constraints), chunk, known=known)
 
 
-def run_chunk(hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None) -> list[StartOutcome]:
+def run_chunk(
+    hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None, known: bool = False
+) -> list[StartOutcome]:
     """Some of the starts, by number, on the first mesh; ``solver``: its program, if it is built already."""
-    solver = solver or first_solver(hop)
+    solver = solver or first_solver(hop, known)
     chosen = starts(max(chunk) + 1, hop.design.solver.seed)
-    return [_run_start(hop, solver, chosen[k]) for k in chunk]
+    return [_run_start(hop, solver, chosen[k], known) for k in chunk]
 
 
-def _run_start(hop: Hop, solver: NlpSolver, start: Start) -> StartOutcome:
+def _run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOutcome:
     began = time.perf_counter()
     guess = make_guess(hop, start)
     s = solver(guess)
     if not s.success and not violations(s):  # a hop, but no optimum: the adaptive barrier can lose its way to one
-        s = NlpSolver(s.transcription, _options(hop) | {"ipopt.mu_strategy": "monotone"})(guess)
+        s = NlpSolver(s.transcription, _options(hop, known) | {"ipopt.mu_strategy": "monotone"})(guess)
     return outcome_of(start.name, s, time.perf_counter() - began)
 
 

@@ -83,7 +83,7 @@ def solve(
     clock.mark("model")
     count = starts or design.solver.starts
     economical = from_highest(hop, count, say)
-    outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say) + economical
+    outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say, economical)
     clock.mark("starts")
     finished = [finish(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)]
     if not finished:

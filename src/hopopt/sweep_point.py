@@ -177,8 +177,8 @@ def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
 
 
 def _from_starts(hop: Hop, count: int) -> tuple[Answer, Begin]:
-    t, economical = first_transcription(hop), from_highest(hop, count, _silent)
-    outcomes = run_starts(hop, count, 1, _silent) + economical
+    t = first_transcription(hop)
+    outcomes = run_starts(hop, count, 1, _silent, from_highest(hop, count, _silent, thorough=False))
     finished = [(_refined(hop, o, t), _begin(o, t)) for o in contenders(outcomes)]
     if not finished:
         raise not_solved(hop, outcomes)
