@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +18,8 @@ import xarray as xr
 import hopopt as ho
 from hopopt.study import define
 from hopopt.sweep_point import Source, solve_again, solve_point
-from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED
+from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED, Point
+from hopopt.sweep_workers import workers
 
 HOPOPT = [sys.executable, "-m", "hopopt.cli"]
 SHORT = "hop.stance_duration=[0.03, 0.2]"
@@ -153,9 +154,22 @@ def test_interrupted_it_says_how_to_go_on(tmp_path: Path) -> None:
     with begun(tmp_path) as (running, folder):
         running.send_signal(signal.SIGINT)
         words = running.communicate()[1].decode()
-    assert running.returncode == 130
+    assert running.returncode == 130, words
     assert words.strip().splitlines()[-1].endswith(f"hopopt sweep --resume {folder.relative_to(tmp_path)}")
     assert len(times(folder)) >= 1
+
+
+def test_an_interrupt_that_python_drops_is_heard_at_the_next_point() -> None:
+    """What is raised in a finalizer is only printed; here it is swallowed as quietly."""
+    usual = signal.getsignal(signal.SIGINT)
+    with workers(1) as crew:
+        with suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(1.0)
+        crew.submit(lambda: (Point(0, {}, NOT_SOLVED), None))
+        with pytest.raises(KeyboardInterrupt):
+            crew.done()
+    assert signal.getsignal(signal.SIGINT) is usual
 
 
 def test_a_leg_that_cannot_stand_is_not_solved(tmp_path: Path) -> None:
