@@ -59,9 +59,12 @@ def codesign(
     freedom = checked(design, free, couple)
     own = tuple(custom(c) for c in constraints)
     hop = Hop(design, given(objective), freedom, own)
-    told = lambda text: say(f"co-design: {text}")  # noqa: E731
+
+    def told(text: str) -> None:
+        say(f"co-design: {text}")
+
     outcomes = run_starts(hop, count, side_by_side, told, from_highest(hop, count, told))
-    refined = [refine_outcome(hop, o, lambda text: say(f"co-design: {text}")).solution for o in contenders(outcomes)]
+    refined = [refine_outcome(hop, o, told).solution for o in contenders(outcomes)]
     if not refined:
         raise not_solved(hop, outcomes)
     best = max(refined, key=lambda s: hop.objective.merit(s.objective))
@@ -70,9 +73,10 @@ def codesign(
     say("solving the design that came out")
     again = run_starts(fixed, count, side_by_side, say, [_from(fixed, best)])
     clock.mark("starts")
-    if not contenders(again):
+    finished = [finish(fixed, o, again, say, clock) for o in contenders(again)]
+    if not finished:
         raise not_solved(fixed, again)
-    answer = best_of(fixed.objective, [finish(fixed, o, again, say, clock) for o in contenders(again)])
+    answer = best_of(fixed.objective, finished)
     return _described(answer, hop, best)
 
 

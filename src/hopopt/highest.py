@@ -45,8 +45,10 @@ def from_highest(hop: Hop, starts: int, say: Progress, thorough: bool = True) ->
         return []
     say(f"looking whether a clearance of {asked:g} m is in reach")
     highest = highest_hop(hop, starts)
-    if highest is None or clearance(highest) >= asked:
-        return economical(hop, highest)
+    if highest is None:
+        return []
+    if reaches(hop, highest):
+        return [begun_from(hop, highest)]
     found = _in_the_way(hop, highest) if thorough else None
     if found is not None and not found.parts:
         return []
@@ -69,7 +71,7 @@ def highest_hop(hop: Hop, starts: int) -> NlpSolution | None:
             found = solution_of(outcome, t)
             if highest is None or clearance(found) > clearance(highest):
                 highest = found
-            if clearance(highest) >= (hop.design.hop.clearance or 0.0):
+            if reaches(hop, highest):
                 break
     return highest
 
@@ -79,10 +81,9 @@ def clearance(highest: NlpSolution) -> float:
     return float(highest.parameters["clearance"][0])
 
 
-def economical(hop: Hop, highest: NlpSolution | None) -> list[StartOutcome]:
-    """What the highest hop leads to, if it is as high as asked."""
-    reaches = highest is not None and clearance(highest) >= (hop.design.hop.clearance or 0.0)
-    return [begun_from(hop, highest)] if highest is not None and reaches else []
+def reaches(hop: Hop, highest: NlpSolution) -> bool:
+    """Whether the highest hop is as high as asked."""
+    return clearance(highest) >= (hop.design.hop.clearance or 0.0)
 
 
 def begun_from(hop: Hop, highest: NlpSolution) -> StartOutcome:
@@ -90,7 +91,7 @@ def begun_from(hop: Hop, highest: NlpSolution) -> StartOutcome:
     began, t = time.perf_counter(), first_transcription(hop)
     free = {q.name: highest.parameters[q.name] for q in t.free if q.name in highest.parameters}
     solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
-    s = solver(motion_guess(hop, highest.phases), {q.name: q.value for q in t.free} | free)
+    s = solver(motion_guess(hop, highest.phases), free)
     return outcome_of(HIGHEST, s, time.perf_counter() - began)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, UsageError
-from hopopt.highest import economical, highest_hop
+from hopopt.highest import begun_from, highest_hop, reaches
 from hopopt.leg.design import Design
 from hopopt.measures import MEASURES
 from hopopt.multistart import Progress, StartOutcome, first_transcription, outcome_of, run_starts
@@ -175,7 +175,8 @@ class Chain:
         self.outcomes.append(self._from_starts(hop))
 
     def _from_starts(self, hop: Hop) -> list[StartOutcome]:
-        besides = economical(hop, highest_hop(hop, self.starts))
+        highest = highest_hop(hop, self.starts)
+        besides = [begun_from(hop, highest)] if highest and reaches(hop, highest) else []
         return run_starts(hop, self.starts, self.processes, self.say, besides)
 
     def hop(self, k: int) -> Hop:
