@@ -1,8 +1,13 @@
-"""For all tests: functions are not compiled, and no user's cache is used, unless a test asks for it."""
+"""For all tests: functions are not compiled, and no user's cache is used, unless a test asks for it; and the paper's hop,
+solved once in each process."""
 
 from collections.abc import Iterator
 
 import pytest
+
+from hopopt.planner import solve
+from hopopt.problem_file import load
+from hopopt.solution import Solution
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -10,3 +15,9 @@ def nothing_compiled() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HOPOPT_CACHE", "off")
         yield
+
+
+@pytest.fixture(scope="session")
+def hop() -> Solution:
+    """The paper's leg on its default settings, from one start."""
+    return solve(load("paper"), starts=1, processes=1)

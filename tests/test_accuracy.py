@@ -12,11 +12,6 @@ from hopopt.problem_file import load
 from hopopt.solution import Solution
 
 
-@pytest.fixture(scope="module")
-def answer() -> Solution:
-    return solve(load("paper"), starts=1)
-
-
 def halved(solution: Solution, phase: str) -> PhaseMesh:
     """The solution's mesh with every interval cut in two."""
     edges = solution.phases[phase].edges / solution.phases[phase].duration
@@ -24,21 +19,21 @@ def halved(solution: Solution, phase: str) -> PhaseMesh:
 
 
 @pytest.mark.slow
-def test_twice_as_fine_a_mesh(answer: Solution) -> None:
-    assert answer.verified
-    mesh = {name: halved(answer, name) for name in answer.phases}
-    transcription = Transcription(Hop(answer.design).problem, answer.phases["stance"].scheme, mesh)
+def test_twice_as_fine_a_mesh(hop: Solution) -> None:
+    assert hop.verified
+    mesh = {name: halved(hop, name) for name in hop.phases}
+    transcription = Transcription(Hop(hop.design).problem, hop.phases["stance"].scheme, mesh)
     solver = NlpSolver(transcription, {"ipopt.max_iter": 600, "ipopt.tol": 1e-9})
-    again = solver(transcription.guess_from(answer.phases), {"clearance": answer.clearance})
+    again = solver(transcription.guess_from(hop.phases), {"clearance": hop.clearance})
     assert again.success
-    assert again.objective == pytest.approx(answer.clearance, rel=1e-4)
+    assert again.objective == pytest.approx(hop.clearance, rel=1e-4)
 
 
 @pytest.mark.slow
-def test_hermite_simpson_agrees(answer: Solution) -> None:
+def test_hermite_simpson_agrees(hop: Solution) -> None:
     """Another scheme, other nodes, other multipliers: the same height."""
     design = load("paper", ["solver.scheme=hermite-simpson", "solver.max_refinements=1"])
     other = solve(design, starts=1)
     assert len(other.summary["mesh"]) > 1
     assert other.phases["stance"].scheme.name == "hermite-simpson"
-    assert other.clearance == pytest.approx(answer.clearance, rel=1e-4)
+    assert other.clearance == pytest.approx(hop.clearance, rel=1e-4)

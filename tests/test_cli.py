@@ -200,6 +200,7 @@ def test_help_answers_at_once(tmp_path: Path) -> None:
     assert "hopopt solve --objective clearance" in done.stdout
 
 
+@pytest.mark.slow
 def test_several_starts_side_by_side(tmp_path: Path) -> None:
     done = run("solve", "--json", "--no-figures", "--starts", "5", "--set", "solver.refine=false", cwd=tmp_path)
     s = json.loads(done.stdout)

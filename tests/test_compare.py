@@ -24,15 +24,14 @@ from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
 from hopopt.mismatch import mismatched, spread
-from hopopt.planner import solve
 from hopopt.problem_file import load
 from hopopt.storage import save
 from hopopt.storage_runs import save_runs
 
 
 @pytest.fixture(scope="module")
-def solution():
-    return solve(load("paper"), starts=1, processes=1)
+def solution(hop):
+    return hop
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +149,7 @@ def test_draws_are_seeded_and_within_what_was_asked():
     assert 0.05 < np.abs(gains - 1).max() <= 0.1
 
 
+@pytest.mark.slow
 def test_no_mismatch_loses_nothing(comparison):
     """Draws of no width are the believed leg: the distribution is one number."""
     only = Comparison(comparison.solution, comparison.plan, {"track": comparison.runs["track"]})
@@ -158,6 +158,7 @@ def test_no_mismatch_loses_nothing(comparison):
     assert found["failed"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["force", "position"])
 def test_tuned_gains_clear_more_than_the_printed_ones_and_less_than_the_bound(name, solution):
     printed, tucked, tuned = (

@@ -103,6 +103,7 @@ def test_a_hop_is_solved_to_the_same_digits(cache: Path) -> None:
     np.testing.assert_array_equal(second.vectors["z"], first.vectors["z"])
 
 
+@pytest.mark.slow
 def test_a_hop_that_cannot_be_is_explained_with_compiled_derivatives(cache: Path) -> None:
     """What limits conflict is found by a program made of the same derivatives."""
     design = load("paper", {"hop.stance_duration": [0.02, 0.03], "hop.flight_duration": [0.6, 1.0]})
@@ -111,6 +112,7 @@ def test_a_hop_that_cannot_be_is_explained_with_compiled_derivatives(cache: Path
     assert list(cache.iterdir())
 
 
+@pytest.mark.slow
 def test_a_study_compiles_what_its_points_share(cache: Path, tmp_path: Path) -> None:
     """And says the same as without; where points have programs of their own, nothing is compiled."""
     design = load("paper", {"hop.stance_duration": [0.03, 0.2]})

@@ -94,6 +94,7 @@ def test_one_line_for_each_entry(plan: Solution) -> None:
     assert len(entries) == len(set(entries)) >= 5
 
 
+@pytest.mark.slow
 def test_tightening_idle_limits_has_no_effect(plan: Solution) -> None:
     """All of them at once, to what the hop uses of them: as high, but for the price of drawing limits in (1e-5)."""
     idle, entries = plan.summary["idle_limits"], {}
@@ -128,6 +129,7 @@ def test_a_friction_cone_says_what_it_needs(plan: Solution) -> None:
             )
 
 
+@pytest.mark.slow
 def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
     folder = str(save(plan, tmp_path, None).result_dir)
     assert run(["diagnose", folder, "--json"]) == 0

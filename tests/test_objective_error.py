@@ -205,11 +205,6 @@ COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_
 
 
 @pytest.fixture(scope="module")
-def hop() -> Solution:
-    return solve(load("paper"), starts=1, processes=1)
-
-
-@pytest.fixture(scope="module")
 def coarse() -> Solution:
     return solve(load("paper", COARSE), starts=1, processes=1)
 

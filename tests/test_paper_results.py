@@ -30,6 +30,7 @@ def test_the_table_of_the_docs_is_what_the_command_prints(capsys):
     assert table.count("\n") > 12
 
 
+@pytest.mark.slow
 def test_for_a_script(capsys):
     assert run(["reproduce", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

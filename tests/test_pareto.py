@@ -138,6 +138,7 @@ def test_wrong_usage(arguments: list[str], words: str, tmp_path: Path, capfd: py
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_front_cannot_begin_above_the_highest_hop() -> None:
     with pytest.raises(UsageError, match="at most"):
         ho.front(ho.load("paper"), "time", points=3, lowest=2.0, starts=1, processes=1)

@@ -255,6 +255,7 @@ def test_a_foot_window_out_of_reach() -> None:
     assert said[1] == "Loosest way out: the foot within its window at the apex, loosened by 0.112 m."
 
 
+@pytest.mark.slow
 def test_a_motor_too_slow_to_lift_off() -> None:
     said = diagnosis("leg.motor.max_speed=12")
     assert said[0].startswith("hint: leg.motor.max_speed = 12 rad/s behind a gear of 100")
@@ -263,6 +264,7 @@ def test_a_motor_too_slow_to_lift_off() -> None:
     assert "less leg.gear.ratio" in said[3]
 
 
+@pytest.mark.slow
 def test_a_rotor_that_cannot_be_turned() -> None:
     said = diagnosis("leg.motor.rotor_inertia=0.0119")
     assert "leg.motor.rotor_inertia = 0.0119 kg m^2" in said[0]

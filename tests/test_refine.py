@@ -183,12 +183,13 @@ def test_without_meshes_nothing_is_reached() -> None:
 
 @each_scheme
 def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With too little patience for carried multipliers: restarts end where patience does, without them it is said."""
+    """With too little patience for carried multipliers: restarts end where patience does; without them, or where they
+    have used up their iterations, it is said."""
     begin = first(brachistochrone(), method, uniform(8))
     known = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300))
     known.run()
     monkeypatch.setattr(refine, "PATIENCE", 1)
-    hasty = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300, restarts=False))
+    hasty = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300, restarts=0))
     hasty.run()
     assert hasty.ended == UNSOLVED
     assert len(hasty.history) == 1
@@ -196,6 +197,11 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
     patient.run()
     assert patient.ended == MET
     assert patient.solution.objective == pytest.approx(known.solution.objective, rel=1e-7)
+    needed = patient.history[1].iterations
+    for iterations, ended in ((needed - 1, UNSOLVED), (sum(step.iterations for step in patient.history), MET)):
+        limited = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300, restarts=iterations))
+        limited.run()
+        assert limited.ended == ended
 
 
 def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:

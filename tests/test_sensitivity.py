@@ -254,10 +254,9 @@ def test_derivatives_against_small_steps_on_the_same_mesh() -> None:
 
 
 @pytest.fixture(scope="module")
-def paper(tmp_path_factory: pytest.TempPathFactory) -> Solution:
-    solution = solve(load("paper"), starts=1)
-    assert solution.verified
-    return ho.save(solution, tmp_path_factory.mktemp("results"))
+def paper(hop: Solution, tmp_path_factory: pytest.TempPathFactory) -> Solution:
+    assert hop.verified
+    return ho.save(hop, tmp_path_factory.mktemp("results"))
 
 
 def test_a_changed_length_changes_the_start(paper: Solution) -> None:

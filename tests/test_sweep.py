@@ -49,6 +49,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> ho.Study:
     return ho.sweep(design, vary, starts=1, processes=1, results=tmp_path_factory.mktemp("results"))
 
 
+@pytest.mark.slow
 def test_points_equal_single_solves(study: ho.Study) -> None:
     for k in (2, 3):
         alone = ho.solve(study.definition.design_at(k), starts=1)
@@ -181,6 +182,7 @@ def test_a_leg_that_cannot_stand_is_not_solved(tmp_path: Path) -> None:
     assert answer["best"] is None
 
 
+@pytest.mark.slow
 def test_points_that_stay_unverified_are_not_stated(tmp_path: Path) -> None:
     mesh = "solver.refine=false", "solver.stance_intervals=12", "solver.flight_intervals=12"
     sets = [word for entry in (SHORT, *mesh) for word in ("--set", entry)]
@@ -212,6 +214,7 @@ def test_wrong_use_exits_with_2_and_a_sentence(tmp_path: Path, arguments: list[s
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours() -> None:
     """Made to say that it ended lower than it did: from its neighbour the optimum is found again."""
     definition = define(ho.load("paper", [SHORT, "solver.tolerance=1e-4"]), {"leg.gear.ratio": [115, 118]}, starts=1)

@@ -12,7 +12,7 @@ from hopopt.leg.design import Design
 from hopopt.limit_words import conflict_words
 from hopopt.nlp.conflict import conflict
 from hopopt.nlp.diagnose import violations
-from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import GENTLE, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcribe import Transcription
@@ -26,7 +26,6 @@ from hopopt.problem_hints import hints
 Progress = Callable[[str], None]
 SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
 PATIENCE = 200  # iterations of a start where another is known to lead to a hop
-STEEPEST = 1e5  # what is added to the Hessian then at most: Ipopt can spend minutes in far larger ones
 CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
 
 
@@ -76,7 +75,7 @@ def _options(hop: Hop, known: bool) -> dict[str, Any]:
     most = hop.design.solver.max_iterations
     if not known:
         return {"ipopt.max_iter": most}
-    return {"ipopt.max_iter": min(most, PATIENCE), "ipopt.max_hessian_perturbation": STEEPEST}
+    return {"ipopt.max_iter": min(most, PATIENCE)} | GENTLE
 
 
 def run_starts(

@@ -238,7 +238,7 @@ def refine_outcome(
     hop: Hop, outcome: StartOutcome, say: Progress, first: Transcription | None = None, restarts: bool = True
 ) -> Refinement:
     """A start's optimum, refined as the problem's solver settings ask for."""
-    aims = replace(aims_of(hop), restarts=restarts)
+    aims = aims_of(hop) if restarts else replace(aims_of(hop), restarts=0)
     solution = solution_of(outcome, first or first_transcription(hop))
     refinement = refinement_of(solution, aims, lambda step: say(progress_line(hop, step)))
     refinement.run()
@@ -249,7 +249,7 @@ def aims_of(hop: Hop) -> Aims:
     """What refinement is to reach."""
     s = hop.design.solver
     meshes = s.max_refinements if s.refine else 0
-    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations)
+    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations, s.max_iterations)
 
 
 def progress_line(hop: Hop, s: MeshStep) -> str:

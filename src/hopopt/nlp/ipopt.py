@@ -37,6 +37,9 @@ WARM = _from_known(1e-6)  # where the point and the multipliers are nearly known
 # and on some legs never ends (docs/performance.md).
 FINER = _from_known(1e-4) | {"ipopt.adaptive_mu_globalization": "never-monotone-mode"}
 NEAR = _from_known(1e-11)  # where they are those of the same program within other limits
+# Not to be followed where Hessians are made convex by steep terms: such iterates hardly move, and their factorisations fill
+# up, which can take minutes each.
+GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
 
 
 @dataclass(frozen=True)

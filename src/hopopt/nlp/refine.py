@@ -19,7 +19,7 @@ from hopopt.nlp.backoff import passed, tightened
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import Cuts, about, any_cut, cut, equal, pieces_of
 from hopopt.nlp.hull import Chosen, coming_close, held_between, nothing_held
-from hopopt.nlp.ipopt import FINER, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import FINER, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.prices import PRICE, drawn_prices, excess_prices, switch_places
 from hopopt.nlp.transcribe import Transcription
 
@@ -47,15 +47,16 @@ Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limit
 
 @dataclass(frozen=True)
 class Aims:
-    """Local error (scaled), relative change of the objective, excess over the limits; meshes, iterations at most;
-    whether a mesh that is not solved from the last one's multipliers is solved again without, which takes long."""
+    """Local error (scaled), relative change of the objective, excess over the limits; meshes, iterations of each, at
+    most; ``restarts``: iterations that may go, over all meshes, into solving those again without the last one's
+    multipliers that are not solved with them."""
 
     local_error: float
     change: float
     excess: float
     meshes: int
     iterations: int
-    restarts: bool = True
+    restarts: int = 600
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class Refinement:
     ):
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
-        self._held = held or nothing_held(solution.transcription)
+        self._held, self._restarts_left = held or nothing_held(solution.transcription), aims.restarts
         self._accept(solution, 0.0, 0.0)
         limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
         self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
@@ -228,11 +229,15 @@ class Refinement:
         """What was solved from the last mesh's point and multipliers and then, until a solution is no worse than that
         mesh's, from the point alone."""
         tried = [warm(guess, free, multipliers, bounds)]
-        for strategy in RESTARTS if self.aims.restarts or tried[0].success else ():
-            if tried[-1].success and not self._worse(tried[-1]):
+        for strategy in RESTARTS:
+            most = self.aims.iterations
+            if not tried[0].success:
+                most = min(most, self._restarts_left)
+            if most == 0 or (tried[-1].success and not self._worse(tried[-1])):
                 break
-            options = {"ipopt.max_iter": self.aims.iterations, "ipopt.mu_strategy": strategy}
+            options = GENTLE | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
             tried.append(NlpSolver(warm.transcription, options)(guess, free, None, bounds))
+            self._restarts_left = max(0, self._restarts_left - tried[-1].iterations)
         return [s for s in tried if s.success]
 
     def _believable(self, solved: Sequence[NlpSolution]) -> NlpSolution | None:
