@@ -68,6 +68,7 @@ class Program:
         """Zeros for functions that do not depend on the integrals."""
         return ca.MX.zeros(self.count, 1)
 
+    @cached_property
     def nlp(self) -> dict[str, ca.MX]:
         """x, p, f, g for nlpsol."""
         z, p = self.symbols()

@@ -117,7 +117,6 @@ def held_between(t: Transcription, chosen: Chosen) -> Held:
     p, other = t.program, copy(t)
     terms = (replace(term, scatter=_on_rows(M, term.scatter)) for term in p.phases)
     other.program = replace(p, linear=csc(M @ p.linear), phases=tuple(terms))
-    other.nlp = other.program.nlp()
     return Held(t, other, inverse, M, touched)
 
 

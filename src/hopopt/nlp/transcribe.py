@@ -83,6 +83,11 @@ class Transcription:
         self._place_variables()
         self._build()
 
+    @property
+    def nlp(self) -> dict[str, ca.MX]:
+        """x, p, f, g for CasADi's nlpsol."""
+        return self.program.nlp
+
     # ---- variables -------------------------------------------------------------------------------------
 
     def _place_variables(self) -> None:
@@ -136,7 +141,6 @@ class Transcription:
         rows = tuple(layout.stage.row_outputs for layout in self.layouts.values())
         integrals = sum(len(phase.integrands) for phase in self.problem.phases)
         self.program = Program(linear, terms, rows, ends, integrals)
-        self.nlp = self.program.nlp()
 
     def _add_phase(self, layout: PhaseLayout) -> None:
         phase, where = layout.phase, self.variables[layout.phase.name]
