@@ -56,7 +56,7 @@ class Aims:
     excess: float
     meshes: int
     iterations: int
-    restarts: int = 600
+    restarts: int = 1200
 
 
 @dataclass(frozen=True)
