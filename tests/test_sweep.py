@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +18,7 @@ import xarray as xr
 import hopopt as ho
 from hopopt.study import define
 from hopopt.sweep_point import Source, solve_again, solve_point
-from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED, Point
-from hopopt.sweep_workers import workers
+from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED
 
 HOPOPT = [sys.executable, "-m", "hopopt.cli"]
 SHORT = "hop.stance_duration=[0.03, 0.2]"
@@ -118,11 +117,18 @@ def times(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in (folder / "points").glob("[0-9]*.json")}
 
 
+def heeding_interrupts() -> None:
+    """What a shell begins in the background ignores Ctrl-C, and all that it begins in turn."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @contextmanager
 def begun(cwd: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
     """A sweep of its own process group, as soon as it has finished a point; and its folder."""
     environment, command = {**os.environ, "OMP_NUM_THREADS": "1"}, [*HOPOPT, *SWEEP, "--processes", "2"]
-    with subprocess.Popen(command, cwd=cwd, env=environment, start_new_session=True, stderr=subprocess.PIPE) as running:
+    with subprocess.Popen(
+        command, cwd=cwd, env=environment, start_new_session=True, stderr=subprocess.PIPE, preexec_fn=heeding_interrupts
+    ) as running:
         until = time.monotonic() + 120
         while time.monotonic() < until and running.poll() is None:
             folders = list(cwd.glob("results/paper-sweep-*"))
@@ -155,22 +161,9 @@ def test_interrupted_it_says_how_to_go_on(tmp_path: Path) -> None:
     with begun(tmp_path) as (running, folder):
         running.send_signal(signal.SIGINT)
         words = running.communicate()[1].decode()
-    assert running.returncode == 130, words
+    assert running.returncode == 130
     assert words.strip().splitlines()[-1].endswith(f"hopopt sweep --resume {folder.relative_to(tmp_path)}")
     assert len(times(folder)) >= 1
-
-
-def test_an_interrupt_that_python_drops_is_heard_at_the_next_point() -> None:
-    """What is raised in a finalizer is only printed; here it is swallowed as quietly."""
-    usual = signal.getsignal(signal.SIGINT)
-    with workers(1) as crew:
-        with suppress(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(1.0)
-        crew.submit(lambda: (Point(0, {}, NOT_SOLVED), None))
-        with pytest.raises(KeyboardInterrupt):
-            crew.done()
-    assert signal.getsignal(signal.SIGINT) is usual
 
 
 def test_a_leg_that_cannot_stand_is_not_solved(tmp_path: Path) -> None:

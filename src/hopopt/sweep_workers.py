@@ -46,7 +46,6 @@ class Workers:
     def __init__(self, count: int, executor: Any, wait: Callable[[set[Any]], tuple[set[Any], set[Any]]]):
         self.count, self.executor, self.wait, self.running = count, executor, wait, set[Any]()
         self.results: list[Kept] = []
-        self.interrupts: list[int] = []  # Ctrl-C that came while a study ran
 
     @property
     def busy(self) -> bool:
@@ -64,9 +63,7 @@ class Workers:
             self.running.add(self.executor(job, *arguments))
 
     def done(self) -> list[Kept]:
-        """What has finished since, at least one; KeyboardInterrupt, too, if an earlier one was lost."""
-        if self.interrupts:
-            raise KeyboardInterrupt
+        """What has finished since, at least one."""
         if self.running:
             ended, self.running = self.wait(self.running)
             self.results += [future.result() for future in ended]
@@ -77,33 +74,6 @@ class Workers:
 @contextmanager
 def workers(count: int, scheduler: str | None = None) -> Iterator[Workers]:
     """So many processes, or those of a Dask scheduler; HopoptError if one dies and its work cannot be done again."""
-    with _heard() as interrupts, _crew(count, scheduler) as crew:
-        crew.interrupts = interrupts
-        yield crew
-
-
-@contextmanager
-def _heard() -> Iterator[list[int]]:
-    """Ctrl-C raises KeyboardInterrupt as ever, and is noted: Python drops what is raised in a finalizer."""
-    noted: list[int] = []
-    usual = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(usual):
-        yield noted
-        return
-
-    def note(number: int, frame: Any) -> None:
-        noted.append(number)
-        usual(number, frame)
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, usual)
-
-
-@contextmanager
-def _crew(count: int, scheduler: str | None) -> Iterator[Workers]:
     if scheduler is not None:
         from hopopt.sweep_dask import dask_workers
 
