@@ -51,7 +51,7 @@ from hopopt.verify import KKT, LIMIT, Check, verify_plan
 
 Refined = Refinement | Resolved
 CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
-PATIENT = 2  # times the iterations of one mesh: what the restarts of a whole refinement may take
+PATIENT = 5  # times the iterations of one mesh: what the restarts of a whole refinement may take
 MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
 
 

@@ -56,7 +56,7 @@ class Aims:
     excess: float
     meshes: int
     iterations: int
-    restarts: int = 1200
+    restarts: int = 3000
 
 
 @dataclass(frozen=True)
