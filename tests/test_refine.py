@@ -199,7 +199,7 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
     assert patient.solution.objective == pytest.approx(known.solution.objective, rel=1e-7)
     needed = patient.history[1].iterations
     for iterations, ended in ((needed - 1, UNSOLVED), (sum(step.iterations for step in patient.history), MET)):
-        limited = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300, restarts=iterations))
+        limited = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300, restarts=iterations / 300))
         limited.run()
         assert limited.ended == ended
 

@@ -142,7 +142,7 @@ def test_a_disk_that_fills_up_while_writing(solution: Solution, tmp_path: Path) 
     saved, temporary = save(solution, tmp_path / "results"), tmp_path / "temporary"
     temporary.mkdir()
     done = subprocess.run(
-        [sys.executable, "-c", code, str(saved.result_dir)], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+        [sys.executable, "-c", code, str(saved.result_dir)], cwd=tmp_path, capture_output=True, text=True, timeout=1200,
         check=False, env={**os.environ, "TMPDIR": str(temporary)},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

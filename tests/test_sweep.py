@@ -37,7 +37,7 @@ Done = subprocess.CompletedProcess[str]
 
 
 def run(*arguments: str, cwd: Path) -> Done:
-    return subprocess.run([*HOPOPT, *arguments], cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run([*HOPOPT, *arguments], cwd=cwd, capture_output=True, text=True, timeout=1200, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def begun(cwd: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
     with subprocess.Popen(
         command, cwd=cwd, env=environment, start_new_session=True, stderr=subprocess.PIPE, preexec_fn=heeding_interrupts
     ) as running:
-        until = time.monotonic() + 120
+        until = time.monotonic() + 600
         while time.monotonic() < until and running.poll() is None:
             folders = list(cwd.glob("results/paper-sweep-*"))
             if folders and times(folders[0]):
@@ -161,7 +161,7 @@ def test_interrupted_it_says_how_to_go_on(tmp_path: Path) -> None:
     with begun(tmp_path) as (running, folder):
         running.send_signal(signal.SIGINT)
         words = running.communicate()[1].decode()
-    assert running.returncode == 130
+    assert running.returncode == 130, words
     assert words.strip().splitlines()[-1].endswith(f"hopopt sweep --resume {folder.relative_to(tmp_path)}")
     assert len(times(folder)) >= 1
 

@@ -46,7 +46,7 @@ def points(folder: Path) -> dict[str, dict]:
 def test_killed_at_random_instants_the_table_is_the_same(tmp_path: Path) -> None:
     began = time.monotonic()
     whole = begin(tmp_path, *defined(), "--results", "whole")
-    assert whole.communicate(timeout=900)[1] == ""
+    assert whole.communicate(timeout=1800)[1] == ""
     lasted = time.monotonic() - began
     random = np.random.default_rng(0)
     first = begin(tmp_path, *defined(), "--results", "killed")
@@ -67,7 +67,7 @@ def test_killed_at_random_instants_the_table_is_the_same(tmp_path: Path) -> None
             for path in newest[len(newest) // 2 :]:
                 path.unlink()
         running = begin(tmp_path, "--resume", str(folder))
-    assert running.communicate(timeout=900)[1] == ""
+    assert running.communicate(timeout=1800)[1] == ""
     (undisturbed,) = tmp_path.glob("whole/*")
     assert table(folder) == table(undisturbed)
     assert points(folder) == points(undisturbed)

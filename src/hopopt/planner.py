@@ -51,7 +51,6 @@ from hopopt.verify import KKT, LIMIT, Check, verify_plan
 
 Refined = Refinement | Resolved
 CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
-PATIENT = 5  # times the iterations of one mesh: what the restarts of a whole refinement may take
 MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
 
 
@@ -250,8 +249,7 @@ def aims_of(hop: Hop) -> Aims:
     """What refinement is to reach."""
     s = hop.design.solver
     meshes = s.max_refinements if s.refine else 0
-    restarts = PATIENT * s.max_iterations
-    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations, restarts)
+    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations)
 
 
 def progress_line(hop: Hop, s: MeshStep) -> str:

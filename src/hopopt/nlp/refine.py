@@ -48,15 +48,15 @@ Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limit
 @dataclass(frozen=True)
 class Aims:
     """Local error (scaled), relative change of the objective, excess over the limits; meshes, iterations of each, at
-    most; ``restarts``: iterations that may go, over all meshes, into solving those again without the last one's
-    multipliers that are not solved with them."""
+    most; ``restarts``: times that many may go, over all meshes, into solving again without the last one's multipliers
+    (where a solution with them is only doubted, they count too, but are never refused)."""
 
     local_error: float
     change: float
     excess: float
     meshes: int
     iterations: int
-    restarts: int = 3000
+    restarts: float = 5.0
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,8 @@ class Refinement:
     ):
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
-        self._held, self._restarts_left = held or nothing_held(solution.transcription), aims.restarts
+        self._held = held or nothing_held(solution.transcription)
+        self._restarts_left = round(aims.restarts * aims.iterations)
         self._accept(solution, 0.0, 0.0)
         limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
         self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}

@@ -99,9 +99,7 @@ class Term:
         """The same with some of the outputs and rows only."""
         count = self.local.outputs.numel()
         columns = np.arange(self.points)[:, None] * count + np.arange(count)[outputs]
-        other = Term(self.local.part(outputs), self.gather, csc(self.scatter[:, columns.ravel()][rows]))
-        vars(other)["gather_dm"] = self.gather_dm
-        return other
+        return Term(self.local.part(outputs), self.gather, csc(self.scatter[:, columns.ravel()][rows]))
 
     def at_points(self, function: ca.Function, z: ca.MX, extra: ca.MX, *weights: ca.MX) -> Any:
         """A function of ``local`` at all points, each result (size, points); weights are (size, points) each too."""
