@@ -14,6 +14,7 @@ from hopopt.compare import (
     Comparison,
     compare,
     integrals_to,
+    paper_strategy,
     planned_trace,
     reference_of,
     reserved,
@@ -25,6 +26,7 @@ from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
 from hopopt.mismatch import mismatched, spread
 from hopopt.problem_file import load
+from hopopt.screen import print_answer
 from hopopt.storage import save
 from hopopt.storage_runs import save_runs
 
@@ -55,6 +57,25 @@ def test_parts_gaps_and_shares_add_up(comparison):
         assert sum(row["budget"].values()) == pytest.approx(row["clearance_m"], abs=1e-12)
         assert sum(row["gap"].values()) == pytest.approx(best - row["clearance_m"], abs=1e-7)
         assert row["share_of_bound"] == pytest.approx(row["clearance_m"] / best)
+
+
+def test_the_answer_alone_says_what_the_papers_control_reaches(comparison, solution, capsys):
+    found, row = paper_strategy(solution), comparison.row("force")
+    assert found is not None
+    assert found["clearance_m"] == pytest.approx(row["clearance_m"], abs=1e-9)
+    assert found["share_of_bound"] == pytest.approx(row["share_of_bound"], abs=1e-9)
+    assert found["limits_exceeded"] == row["limits_exceeded"] == []
+    print_answer(solution.noted(summary={**solution.summary, "paper_strategy": found}))
+    shown = next(line for line in capsys.readouterr().out.splitlines() if "force control" in line)
+    assert f"{row['clearance_m']:.3f} m, {row['share_of_bound']:.0%} of the optimum" in shown
+
+
+def test_no_share_is_told_of_what_is_no_bound_for_it(solution):
+    assert paper_strategy(dataclasses.replace(solution, objective="apex")) is None
+    functions = {"objective": None, "constraints": ["module:stay_low"]}
+    assert paper_strategy(solution.noted(summary={**solution.summary, "functions": functions})) is None
+    assert paper_strategy(solution.noted(summary={**solution.summary, "verified": False})) is None
+    assert paper_strategy(dataclasses.replace(solution, design=load("three_joint"))) is None  # the strategy needs two
 
 
 def test_the_optimum_is_measured_as_a_simulation_is(comparison, solution):

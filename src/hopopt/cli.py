@@ -71,6 +71,7 @@ def solve(
         raise UsageError("--starts and --processes must be at least 1")
     if couple and not free:
         raise UsageError("--couple relates numbers that are free: give them as --free leg.thigh.length=0.3:0.45")
+    from hopopt.compare import paper_strategy
     from hopopt.problem_hints import hints
     from hopopt.storage import prepare, save
 
@@ -83,6 +84,9 @@ def solve(
         more = {"constraints": constraint or (), "starts": starts, "processes": processes, "progress": say}
         once = {"structure": structure, "second_opinion": second_opinion}
         solution = _solved(design, objective, free, couple, once, more)
+        say("simulating the paper's force control")
+        if found := paper_strategy(solution):
+            solution.summary["paper_strategy"] = found
         if figures:
             from hopopt.plots import save_all as draw
 

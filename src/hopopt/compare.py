@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 TUNED = ("force", "position")  # strategies whose gains can be tuned
 BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
-OPTIMUM = "optimum"
+OPTIMUM, PD = "optimum", "force"
+OBJECTIVE = "clearance"  # by which strategies are compared
 SMOOTH = 1e-4  # [m/s] tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
 
 
@@ -157,10 +158,27 @@ def compare(
     return Comparison(solution, plan, runs, elsewhere, tuple(notes))
 
 
+def paper_strategy(solution: Solution) -> dict[str, Any] | None:
+    """The paper's force control, a PD law clamped to what the drives can give (eq. con_tdyn, con_tdes), on the leg of a
+    verified optimum: its ``clearance_m``, its ``share_of_bound`` and its ``limits_exceeded``, in words.
+
+    None where it is no bound on clearance (another objective, constraints of one's own), or where the leg is not of two
+    joints or cannot be simulated.
+    """
+    if not solution.verified or solution.objective != OBJECTIVE or solution.summary["functions"]["constraints"]:
+        return None
+    try:
+        f = simulate(solution.design, find(PD), past_apex=True).figures
+    except UsageError:
+        return None
+    share = f.clearance / solution.clearance
+    return {"name": PD, "clearance_m": f.clearance, "share_of_bound": share, "limits_exceeded": f.limits_exceeded}
+
+
 def answering(design: Design, bound: Solution) -> Solution:
     """A bound for this problem's simulations: [reserve] and [simulation] may differ, they do not touch it. UsageError
     if it answers another question."""
-    if bound.objective != "clearance":
+    if bound.objective != OBJECTIVE:
         raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
     same = bound.design.model_copy(update={"reserve": design.reserve, "simulation": design.simulation})
     if design_hash(same) != design_hash(design):

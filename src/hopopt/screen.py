@@ -47,6 +47,7 @@ def print_answer(solution: "Solution") -> None:
         ("hop", _hop(s)),
         ("effort", _effort(s)),
         ("limits", _limits(s)),
+        ("control", _control(s)),
         ("structure", structure_lines(s)),
         ("evidence", _evidence(s) + certificate_line(s)),
         ("notes", list(s.get("notes", ()))),
@@ -117,6 +118,17 @@ def _limits(s: dict[str, Any]) -> list[str]:
         f"active in stance: {active}",
         f"1 % more of its range would give: {gains}",
         *idle_line(s.get("idle_limits", {})),
+    ]
+
+
+def _control(s: dict[str, Any]) -> list[str]:
+    """What the paper's PD strategy reaches."""
+    if (found := s.get("paper_strategy")) is None:
+        return []
+    broken = f", not within every limit ({found['limits_exceeded'][0]})" if found["limits_exceeded"] else ""
+    return [
+        f"the paper's force control (saturated PD, printed gains), simulated: {found['clearance_m']:.3f} m, "
+        f"{found['share_of_bound']:.0%} of the optimum{broken}; hopopt compare has others, --tune finds gains"
     ]
 
 
