@@ -21,7 +21,8 @@ from joblib import Parallel, delayed
 import hopopt as ho
 from hopopt.errors import HopoptError, NotSolvedError, one_line
 from hopopt.leg.design import Design
-from hopopt.ocp.hop import Hop
+from hopopt.leg.robot import build_robot
+from hopopt.ocp.standing import static_faults
 
 PROCESSES = 2
 GRAVITY = 9.81
@@ -71,7 +72,8 @@ def feasible_legs(count: int, seed: int) -> list[dict[str, Any]]:
     while len(found) < count:
         entries = draw(rng)
         try:
-            if not Hop(loaded(entries)).static_faults():
+            design = loaded(entries)
+            if not static_faults(design, build_robot(design.leg)):
                 found.append(entries)
         except HopoptError:
             continue

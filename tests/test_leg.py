@@ -146,7 +146,7 @@ def test_inverse_dynamics_is_pinocchios(case: tuple[Leg, np.ndarray, np.ndarray,
     expected = mass_matrix(robot, state[0])
     np.testing.assert_allclose(M, expected, rtol=0, atol=EXACT * np.abs(expected).max())
     np.testing.assert_allclose(M, M.T, rtol=0, atol=EXACT * np.abs(expected).max())
-    assert np.linalg.eigvalsh(M).min() > 0
+    assert np.linalg.eigvalsh(M).min() >= -EXACT * np.abs(expected).max()  # 0: a thin rod turns about itself
 
 
 @quick

@@ -14,6 +14,8 @@ import pytest
 import hopopt as ho
 from hopopt.cli import run
 from hopopt.errors import NotSolvedError, ProblemFileError
+from hopopt.leg.robot import build_robot
+from hopopt.ocp.standing import static_faults
 from hopopt.problem_file import builtin_names, load, template
 from hopopt.problem_hints import hints
 
@@ -196,6 +198,20 @@ def test_a_torque_too_small_to_carry_the_leg() -> None:
     assert f"the knee needs {needed:.1f} N m to hold the start pose in stance at 0 s" in sentence
     assert "its drive gives 20.0 N m (leg.motor.max_torque = 0.2 and leg.gear.ratio = 100, for 81 N)" in sentence
     assert "a stronger motor, a higher gear ratio, a lighter leg.body.mass or a higher start" in sentence
+
+
+def test_a_rod_that_turns_about_itself() -> None:
+    """A thin rod has no inertia about itself; its rotor's, if it has one, is all that resists."""
+    twisted = ("leg.knee.axis=[0, 0, 1]", "leg.knee.lower=-1", "leg.knee.upper=1", "start.joint_angles=[0.3, 0]")
+    for rotor in (0.0, 1e-6):
+        design = load("paper", [*twisted, f"leg.motor.rotor_inertia={rotor}"])
+        found = static_faults(design, build_robot(design.leg))
+        assert bool(found) == (rotor == 0)
+    with pytest.raises(NotSolvedError) as raised:
+        ho.solve(load("paper", [*twisted, "leg.motor.rotor_inertia=0"]), starts=1, processes=1)
+    (sentence,) = raised.value.diagnosis
+    assert sentence.startswith("nothing resists the knee in the start pose at 0 s")
+    assert "leg.motor.rotor_inertia = 0 kg m^2" in sentence
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,7 @@ from hopopt.ocp.custom import custom
 from hopopt.ocp.goal import HEIGHTS, HopObjective
 from hopopt.ocp.hop import EFFORT, Hop
 from hopopt.ocp.objectives import given
+from hopopt.ocp.standing import static_faults
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
 from hopopt.stated_error import relaxed, simulated
@@ -77,7 +78,7 @@ def solve(
     """
     say, clock = progress or (lambda text: None), Stopwatch()
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
-    faults = hop.static_faults()
+    faults = static_faults(hop.design, hop.robot)
     if faults:
         raise NotSolvedError(f"{design.name}: the leg cannot stand at its start.", [*faults, *hints(design)])
     clock.mark("model")

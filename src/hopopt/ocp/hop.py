@@ -12,10 +12,10 @@ import casadi as ca
 import numpy as np
 
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import CAPS, LINES, operating_region
+from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics, Motion
-from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_angles, start_place
+from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_place
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import force_range, weight
 from hopopt.ocp.constraints import (
@@ -243,31 +243,6 @@ class Hop:
     def untied(self) -> Problem:
         """The problem without the tie-break."""
         return self.problem.towards(replace(self.problem.objective, value=lambda e: self.objective.value(self, e)))
-
-    def static_faults(self) -> list[str]:
-        """A sentence for each joint whose drive cannot even hold the start pose against gravity."""
-        q = start_angles(self.design)
-        if self.loops:  # the joints can press against the guides: no single answer
-            return []
-        symbols = [ca.SX.sym(name, self.n) for name in "qva"]
-        tau = LegDynamics(self.robot, self.robot.parameters).stance(*symbols).tau
-        hold = np.array(ca.Function("hold", symbols, [tau])(q, 0, 0)).ravel()
-        faults = []
-        for k, joint in enumerate(self.leg.joints):
-            region = operating_region(self.leg, joint, self.robot.parameters)
-            lower, upper = region.torque_bounds(0.0)
-            if not lower <= hold[k] <= upper:
-                cap = CAPS.get(region.binding(0.0, hold[k]), ())
-                given = [self.leg.drive(joint, *entry) for entry in cap or LINES if entry[1] != "max_speed"]
-                stated = " and ".join(f"{path} = {value:g}" for path, value in given)
-                stronger = f"a higher {given[0][0]}" if cap else "a stronger motor"
-                geared = ", a higher gear ratio" if given[1:] else ""
-                faults.append(
-                    f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose in stance at 0 s; "
-                    f"its drive gives {float(upper):.1f} N m ({stated}, for {self.weight:.0f} N): {stronger}{geared}, "
-                    "a lighter leg.body.mass or a higher start"
-                )
-        return faults
 
     @property
     def tie_break_bias(self) -> float:

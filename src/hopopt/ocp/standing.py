@@ -1,0 +1,60 @@
+"""Whether a leg can stand, and move, where its hop starts: asked before anything is solved."""
+
+import casadi as ca
+import numpy as np
+
+from hopopt.leg.actuator import CAPS, LINES, operating_region
+from hopopt.leg.design import Design
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.kinematics import loop_axes, start_angles
+from hopopt.leg.robot import BASE, Robot
+from hopopt.leg.scales import weight
+
+SINGULAR = 1e-12  # of the largest eigenvalue of the mass matrix: a smaller one is none
+
+
+def static_faults(design: Design, robot: Robot) -> list[str]:
+    """A sentence for a joint that nothing resists; else for each whose drive cannot even hold the start pose against
+    gravity."""
+    if fault := _unresisted(design, robot):
+        return [fault]
+    return [] if loop_axes(design.leg) else _too_weak(design, robot)  # in a loop joints can press against the guides
+
+
+def _unresisted(design: Design, robot: Robot) -> str:
+    """Which joint turns without inertia in the start pose, or nothing."""
+    q, v, a = (ca.SX.sym(name, robot.model.nv) for name in "qva")
+    forces = LegDynamics(robot, robot.parameters).inverse_dynamics(q, v, a)
+    mass_matrix = ca.Function("mass_matrix", [q, v, a], [ca.jacobian(forces, a)])
+    values, motions = np.linalg.eigh(np.array(mass_matrix([*[0.0] * BASE, *start_angles(design)], 0, 0)))
+    if values[0] > SINGULAR * values[-1]:
+        return ""
+    joint = design.leg.joints[int(np.abs(motions[BASE:, 0]).argmax())]
+    path, rotor = design.leg.drive(joint, "motor", "rotor_inertia")
+    return (
+        f"nothing resists the {joint} in the start pose at 0 s: the links it moves are thin rods that turn about themselves, "
+        f"and {path} = {rotor:g} kg m^2: give that, or their inertia_tensor"
+    )
+
+
+def _too_weak(design: Design, robot: Robot) -> list[str]:
+    leg, q = design.leg, start_angles(design)
+    symbols = [ca.SX.sym(name, len(leg.joints)) for name in "qva"]
+    tau = LegDynamics(robot, robot.parameters).stance(*symbols).tau
+    hold = np.array(ca.Function("hold", symbols, [tau])(q, 0, 0)).ravel()
+    faults = []
+    for k, joint in enumerate(leg.joints):
+        region = operating_region(leg, joint, robot.parameters)
+        lower, upper = region.torque_bounds(0.0)
+        if not lower <= hold[k] <= upper:
+            cap = CAPS.get(region.binding(0.0, hold[k]), ())
+            given = [leg.drive(joint, *entry) for entry in cap or LINES if entry[1] != "max_speed"]
+            stated = " and ".join(f"{path} = {value:g}" for path, value in given)
+            stronger = f"a higher {given[0][0]}" if cap else "a stronger motor"
+            geared = ", a higher gear ratio" if given[1:] else ""
+            faults.append(
+                f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose in stance at 0 s; "
+                f"its drive gives {float(upper):.1f} N m ({stated}, for {weight(robot.model):.0f} N): {stronger}{geared}, "
+                "a lighter leg.body.mass or a higher start"
+            )
+    return faults
