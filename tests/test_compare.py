@@ -26,7 +26,7 @@ from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
 from hopopt.mismatch import mismatched, spread
 from hopopt.problem_file import load
-from hopopt.screen import print_answer
+from hopopt.solution import Solution
 from hopopt.storage import save
 from hopopt.storage_runs import save_runs
 
@@ -59,15 +59,61 @@ def test_parts_gaps_and_shares_add_up(comparison):
         assert row["share_of_bound"] == pytest.approx(row["clearance_m"] / best)
 
 
-def test_the_answer_alone_says_what_the_papers_control_reaches(comparison, solution, capsys):
-    found, row = paper_strategy(solution), comparison.row("force")
-    assert found is not None
+@pytest.fixture
+def told(solution, monkeypatch, tmp_path, capsys):
+    """Runs hopopt solve where the planner is done: exit code and what is printed."""
+    monkeypatch.setattr("hopopt.planner.solve", lambda *a, **k: solution)
+
+    def told(*more):
+        code = run(["solve", "--no-figures", "--results", str(tmp_path / "results"), *more])
+        return code, capsys.readouterr().out
+
+    return told
+
+
+def test_the_answer_says_what_the_papers_control_reaches(comparison, told):
+    row = comparison.row("force")
+    code, shown = told()
+    (line,) = [line for line in shown.splitlines() if "force control" in line]
+    assert code == 0
+    assert f"{row['clearance_m']:.3f} m, {row['share_of_bound']:.0%} of the optimum" in line
+    found = json.loads(told("--json")[1])["paper_strategy"]
     assert found["clearance_m"] == pytest.approx(row["clearance_m"], abs=1e-9)
     assert found["share_of_bound"] == pytest.approx(row["share_of_bound"], abs=1e-9)
-    assert found["limits_exceeded"] == row["limits_exceeded"] == []
-    print_answer(solution.noted(summary={**solution.summary, "paper_strategy": found}))
-    shown = next(line for line in capsys.readouterr().out.splitlines() if "force control" in line)
-    assert f"{row['clearance_m']:.3f} m, {row['share_of_bound']:.0%} of the optimum" in shown
+    assert (found["name"], found["fault"], found["beyond_bound"]) == ("force", "", False)
+    assert "force control" not in told("--no-control")[1]
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, ValueError, ZeroDivisionError, UsageError])
+def test_nothing_beside_the_answer_loses_it(fault, told, monkeypatch, tmp_path):
+    def simulate(*a, **k):
+        raise fault
+
+    monkeypatch.setattr("hopopt.compare.simulate", simulate)
+    code, shown = told()
+    assert code == 0
+    assert "verified" in shown
+    assert "force control" not in shown
+    assert len(list((tmp_path / "results").glob("*/summary.json"))) == 1
+
+
+def test_a_control_that_passes_the_answer_is_an_alarm(solution, told, monkeypatch):
+    monkeypatch.setattr(Solution, "clearance", 0.4)
+    code, shown = told()
+    assert code == 3
+    assert "it passes the optimum within every limit" in shown
+
+
+def test_a_hop_that_is_none_has_no_share(solution, told, monkeypatch):
+    fast = load("paper", ["leg.gear.speed_cap=600"])  # 6 rad/s at the joints, which the control overruns
+    monkeypatch.setattr(
+        "hopopt.compare.simulate", lambda design, *a, **k: simulate(fast, find("force"), past_apex=True)
+    )
+    found = json.loads(told("--json")[1])["paper_strategy"]
+    assert found["clearance_m"] is None
+    assert found["share_of_bound"] is None
+    assert "faster than its drive may turn" in found["fault"]
+    assert f"no hop within this leg's limits ({found['fault']})" in told()[1]
 
 
 def test_no_share_is_told_of_what_is_no_bound_for_it(solution):
@@ -76,6 +122,8 @@ def test_no_share_is_told_of_what_is_no_bound_for_it(solution):
     assert paper_strategy(solution.noted(summary={**solution.summary, "functions": functions})) is None
     assert paper_strategy(solution.noted(summary={**solution.summary, "verified": False})) is None
     assert paper_strategy(dataclasses.replace(solution, design=load("three_joint"))) is None  # the strategy needs two
+    slider = load("paper", ['leg.guides=["z"]', "start.foot_x=0.05"])
+    assert paper_strategy(dataclasses.replace(solution, design=slider)) is None  # not simulated
 
 
 def test_the_optimum_is_measured_as_a_simulation_is(comparison, solution):

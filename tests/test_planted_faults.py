@@ -214,6 +214,23 @@ def test_a_rod_that_turns_about_itself() -> None:
     assert "leg.motor.rotor_inertia = 0 kg m^2" in sentence
 
 
+def test_small_and_light_is_not_without_inertia() -> None:
+    """A leg of grams below a body of a tonne, without rotors."""
+    light = ("leg.motor.rotor_inertia=0", "leg.body.mass=1000", "leg.shank.mass=1e-4", "leg.shank.length=0.01")
+    pose = ("leg.thigh.mass=1e-4", "start.hip_height=0.385", "leg.knee.upper=0", "leg.knee.lower=-3")
+    design = load("paper", [*light, *pose])
+    assert not any("nothing resists" in fault for fault in static_faults(design, build_robot(design.leg)))
+
+
+def test_all_joints_without_inertia_are_named() -> None:
+    twisted = [
+        f"leg.{joint}.{entry}" for joint in ("hip", "knee") for entry in ("axis=[0, 0, 1]", "lower=-1", "upper=1")
+    ]
+    design = load("paper", [*twisted, "start.joint_angles=[0, 0]", "leg.motor.rotor_inertia=0"])
+    (sentence,) = static_faults(design, build_robot(design.leg))
+    assert sentence.startswith("nothing resists the hip and the knee in")
+
+
 @pytest.mark.parametrize(
     ("entries", "said"),
     [

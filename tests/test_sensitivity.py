@@ -429,6 +429,17 @@ def test_wrong_usage(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_result_in_the_place_of_a_problem_is_told_where_to_go(
+    paper: ho.Solution, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = str(paper.result_dir)
+    assert run(["sensitivity", folder]) == 2
+    assert (
+        capsys.readouterr().err
+        == f"hopopt: {folder} is a result, not a problem: hopopt sensitivity --result {folder}\n"
+    )
+
+
 def test_confirming_what_is_not_there(paper: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     arguments = ["--result", str(paper.result_dir), "--results", str(tmp_path), "--confirm", "leg.thigh.lenght"]
     assert run(["sensitivity", *arguments]) == 2

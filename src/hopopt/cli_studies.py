@@ -56,6 +56,8 @@ def sensitivity(
     """
     if result is not None and (problem, set_, starts, objective) != (None, None, None, "clearance"):
         raise UsageError("--result names an optimum that is there: leave out the problem, --set, --objective, --starts")
+    if problem is not None and (Path(problem) / "summary.json").is_file():
+        raise UsageError(f"{problem} is a result, not a problem: hopopt sensitivity --result {problem}")
     if starts is not None and starts < 1:
         raise UsageError("--starts must be at least 1")
     from hopopt import sensitivity as study

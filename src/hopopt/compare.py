@@ -21,6 +21,7 @@ from hopopt.paper_results import PAPER
 from hopopt.problem_file import design_hash
 from hopopt.sim.hop_figures import HopFigures
 from hopopt.sim.mujoco import library
+from hopopt.sim.plant import PAST_APEX
 from hopopt.sim.trace import Event, Trace
 from hopopt.solution import Solution
 from hopopt.verify import PLACES
@@ -30,7 +31,8 @@ if TYPE_CHECKING:
 
 TUNED = ("force", "position")  # strategies whose gains can be tuned
 BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
-OPTIMUM, PD = "optimum", "force"
+OPTIMUM = "optimum"
+PAPERS = "force"  # of the paper's two the one that saturates its drives
 OBJECTIVE = "clearance"  # by which strategies are compared
 SMOOTH = 1e-4  # [m/s] tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
 
@@ -159,20 +161,29 @@ def compare(
 
 
 def paper_strategy(solution: Solution) -> dict[str, Any] | None:
-    """The paper's force control, a PD law clamped to what the drives can give (eq. con_tdyn, con_tdes), on the leg of a
-    verified optimum: its ``clearance_m``, its ``share_of_bound`` and its ``limits_exceeded``, in words.
+    """The paper's force control, a PD law clamped to what the drives can give (eq. con_tdyn, con_tdes) with the paper's
+    gains, on the leg of a verified optimum.
 
-    None where it is no bound on clearance (another objective, constraints of one's own), or where the leg is not of two
-    joints or cannot be simulated.
+    ``clearance_m`` and ``share_of_bound``, None where it does not hop within the problem's limits; why not (``fault``,
+    in words, or empty); whether it is ``beyond_bound``, which then is wrong. None in all where the optimum is no bound on
+    clearance (another objective, constraints of one's own), or the leg is not of two joints or cannot be simulated.
     """
     if not solution.verified or solution.objective != OBJECTIVE or solution.summary["functions"]["constraints"]:
         return None
     try:
-        f = simulate(solution.design, find(PD), past_apex=True).figures
-    except UsageError:
+        f = simulate(solution.design, find(PAPERS), past_apex=True).figures
+    except (UsageError, ArithmeticError, ValueError):  # nothing that the answer needs
         return None
-    share = f.clearance / solution.clearance
-    return {"name": PD, "clearance_m": f.clearance, "share_of_bound": share, "limits_exceeded": f.limits_exceeded}
+    fault = "" if f.trace.outcome == PAST_APEX else f.trace.outcome
+    fault = "; ".join(f.limits_exceeded) or fault
+    reached = None if fault else f.clearance
+    return {
+        "name": PAPERS,
+        "clearance_m": reached,
+        "share_of_bound": None if reached is None else reached / solution.clearance,
+        "fault": fault,
+        "beyond_bound": reached is not None and reached > solution.clearance + BEATEN,
+    }
 
 
 def answering(design: Design, bound: Solution) -> Solution:

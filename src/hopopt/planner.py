@@ -80,7 +80,7 @@ def solve(
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
     faults = static_faults(hop.design, hop.robot)
     if faults:
-        raise NotSolvedError(f"{design.name}: the leg cannot stand at its start.", [*faults, *hints(design)])
+        raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
     clock.mark("model")
     count = starts or design.solver.starts
     economical = from_highest(hop, count, say)

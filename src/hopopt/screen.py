@@ -125,10 +125,15 @@ def _control(s: dict[str, Any]) -> list[str]:
     """What the paper's PD strategy reaches."""
     if (found := s.get("paper_strategy")) is None:
         return []
-    broken = f", not within every limit ({found['limits_exceeded'][0]})" if found["limits_exceeded"] else ""
+    if found["fault"]:
+        reached = f"no hop within this leg's limits ({found['fault']})"
+    else:
+        reached = f"{found['clearance_m']:.3f} m, {found['share_of_bound']:.0%} of the optimum"
+    wrong = ["it passes the optimum within every limit: that is not the highest hop"] if found["beyond_bound"] else []
     return [
-        f"the paper's force control (saturated PD, printed gains), simulated: {found['clearance_m']:.3f} m, "
-        f"{found['share_of_bound']:.0%} of the optimum{broken}; hopopt compare has others, --tune finds gains"
+        f"the paper's force control (PD clamped to the drives, gains for the paper's leg) in simulation: {reached}; "
+        "hopopt compare has other strategies and tunes gains",
+        *wrong,
     ]
 
 

@@ -66,7 +66,7 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
         try:
             hop = Hop(definition.design_at(k), definition.objective)
             if faults := static_faults(hop.design, hop.robot):
-                raise NotSolvedError(f"{definition.design.name}: the leg cannot stand at its start.", faults)
+                raise NotSolvedError(f"{definition.design.name}: the leg cannot hop from its start.", faults)
             for source, found in _answers(definition, hop, point.values, sources):
                 if not point.solved or _preferred(hop, found[0], point):
                     point, begin = _described(point, found[0], source), dict(found[1])

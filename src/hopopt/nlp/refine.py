@@ -47,9 +47,9 @@ Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limit
 
 @dataclass(frozen=True)
 class Aims:
-    """Local error (scaled), relative change of the objective, excess over the limits; meshes, iterations of each, at
-    most; ``restarts``: times that many may go, over all meshes, into solving again without the last one's multipliers
-    (where a solution with them is only doubted, they count too, but are never refused)."""
+    """Local error (scaled), relative change of the objective, excess over the limits; at most so many meshes and
+    iterations of each; ``restarts``: so many times ``iterations`` may go, over all meshes, into solving again without the
+    last one's multipliers (those that only a doubt asks for are counted, but never refused)."""
 
     local_error: float
     change: float

@@ -6,11 +6,11 @@ import numpy as np
 from hopopt.leg.actuator import CAPS, LINES, operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import loop_axes, start_angles
+from hopopt.leg.kinematics import loop_axes, reach, start_angles
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import weight
 
-SINGULAR = 1e-12  # of the largest eigenvalue of the mass matrix: a smaller one is none
+SINGULAR = 1e-14  # of the largest eigenvalue of the mass matrix, scaled by mass and reach: what rounding leaves of none
 
 
 def static_faults(design: Design, robot: Robot) -> list[str]:
@@ -22,18 +22,22 @@ def static_faults(design: Design, robot: Robot) -> list[str]:
 
 
 def _unresisted(design: Design, robot: Robot) -> str:
-    """Which joint turns without inertia in the start pose, or nothing."""
+    """Which joints turn without inertia in the start pose, or nothing."""
     q, v, a = (ca.SX.sym(name, robot.model.nv) for name in "qva")
     forces = LegDynamics(robot, robot.parameters).inverse_dynamics(q, v, a)
     mass_matrix = ca.Function("mass_matrix", [q, v, a], [ca.jacobian(forces, a)])
-    values, motions = np.linalg.eigh(np.array(mass_matrix([*[0.0] * BASE, *start_angles(design)], 0, 0)))
-    if values[0] > SINGULAR * values[-1]:
+    M = np.array(mass_matrix([*[0.0] * BASE, *start_angles(design)], 0, 0))
+    scale = np.array([1.0] * BASE + [reach(design.leg)] * len(design.leg.joints))
+    values, motions = np.linalg.eigh(M / np.outer(scale, scale))
+    free = np.abs(motions[BASE:, values <= SINGULAR * values[-1]]).max(axis=1, initial=0.0)
+    joints = [joint for joint, part in zip(design.leg.joints, free, strict=True) if part > 0.5 * free.max()]
+    if not joints:
         return ""
-    joint = design.leg.joints[int(np.abs(motions[BASE:, 0]).argmax())]
-    path, rotor = design.leg.drive(joint, "motor", "rotor_inertia")
+    rotors = dict(design.leg.drive(joint, "motor", "rotor_inertia") for joint in joints)
+    stated = " and ".join(f"{path} = {rotor:g} kg m^2" for path, rotor in rotors.items())
     return (
-        f"nothing resists the {joint} in the start pose at 0 s: the links it moves are thin rods that turn about themselves, "
-        f"and {path} = {rotor:g} kg m^2: give that, or their inertia_tensor"
+        f"nothing resists the {' and the '.join(joints)} in the start pose at 0 s, as a thin rod that turns about itself, "
+        f"with {stated}: give a rotor's inertia, or the inertia_tensor of the links"
     )
 
 

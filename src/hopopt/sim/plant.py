@@ -25,6 +25,7 @@ LONGEST = 2.5e-4  # [s] of a step, however slow the controller
 EVENT = 1e-9  # [s] to which events are located
 JUMP = 1e-8  # [s] before the end of a step within which the torque that follows may already hold
 AHEAD = 1e-5  # [s] over which a foot let go must rise
+PAST_APEX = "past the apex"  # how a run ends that was to end there
 AT_STOPS = 8  # parts of a step where a joint touches its end stop: they are stiff
 
 
@@ -186,7 +187,7 @@ class Plant:
             if landings and s.landings >= landings:
                 outcome = f"landing {landings}"
             elif falling < np.inf and not s.contact and self.machine.com_velocity(s.q, s.v)[1] < -falling:
-                outcome = "past the apex"
+                outcome = PAST_APEX
             if outcome != "the time was up":
                 break
         assert torque is not None
