@@ -219,6 +219,7 @@ SENTENCES = [
     (("hip_height = 0.28", "joint_angles = [1.0, 0.5]"), "start.joint_angles[1] = 0.5 rad is outside the limits of knee: a number from leg.knee.lower = -2.4 to leg.knee.upper = -0.15 rad is needed."),
     (("[leg.gear]", "[leg.gears]"), "leg.gear is missing: "),
     (('name = "mine"', 'name = "a b"'), 'name = "a b" is not allowed: text of 1 to 64 letters, digits, _ or -, the first a letter or digit, is needed.'),
+    (("[leg.shank]", "[leg.shnk]"), "leg.shnk is not a known key (did you mean shank?): [leg] takes"),
     (('name = "mine"', 'nam = "mine"'), "nam is not a known key (did you mean name?): the top of the file takes name, title,"),
     (('name = "mine"', 'name = "mine"\nratio = 3'), "ratio is not a known key: the top of the file takes name, title, leg, contact, start, hop, solver, simulation, reserve and extends; ratio belongs in [leg.gear]."),
     (("[start]", "[begin]"), "start is missing: add the table [start] with hip_height (legs of two joints) or joint_angles, or begin the file with extends = \"paper\"."),

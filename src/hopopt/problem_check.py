@@ -167,8 +167,9 @@ def _known(kind: Any, loc: Any, table: Mapping[str, Any]) -> list[str]:
     keys += ["model"] if "catalogue" in keys else []  # gone where names have become numbers, but it may be written
     if kind is Leg and not loc:
         keys = [*keys, *ENTRIES]
-        keys = [key for key in keys if key not in LEG_TABLES] + [n for key in LEG_TABLES for n in table[key]]
-    return keys
+        named = [n for names in LEG_TABLES.values() if isinstance(table.get(names), tuple) for n in table[names]]
+        keys = [key for key in keys if key not in LEG_TABLES] + [n for n in named if isinstance(n, str)]
+    return list(dict.fromkeys(keys))
 
 
 def _unknown(key: str, path: str, known: list[str]) -> str:
