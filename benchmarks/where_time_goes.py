@@ -2,7 +2,7 @@
 
     python benchmarks/where_time_goes.py [PROBLEM]
 
-Runs `hopopt solve PROBLEM --starts 1 --no-figures --json` as a user would, and, for comparison, the bare import of
+Runs `hopopt solve PROBLEM --starts 1 --no-figures --no-control --json` as a user would, and, for comparison, the bare import of
 casadi and pinocchio and `hopopt --help`.
 """
 
@@ -48,8 +48,8 @@ def main() -> None:
         bare = wall("-c", "import casadi, pinocchio", cwd=folder)[0]
         imports = wall("-c", "import hopopt.cli, hopopt.planner, hopopt.storage", cwd=folder)[0]
         help_time = wall("-m", "hopopt.cli", "--help", cwd=folder)[0]
-        arguments = ["solve", problem, "--objective", "clearance", "--starts", "1", "--no-figures", "--json"]
-        total, out = wall("-m", "hopopt.cli", *arguments, cwd=folder)
+        arguments = ["solve", problem, "--objective", "clearance", "--starts", "1", "--no-figures", "--no-control"]
+        total, out = wall("-m", "hopopt.cli", *arguments, "--json", cwd=folder)
     s = json.loads(out)
     print(f"{problem}: {total:.1f} s for a {s['status']} answer")
     for name, seconds in stages(s, imports, total).items():

@@ -70,6 +70,13 @@ def test_each_optimum_is_least_in_its_own_figure(objective: str) -> None:
         assert s.summary[figure] <= value * (1 + 2e-4), other
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("objective", QUICK)
+def test_the_quickest_hop_needs_no_less_of_anything_else(objective: str) -> None:
+    s, figure = best(objective), best(objective).summary["objective_figure"]
+    assert s.summary[figure] <= MEASURES[figure](s.robot, best("time").tables) * (1 + 2e-4)
+
+
 def test_energy_drawn_is_at_least_what_the_leg_gains() -> None:
     """Work is at least the gain in energy; the electrical energy has the Joule heat on top, integrated here anew."""
     s = best("electrical_energy")

@@ -171,7 +171,8 @@ def paper_strategy(solution: Solution) -> dict[str, Any] | None:
     if not solution.verified or solution.objective != OBJECTIVE or solution.summary["functions"]["constraints"]:
         return None
     try:
-        f = simulate(solution.design, find(PAPERS), past_apex=True).figures
+        run = simulate(solution.design, find(PAPERS), past_apex=True)
+        f = run.figures
     except (UsageError, ArithmeticError, ValueError):  # nothing that the answer needs
         return None
     fault = "" if f.trace.outcome == PAST_APEX else f.trace.outcome
@@ -182,7 +183,7 @@ def paper_strategy(solution: Solution) -> dict[str, Any] | None:
         "clearance_m": reached,
         "share_of_bound": None if reached is None else reached / solution.clearance,
         "fault": fault,
-        "beyond_bound": reached is not None and reached > solution.clearance + BEATEN,
+        "beyond_bound": not fault and bool(Comparison(solution, None, {PAPERS: run}).beaten_by),
     }
 
 

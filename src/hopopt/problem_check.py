@@ -112,9 +112,7 @@ def _gathered(table: Mapping[str, Any], report: Report) -> dict[str, Any]:
         del table[key]
         report.add(f"leg.{key}", f"is not a known key: a {key} has the table [leg.<name of the {key}>]")
     for key, names in LEG_TABLES.items():
-        listed = table.get(names)
-        own = [n for n in listed if isinstance(n, str)] if isinstance(listed, tuple) else []
-        own = [n for n in dict.fromkeys(own) if n not in Leg.model_fields]
+        own = [n for n in _listed(table, names) if n not in Leg.model_fields]
         for name in own:
             if name not in table:
                 needed = _and(k for k, info in entry_at(Leg, (key, name))[0].model_fields.items() if info.is_required())
@@ -123,6 +121,12 @@ def _gathered(table: Mapping[str, Any], report: Report) -> dict[str, Any]:
                 )
         gathered[key] = {name: table[name] for name in own if name in table}
     return {k: v for k, v in table.items() if not any(k in tables for tables in gathered.values())} | gathered
+
+
+def _listed(table: Mapping[str, Any], names: str) -> list[str]:
+    """The names in one list of the leg's table, each once, whatever else the list may hold."""
+    listed = table.get(names)
+    return list(dict.fromkeys(n for n in listed if isinstance(n, str))) if isinstance(listed, tuple) else []
 
 
 def _validated(kind: Any, path: str, table: dict[str, Any], report: Report) -> Any:
@@ -167,9 +171,9 @@ def _known(kind: Any, loc: Any, table: Mapping[str, Any]) -> list[str]:
     keys += ["model"] if "catalogue" in keys else []  # gone where names have become numbers, but it may be written
     if kind is Leg and not loc:
         keys = [*keys, *ENTRIES]
-        named = [n for names in LEG_TABLES.values() if isinstance(table.get(names), tuple) for n in table[names]]
-        keys = [key for key in keys if key not in LEG_TABLES] + [n for n in named if isinstance(n, str)]
-    return list(dict.fromkeys(keys))
+        keys = [key for key in keys if key not in LEG_TABLES]
+        keys += [n for names in LEG_TABLES.values() for n in _listed(table, names) if n not in keys]
+    return keys
 
 
 def _unknown(key: str, path: str, known: list[str]) -> str:

@@ -2,6 +2,7 @@
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
 from hopopt.leg.actuator import CAPS, LINES, operating_region
 from hopopt.leg.design import Design
@@ -23,12 +24,10 @@ def static_faults(design: Design, robot: Robot) -> list[str]:
 
 def _unresisted(design: Design, robot: Robot) -> str:
     """Which joints turn without inertia in the start pose, or nothing."""
-    q, v, a = (ca.SX.sym(name, robot.model.nv) for name in "qva")
-    forces = LegDynamics(robot, robot.parameters).inverse_dynamics(q, v, a)
-    mass_matrix = ca.Function("mass_matrix", [q, v, a], [ca.jacobian(forces, a)])
-    M = np.array(mass_matrix([*[0.0] * BASE, *start_angles(design)], 0, 0))
+    q = np.concatenate([np.zeros(BASE), start_angles(design)])
+    M = pin.crba(robot.model, robot.model.createData(), q)  # its upper triangle
     scale = np.array([1.0] * BASE + [reach(design.leg)] * len(design.leg.joints))
-    values, motions = np.linalg.eigh(M / np.outer(scale, scale))
+    values, motions = np.linalg.eigh(M / np.outer(scale, scale), UPLO="U")
     free = np.abs(motions[BASE:, values <= SINGULAR * values[-1]]).max(axis=1, initial=0.0)
     joints = [joint for joint, part in zip(design.leg.joints, free, strict=True) if part > 0.5 * free.max()]
     if not joints:
@@ -42,6 +41,7 @@ def _unresisted(design: Design, robot: Robot) -> str:
 
 
 def _too_weak(design: Design, robot: Robot) -> list[str]:
+    """A sentence for each joint whose drive cannot hold the start pose, the foot on the ground."""
     leg, q = design.leg, start_angles(design)
     symbols = [ca.SX.sym(name, len(leg.joints)) for name in "qva"]
     tau = LegDynamics(robot, robot.parameters).stance(*symbols).tau
