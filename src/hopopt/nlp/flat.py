@@ -1,13 +1,13 @@
 """Flat directions: what of an optimum can move, all else following, without the objective feeling it.
 
 A quantity c'z is moved by d, and everything else may follow within the rows and the limits that act. To second order
-the objective then changes by k d^2 / 2, k = 1 / (c' C c), where C is the block of z in the inverse of
+the objective then changes by k d^2 / 2, k = 1 / (c' C c), where C is the inverse of
 
-    [ W + D_z   A'     ]      W = second derivative of the Lagrangian,  A = derivative of the rows,
-    [ A        -1/D_g  ]      D = multiplier / distance of each limit (huge where it acts, nothing where it does not)
+    W + D_z + A' D_g A        W = second derivative of the Lagrangian,  A = derivative of the rows,
+                              D = multiplier / distance of each limit (much where it acts, nothing where it does not)
 
-(the reduced Hessian's inverse in the tangent space of what acts; Nocedal and Wright, Numerical Optimization, 16.2 and
-19.3). Where C has no bound, nothing feels the move. The quantities asked are the means of every control over tenths of
+(the reduced Hessian's inverse in the tangent space of what acts, which a finite D leaves by little; Nocedal and Wright,
+Numerical Optimization, 16.2 and 17.1). Where C has no bound, nothing feels the move. The quantities asked are the means of every control over tenths of
 its phase, each duration and each free parameter: means, because a control at a single node is felt the less the finer
 the mesh.
 """
@@ -28,7 +28,7 @@ BLOCKS = 10  # of a phase, over which a control is averaged
 FELT = 1e-4  # relative change of the objective, if a quantity is moved by its whole range, below which it is flat
 ACTS = 1e-7  # of the objective: a multiplier below it (scaled limit by its scale) comes of a tie-break, not of the objective
 HELD = 1e-8  # added to W for each variable, of the objective: what stands for no bound
-STIFF = 1e9  # most that a limit that acts is worth, of the objective
+STIFF = 1e6  # most that a limit that acts is worth, of the objective: what is flat is softer by far, rounding finer still
 STILL = 1e-3  # largest scaled value below which a control counts as unused; its scale is taken instead
 STRETCH = 0.1  # of a duration, by which it is moved when all else is optimised anew
 ITERATIONS = 200
@@ -123,10 +123,12 @@ def _stiffness(solution: NlpSolution, rows: list[np.ndarray]) -> np.ndarray:
     held = on_g > 0
     top = (W + sparse.diags(on_z + HELD * size)).tocsr()[movable][:, movable]
     A = A.sparse().tocsr()[held][:, movable]
-    factor = splu(csc(sparse.bmat([[top, A.T], [A, -sparse.diags(1 / on_g[held])]])))
+    # Symmetric and nearly definite: without pivots it stays as sparse as intervals in a row are.
+    options = {"SymmetricMode": True}
+    matrix = csc(top + A.T @ sparse.diags(on_g[held]) @ A)
+    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     C = np.array(rows)[:, movable]
-    right = np.vstack([C.T, np.zeros((int(held.sum()), len(C)))])
-    moved = np.einsum("ij,ji->i", C, factor.solve(right)[: C.shape[1]])
+    moved = np.einsum("ij,ji->i", C, factor.solve(C.T))
     return 1 / np.where(np.abs(moved) > 1 / (STIFF * size), moved, 1 / (STIFF * size))
 
 
