@@ -25,6 +25,7 @@ from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
 from hopopt.mismatch import mismatched, spread
+from hopopt.paper_results import is_the_papers
 from hopopt.problem_file import load
 from hopopt.solution import Solution
 from hopopt.storage import save
@@ -57,6 +58,13 @@ def test_parts_gaps_and_shares_add_up(comparison):
         assert sum(row["budget"].values()) == pytest.approx(row["clearance_m"], abs=1e-12)
         assert sum(row["gap"].values()) == pytest.approx(best - row["clearance_m"], abs=1e-7)
         assert row["share_of_bound"] == pytest.approx(row["clearance_m"] / best)
+
+
+def test_the_papers_figures_stand_beside_its_leg_alone(comparison):
+    assert "paper" in comparison.row("force")
+    assert is_the_papers(load("paper", ["leg.gear.ratio=60"]).leg)  # it prints no figures of its motors
+    for other in (load("paper", ["leg.body.mass=5"]), load("paper", ["leg.shank.length=0.3"]), load("three_joint")):
+        assert not is_the_papers(other.leg)
 
 
 @pytest.fixture

@@ -109,3 +109,12 @@ def test_the_place_of_a_switch_is_told(share: float) -> None:
     _, after = held(before)
     (place,) = switch_places(after)["move"][[2]]
     assert place == pytest.approx(share, abs=0.02)
+
+
+def test_a_program_is_known_by_its_mesh_and_its_limits() -> None:
+    before = first(bang_bang(), radau(3), uniform(5))
+    t, none = before.transcription, {"move": np.zeros((5, 1), dtype=bool)}
+    program = held_between(t, none)
+    assert program.is_of(t, {"move": none["move"].copy()})
+    assert not program.is_of(t, {"move": ~none["move"]})
+    assert not program.is_of(first(bang_bang(), radau(3), uniform(5)).transcription, none)

@@ -10,12 +10,13 @@ import pytest
 
 from hopopt.cli import run
 from hopopt.errors import NotSolvedError, UsageError
-from hopopt.highest import from_highest
+from hopopt.highest import HIGHEST, from_highest
 from hopopt.leg.robot import BASE
 from hopopt.measures import MEASURES
 from hopopt.ocp.hop import Hop
 from hopopt.planner import solve
 from hopopt.problem_file import load
+from hopopt.screen import starts_in_words
 from hopopt.sim.machine import Machine
 from hopopt.solution import Solution
 from hopopt.verify import FLIGHT, STANCE, failed, verify_plan
@@ -211,3 +212,9 @@ def test_an_unverified_figure_is_not_stated(tmp_path: Path, capfd: pytest.Captur
     s = json.loads(capfd.readouterr().out)
     assert s["peak_torque_Nm"] is None
     assert s["unverified_peak_torque_Nm"] > 0
+
+
+def test_the_highest_hop_is_not_counted_as_a_start() -> None:
+    """--starts 1 with a clearance that is asked for begins from the highest hop as well."""
+    assert starts_in_words(["upright push", HIGHEST]) == "1 start and the highest hop"
+    assert starts_in_words(["upright push", "drawn 1"]) == "2 starts"

@@ -17,7 +17,7 @@ from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.design import Design
 from hopopt.ocp.hop import FLIGHT, STANCE
-from hopopt.paper_results import PAPER
+from hopopt.paper_results import PAPER, is_the_papers
 from hopopt.problem_file import design_hash
 from hopopt.sim.hop_figures import HopFigures
 from hopopt.sim.mujoco import library
@@ -95,7 +95,7 @@ class Comparison:
         row |= {"share_of_bound": f.clearance / self.bound if self.solution.verified else None, "gap": self.gap(name)}
         if name in self.mujoco:
             row["mujoco_clearance_m"] = self.mujoco[name]
-        if name in PAPER:
+        if name in PAPER and is_the_papers(self.solution.design.leg):
             row["paper"] = {key: list(values) for key, values in PAPER[name].items()}
         return row
 

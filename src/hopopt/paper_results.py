@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopopt.errors import UsageError
+from hopopt.leg.design import Leg
 from hopopt.leg.robot import BASE
+from hopopt.problem_file import load
 from hopopt.sim.hop_figures import HopFigures
 from hopopt.stiffness import PAPER_RANGE, mean_stiffness
 
@@ -17,6 +19,12 @@ PAPER = {  # the paper's printed figures: simulation, experiment
 }
 NEAR = 0.1  # relative: the paper's figures have two digits and come from a model it does not give in full
 SATURATED = 0.95  # a ratio "close to 1"
+
+
+def is_the_papers(leg: Leg) -> bool:
+    """Whether its guides, body and links are those of the paper's: the printed figures say nothing of other robots."""
+    own = load("paper").leg
+    return (leg.guides, leg.body, leg.link) == (own.guides, own.body, own.link)
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ def _control(s: dict[str, Any]) -> list[str]:
 def idle_line(found: dict[str, dict[str, Any]], most: int = 4) -> list[str]:
     """The least used limits in one line; none if every limit acts."""
     named = [f"{name} ({use['used']:.0%} used)" for name, use in list(found.items())[:most]]
-    rest = f" and {len(found) - most} more" if len(found) > most else ""
+    rest = f" and {len(found) - most} more (hopopt diagnose names them)" if len(found) > most else ""
     return [f"never act: {', '.join(named)}{rest}"] if named else []
 
 
@@ -168,7 +168,7 @@ def _evidence(s: dict[str, Any]) -> list[str]:
         bias = f"flat: gentle torques are preferred, which weighs {_measure(s, s['tie_break_weighs'], '.2g')}"
     lines = [
         *_error(s),
-        f"{starts['count']} start{'s' if starts['count'] > 1 else ''} on the first mesh: {ends}{failed}",
+        f"{starts_in_words([each['name'] for each in starts['each']])} on the first mesh: {ends}{failed}",
         f"{len(s['mesh'])} mesh{'es' if len(s['mesh']) > 1 else ''}, last {sizes} intervals ({s['scheme']}); {settled}, "
         f"{bias}",
         f"{sum(c['passed'] for c in checks.values())} of {len(checks)} checks passed; replay in Pinocchio within {replay:.0e}, "
@@ -176,9 +176,18 @@ def _evidence(s: dict[str, Any]) -> list[str]:
     ]
     if (bound := s.get("upper_bound", {}).get("clearance_m")) is not None:
         lines.append(
-            f"no controller can pass {bound:.2f} m, in its longest stance, by the drives' power and speed alone (docs/bound.md)"
+            f"no controller can pass {bound:.2f} m: a crude bound, by the drives' power in the longest stance and their speed alone "
+            "(docs/bound.md)"
         )
     return lines + [f"FAILED {_check_line(c)}" for c in s["verification"] if not c["passed"]]
+
+
+def starts_in_words(names: Sequence[str]) -> str:
+    """How many there were; the highest hop is one of its own, where another objective begins from it too."""
+    from hopopt.highest import HIGHEST
+
+    own = len(names) - (HIGHEST in names)
+    return f"{own} start{'' if own == 1 else 's'}{f' and {HIGHEST}' if HIGHEST in names else ''}"
 
 
 def _error(s: dict[str, Any]) -> list[str]:

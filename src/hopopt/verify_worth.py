@@ -139,11 +139,11 @@ def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contac
 def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> Law:
     """The plan's torque in one interval (values at PLACES), held to its motion by feedback and to the regions."""
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
-    ahead = TO_POWERS @ (tau + (HOLD**2 * q[:, BASE:] + 2 * HOLD * v[:, BASE:]) @ inertia.T)
+    stiffness, damping = HOLD**2 * inertia, 2 * HOLD * inertia
+    ahead = (TO_POWERS @ (tau + q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T)).T
 
     def torque(place: float, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        asked = (2 * place - 1) ** POWERS @ ahead - inertia @ (HOLD**2 * angle + 2 * HOLD * speed)
-        return clamp(speed, asked)
+        return clamp(speed, ahead @ (2 * place - 1) ** POWERS - stiffness @ angle - damping @ speed)
 
     return torque
 

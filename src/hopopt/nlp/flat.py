@@ -28,7 +28,9 @@ BLOCKS = 10  # of a phase, over which a control is averaged
 FELT = 1e-4  # relative change of the objective, if a quantity is moved by its whole range, below which it is flat
 ACTS = 1e-7  # of the objective: a multiplier below it (scaled limit by its scale) comes of a tie-break, not of the objective
 HELD = 1e-8  # added to W for each variable, of the objective: what stands for no bound
-STIFF = 1e6  # most that a limit that acts is worth, of the objective: what is flat is softer by far, rounding finer still
+STIFF = (
+    1e6  # most that a limit that acts is worth, of the objective: what is flat is softer by far, rounding finer still
+)
 STILL = 1e-3  # largest scaled value below which a control counts as unused; its scale is taken instead
 STRETCH = 0.1  # of a duration, by which it is moved when all else is optimised anew
 ITERATIONS = 200

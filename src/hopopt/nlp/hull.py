@@ -75,14 +75,19 @@ def coming_close(solution: NlpSolution, errors: Mapping[str, IntervalErrors], al
 
 @dataclass(frozen=True)
 class Held:
-    """A program in which limits are held between the nodes: its rows are M times those of ``given``, the one with
-    limits at the nodes alone; ``touched``: which rows that changes."""
+    """A program in which the ``chosen`` limits are held between the nodes: its rows are M times those of ``given``, the
+    one with limits at the nodes alone; ``touched``: which rows that changes."""
 
     given: Transcription
+    chosen: Chosen
     transcription: Transcription
     inverse: Matrix  # M^-1
     M: Matrix
     touched: np.ndarray
+
+    def is_of(self, t: Transcription, chosen: Chosen) -> bool:
+        """Whether it is the program of ``t`` in which these limits are held."""
+        return self.given is t and all(np.array_equal(self.chosen[name], on) for name, on in chosen.items())
 
     def multipliers(self, lam_g: np.ndarray) -> np.ndarray:
         """Multipliers of the rows from those of the given program's."""
@@ -117,7 +122,7 @@ def held_between(t: Transcription, chosen: Chosen) -> Held:
     p, other = t.program, copy(t)
     terms = (replace(term, scatter=_on_rows(M, term.scatter)) for term in p.phases)
     other.program = replace(p, linear=csc(M @ p.linear), phases=tuple(terms))
-    return Held(t, other, inverse, M, touched)
+    return Held(t, chosen, other, inverse, M, touched)
 
 
 def _groups(t: Transcription, chosen: Chosen) -> Iterator[tuple[PhaseLayout, np.ndarray]]:

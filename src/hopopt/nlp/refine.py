@@ -18,7 +18,7 @@ from hopopt.nlp.accuracy import interval_errors
 from hopopt.nlp.backoff import passed, tightened
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import Cuts, about, any_cut, cut, equal, pieces_of
-from hopopt.nlp.hull import Chosen, coming_close, held_between, nothing_held
+from hopopt.nlp.hull import Chosen, Held, coming_close, held_between, nothing_held
 from hopopt.nlp.ipopt import FINER, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.prices import PRICE, drawn_prices, excess_prices, switch_places
 from hopopt.nlp.transcribe import Transcription
@@ -93,6 +93,7 @@ class Refinement:
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
         self._held = held or nothing_held(solution.transcription)
+        self._program: Held | None = None  # of the last mesh
         self._restarts_left = round(aims.restarts * aims.iterations)
         self._accept(solution, 0.0, 0.0)
         limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
@@ -205,7 +206,9 @@ class Refinement:
         t = old.transcription
         if finer:
             t = Transcription(t.problem, t.scheme, {name: cut(old, name, places) for name, places in cuts.items()})
-        held = held_between(t, self._held)
+        if self._program is None or not self._program.is_of(t, self._held):
+            self._program = held_between(t, self._held)
+        held = self._program
         guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
         bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._drawn)
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)

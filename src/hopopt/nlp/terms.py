@@ -239,4 +239,4 @@ def to_dm(matrix: Any) -> ca.DM:
     m = csc(matrix)
     m.sum_duplicates()
     rows, columns = m.shape
-    return ca.DM(ca.Sparsity(rows, columns, m.indptr.tolist(), m.indices.tolist()), m.data)
+    return ca.DM(ca.Sparsity(rows, columns, m.indptr.tolist(), m.indices.tolist()), m.data.tolist())
