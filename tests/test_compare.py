@@ -60,10 +60,14 @@ def test_parts_gaps_and_shares_add_up(comparison):
         assert row["share_of_bound"] == pytest.approx(row["clearance_m"] / best)
 
 
-def test_the_papers_figures_stand_beside_its_leg_alone(comparison):
+def test_the_papers_figures_stand_beside_its_leg_alone(comparison, monkeypatch):
     assert "paper" in comparison.row("force")
+    monkeypatch.setattr("hopopt.compare.is_the_papers", lambda leg: False)
+    assert "paper" not in comparison.row("force")
     assert is_the_papers(load("paper", ["leg.gear.ratio=60"]).leg)  # it prints no figures of its motors
-    for other in (load("paper", ["leg.body.mass=5"]), load("paper", ["leg.shank.length=0.3"]), load("three_joint")):
+    mirrored = ["leg.knee.axis=[0, 1, 0]", "leg.knee.lower=0.15", "leg.knee.upper=2.4"]
+    changes = (["leg.body.mass=5"], ["leg.shank.length=0.3"], ['leg.guides=["z"]'], mirrored)
+    for other in (*(load("paper", change) for change in changes), load("three_joint")):
         assert not is_the_papers(other.leg)
 
 
@@ -205,6 +209,10 @@ def test_a_reserve_is_taken_off_every_limit():
         assert after.upper <= before.upper - design.reserve.angle + 1e-9
         inner, outer = (operating_region(d.leg, joint, _parameters(d)).torque_bounds(w)[1] for d in (plan, design))
         assert inner == pytest.approx(0.9 * outer)
+    slower = reserved(load("paper", ["leg.gear.speed_cap=1000", "reserve.speed=0.1", "reserve.torque=0"])).leg
+    assert slower.motor.max_speed == pytest.approx(0.9 * design.leg.motor.max_speed)
+    assert slower.motor.max_torque == design.leg.motor.max_torque
+    assert slower.gear.speed_cap == pytest.approx(900)
     start_at_limit = load("paper", ["leg.knee.lower=-2.37"])
     assert reserved(start_at_limit).leg.joint["knee"].lower < start_angles(start_at_limit)[1]  # it must stay possible
 
@@ -247,8 +255,8 @@ def test_tuned_gains_clear_more_than_the_printed_ones_and_less_than_the_bound(na
 
 @pytest.mark.slow
 def test_fifty_mismatched_legs_hop_if_enough_is_held_back(solution):
-    """5 % of mass and 10 % of torque constant: a plan that holds 12 % of torque back loses none of its hops."""
-    overrides = ["reserve.torque=0.12", "reserve.ground_force=80", "reserve.height=0.02"]
+    """5 % of mass and 10 % of torque constant: a drive with too large a constant is as much slower, so speed is held back."""
+    overrides = ["reserve.torque=0.12", "reserve.speed=0.1", "reserve.ground_force=80", "reserve.height=0.02"]
     robust = compare(load("paper", overrides), ["track"], bound=solution)
     found = spread(robust, 50, 0, 0.05, 0.1, 2)["track"]
     assert found["draws"] == len(found["clearances_m"]) == 50

@@ -7,7 +7,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy import sparse
 
+from hopopt.nlp import flat as nlp_flat
 from hopopt.nlp.conflict import PUSHES, Conflict, Part, conflict
 from hopopt.nlp.flat import FELT, Flat, felt, flat, longer_or_shorter
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
@@ -133,6 +135,23 @@ def test_nothing_is_flat_where_the_optimum_is_unique(make: Callable[[], Known], 
     """On coarse and on fine meshes, with room of an order of magnitude to the threshold."""
     for factor in (1, 3):
         assert min(q.felt for q in felt(solve(make(), method, factor=factor))) > 10 * FELT
+
+
+@pytest.mark.parametrize("make", PROBLEMS, ids=lambda f: f.__name__)
+def test_what_is_felt_does_not_depend_on_pivots(make: Callable[[], Known], monkeypatch: pytest.MonkeyPatch) -> None:
+    solution = solve(make(), radau(3), factor=3)
+    without = np.array([q.felt for q in felt(solution)])
+    monkeypatch.setattr(nlp_flat, "PIVOTS", ({},))
+    np.testing.assert_allclose(without, [q.felt for q in felt(solution)], rtol=1e-4)
+
+
+def test_what_cannot_be_solved_without_pivots_is_solved_with_them() -> None:
+    right = np.array([[1.0, 0.0], [2.0, 1.0]])
+    for corner in (0.0, 1e-30, 1e-14):
+        matrix = sparse.csc_matrix([[corner, 1.0], [1.0, 1.0]])
+        np.testing.assert_allclose(matrix @ nlp_flat._solved(matrix, right), right, atol=1e-9)
+    with pytest.raises(RuntimeError):
+        nlp_flat._solved(sparse.csc_matrix([[1.0, 1.0], [1.0, 1.0]]), right)
 
 
 def quantity(solution: NlpSolution, kind: str, phase: str) -> Flat:

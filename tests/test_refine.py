@@ -1,5 +1,6 @@
 """Refinement and back-off against closed forms, and their bookkeeping."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from hopopt.nlp.accuracy import interval_errors, stage_values
 from hopopt.nlp.backoff import drawn_in, limit_nodes, passed, tightened
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import cut, equal
+from hopopt.nlp.hull import held_between
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.prices import PRICE, price
@@ -226,3 +228,14 @@ def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
     refinement.run()
     assert refinement.ended == TOO_FINE
     assert len(refinement.history) == 1
+
+
+def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    monkeypatch.setattr(refine, "held_between", lambda *a: built.append(a) or held_between(*a))
+    refinement = Refinement(first(bryson_denham(), radau(3), uniform(5)), Aims(1e-6, 1e-4, 1e-6, 20, 300))
+    refinement.run()
+    assert refinement.ended == MET
+    solved = [(step.intervals, step.held) for step in refinement.history[1:]]
+    assert len(built) == 1 + sum(a != b for a, b in itertools.pairwise(solved))
+    assert len(built) < len(solved)

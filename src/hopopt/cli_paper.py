@@ -122,7 +122,7 @@ def reproduce(problem: str = "paper", *, set_: Overrides = None, json_: AsJson =
 
     from hopopt.closed_loop import simulate
     from hopopt.control.strategies import find
-    from hopopt.paper_results import markdown, paper_results
+    from hopopt.paper_results import is_the_papers, markdown, paper_results
     from hopopt.storage import as_json
 
     force, *others = (simulate(design, find(name)).figures for name in ("force", "position", "position_soft"))
@@ -130,7 +130,9 @@ def reproduce(problem: str = "paper", *, set_: Overrides = None, json_: AsJson =
     columns = {name: paper_results(force, position) for name, position in zip(names, others, strict=True)}
     if json_:
         data = {name: [asdict(row) for row in rows] for name, rows in columns.items()}
-        print(as_json({"problem": design.name, "figures": data}))
+        print(as_json({"problem": design.name, "the_papers_leg": is_the_papers(design.leg), "figures": data}))
     else:
+        if not is_the_papers(design.leg):
+            print(f"{design.name} is another leg than the paper's, whose figures say nothing of it.\n")
         print(markdown(columns))
     return 0

@@ -15,7 +15,7 @@ from hopopt.closed_loop import Run, clearance_in_mujoco, make_controller, simula
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.errors import NotSolvedError, UsageError
-from hopopt.leg.design import Design
+from hopopt.leg.design import Design, Reserve
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.paper_results import PAPER, is_the_papers
 from hopopt.problem_file import design_hash
@@ -231,16 +231,22 @@ def reserved(design: Design) -> Design:
         joint = data["leg"][name]
         joint["lower"] = max(joint["lower"], min(joint["lower"] + r.angle, float(angle) - 1e-6))
         joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
-        _less_torque(joint, 1 - r.torque)
-    _less_torque(data["leg"], 1 - r.torque)
+        _hold_back(joint, r)
+    _hold_back(data["leg"], r)
     data["solver"]["tie_break"] = max(design.solver.tie_break, SMOOTH)
     return Design.model_validate(data)
 
 
-def _less_torque(table: dict[str, Any], share: float) -> None:
-    for part, key in (("motor", "max_torque"), ("motor", "torque_cap"), ("gear", "torque_cap")):
-        if key in table.get(part, {}):
-            table[part][key] *= share
+def _hold_back(drive: dict[str, Any], reserve: Reserve) -> None:
+    for part, key, share in (
+        ("motor", "max_torque", reserve.torque),
+        ("motor", "torque_cap", reserve.torque),
+        ("gear", "torque_cap", reserve.torque),
+        ("motor", "max_speed", reserve.speed),
+        ("gear", "speed_cap", reserve.speed),
+    ):
+        if key in drive.get(part, {}):
+            drive[part][key] *= 1 - share
 
 
 def planned_trace(solution: Solution) -> Trace:

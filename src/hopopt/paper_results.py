@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +23,13 @@ SATURATED = 0.95  # a ratio "close to 1"
 
 
 def is_the_papers(leg: Leg) -> bool:
-    """Whether its guides, body and links are those of the paper's: the printed figures say nothing of other robots."""
-    own = load("paper").leg
-    return (leg.guides, leg.body, leg.link) == (own.guides, own.body, own.link)
+    """Whether its guides, body, links and joint axes are given as the paper's are: the printed figures say nothing of other
+    robots."""
+    return _frame(leg) == _frame(load("paper").leg)
+
+
+def _frame(leg: Leg) -> tuple[Any, ...]:
+    return leg.guides, leg.links, leg.body, leg.link, [leg.joint[name].axis for name in leg.joints]
 
 
 @dataclass(frozen=True)

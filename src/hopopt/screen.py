@@ -176,14 +176,14 @@ def _evidence(s: dict[str, Any]) -> list[str]:
     ]
     if (bound := s.get("upper_bound", {}).get("clearance_m")) is not None:
         lines.append(
-            f"no controller can pass {bound:.2f} m: a crude bound, by the drives' power in the longest stance and their speed alone "
-            "(docs/bound.md)"
+            f"no controller can pass {bound:.2f} m: a crude bound, by the drives' speed and their power in the longest "
+            "stance alone (docs/bound.md)"
         )
     return lines + [f"FAILED {_check_line(c)}" for c in s["verification"] if not c["passed"]]
 
 
 def starts_in_words(names: Sequence[str]) -> str:
-    """How many there were; the highest hop is one of its own, where another objective begins from it too."""
+    """How many there were; the highest hop, from which economical objectives begin as well, is named apart."""
     from hopopt.highest import HIGHEST
 
     own = len(names) - (HIGHEST in names)

@@ -17,7 +17,8 @@ def print_evidence(data: Mapping[str, Any]) -> None:
     )
     if bound["clearance_m"] is not None:
         out.print(
-            f"  bound     {bound['clearance_m']:.2f} m in the longest stance, by the drives' power and speed alone (docs/bound.md)",
+            f"  bound     {bound['clearance_m']:.2f} m, crude: by the drives' speed and their power in the longest stance alone "
+            "(docs/bound.md)",
             markup=False,
         )
     if data["contradicted"]:

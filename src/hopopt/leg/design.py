@@ -229,6 +229,7 @@ class Reserve(Section):
     """What a plan that is to be tracked holds back from the limits, so that feedback has room."""
 
     torque: float = quantity("share of the motors' torque", "1", 0, 0.9, 0.02)
+    speed: float = quantity("share of the motors' speed", "1", 0, 0.9, 0.0)
     ground_force: float = quantity("vertical ground force", "N", 0, 1e4, 20.0)
     height: float = quantity("height of the joints above the ground", "m", 0, 0.5, 0.005)
     angle: float = quantity("distance from the joint limits", "rad", 0, 1, 0.02)

@@ -6,9 +6,10 @@ the objective then changes by k d^2 / 2, k = 1 / (c' C c), where C is the invers
     W + D_z + A' D_g A        W = second derivative of the Lagrangian,  A = derivative of the rows,
                               D = multiplier / distance of each limit (much where it acts, nothing where it does not)
 
-(the reduced Hessian's inverse in the tangent space of what acts, which a finite D leaves by little; Nocedal and Wright,
-Numerical Optimization, 16.2 and 17.1). Where C has no bound, nothing feels the move. The quantities asked are the means of every control over tenths of
-its phase, each duration and each free parameter: means, because a control at a single node is felt the less the finer
+(the reduced Hessian's inverse in the tangent space of what acts; a finite D leaves that by so little that what is nearly
+flat is told exactly, and what is felt far more than FELT is understated; Nocedal and Wright, Numerical Optimization, 16.2
+and 17.1). Where C has no bound, nothing feels the move. The quantities asked are the means of every control over tenths
+of its phase, each duration and each free parameter: means, because a control at a single node is felt the less the finer
 the mesh.
 """
 
@@ -22,14 +23,17 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
-from hopopt.nlp.terms import csc
+from hopopt.nlp.terms import Matrix, csc
 
 BLOCKS = 10  # of a phase, over which a control is averaged
 FELT = 1e-4  # relative change of the objective, if a quantity is moved by its whole range, below which it is flat
 ACTS = 1e-7  # of the objective: a multiplier below it (scaled limit by its scale) comes of a tie-break, not of the objective
 HELD = 1e-8  # added to W for each variable, of the objective: what stands for no bound
-STIFF = (
-    1e6  # most that a limit that acts is worth, of the objective: what is flat is softer by far, rounding finer still
+STIFF = 1e6  # most that a limit that acts is worth, of the objective; a billion times what is flat
+INEXACT = 1e-11  # backward error of a solve that is not believed: with STIFF, well below FELT
+PIVOTS = (  # none first: a symmetric matrix that is nearly definite then stays as sparse as intervals in a row are
+    {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}},
+    {},
 )
 STILL = 1e-3  # largest scaled value below which a control counts as unused; its scale is taken instead
 STRETCH = 0.1  # of a duration, by which it is moved when all else is optimised anew
@@ -125,13 +129,19 @@ def _stiffness(solution: NlpSolution, rows: list[np.ndarray]) -> np.ndarray:
     held = on_g > 0
     top = (W + sparse.diags(on_z + HELD * size)).tocsr()[movable][:, movable]
     A = A.sparse().tocsr()[held][:, movable]
-    # Symmetric and nearly definite: without pivots it stays as sparse as intervals in a row are.
-    options = {"SymmetricMode": True}
-    matrix = csc(top + A.T @ sparse.diags(on_g[held]) @ A)
-    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     C = np.array(rows)[:, movable]
-    moved = np.einsum("ij,ji->i", C, factor.solve(C.T))
+    moved = np.einsum("ij,ji->i", C, _solved(csc(top + A.T @ sparse.diags(on_g[held]) @ A), C.T))
     return 1 / np.where(np.abs(moved) > 1 / (STIFF * size), moved, 1 / (STIFF * size))
+
+
+def _solved(matrix: Matrix, right: np.ndarray) -> np.ndarray:
+    """matrix^-1 right, (n, k); RuntimeError if that cannot be told."""
+    for pivots in PIVOTS:
+        x = splu(matrix, **pivots).solve(right)
+        wrong, size = np.abs(matrix @ x - right), abs(matrix) @ np.abs(x)
+        if (wrong.max(axis=0) <= INEXACT * size.max(axis=0)).all():  # never of what is not a number
+            return x
+    raise RuntimeError("the second derivatives at the optimum cannot be inverted")
 
 
 def _acting(lam: np.ndarray, value: np.ndarray, low: np.ndarray, high: np.ndarray, size: float) -> np.ndarray:

@@ -238,5 +238,5 @@ def to_dm(matrix: Any) -> ca.DM:
     """A SciPy sparse matrix as a CasADi one."""
     m = csc(matrix)
     m.sum_duplicates()
-    rows, columns = m.shape
+    rows, columns = m.shape  # lists: CasADi takes arrays number by number
     return ca.DM(ca.Sparsity(rows, columns, m.indptr.tolist(), m.indices.tolist()), m.data.tolist())
