@@ -39,9 +39,10 @@ def compared(hop: Hop, plain: NlpSolver, warm: NlpSolver, repeats: int, entry: s
     last = plain(guess)
     value = next(p.value for p in hop.problem.parameters if p.name == entry)
     changed, again = {entry: 1.01 * np.asarray(value)}, plain.transcription.guess_from(last.phases)
+    known = changed | plain.transcription.free_from(last.parameters)
     from_start = best(repeats, lambda: plain(guess, changed))
-    from_answer = best(repeats, lambda: plain(again, changed))
-    kept = best(repeats, lambda: warm(again, changed, (last.lam_g, last.lam_x)))
+    from_answer = best(repeats, lambda: plain(again, known))
+    kept = best(repeats, lambda: warm(again, known, (last.lam_g, last.lam_x)))
     found = [s for _, s in (from_start, from_answer, kept)]
     cells = [f"{1e3 * t:.0f} ms ({s.iterations})" for t, s in (from_start, from_answer, kept)]
     objective = found[0].objective

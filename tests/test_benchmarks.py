@@ -117,6 +117,23 @@ def test_mesh_size_and_warm_measure_the_same_hop(scripts: dict[str, ModuleType])
     assert line.endswith("| yes |")
 
 
+def test_an_answer_as_a_guess_is_the_answer() -> None:
+    """Its trajectories alone leave out the free parameters, the height among them."""
+    import hopopt as ho
+    from hopopt.multistart import first_transcription
+    from hopopt.nlp.ipopt import NlpSolver
+    from hopopt.ocp.hop import Hop
+    from hopopt.ocp.starts import NAMED, make_guess
+
+    hop = Hop(ho.load("paper", ["solver.stance_intervals=16", "solver.flight_intervals=4"]))
+    t = first_transcription(hop)
+    answer = NlpSolver(t)(make_guess(hop, NAMED[0]))
+    assert [q.name for q in t.free] == ["clearance"]
+    again = t.pack(t.guess_from(answer.phases), t.free_from(answer.parameters))
+    np.testing.assert_allclose(again, answer.z, atol=1e-6)
+    assert abs(t.pack(t.guess_from(answer.phases)) - answer.z).max() > 0.1
+
+
 def test_a_package_that_fails_is_listed_with_its_reason() -> None:
     import runpy
 

@@ -84,7 +84,9 @@ def _from(hop: Hop, motion: NlpSolution) -> Any:
     """The fixed design solved from the co-design's motion."""
     began, t = time.perf_counter(), first_transcription(hop)
     solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
-    return outcome_of("co-design", solver(t.guess_from(motion.phases)), time.perf_counter() - began)
+    return outcome_of(
+        "co-design", solver(t.guess_from(motion.phases), t.free_from(motion.parameters)), time.perf_counter() - began
+    )
 
 
 def optimal(freedom: Freedom, solution: NlpSolution) -> dict[str, float]:

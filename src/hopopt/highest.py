@@ -89,7 +89,7 @@ def reaches(hop: Hop, highest: NlpSolution) -> bool:
 def begun_from(hop: Hop, highest: NlpSolution) -> StartOutcome:
     """The objective's own program solved from the highest hop's motion."""
     began, t = time.perf_counter(), first_transcription(hop)
-    free = {q.name: highest.parameters[q.name] for q in t.free if q.name in highest.parameters}
+    free = t.free_from(highest.parameters)
     solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
     s = solver(motion_guess(hop, highest.phases), free)
     return outcome_of(HIGHEST, s, time.perf_counter() - began)

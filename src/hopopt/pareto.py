@@ -21,7 +21,7 @@ from hopopt.highest import begun_from, highest_hop, reaches
 from hopopt.leg.design import Design
 from hopopt.measures import MEASURES
 from hopopt.multistart import Progress, StartOutcome, first_transcription, outcome_of, run_starts
-from hopopt.nlp.ipopt import WARM, NlpSolver
+from hopopt.nlp.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.goal import HopObjective
@@ -170,7 +170,7 @@ class Chain:
         self.clearances, self.outcomes = [lowest], list[list[StartOutcome]]()
         hop = self.hop(0)
         self.program = first_transcription(hop)
-        self.warm = NlpSolver(self.program, WARM | {"ipopt.max_iter": PATIENCE})
+        self.warm = NlpSolver(self.program, CARRIED | {"ipopt.max_iter": PATIENCE})
         self.cold = NlpSolver(self.program, {"ipopt.max_iter": design.solver.max_iterations})
         self.outcomes.append(self._from_starts(hop))
 

@@ -99,7 +99,7 @@ def affordable(hop: Hop, last: NlpSolution) -> NlpSolution:
     t = last.transcription if fits else first_transcription(hop)
     if fits and np.array_equal([t.lbg, t.ubg], [last.bounds.low_g, last.bounds.high_g]):
         return last
-    guess, free = t.guess_from(last.phases), {q.name: last.parameters[q.name] for q in t.free}
+    guess, free = t.guess_from(last.phases), t.free_from(last.parameters)
     warm = NlpSolver(t, WARM | most)(guess, free, (last.lam_g, last.lam_x)) if fits else None
     return warm if warm and warm.success else NlpSolver(t, most)(guess, free)
 

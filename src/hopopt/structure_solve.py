@@ -89,7 +89,7 @@ def _with_free_times(refined: NlpSolution, plans: Mapping[str, Plan]) -> NlpSolu
     for name, p in plans.items():
         edges = np.array(mesh[name].edges) * refined.phases[name].duration
         bounds = held(t, bounds, name, _beside(edges, mesh[name].free, p.pins))
-    between, z = held_between(t, held_at_first(t)), t.pack(guess, {q.name: refined.parameters[q.name] for q in t.free})
+    between, z = held_between(t, held_at_first(t)), t.pack(guess, t.free_from(refined.parameters))
     start = replace(refined, z=z, lam_g=np.zeros(len(t.lbg)), lam_x=np.zeros(len(z)))
     found = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE}).again(start, bounds)
     return between.at_nodes(found) if found.success else None
@@ -163,7 +163,7 @@ def _refined(timed: NlpSolution, settled: MeshStep, aims: Aims, report: Report) 
     old = timed.transcription
     mesh = {name: PhaseMesh(tuple((p.edges / p.duration).tolist())) for name, p in timed.phases.items()}
     t = Transcription(old.problem, old.scheme, mesh)
-    guess, free = t.guess_from(timed.phases), {q.name: timed.parameters[q.name] for q in t.free}
+    guess, free = t.guess_from(timed.phases), t.free_from(timed.parameters)
     chosen = held_at_first(t)
     between = held_between(t, chosen)
     first = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE})(guess, free)

@@ -26,7 +26,7 @@ from hopopt.multistart import (
     run_starts,
 )
 from hopopt.nlp.compiled import compiling
-from hopopt.nlp.ipopt import WARM, NlpSolver
+from hopopt.nlp.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
@@ -228,9 +228,9 @@ def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]
             common = Hop(definition.design_with(form), definition.objective)
         except ProblemFileError:  # only its points are possible
             t = first_transcription(hop)
-            return t, NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE})
+            return t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
         t = first_transcription(common)
-        _compiled[key] = t, NlpSolver(t, WARM | {"ipopt.max_iter": PATIENCE})
+        _compiled[key] = t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
     t, solver = _compiled[key]
     t = with_numbers_of(t, hop.problem)
     return t, solver.on(t)

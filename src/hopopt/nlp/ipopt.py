@@ -32,11 +32,15 @@ def _from_known(push: float) -> dict[str, Any]:
     return {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-8} | pushes
 
 
-WARM = _from_known(1e-6)  # where the point and the multipliers are nearly known
-# Where they come from a coarser mesh. A barrier that falls back to decreasing monotonically needs more iterations there,
-# and on some legs never ends (docs/performance.md).
-FINER = _from_known(1e-4) | {"ipopt.adaptive_mu_globalization": "never-monotone-mode"}
+# A barrier that falls back to decreasing monotonically needs more iterations from there, and on some legs never ends;
+# Ipopt's own first perturbation of the Hessian (1e-4) holds still what hardly matters (docs/performance.md).
+STEADY = {"ipopt.adaptive_mu_globalization": "never-monotone-mode", "ipopt.first_hessian_perturbation": 1e-10}
+WARM = _from_known(1e-6) | STEADY  # where the point and the multipliers are nearly known
+CARRIED = _from_known(1e-4) | STEADY  # where they come from a coarser mesh or another problem
 NEAR = _from_known(1e-11)  # where they are those of the same program within other limits
+# Of schemes that collocate both ends of an interval: controls and multipliers oscillate, and rows of neighbouring intervals
+# depend on each other, which Ipopt has to be told (it finds out too late).
+UNDAMPED = {"ipopt.tol": 1e-8, "ipopt.perturb_always_cd": "yes"}
 # Not to be followed where Hessians are made convex by steep terms: such iterates hardly move, and their factorisations fill
 # up, which can take minutes each.
 GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
@@ -79,7 +83,7 @@ class NlpSolver:
 
     def __init__(self, transcription: Transcription, options: Mapping[str, Any] | None = None):
         self.transcription = transcription
-        undamped = {"ipopt.tol": 1e-8} if transcription.scheme.starts_at_node else {}  # multipliers oscillate
+        undamped = UNDAMPED if transcription.scheme.starts_at_node else {}
         scaled = {"ipopt.obj_scaling_factor": 1.0 / transcription.problem.objective.scale}
         settings = OPTIONS | undamped | scaled | transcription.program.options | dict(options or {})
         self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
@@ -93,7 +97,7 @@ class NlpSolver:
     ) -> NlpSolution:
         """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters.
 
-        With the options WARM or FINER, ``multipliers`` (lam_g, lam_x) are where those begin; ``bounds``: others than the
+        With the options WARM or CARRIED, ``multipliers`` (lam_g, lam_x) are where those begin; ``bounds``: others than the
         program's own.
         """
         t = self.transcription

@@ -19,7 +19,7 @@ from hopopt.nlp.backoff import passed, tightened
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import Cuts, about, any_cut, cut, equal, pieces_of
 from hopopt.nlp.hull import Chosen, Held, coming_close, held_between, nothing_held
-from hopopt.nlp.ipopt import FINER, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.prices import PRICE, drawn_prices, excess_prices, switch_places
 from hopopt.nlp.transcribe import Transcription
 
@@ -209,10 +209,10 @@ class Refinement:
         if self._program is None or not self._program.is_of(t, self._held):
             self._program = held_between(t, self._held)
         held = self._program
-        guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
+        guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
         bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._drawn)
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
-        solver = self._solver(held.transcription, FINER if finer else NEAR)
+        solver = self._solver(held.transcription, CARRIED if finer else NEAR)
         built = time.perf_counter()
         solved = self._attempts(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
         found = self._believable(solved)

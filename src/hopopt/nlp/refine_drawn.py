@@ -13,7 +13,7 @@ from hopopt.nlp.backoff import drawn_in
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import cut, equal
 from hopopt.nlp.hull import Chosen, holds
-from hopopt.nlp.ipopt import FINER, NEAR, NlpSolution
+from hopopt.nlp.ipopt import CARRIED, NEAR, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.prices import PRICE, excess_prices
 from hopopt.nlp.prices import price as price_of
@@ -96,8 +96,8 @@ class DrawnRefinement(Refinement):
             return False
         began, old = time.perf_counter(), self.solution
         t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
-        guess, free = t.guess_from(old.phases), {q.name: old.parameters[q.name] for q in t.free}
-        solver = self._solver(t, FINER)
+        guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
+        solver = self._solver(t, CARRIED)
         built = time.perf_counter()
         solved = self._attempts(solver, guess, free, carried(old, t))
         if not solved:

@@ -287,6 +287,10 @@ class Transcription:
         """Trajectories of an earlier solve as a guess."""
         return {name: FromTrajectory(trajectory) for name, trajectory in phases.items()}
 
+    def free_from(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """The free ones among the parameters of an earlier solve: without them its trajectories are half a guess."""
+        return {q.name: parameters[q.name] for q in self.free if q.name in parameters}
+
     def parameter_values(self, parameters: Mapping[str, Any] | None = None) -> np.ndarray:
         """The NLP's fixed parameters, from their own values and the overrides given."""
         values = {q.name: q.value for q in self.fixed} | dict(parameters or {})
