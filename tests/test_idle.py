@@ -10,6 +10,7 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli import run
+from hopopt.diagnosis import diagnose
 from hopopt.idle import idle_limits
 from hopopt.leg.design import Design
 from hopopt.problem_file import load
@@ -144,6 +145,19 @@ def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: P
     shown = capsys.readouterr().out
     assert "flat: the objective does not feel the torque of the hip and the torque of the knee in flight" in shown
     assert "could be dropped, or tightened to" in shown
+
+
+@pytest.mark.slow
+def test_diagnose_keeps_the_rest_where_matrices_are_singular(plan: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    def singular(*_: object) -> None:
+        raise RuntimeError("Factor is exactly singular")
+
+    monkeypatch.setattr("hopopt.diagnosis.flat", singular)
+    found = diagnose(save(plan, tmp_path, None))
+    assert found["flat"] is None
+    assert found["words"][0] == "what the objective does not feel cannot be told: Factor is exactly singular"
+    assert found["durations"]["stance"]["shorter"] > 1e-3
+    assert found["idle_limits"]
 
 
 def test_diagnose_of_what_is_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

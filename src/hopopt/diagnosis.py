@@ -19,19 +19,24 @@ PLACES = np.linspace(0.0, 1.0, 9)
 
 
 def diagnose(solution: Solution) -> dict[str, Any]:
-    """flat: what the objective does not feel (nlp/flat.py), the tie-break left out; durations: by which share of itself it
+    """flat: what the objective does not feel (nlp/flat.py), the tie-break left out, None if that cannot be told; durations: by which share of itself it
     gets worse if a phase lasts 10 % shorter or longer and the whole hop is solved anew, None where that is not possible;
     idle_limits (idle.py); words: the same in sentences. Takes seconds. Raises ResultError without stored multipliers."""
     if not has_multipliers(solution):
         raise ResultError(f"{solution.result_dir}: the file holds no multipliers: solve it again")
     with fitting(solution):
         nlp = without_tie_break(solution)
-        found, durations = flat(nlp), {phase: longer_or_shorter(nlp, phase) for phase in nlp.phases}
+        durations = {phase: longer_or_shorter(nlp, phase) for phase in nlp.phases}
+    try:
+        found = flat(nlp)
+        words = flat_words(found)
+    except RuntimeError as error:  # no reason to lose the rest
+        found, words = None, [f"what the objective does not feel cannot be told: {error}"]
     idle = idle_limits(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
-    words = flat_words(found)
     words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
     words += [_idle(name, **use) for name, use in idle.items()]
-    return {"flat": [asdict(f) for f in found], "durations": durations, "idle_limits": idle, "words": words}
+    flat_ones = None if found is None else [asdict(f) for f in found]
+    return {"flat": flat_ones, "durations": durations, "idle_limits": idle, "words": words}
 
 
 def without_tie_break(solution: Solution, hop: Hop | None = None) -> NlpSolution:

@@ -16,6 +16,7 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     rows, out = comparison["strategies"], wide_console()
     out.print(_headline(comparison))
     out.print(_table(rows))
+    out.print("C_avg: mean saturation ratio in stance, 1 where a drive is always at its limit")
     if comparison["verified"]:
         out.print(_gaps(rows))
     for name, row in rows.items():
