@@ -14,9 +14,11 @@ from scipy.optimize import minimize_scalar
 import hopopt as ho
 from hopopt.cli import run
 from hopopt.codesign_catalogue import catalogue_coupling
+from hopopt.codesign_run import _from
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.mass_law import mass_law
+from hopopt.multistart import first_transcription
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
@@ -25,6 +27,7 @@ from hopopt.ocp.freedom import Coupling, Freedom, parse_coupling, parse_free
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
+from hopopt.ocp.starts import NAMED, make_guess
 from hopopt.sensitivity import sensitivity
 from hopopt.solution import Solution
 
@@ -291,6 +294,21 @@ def test_ratio_at_its_bound_on_the_command_line(tmp_path: Path, capfd: pytest.Ca
     assert again.leg.gear.ratio == 80.0
     assert ho.solve(again, starts=1, processes=1).clearance == pytest.approx(s["clearance_m"], rel=1e-4)
     assert "co-design confirmed" in {c["name"] for c in s["verification"]}
+
+
+def test_the_design_that_came_out_is_solved_from_the_whole_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its height too, which the trajectories alone leave to the first guess."""
+    hop = Hop(ho.load("paper", ["solver.stance_intervals=16", "solver.flight_intervals=4"]))
+    motion, asked = NlpSolver(first_transcription(hop))(make_guess(hop, NAMED[0])), []
+
+    class Noting(NlpSolver):
+        def __call__(self, guess: Any, parameters: Any = None, *more: Any) -> Any:
+            asked.append(parameters)
+            return super().__call__(guess, parameters, *more)
+
+    monkeypatch.setattr("hopopt.codesign_run.NlpSolver", Noting)
+    assert _from(hop, motion).objective == pytest.approx(motion.objective, rel=1e-7)
+    assert asked[0]["clearance"] == motion.parameters["clearance"]
 
 
 @pytest.mark.parametrize("height", [0.2, 0.28, 0.5])

@@ -217,6 +217,13 @@ def test_a_reserve_is_taken_off_every_limit():
     assert reserved(start_at_limit).leg.joint["knee"].lower < start_angles(start_at_limit)[1]  # it must stay possible
 
 
+def test_a_reserve_that_leaves_no_problem_is_said_before_the_work(monkeypatch):
+    monkeypatch.setattr("hopopt.planner.solve", lambda *_, **__: pytest.fail("solved"))
+    design = load("paper", ["leg.gear.speed_cap=5", "reserve.speed=0.9"])
+    with pytest.raises(UsageError, match=r"\[reserve\] leaves leg.gear.speed_cap = 0.4"):
+        compare(design, ["force", "track"])
+
+
 def _parameters(design):
     from hopopt.leg.design import physical_parameters
 

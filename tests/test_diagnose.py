@@ -11,7 +11,7 @@ from scipy import sparse
 
 from hopopt.nlp import flat as nlp_flat
 from hopopt.nlp.conflict import PUSHES, Conflict, Part, conflict
-from hopopt.nlp.flat import FELT, Flat, felt, flat, longer_or_shorter
+from hopopt.nlp.flat import FELT, CannotBeTold, Flat, felt, flat, longer_or_shorter
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
@@ -145,13 +145,39 @@ def test_what_is_felt_does_not_depend_on_pivots(make: Callable[[], Known], monke
     np.testing.assert_allclose(without, [q.felt for q in felt(solution)], rtol=1e-4)
 
 
-def test_what_cannot_be_solved_without_pivots_is_solved_with_them() -> None:
-    right = np.array([[1.0, 0.0], [2.0, 1.0]])
-    for corner in (0.0, 1e-30, 1e-14):
-        matrix = sparse.csc_matrix([[corner, 1.0], [1.0, 1.0]])
+def test_what_cannot_be_solved_without_pivots_is_solved_with_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    right = np.array([[1.0, 0.0], [2.0, 1.0], [0.0, 3.0]])
+    for corner in (1e-14, 1e-10):
+        matrix = sparse.csc_matrix(np.ones((3, 3)) + (corner - 1) * np.eye(3))
         np.testing.assert_allclose(matrix @ nlp_flat._solved(matrix, right), right, atol=1e-9)
-    with pytest.raises(RuntimeError):
-        nlp_flat._solved(sparse.csc_matrix([[1.0, 1.0], [1.0, 1.0]]), right)
+        with monkeypatch.context() as without:
+            without.setattr(nlp_flat, "PIVOTS", nlp_flat.PIVOTS[:1])
+            with pytest.raises(CannotBeTold, match="cannot be inverted"):
+                nlp_flat._solved(matrix, right)
+    with pytest.raises(CannotBeTold, match="cannot be inverted"):
+        nlp_flat._solved(sparse.csc_matrix(np.ones((3, 3))), right)
+
+
+@pytest.mark.parametrize("reach", [1.0, 0.1, 0.01])
+def test_what_a_limit_holds_through_two_integrations_is_not_flat(reach: float) -> None:
+    """y'' = w on the rail y = a t^2 (3 - 2 t) / 2: w has no freedom, however small it is; u of the effort stays as it is."""
+    alone, both = (solve(known, radau(3)) for known in (on_a_rail(0.0), on_a_rail(reach)))
+    held = [q.felt for q in felt(both) if q.name == "w"]
+    assert min(held) > 100 * FELT
+    effort = [[q.felt for q in felt(s) if q.name == "u"] for s in (alone, both)]
+    np.testing.assert_allclose(*effort, rtol=1e-4)
+
+
+def on_a_rail(a: float) -> Known:
+    states = (State("x", initial=0.0, final=1.0), State("v", initial=0.0, final=0.0))
+    states += (State("y", initial=0.0), State("r", initial=0.0))
+    rail = PathConstraint("rail", lambda s: s.y - a * s.t**2 * (3 - 2 * s.t) / 2, lower=0.0, upper=0.0)
+    phase = Phase(
+        "go", states, (Control("u"), Control("w")), lambda s: {"x": s.v, "v": s.u, "y": s.r, "r": s.w}, (1.0, 1.0),
+        (rail,), {"effort": lambda s: s.u**2},
+    )  # fmt: skip
+    goal = Objective("effort", lambda e: e.integral["go"]["effort"])
+    return Known(Problem("rail", (phase,), goal), 12.0, {"go": (1.0, ([0, 0, 0, 0], [1, 0, a / 2, 0], 0.0))}, 20)
 
 
 def quantity(solution: NlpSolution, kind: str, phase: str) -> Flat:

@@ -11,8 +11,10 @@ import pytest
 import hopopt as ho
 from hopopt.cli import run
 from hopopt.diagnosis import diagnose
+from hopopt.errors import ResultError
 from hopopt.idle import idle_limits
 from hopopt.leg.design import Design
+from hopopt.nlp.flat import CannotBeTold
 from hopopt.problem_file import load
 from hopopt.solution import Solution
 from hopopt.storage import save
@@ -149,11 +151,18 @@ def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: P
 
 @pytest.mark.slow
 def test_diagnose_keeps_the_rest_where_matrices_are_singular(plan: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
-    def singular(*_: object) -> None:
-        raise RuntimeError("Factor is exactly singular")
+    def fails(error: Exception) -> None:
+        def raised(*_: object) -> None:
+            raise error
 
-    monkeypatch.setattr("hopopt.diagnosis.flat", singular)
-    found = diagnose(save(plan, tmp_path, None))
+        monkeypatch.setattr("hopopt.diagnosis.flat", raised)
+
+    saved = save(plan, tmp_path, None)
+    fails(RuntimeError("Error in Function::call"))
+    with pytest.raises(ResultError, match="do not fit together"):
+        diagnose(saved)
+    fails(CannotBeTold("Factor is exactly singular"))
+    found = diagnose(saved)
     assert found["flat"] is None
     assert found["words"][0] == "what the objective does not feel cannot be told: Factor is exactly singular"
     assert found["durations"]["stance"]["shorter"] > 1e-3

@@ -48,6 +48,15 @@ def test_a_match_is_within_ten_per_cent(hops):
                 assert row.matches == (abs(found / paper - 1) <= NEAR)
 
 
+@pytest.mark.slow
+def test_another_leg_is_not_graded(capsys):
+    for other in (["paper", "--set", "leg.body.mass=5"], ["solo12_leg"]):  # which is off the ground at once
+        assert run(["reproduce", *other]) == 0
+        shown = capsys.readouterr().out
+        assert "its figures do not apply" in shown
+        assert "match" not in shown
+
+
 def test_work_of_the_joints_in_stance_is_the_motors(hops):
     """The integral of tau d theta that the energy row takes, by the simulator's own account."""
     force = hops[0]

@@ -188,3 +188,20 @@ def test_maximize_changes_the_sign_only() -> None:
         problem = Problem("p", (phase,), Objective("x", final_cost, maximize))
         known = Known(problem, optimum, {"a": (1.0, ([0], [0], 0.0))}, 3)
         assert abs(solve(known, radau(3)).objective - optimum) < SOLVER
+
+
+def test_an_answer_as_a_guess_is_the_answer() -> None:
+    """Its trajectories alone leave out the free parameters, the height among them."""
+    import hopopt as ho
+    from hopopt.multistart import first_transcription
+    from hopopt.nlp.ipopt import NlpSolver
+    from hopopt.ocp.hop import Hop
+    from hopopt.ocp.starts import NAMED, make_guess
+
+    hop = Hop(ho.load("paper", ["solver.stance_intervals=16", "solver.flight_intervals=4"]))
+    t = first_transcription(hop)
+    answer = NlpSolver(t)(make_guess(hop, NAMED[0]))
+    assert [q.name for q in t.free] == ["clearance"]
+    again = t.pack(t.guess_from(answer.phases), t.free_from(answer.parameters))
+    np.testing.assert_allclose(again, answer.z, atol=1e-6)
+    assert abs(t.pack(t.guess_from(answer.phases)) - answer.z).max() > 0.1

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hopopt.nlp.flat import Flat, flat
+from hopopt.nlp.flat import CannotBeTold, Flat, flat
 from hopopt.ocp.hop import Hop
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
@@ -34,5 +34,5 @@ def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
 
     try:
         return flat(without_tie_break(best, hop))
-    except RuntimeError:  # a singular matrix: no reason to lose the answer
+    except CannotBeTold:  # no reason to lose the answer
         return None

@@ -133,6 +133,8 @@ def reproduce(problem: str = "paper", *, set_: Overrides = None, json_: AsJson =
         print(as_json({"problem": design.name, "the_papers_leg": is_the_papers(design.leg), "figures": data}))
     else:
         if not is_the_papers(design.leg):
-            print(f"{design.name} is another leg than the paper's, whose figures say nothing of it.\n")
+            print(
+                f"{design.name}: guides, body, links or joint axes are not the paper's, so its figures do not apply.\n"
+            )
         print(markdown(columns))
     return 0

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from hopopt.closed_loop import Run, clearance_in_mujoco, make_controller, simulate
 from hopopt.control.reference import PlanReference
@@ -140,9 +141,12 @@ def compare(
     for strategy in chosen:  # what does not suit the leg is said before the work
         if not strategy.needs_plan:
             make_controller(design, strategy)
+    tracked = any(s.needs_plan for s in chosen)
+    if tracked:
+        reserved(design)
     solution = solve(design, progress=say) if bound is None else answering(design, bound)
     plan, notes = None, []
-    if any(s.needs_plan for s in chosen):
+    if tracked:
         try:
             plan = plan_to_track(design, say)
         except NotSolvedError as error:  # the bound is solved: the other strategies can still be compared
@@ -221,7 +225,8 @@ def reference_of(plan: Solution) -> PlanReference:
 
 
 def reserved(design: Design) -> Design:
-    """The problem with its [reserve] taken off every limit, as far as the start itself allows."""
+    """The problem with its [reserve] taken off every limit, as far as the start itself allows; UsageError if that leaves
+    a limit that no problem may have."""
     from hopopt.leg.kinematics import start_angles
 
     r, data = design.reserve, design.model_dump(exclude_none=True)
@@ -234,7 +239,15 @@ def reserved(design: Design) -> Design:
         _hold_back(joint, r)
     _hold_back(data["leg"], r)
     data["solver"]["tie_break"] = max(design.solver.tie_break, SMOOTH)
-    return Design.model_validate(data)
+    try:
+        return Design.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        entry = ".".join(str(part) for part in first["loc"])
+        raise UsageError(
+            f"{design.name}: [reserve] leaves {entry} = {first['input']!r}, which no problem may have: hold less back, or "
+            "leave out the strategies that track a plan"
+        ) from error
 
 
 def _hold_back(drive: dict[str, Any], reserve: Reserve) -> None:

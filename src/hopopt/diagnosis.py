@@ -9,7 +9,7 @@ import numpy as np
 from hopopt.errors import ResultError
 from hopopt.idle import idle_limits
 from hopopt.limit_words import flat_words
-from hopopt.nlp.flat import FELT, STRETCH, flat, longer_or_shorter
+from hopopt.nlp.flat import FELT, STRETCH, CannotBeTold, flat, longer_or_shorter
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
 from hopopt.recheck import fitting, has_multipliers, hop_of, stored_nlp
@@ -27,11 +27,11 @@ def diagnose(solution: Solution) -> dict[str, Any]:
     with fitting(solution):
         nlp = without_tie_break(solution)
         durations = {phase: longer_or_shorter(nlp, phase) for phase in nlp.phases}
-    try:
-        found = flat(nlp)
-        words = flat_words(found)
-    except RuntimeError as error:  # no reason to lose the rest
-        found, words = None, [f"what the objective does not feel cannot be told: {error}"]
+        try:
+            found = flat(nlp)
+            words = flat_words(found)
+        except CannotBeTold as error:  # no reason to lose the rest
+            found, words = None, [f"what the objective does not feel cannot be told: {error}"]
     idle = idle_limits(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
     words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
     words += [_idle(name, **use) for name, use in idle.items()]
@@ -51,7 +51,7 @@ def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> s
     lasts = nlp.phases[phase].duration
     what = f"{phase} {STRETCH:.0%} {way} ({lasts * (1 + (STRETCH if way == 'longer' else -STRETCH)):.3f} s)"
     if change is None:
-        return f"{what}: not within the limits, or no hop was found"
+        return f"{what}: the limits do not allow it, or no hop was found"
     if abs(change) < FELT:
         return f"flat: {what} is as good, all else following"
     return (

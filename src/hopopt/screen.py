@@ -1,6 +1,7 @@
 """What the command line shows a person: answer, tables, progress."""
 
 import sys
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import ceil, floor, isfinite, log10
@@ -33,7 +34,7 @@ def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
         return
     screen = Console(stderr=True, highlight=False)
     with screen.status("starting") as status:
-        yield lambda text: status.update(text)
+        yield lambda text: status.update(textwrap.shorten(text, max(screen.width - 4, 20), placeholder=" …"))
 
 
 def print_answer(solution: "Solution") -> None:
@@ -53,8 +54,21 @@ def print_answer(solution: "Solution") -> None:
         ("notes", list(s.get("notes", ()))),
         ("results", [f"{s['result_dir']}   ({s['wall_s']:.1f} s)"]),
     ):
-        for k, line in enumerate(lines):
-            out.print(f"  {name if k == 0 else '':9s} {line}", markup=False)
+        print_lines(out, name, lines)
+
+
+def print_lines(out: Console, name: str, lines: Sequence[str]) -> None:
+    """Lines under one name; broken on a screen, where each goes on below its own beginning, but not when piped."""
+    for k, line in enumerate(lines):
+        head = f"  {name if k == 0 else '':9s} "
+        if out.is_terminal:
+            below = " " * (len(head) + 2)
+            head = textwrap.fill(
+                line, max(out.width, 40), initial_indent=head, subsequent_indent=below,
+                break_long_words=False, break_on_hyphens=False,
+            )  # fmt: skip
+            line = ""
+        out.print(f"{head}{line}", markup=False)
 
 
 def _headline(s: dict[str, Any]) -> str:
@@ -131,8 +145,8 @@ def _control(s: dict[str, Any]) -> list[str]:
         reached = f"{found['clearance_m']:.3f} m, {found['share_of_bound']:.0%} of the optimum"
     wrong = ["it passes the optimum within every limit: that is not the highest hop"] if found["beyond_bound"] else []
     return [
-        f"the paper's force control (PD clamped to the drives, gains for the paper's leg) in simulation: {reached}; "
-        "hopopt compare has other strategies and tunes gains",
+        f"the paper's force control (PD clamped to the drives, gains for the paper's leg) in simulation: {reached}; hopopt "
+        f"compare --bound {s['result_dir']} has other strategies and tunes gains",
         *wrong,
     ]
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from rich.table import Table
 
-from hopopt.screen import console, wide_console
+from hopopt.screen import console, print_lines, wide_console
 
 
 def print_evidence(data: Mapping[str, Any]) -> None:
@@ -16,17 +16,13 @@ def print_evidence(data: Mapping[str, Any]) -> None:
         f"[bold]{data['problem']}[/bold]: best of {data['starts']['count']} starts {best['clearance_m']:.4f} m, {state}"
     )
     if bound["clearance_m"] is not None:
-        out.print(
-            f"  bound     {bound['clearance_m']:.2f} m, crude: by the drives' speed and their power in the longest stance alone "
-            "(docs/bound.md)",
-            markup=False,
-        )
+        crude = "crude: by the drives' speed and their power in the longest stance alone (docs/bound.md)"
+        print_lines(out, "bound", [f"{bound['clearance_m']:.2f} m, {crude}"])
     if data["contradicted"]:
         out.print(
             "[bold red]the global method finds more than the planner in the reduced hop[/bold red]: neither is to be trusted"
         )
-    for k, line in enumerate(_reduced(data["reduced"])):
-        out.print(f"  {'reduced' if k == 0 else '':9s} {line}", markup=False)
+    print_lines(out, "reduced", _reduced(data["reduced"]))
     table = Table(title="local optima on the first mesh", title_justify="left", box=None, pad_edge=False)
     for column, side in (
         ("height [m]", "right"),

@@ -2,13 +2,12 @@
 
 from typing import Any
 
-from hopopt.screen import console
+from hopopt.screen import console, print_lines
 
 
 def print_opinions(summary: dict[str, Any]) -> None:
     """Every second opinion: who, what it found, how far from the answer."""
-    for k, line in enumerate(opinion_lines(summary)):
-        console().print(f"  {'opinions' if k == 0 else '':9s} {line}", markup=False)
+    print_lines(console(), "opinions", opinion_lines(summary))
 
 
 def opinion_lines(summary: dict[str, Any]) -> list[str]:

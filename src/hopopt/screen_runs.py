@@ -15,8 +15,9 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     """The bound, the table, where the centimetres are lost, the paper's figures, and warnings."""
     rows, out = comparison["strategies"], wide_console()
     out.print(_headline(comparison))
-    out.print(_table(rows))
-    out.print("C_avg: mean saturation ratio in stance, 1 where a drive is always at its limit")
+    out.print(_heights(rows))
+    out.print(_efforts(rows))
+    out.print("C_avg: mean saturation ratio in stance, 1 where a drive always gives all that its speed allows")
     if comparison["verified"]:
         out.print(_gaps(rows))
     for name, row in rows.items():
@@ -85,52 +86,52 @@ def _headline(c: Mapping[str, Any]) -> str:
     return f"{c['problem']}: the bound is {c['bound_m']:.4f} m, the highest hop found, verified"
 
 
-def _table(rows: Mapping[str, Any]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    joints = list(next(iter(rows.values()))["saturation_mean"])
-    table.add_column("strategy", style="bold")
-    heads = [
-        "clearance m",
-        "of bound",
-        "foot max m",
-        "= lift-off",
-        "+ rise",
-        "- posture",
-        *(f"C_avg {j}" for j in joints),
-    ]
-    heads += ["lift-off s", "at m/s", "work J", "stops J", "peak N m", "peak rad/s", "ground N"]
-    for head in heads:
-        table.add_column(head, justify="right")
+def _heights(rows: Mapping[str, Any]) -> Table:
+    """Clearances with their parts."""
+    table = _by_strategy("clearance m", "of bound", "= lift-off", "+ rise", "- posture", "foot max m")
     for name, r in rows.items():
-        table.add_row(name, *_cells(r))
+        table.add_row(
+            name,
+            f"{r['clearance_m']:.3f}",
+            "-" if r["share_of_bound"] is None else f"{r['share_of_bound']:.0%}",
+            *(f"{sign * r['parts'][key]:.3f}" for sign, key in zip((1, 1, -1), PARTS, strict=True)),
+            f"{r['foot_height_m']:.3f}",
+        )
     return table
 
 
-def _cells(r: Mapping[str, Any]) -> list[str]:
-    parts, peaks, energy = (r[key] for key in ("parts", "peaks", "energy"))
-    return [
-        f"{r['clearance_m']:.3f}",
-        "-" if r["share_of_bound"] is None else f"{r['share_of_bound']:.0%}",
-        f"{r['foot_height_m']:.3f}",
-        *(f"{sign * parts[key]:.3f}" for sign, key in zip((1, 1, -1), PARTS, strict=True)),
-        *(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
-        f"{r['lift_off']['time_s']:.3f}",
-        f"{r['lift_off']['vertical_m_s']:.2f}",
-        f"{energy['motors_J']:.0f}",
-        f"{energy['stops_J']:.0f}",
-        f"{max(peaks['torque_Nm'].values()):.0f}",
-        f"{max(peaks['speed_rad_s'].values()):.1f}",
-        f"{peaks['ground_force_N']:.0f}",
-    ]
+def _efforts(rows: Mapping[str, Any]) -> Table:
+    """What the hops ask of the drives and of the ground."""
+    joints = next(iter(rows.values()))["saturation_mean"]
+    means = [f"C_avg {joint}" for joint in joints]
+    table = _by_strategy(*means, "lift-off s", "at m/s", "work J", "stops J", "peak N m", "rad/s", "ground N")
+    for name, r in rows.items():
+        peaks, energy = r["peaks"], r["energy"]
+        table.add_row(
+            name,
+            *(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
+            f"{r['lift_off']['time_s']:.3f}",
+            f"{r['lift_off']['vertical_m_s']:.2f}",
+            f"{energy['motors_J']:.0f}",
+            f"{energy['stops_J']:.0f}",
+            f"{max(peaks['torque_Nm'].values()):.0f}",
+            f"{max(peaks['speed_rad_s'].values()):.1f}",
+            f"{peaks['ground_force_N']:.0f}",
+        )
+    return table
+
+
+def _by_strategy(*heads: str, title: str | None = None) -> Table:
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("strategy", style="bold")
+    for head in heads:
+        table.add_column(head, justify="right")
+    return table
 
 
 def _gaps(rows: Mapping[str, Any]) -> Table:
-    table = Table(
-        title="Where the centimetres are lost (+) or gained (-)", title_justify="left", box=None, pad_edge=False
-    )
-    table.add_column("strategy", style="bold")
-    for head in ("push cm", "timing cm", "retraction cm", "together cm"):
-        table.add_column(head, justify="right")
+    title = "Where the centimetres are lost (+) or gained (-)"
+    table = _by_strategy("push cm", "timing cm", "retraction cm", "together cm", title=title)
     for name, r in list(rows.items())[1:]:
         gaps = [100 * r["gap"][part] for part in ("push_m", "timing_m", "retraction_m")]
         table.add_row(name, *(f"{round(gap, 1) or 0:+.1f}" for gap in (*gaps, sum(gaps))))

@@ -6,7 +6,7 @@ begins at the answer, moved away. The other schemes begin at the answer too, on 
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 
 import casadi as ca
@@ -17,7 +17,6 @@ from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
-from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.planner import aims_of
@@ -88,7 +87,7 @@ def opinions(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> l
         how = f"refined on its own to {_tolerance(hop, other):.0e}" if hop.design.solver.refine else "on one mesh"
         name = f"{other.name}, {how}"
         say(f"second opinion: {name}")
-        found.append(opinion(name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, answer.phases), least))
+        found.append(opinion(name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored), least))
     return found
 
 
@@ -145,15 +144,16 @@ def by_uno(ours: NlpSolution, seed: int) -> Said:
     return Said((-1.0 if t.problem.objective.maximize else 1.0) * float(cost[0]))
 
 
-def by_scheme(hop: Hop, scheme: Scheme, phases: Mapping[str, PhaseTrajectory]) -> Said:
-    """The problem by another scheme from an answer's trajectories, refined on its own mesh.
+def by_scheme(hop: Hop, scheme: Scheme, answer: NlpSolution) -> Said:
+    """The problem by another scheme from an answer, refined on its own mesh.
 
     Schemes that collocate both ends of an interval begin on twice as many, and hold limits at the nodes only. Raises Failed if its first mesh cannot be solved.
     """
     both_ends = scheme.starts_at_node
     mesh = {n: uniform(m.intervals * (2 if both_ends else 1)) for n, m in first_transcription(hop).mesh.items()}
     t = Transcription(hop.problem, scheme, mesh)
-    first = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})(t.guess_from(phases))
+    solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
+    first = solver(t.guess_from(answer.phases), t.free_from(answer.parameters))
     if not first.success:
         raise Failed(f"the first mesh was not solved: {_words(first.status)}")
     aims, tolerance = aims_of(hop), _tolerance(hop, scheme)

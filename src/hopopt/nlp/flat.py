@@ -6,9 +6,8 @@ the objective then changes by k d^2 / 2, k = 1 / (c' C c), where C is the invers
     W + D_z + A' D_g A        W = second derivative of the Lagrangian,  A = derivative of the rows,
                               D = multiplier / distance of each limit (much where it acts, nothing where it does not)
 
-(the reduced Hessian's inverse in the tangent space of what acts; a finite D leaves that by so little that what is nearly
-flat is told exactly, and what is felt far more than FELT is understated; Nocedal and Wright, Numerical Optimization, 16.2
-and 17.1). Where C has no bound, nothing feels the move. The quantities asked are the means of every control over tenths
+(the reduced Hessian's inverse in the tangent space of what acts; Nocedal and Wright, Numerical Optimization, 16.2 and
+17.1). D is at most S, and what acts gives way by 1 / S: C of two S tells what is left without (Richardson). Where C has no bound, nothing feels the move. The quantities asked are the means of every control over tenths
 of its phase, each duration and each free parameter: means, because a control at a single node is felt the less the finer
 the mesh.
 """
@@ -29,7 +28,8 @@ BLOCKS = 10  # of a phase, over which a control is averaged
 FELT = 1e-4  # relative change of the objective, if a quantity is moved by its whole range, below which it is flat
 ACTS = 1e-7  # of the objective: a multiplier below it (scaled limit by its scale) comes of a tie-break, not of the objective
 HELD = 1e-8  # added to W for each variable, of the objective: what stands for no bound
-STIFF = 1e6  # most that a limit that acts is worth, of the objective; a billion times what is flat
+STIFF = 1e6  # most that a limit that acts is worth, of the objective
+SOFTER = 10.0  # times less, to see what gives way
 INEXACT = 1e-11  # backward error of a solve that is not believed: with STIFF, well below FELT
 PIVOTS = (  # none first: a symmetric matrix that is nearly definite then stays as sparse as intervals in a row are
     {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}},
@@ -39,6 +39,10 @@ STILL = 1e-3  # largest scaled value below which a control counts as unused; its
 STRETCH = 0.1  # of a duration, by which it is moved when all else is optimised anew
 ITERATIONS = 200
 Who = tuple[str, str, str, tuple[float, float] | None]
+
+
+class CannotBeTold(ArithmeticError):
+    """The second derivatives at the optimum cannot be inverted."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ class Flat:
 
 
 def flat(solution: NlpSolution, allowed: float = FELT) -> list[Flat]:
-    """What nothing feels at an optimum of the program (without a tie-break, or that would be felt)."""
+    """What nothing feels at an optimum of the program (without a tie-break, or that would be felt); raises CannotBeTold."""
     found = [q for q in felt(solution) if q.felt < allowed]
     joined: list[Flat] = []
     for q in found:
@@ -119,34 +123,49 @@ def _row(solution: NlpSolution, at: Any, weights: Any = 1.0) -> np.ndarray:
 
 def _stiffness(solution: NlpSolution, rows: list[np.ndarray]) -> np.ndarray:
     """k of each row c; those that cannot move at all have none but the stiffest."""
-    t, b, size = solution.transcription, solution.bounds, _size(solution)
-    movable = b.low_z < b.high_z
+    t, size = solution.transcription, _size(solution)
     g, A = t.program.jac_g().call([ca.DM(solution.z), ca.DM(solution.p)])
     W = t.program.hess_lag().call([ca.DM(solution.z), ca.DM(solution.p), ca.DM(1.0), ca.DM(solution.lam_g)])[0].sparse()
     W = W + sparse.triu(W, 1).T
-    on_z = _acting(solution.lam_x, solution.z, b.low_z, b.high_z, size)
-    on_g = _acting(solution.lam_g, np.array(g).ravel(), b.low_g, b.high_g, size)
+    values = np.array(g).ravel()
+    stiff, softer = (_moved(solution, W, A.sparse().tocsr(), values, rows, S) for S in (STIFF, STIFF / SOFTER))
+    moved = stiff - (softer - stiff) / (SOFTER - 1)
+    return 1 / np.maximum(np.abs(moved), 1 / (STIFF * size))
+
+
+def _moved(
+    solution: NlpSolution, W: Matrix, A: Matrix, g: np.ndarray, rows: list[np.ndarray], most: float
+) -> np.ndarray:
+    """c' C c of each row c, where what acts is worth at most so much of the objective."""
+    b, size = solution.bounds, _size(solution)
+    movable = b.low_z < b.high_z
+    on_z = _acting(solution.lam_x, solution.z, b.low_z, b.high_z, size, most)
+    on_g = _acting(solution.lam_g, g, b.low_g, b.high_g, size, most)
     held = on_g > 0
     top = (W + sparse.diags(on_z + HELD * size)).tocsr()[movable][:, movable]
-    A = A.sparse().tocsr()[held][:, movable]
+    A = A[held][:, movable]
     C = np.array(rows)[:, movable]
-    moved = np.einsum("ij,ji->i", C, _solved(csc(top + A.T @ sparse.diags(on_g[held]) @ A), C.T))
-    return 1 / np.where(np.abs(moved) > 1 / (STIFF * size), moved, 1 / (STIFF * size))
+    return np.einsum("ij,ji->i", C, _solved(csc(top + A.T @ sparse.diags(on_g[held]) @ A), C.T))
 
 
 def _solved(matrix: Matrix, right: np.ndarray) -> np.ndarray:
-    """matrix^-1 right, (n, k); RuntimeError if that cannot be told."""
+    """matrix^-1 right, (n, k); CannotBeTold if it has none."""
     for pivots in PIVOTS:
-        x = splu(matrix, **pivots).solve(right)
+        try:
+            x = splu(matrix, **pivots).solve(right)
+        except RuntimeError:  # exactly singular
+            continue
         wrong, size = np.abs(matrix @ x - right), abs(matrix) @ np.abs(x)
         if (wrong.max(axis=0) <= INEXACT * size.max(axis=0)).all():  # never of what is not a number
             return x
-    raise RuntimeError("the second derivatives at the optimum cannot be inverted")
+    raise CannotBeTold("the second derivatives at the optimum cannot be inverted")
 
 
-def _acting(lam: np.ndarray, value: np.ndarray, low: np.ndarray, high: np.ndarray, size: float) -> np.ndarray:
-    """multiplier / distance of each limit, at most STIFF, which equations have; 0 for those that do not act."""
-    push, most = np.abs(lam), STIFF * size
+def _acting(
+    lam: np.ndarray, value: np.ndarray, low: np.ndarray, high: np.ndarray, size: float, stiffest: float
+) -> np.ndarray:
+    """multiplier / distance of each limit, at most the stiffest, which equations have; 0 for those that do not act."""
+    push, most = np.abs(lam), stiffest * size
     acts = push > ACTS * size
     distance = np.where(lam > 0, high - value, value - low)
     found = np.zeros(len(lam))
