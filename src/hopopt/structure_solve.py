@@ -171,7 +171,8 @@ def _refined(timed: NlpSolution, settled: MeshStep, aims: Aims, report: Report) 
         first = NlpSolver(between.transcription, {"ipopt.max_iter": aims.iterations})(guess, free)
     if not first.success:
         return None
-    refinement = refinement_of(between.at_nodes(first), aims, report, chosen)
+    brief = replace(aims, restarts=0.0)  # there is an answer already: not for minutes
+    refinement = refinement_of(between.at_nodes(first), brief, report, chosen)
     refinement.history.insert(0, settled)
     refinement.run()
     return refinement
