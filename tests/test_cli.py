@@ -199,6 +199,19 @@ def test_help_answers_at_once(tmp_path: Path) -> None:
     assert "hopopt solve --objective clearance" in done.stdout
 
 
+def test_it_runs_as_a_module_too(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "hopopt", "solve", "--starts", "x"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "--starts" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.slow
 def test_several_starts_side_by_side(tmp_path: Path) -> None:
     done = run("solve", "--json", "--no-figures", "--starts", "5", "--set", "solver.refine=false", cwd=tmp_path)

@@ -16,6 +16,7 @@ import pytest
 import xarray as xr
 
 import hopopt as ho
+from hopopt import sweep_point
 from hopopt.study import define
 from hopopt.sweep_point import Source, solve_again, solve_point
 from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED
@@ -208,8 +209,8 @@ def test_wrong_use_exits_with_2_and_a_sentence(tmp_path: Path, arguments: list[s
 
 
 @pytest.mark.slow
-def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours() -> None:
-    """Made to say that it ended lower than it did: from its neighbour the optimum is found again."""
+def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Made to say that it ended lower than it did: from its neighbours the optimum is found again, and refined once."""
     definition = define(ho.load("paper", [SHORT, "solver.tolerance=1e-4"]), {"leg.gear.ratio": [115, 118]}, starts=1)
     first, begin = solve_point(definition, 0, [])
     source = Source(0, 0, begin)
@@ -221,7 +222,11 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours() -> Non
     assert (same.objective_value, same.corrected, same.tried) == (second.objective_value, False, ((0, 0),))
     assert (same.after_pass, same.solved_in, nothing) == (1, 0, {})
     lower = replace(second, objective_value=0.5, clearance_m=0.5)
-    again, found = solve_again(definition, lower, {**own, "objective": np.array(0.5)}, [source], 1)
+    refined, refine = [], sweep_point.refine_outcome
+    monkeypatch.setattr(sweep_point, "refine_outcome", lambda *given: refined.append(given[1].name) or refine(*given))
+    both = [source, Source(2, 0, begin)]
+    again, found = solve_again(definition, lower, {**own, "objective": np.array(0.5)}, both, 1)
+    assert refined == ["point 0"]
     assert again.corrected
     assert again.clearance_m == pytest.approx(second.clearance_m, rel=1e-6)
     assert again.solved_in == 1

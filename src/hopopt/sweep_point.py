@@ -41,6 +41,7 @@ PATIENCE = 60  # iterations from a neighbour's multipliers
 BETTER = 1e-6  # relative: less is noise
 CORRECTED = 1e-4  # relative: more than the same optimum on other meshes can differ
 CLOSE = 3e-3  # relative: what the first mesh may be wrong by between two different optima
+STOPS = (ArithmeticError, RuntimeError, ValueError)  # what one neighbour's optimum may stop with, without the others'
 FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
 
 Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
@@ -70,7 +71,7 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
             for source, found in _answers(definition, hop, point.values, sources):
                 if not point.solved or _preferred(hop, found[0], point):
                     point, begin = _described(point, found[0], source), dict(found[1])
-        except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:  # one point does not end a study
+        except (NotSolvedError, *STOPS) as error:  # one point does not end a study
             if not point.solved:
                 what = "" if isinstance(error, NotSolvedError) else f"stopped by a {type(error).__name__}: "
                 point = replace(point, sentence=what + one_line(error))
@@ -79,19 +80,15 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
 
 
 def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Source], after_pass: int) -> Kept:
-    """Solve a finished point from other neighbours; the better, and that it was tried."""
+    """Solve a finished point from other neighbours; the better, and that they were tried."""
     began = time.perf_counter()
     best, begin = old, dict[str, np.ndarray]()
     with _one_at_a_time, _compiling(definition):
         hop = Hop(definition.design_at(old.index), definition.objective)
-        for source in sources:
-            try:
-                found = _attempt(definition, hop, old.values, source, own if old.verified else None)
-            except (ArithmeticError, RuntimeError, ValueError):
-                continue
-            if found and found[0].verified and _better(hop, found[0].objective_value, best):
-                best = replace(_described(old, found[0], source), solved_in=after_pass)
-                begin = found[1]
+        known = own if old.verified else None
+        for source, found, its in _other_answers(definition, hop, old.values, sources, known):
+            if _better(hop, found.objective_value, best):
+                best, begin = replace(_described(old, found, source), solved_in=after_pass), its
     seconds = old.seconds + time.perf_counter() - began
     tried = tuple(sorted({*old.tried, *((s.index, s.solved_in) for s in sources)}))
     corrected = old.corrected or (best is not old and _better(hop, best.objective_value or 0.0, old, CORRECTED))
@@ -123,22 +120,51 @@ def _answers(
 ) -> Iterator[tuple[Source | None, tuple[Answer, Begin]]]:
     """The refined and verified best of what the sources lead to on the first mesh, and what is close to it but unlike;
     then, if nothing was verified, what the starts lead to."""
-    t, found, verified = None, list[tuple[Source, StartOutcome, Begin]](), False
-    for source in sources:
-        t, solver = _first_program(definition, hop, values)
-        outcome = _from_neighbour(hop, t, solver, source)
-        if outcome.success:
-            found.append((source, outcome, _begin(outcome, t)))
-    found.sort(key=lambda each: -each[1].merit)
-    refined: list[Begin] = []
-    for source, outcome, begin in found:
-        if t and (not refined or not verified or _another(hop, begin, refined)):
+    verified, refined = False, list[Begin]()
+    for source, outcome, begin, t in _on_the_first_mesh(definition, hop, values, sources):
+        if not refined or not verified or _another(hop, begin, refined):
             got = _refined(hop, outcome, t)
             verified |= got.verified
             refined.append(begin)
             yield source, (got, begin)
     if not verified:
         yield None, _from_starts(hop, definition.starts or hop.design.solver.starts)
+
+
+def _other_answers(
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source], own: Begin | None
+) -> Iterator[tuple[Source, Answer, Begin]]:
+    """What is verified of the sources' optima that may be better than the ``own``, and than each other: the best on the
+    first mesh first, and none that is like one before."""
+    verified: list[Begin] = []
+    for source, outcome, begin, t in _on_the_first_mesh(definition, hop, values, sources):
+        known = [*verified[:1], *([] if own is None else [own])]
+        again = any(not unlike(begin["shape"], other["shape"]) for other in verified)
+        if again or not all(_promising(hop, begin, other) for other in known):
+            continue
+        try:
+            got = _refined(hop, outcome, t)
+        except STOPS:
+            continue
+        if got.verified:
+            verified.append(begin)
+            yield source, got, begin
+
+
+def _on_the_first_mesh(
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source]
+) -> list[tuple[Source, StartOutcome, Begin, Transcription]]:
+    """What the sources lead to on the first mesh, the best first."""
+    found = []
+    for source in sources:
+        try:
+            t, solver = _first_program(definition, hop, values)
+            outcome = _from_neighbour(hop, t, solver, source)
+        except STOPS:
+            continue
+        if outcome.success:
+            found.append((source, outcome, _begin(outcome, t), t))
+    return sorted(found, key=lambda each: -each[1].merit)
 
 
 def _another(hop: Hop, begin: Begin, refined: Sequence[Begin]) -> bool:
@@ -148,21 +174,6 @@ def _another(hop: Hop, begin: Begin, refined: Sequence[Begin]) -> bool:
 
 def _preferred(hop: Hop, found: Answer, than: Point) -> bool:
     return found.verified and (not than.verified or _better(hop, found.objective_value, than))
-
-
-def _attempt(
-    definition: Definition, hop: Hop, values: Mapping[str, float], source: Source, own: Begin | None
-) -> tuple[Answer, Begin] | None:
-    """A refined and verified solution from one neighbour; None if it leads nowhere, or on the first mesh to nothing
-    that may be better than the ``own`` optimum."""
-    t, solver = _first_program(definition, hop, values)
-    outcome = _from_neighbour(hop, t, solver, source)
-    if not outcome.success:
-        return None
-    begin = _begin(outcome, t)
-    if own is not None and not _promising(hop, begin, own):
-        return None
-    return _refined(hop, outcome, t), begin
 
 
 def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:

@@ -1,0 +1,5 @@
+"""`python -m hopopt`: the command line."""
+
+from hopopt.cli import main
+
+main()
