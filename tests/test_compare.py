@@ -17,7 +17,6 @@ from hopopt.compare import (
     paper_strategy,
     planned_trace,
     reference_of,
-    reserved,
 )
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.errors import UsageError
@@ -27,6 +26,7 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.mismatch import mismatched, spread
 from hopopt.paper_results import is_the_papers
 from hopopt.problem_file import load
+from hopopt.reserve import reserved
 from hopopt.solution import Solution
 from hopopt.storage import save
 from hopopt.storage_runs import save_runs

@@ -232,7 +232,8 @@ def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
         if folder:
             raise UsageError("--plan is for strategies that follow one, such as track")
         return None
-    from hopopt.compare import plan_to_track, reference_of
+    from hopopt.compare import reference_of
+    from hopopt.reserve import plan_to_track
     from hopopt.storage import read
 
     plan = read(folder) if folder else plan_to_track(design, say)

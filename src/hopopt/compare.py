@@ -10,16 +10,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from hopopt.closed_loop import Run, clearance_in_mujoco, make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.errors import NotSolvedError, UsageError
-from hopopt.leg.design import Design, Reserve
+from hopopt.leg.design import Design
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.paper_results import PAPER, is_the_papers
 from hopopt.problem_file import design_hash
+from hopopt.reserve import plan_to_track, reserved
 from hopopt.sim.hop_figures import HopFigures
 from hopopt.sim.mujoco import library
 from hopopt.sim.plant import PAST_APEX
@@ -35,7 +35,6 @@ BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification a
 OPTIMUM = "optimum"
 PAPERS = "force"  # of the paper's two the one that saturates its drives
 OBJECTIVE = "clearance"  # by which strategies are compared
-SMOOTH = 1e-4  # [m/s] tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
 
 
 @dataclass(frozen=True)
@@ -211,55 +210,9 @@ def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None
     return Strategy(f"{name}_tuned", f"{strategy.meaning}, best of {evaluations} tries", strategy.make, best.options)
 
 
-def plan_to_track(design: Design, say: Callable[[str], None]) -> Solution:
-    """The optimum that keeps the problem's reserve from every limit."""
-    from hopopt.planner import solve
-
-    say("planning with a reserve")
-    return solve(reserved(design), starts=2, progress=say)
-
-
 def reference_of(plan: Solution) -> PlanReference:
     """A plan as a controller follows it."""
     return PlanReference.from_tables(PLACES, plan.tables, plan.clearance)
-
-
-def reserved(design: Design) -> Design:
-    """The problem with its [reserve] taken off every limit, as far as the start itself allows; UsageError if that leaves
-    a limit that no problem may have."""
-    from hopopt.leg.kinematics import start_angles
-
-    r, data = design.reserve, design.model_dump(exclude_none=True)
-    data["contact"]["least_force"] += r.ground_force
-    data["hop"]["least_height"] += r.height
-    for name, angle in zip(design.leg.joints, start_angles(design), strict=True):
-        joint = data["leg"][name]
-        joint["lower"] = max(joint["lower"], min(joint["lower"] + r.angle, float(angle) - 1e-6))
-        joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
-        _hold_back(joint, r)
-    _hold_back(data["leg"], r)
-    data["solver"]["tie_break"] = max(design.solver.tie_break, SMOOTH)
-    try:
-        return Design.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        entry = ".".join(str(part) for part in first["loc"])
-        raise UsageError(
-            f"{design.name}: [reserve] leaves {entry} = {first['input']!r}, which no problem may have: hold less back, or "
-            "leave out the strategies that track a plan"
-        ) from error
-
-
-def _hold_back(drive: dict[str, Any], reserve: Reserve) -> None:
-    for part, key, share in (
-        ("motor", "max_torque", reserve.torque),
-        ("motor", "torque_cap", reserve.torque),
-        ("gear", "torque_cap", reserve.torque),
-        ("motor", "max_speed", reserve.speed),
-        ("gear", "speed_cap", reserve.speed),
-    ):
-        if key in drive.get(part, {}):
-            drive[part][key] *= 1 - share
 
 
 def planned_trace(solution: Solution) -> Trace:
