@@ -42,8 +42,8 @@ class Program:
     def integral_terms(self) -> list[Term]:
         """The integrands of the phases that have some."""
         after = slice(self.linear.shape[0], None)
-        parts = [t.part(slice(n, None), after) for t, n in zip(self.phases, self.rows, strict=True)]
-        return [t for t in parts if t.local.outputs.numel()]
+        counted = zip(self.phases, self.rows, strict=True)
+        return [t.part(slice(n, None), after) for t, n in counted if t.local.outputs.numel() > n]
 
     @cached_property
     def cost(self) -> Term:
@@ -55,6 +55,11 @@ class Program:
         """What the ends add to g."""
         return self.ends.part(slice(1, None), slice(1, None))
 
+    @cached_property
+    def linear_dm(self) -> ca.DM:
+        """``linear`` for CasADi."""
+        return to_dm(self.linear)
+
     def integral(self, z: ca.MX, p: ca.MX) -> ca.MX:
         """All integrals, (count, 1)."""
         return sum((t.values(z, p) for t in self.integral_terms), ca.MX.zeros(self.count, 1))
@@ -63,6 +68,11 @@ class Program:
         """All integrals and their derivative by z, (count, n)."""
         value, slopes = sum_of([t.jacobian(z, p) for t in self.integral_terms])
         return self.no_integrals() + value, assemble((self.count, self.linear.shape[1]), slopes)
+
+    def _of_rows(self, extra: ca.MX, p: ca.MX) -> list[tuple[Term, ca.MX]]:
+        """The terms of g that have outputs, each with its further inputs."""
+        terms = [(self.boundary, extra), *((term, p) for term in self.row_terms)]
+        return [(term, more) for term, more in terms if term.local.outputs.numel()]
 
     def no_integrals(self) -> ca.MX:
         """Zeros for functions that do not depend on the integrals."""
@@ -73,9 +83,9 @@ class Program:
         """x, p, f, g for nlpsol."""
         z, p = self.symbols()
         extra = ca.vertcat(self.integral(z, p), p)
-        g = to_dm(self.linear) @ z + self.boundary.values(z, extra)
-        for term in self.row_terms:
-            g += term.values(z, p)
+        g = self.linear_dm @ z
+        for term, more in self._of_rows(extra, p):
+            g += term.values(z, more)
         return {"x": z, "p": p, "f": self.cost.values(z, extra), "g": g}
 
     def grad_f(self) -> ca.Function:
@@ -94,11 +104,11 @@ class Program:
         local = ca.jacobian(self.boundary.local.outputs, self.integrals)
         integral, slope = self.integral_slope(z, p) if local.nnz() else (self.no_integrals(), None)
         extra = ca.vertcat(integral, p)
-        g, parts = sum_of([self.boundary.jacobian(z, extra), *(t.jacobian(z, p) for t in self.row_terms)])
+        g, parts = sum_of([term.jacobian(z, more) for term, more in self._of_rows(extra, p)])
         J = assemble(self.linear.shape, parts, self.linear)
         if slope is not None:
             J += self.boundary.scatter_dm @ (self.boundary.at_ends("slope", z, extra, local) @ slope)
-        outputs = [to_dm(self.linear) @ z + g, J]
+        outputs = [self.linear_dm @ z + g, J]
         return ca.Function("nlp_jac_g", [z, p], outputs, ["x", "p"], ["g", "jac"])
 
     def hess_lag(self) -> ca.Function:
@@ -114,8 +124,8 @@ class Program:
         extra = ca.vertcat(integral, p)
         weights = (w, self.ends.scatter_dm.T @ lam)
         multipliers = ca.vertcat(lam_g, self.ends.at_ends("multipliers", z, extra, by_integral, weights))
-        parts = [self.ends.hessian(z, extra, lam), *(t.hessian(z, p, multipliers) for t in self.phases)]
-        H = assemble((n, n), parts)
+        terms = [(self.ends, extra, lam), *((t, p, multipliers) for t in self.phases)]
+        H = assemble((n, n), [term.hessian(z, *more) for term, *more in terms if term.local.curved])
         if slope is not None:
             half = self.ends.at_ends("mixed", z, extra, mixed, weights) @ self.ends.gather_dm
             half += self.ends.at_ends("twice", z, extra, twice, weights) @ slope / 2

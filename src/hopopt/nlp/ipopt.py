@@ -14,6 +14,8 @@ from hopopt.nlp.transcribe import Transcription
 OPTIONS = {
     "print_time": False,
     "error_on_fail": False,
+    "calc_lam_p": False,
+    "no_nlp_grad": True,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.linear_solver": "mumps",

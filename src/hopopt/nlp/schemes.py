@@ -10,7 +10,7 @@ polynomials of their own, through their values at control_c.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -68,6 +68,7 @@ def lagrange(nodes: Sequence[float], s: np.ndarray | float) -> np.ndarray:
     return powers @ np.linalg.inv(np.vander(nodes, len(nodes), increasing=True))
 
 
+@cache
 def radau(degree: int) -> Scheme:
     """Flipped Legendre-Gauss-Radau (Radau IIA) with ``degree`` points, order 2 degree - 1."""
     series = np.zeros(degree + 1)

@@ -63,12 +63,23 @@ class Local:
         slope = ca.jacobian(self.outputs, self.y)
         return compiled(self.function("jacobian", [self.outputs, nonzeros(slope)])), *triplet(slope.sparsity())
 
+    @property
+    def curved(self) -> bool:
+        """Whether outputs have second derivatives by y."""
+        return self._curvature[1].nnz() > 0
+
+    @cached_property
+    def _curvature(self) -> tuple[ca.SX, ca.SX]:
+        """Weights w, and the lower triangle of the second derivative of w' outputs by y; by columns this takes fewer steps
+        than ca.hessian or the upper triangle."""
+        w = ca.SX.sym("w", self.outputs.numel())
+        gradient = ca.gradient(ca.dot(w, ca.cse(self.outputs)), self.y)
+        return w, ca.tril(ca.jacobian(gradient, self.y))
+
     @cached_property
     def hessian(self) -> tuple[ca.Function, np.ndarray, np.ndarray]:
         """Nonzeros of the upper triangle of the second derivative of w' outputs by y; rows and columns of all."""
-        w = ca.SX.sym("w", self.outputs.numel())
-        gradient = ca.gradient(ca.dot(w, ca.cse(self.outputs)), self.y)
-        lower = ca.tril(ca.jacobian(gradient, self.y))  # by columns: fewer steps than ca.hessian or the upper triangle
+        w, lower = self._curvature
         both = lower.sparsity() + lower.T.sparsity()
         return compiled(self.function("hessian", [nonzeros(lower.T)], w)), *triplet(both)
 
@@ -95,11 +106,19 @@ class Term:
         """O for CasADi."""
         return to_dm(self.scatter)
 
+    @cached_property
+    def gather_rows(self) -> Matrix:
+        """L by rows."""
+        return self.gather.tocsr()
+
     def part(self, outputs: slice, rows: slice) -> "Term":
         """The same with some of the outputs and rows only."""
         count = self.local.outputs.numel()
         columns = np.arange(self.points)[:, None] * count + np.arange(count)[outputs]
-        return Term(self.local.part(outputs), self.gather, csc(self.scatter[:, columns.ravel()][rows]))
+        scatter = self.scatter[:, columns.ravel()] if columns.size < self.scatter.shape[1] else self.scatter
+        if len(range(scatter.shape[0])[rows]) < scatter.shape[0]:
+            scatter = scatter[rows]
+        return Term(self.local.part(outputs), self.gather, scatter)
 
     def at_points(self, function: ca.Function, z: ca.MX, extra: ca.MX, *weights: ca.MX) -> Any:
         """A function of ``local`` at all points, each result (size, points); weights are (size, points) each too."""
@@ -121,7 +140,7 @@ class Term:
         """O vec(F) and its derivative by z, (rows, n)."""
         function, i, j = self.local.jacobian
         values, entries = self.at_points(function, z, extra)
-        places = _products(self.scatter.T, self.gather, self.points, i, j, np.arange(len(i)))
+        places = _products(self.scatter.T, self.gather_rows, self.points, i, j, np.arange(len(i)))
         return self.scatter_dm @ ca.vec(values), Scattered(ca.vec(entries), *places)
 
     def hessian(self, z: ca.MX, extra: ca.MX, rows: ca.MX) -> "Scattered":
@@ -136,7 +155,7 @@ class Term:
         upper = np.flatnonzero(i <= j)
         source = {(a, b): k for k, (a, b) in enumerate(zip(i[upper], j[upper], strict=True))}
         index = np.array([source[min(a, b), max(a, b)] for a, b in zip(i, j, strict=True)], dtype=int)
-        value, row, column, entry = _products(self.gather, self.gather, self.points, i, j, index)
+        value, row, column, entry = _products(self.gather_rows, self.gather_rows, self.points, i, j, index)
         keep = row <= column
         return value[keep], row[keep], column[keep], entry[keep]
 
@@ -154,13 +173,13 @@ class Scattered:
 
 def assemble(shape: tuple[int, int], parts: Sequence[Scattered], constant: Matrix | None = None) -> ca.MX:
     """The sparse sum of all parts and a constant."""
-    fixed = sparse.coo_matrix(shape if constant is None else constant)
-    keys = [p.column * shape[0] + p.row for p in parts] + [fixed.col.astype(int) * shape[0] + fixed.row]
+    fixed, i, j = EMPTY if constant is None else entries(constant)
+    keys = [p.column * shape[0] + p.row for p in parts] + [j.astype(int) * shape[0] + i]
     key, place = np.unique(np.concatenate(keys), return_inverse=True)  # ascending: column by column
     places = np.split(place, np.cumsum([len(k) for k in keys])[:-1])
     columns = np.searchsorted(key, np.arange(shape[1] + 1) * shape[0])
     pattern = ca.Sparsity(*shape, columns.tolist(), (key % shape[0]).tolist())
-    total = ca.MX(ca.DM(np.bincount(places[-1], fixed.data, len(key))))
+    total = ca.MX(ca.DM(np.bincount(places[-1], fixed, len(key)).tolist()))
     for p, at in zip(parts, places[:-1], strict=True):
         if p.entries.numel():
             total += to_dm(csc((p.value, (at, p.entry)), (len(key), p.entries.numel()))) @ p.entries
@@ -170,8 +189,9 @@ def assemble(shape: tuple[int, int], parts: Sequence[Scattered], constant: Matri
 def _products(
     left: Any, right: Any, points: int, i: np.ndarray, j: np.ndarray, index: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """Every left[k, i] * right[k, j]: value, column of left, column of right, and points-major index of the entry."""
-    left, right, k = sparse.csr_matrix(left), sparse.csr_matrix(right), np.arange(points)[:, None]
+    """Every left[k, i] * right[k, j] of two matrices by rows: value, column of left, column of right, and points-major
+    index of the entry."""
+    k = np.arange(points)[:, None]
     a = (k * (left.shape[0] // points) + i).ravel()
     b = (k * (right.shape[0] // points) + j).ravel()
     entry = (k * (index.max(initial=-1) + 1) + index).ravel()
