@@ -32,7 +32,7 @@ from known_problems import Known, brachistochrone, bryson_denham, timed, two_pri
 from test_closed_forms import G, lift_off_of_hopper, push
 
 SCHEMES = (radau(2), radau(3), radau(4), HERMITE_SIMPSON, TRAPEZOIDAL)
-AIMS = Aims(local_error=1e-6, change=1e-5, excess=0.5 * LIMIT, meshes=12, iterations=500)  # the planner's
+AIMS = Aims(local_error=1e-5, change=1e-4, excess=0.5 * LIMIT, price=5e-5, meshes=12, iterations=500)  # the planner's
 PEERS = Path(__file__).parents[1] / "benchmarks" / "peers"
 Case = tuple[Problem, float, dict[str, Any]]  # problem, its optimum, a guess
 

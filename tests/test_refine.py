@@ -14,7 +14,7 @@ from hopopt.nlp.cuts import cut, equal
 from hopopt.nlp.hull import held_between
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
-from hopopt.nlp.prices import PRICE, price
+from hopopt.nlp.prices import price
 from hopopt.nlp.refine import MET, NOT_ASKED, TOO_FINE, UNSOLVED, USED_UP, WORSE, Aims, Refinement
 from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.schemes import Scheme, radau
@@ -23,7 +23,7 @@ from hopopt.ocp.problem import Objective, Problem
 from known_problems import SCHEMES, Known, brachistochrone, bryson_denham, moved
 
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
-ALLOWED = 1e-4
+ALLOWED, PRICE = 1e-4, 1e-5
 
 
 def first(known: Known, method: Scheme, mesh: PhaseMesh) -> NlpSolution:
@@ -47,7 +47,7 @@ def bang_bang() -> Known:
 def test_bang_bang_is_neither_beaten_nor_missed(method: Scheme, intervals: int) -> None:
     """The double integrator has no error: what keeps the limits cannot be faster, and gives away the price at most."""
     known = bang_bang()
-    refinement = Refinement(first(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, 20, 300))
+    refinement = Refinement(first(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
     refinement.run()
     end = refinement.history[-1]
     assert end.excess <= ALLOWED
@@ -163,7 +163,7 @@ def test_bounds_are_drawn_in_by_what_is_given_interval_by_interval() -> None:
     "known", [brachistochrone(), bryson_denham(path=True)], ids=["brachistochrone", "bryson-denham"]
 )
 def test_aims_are_met_or_it_says_so(known: Known) -> None:
-    refinement = Refinement(first(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, 20, 300))
+    refinement = Refinement(first(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
     refinement.run()
     errors = [interval_errors(refinement.solution, name) for name in refinement.solution.phases]
     assert max(e.local.max() for e in errors) <= 1e-7
@@ -173,12 +173,12 @@ def test_aims_are_met_or_it_says_so(known: Known) -> None:
 
 
 def test_without_meshes_nothing_is_reached() -> None:
-    refinement = Refinement(first(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, 0, 300))
+    refinement = Refinement(first(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 0, 300))
     refinement.run()
     assert len(refinement.history) == 1
     assert refinement.change == float("inf")
     assert refinement.ended == NOT_ASKED
-    only = Refinement(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, 1, 300))
+    only = Refinement(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, PRICE, 1, 300))
     only.run()
     assert only.ended == USED_UP
 
@@ -188,20 +188,20 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
     """With too little patience for carried multipliers: restarts end where patience does; without them, or where they
     have used up their iterations, it is said."""
     begin = first(brachistochrone(), method, uniform(8))
-    known = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300))
+    known = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
     known.run()
     monkeypatch.setattr(refine, "PATIENCE", 1)
-    hasty = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300, restarts=0))
+    hasty = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=0))
     hasty.run()
     assert hasty.ended == UNSOLVED
     assert len(hasty.history) == 1
-    patient = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300))
+    patient = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
     patient.run()
     assert patient.ended == MET
     assert patient.solution.objective == pytest.approx(known.solution.objective, rel=1e-7)
     needed = patient.history[1].iterations
     for iterations, ended in ((needed - 1, UNSOLVED), (sum(step.iterations for step in patient.history), MET)):
-        limited = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, 20, 300, restarts=iterations / 300))
+        limited = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=iterations / 300))
         limited.run()
         assert limited.ended == ended
 
@@ -212,19 +212,19 @@ def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.M
     coarse = first(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1]))
     assert coarse.objective < known.optimum * (1 - 1e-4)
     monkeypatch.setattr(refine, "LOST", 1e-5)
-    refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, 20, 300))
+    refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
     refinement.run()
     assert refinement.ended == MET
     assert refinement.solution.objective == pytest.approx(known.optimum, rel=2 * ALLOWED)
     monkeypatch.setattr(refine, "AGREED", -1.0)
-    doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, 20, 300))
+    doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
     doubting.run()
     assert doubting.ended == WORSE
 
 
 def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, "FINEST", 9)
-    refinement = Refinement(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, 20, 300))
+    refinement = Refinement(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
     refinement.run()
     assert refinement.ended == TOO_FINE
     assert len(refinement.history) == 1
@@ -233,7 +233,7 @@ def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
     monkeypatch.setattr(refine, "held_between", lambda *a: built.append(a) or held_between(*a))
-    refinement = Refinement(first(bryson_denham(), radau(3), uniform(5)), Aims(1e-6, 1e-4, 1e-6, 20, 300))
+    refinement = Refinement(first(bryson_denham(), radau(3), uniform(5)), Aims(1e-6, 1e-4, 1e-6, 1e-5, 20, 300))
     refinement.run()
     assert refinement.ended == MET
     solved = [(step.intervals, step.held) for step in refinement.history[1:]]

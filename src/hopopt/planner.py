@@ -13,6 +13,7 @@ from hopopt.answer_notes import flat_directions, notes_on
 from hopopt.certificate_result import attached
 from hopopt.custom_check import custom_checks, stated_value
 from hopopt.errors import NotSolvedError
+from hopopt.finer import finer
 from hopopt.highest import HIGHEST, from_highest
 from hopopt.leg.design import Design
 from hopopt.limit_words import flat_words
@@ -32,8 +33,8 @@ from hopopt.multistart import (
 from hopopt.nlp.accuracy import IntervalErrors
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt import residuals
-from hopopt.nlp.prices import PRICE, price
-from hopopt.nlp.refine import UNSOLVED, Aims, MeshStep, Refinement, relative
+from hopopt.nlp.prices import price
+from hopopt.nlp.refine import MET, UNSOLVED, Aims, MeshStep, Refinement, relative
 from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.objective_error import ObjectiveError, objective_error
@@ -71,12 +72,13 @@ def solve(
     objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (structure_solve.py); second_opinion: asked of another solver and other schemes, in the summary's
+    (structure_solve.py), with smaller tolerances (finer.py); second_opinion: asked of another solver and other schemes, in the summary's
     ``second_opinions`` (second_opinion.py); progress is called with a line of text now and then. Raises NotSolvedError,
     with the worst constraints, if no start leads to a solution. A solution that fails verification is returned with
     ``verified`` False.
     """
     say, clock = progress or (lambda text: None), Stopwatch()
+    design = finer(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
     faults = static_faults(hop.design, hop.robot)
     if faults:
@@ -197,11 +199,17 @@ def finish(
     first: Transcription | None = None,
     restarts: bool = True,
 ) -> Solution:
-    """Refine one start's optimum, verify it and sum it up; ``first`` is the first mesh's program if there is one."""
+    """Refine one start's optimum, verify it and sum it up, with smaller tolerances if it is not verified with the
+    problem's own; ``first`` is the first mesh's program if there is one."""
     refinement = refine_outcome(hop, outcome, say, first, restarts)
     clock.mark("refinement")
     say("verifying")
-    return summed_up(hop, refinement, outcomes, outcome, clock)
+    found = summed_up(hop, refinement, outcomes, outcome, clock)
+    if found.verified or refinement.ended != MET or finer(hop.design) == hop.design:
+        return found
+    say("not verified: refining again, with smaller tolerances")
+    again = finish(hop.with_solver_of(finer(hop.design)), outcome, outcomes, say, clock, first, restarts)
+    return again if again.verified else found
 
 
 def summed_up(
@@ -250,7 +258,7 @@ def aims_of(hop: Hop) -> Aims:
     """What refinement is to reach."""
     s = hop.design.solver
     meshes = s.max_refinements if s.refine else 0
-    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, meshes, s.max_iterations)
+    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, s.price_tolerance, meshes, s.max_iterations)
 
 
 def progress_line(hop: Hop, s: MeshStep) -> str:
@@ -281,6 +289,6 @@ def numerical_checks(
         Check("complementarity", r.complementarity, KKT, "scaled"),
         Check("local error of the intervals", local, s.tolerance, "scaled"),
         Check("change of the objective", change, s.objective_tolerance, "relative"),
-        Check("price of drawing in the limits", price(solution), PRICE, "relative"),
+        Check("price of drawing in the limits", price(solution), s.price_tolerance, "relative"),
         (error or objective_error(solution)).check(),
     ]

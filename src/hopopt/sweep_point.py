@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, ProblemFileError, one_line
+from hopopt.finer import finer
 from hopopt.highest import from_highest
 from hopopt.leg.design import Leg, physical_parameters
 from hopopt.multistart import (
@@ -27,6 +28,7 @@ from hopopt.multistart import (
 )
 from hopopt.nlp.compiled import compiling
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
+from hopopt.nlp.refine import MET
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
@@ -184,8 +186,12 @@ def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:
 
 
 def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
-    """An optimum of the first mesh refined and verified."""
-    return answer(hop, refine_outcome(hop, outcome, _silent, t))
+    """An optimum of the first mesh refined and verified, with smaller tolerances if need be, as a single solve is."""
+    refinement = refine_outcome(hop, outcome, _silent, t)
+    found = answer(hop, refinement)
+    if found.verified or refinement.ended != MET or finer(hop.design) == hop.design:
+        return found
+    return _refined(hop.with_solver_of(finer(hop.design)), outcome, t)
 
 
 def _from_starts(hop: Hop, count: int) -> tuple[Answer, Begin]:

@@ -195,9 +195,12 @@ class Solver(Section):
     stance_intervals: int = choice("intervals of the first mesh, stance", 40, ge=1, le=2000)
     flight_intervals: int = choice("intervals of the first mesh, flight", 10, ge=1, le=2000)
     refine: bool = choice("refine the mesh until the tolerances are met", True)
-    tolerance: float = quantity("local error allowed in every interval", "1", 1e-12, 1e-2, 1e-6)
+    tolerance: float = quantity("local error allowed in every interval", "1", 1e-12, 1e-2, 1e-5)
     objective_tolerance: float = quantity(
         "relative change of the objective at which refinement has settled", "1", 1e-9, 1e-1, 1e-4
+    )
+    price_tolerance: float = quantity(
+        "what it may cost the objective, relatively, that limits hold between the nodes too", "1", 1e-8, 1e-2, 5e-5
     )
     max_refinements: int = choice("mesh refinements at most", 20, ge=0, le=40)
     max_iterations: int = choice("Ipopt iterations at most, each mesh", 600, ge=1, le=100000)

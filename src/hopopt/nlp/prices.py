@@ -20,7 +20,6 @@ SLIGHT = 0.02  # share of its range: a limit that is missed by less beside an in
 LEFT = 0.3  # share of the slack on the other side, above which a limit was not met at all
 SPREAD = 0.1  # of the places that several limits tell
 BARRIER = 10 * OPTIONS["ipopt.tol"]  # of the objective's scale: a smaller multiplier times slack is Ipopt's own
-PRICE = 1e-5  # relative: what keeping the limits between the nodes may cost the objective
 
 
 def price(solution: NlpSolution) -> float:

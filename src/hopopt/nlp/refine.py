@@ -20,11 +20,11 @@ from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import Cuts, about, any_cut, cut, equal, pieces_of
 from hopopt.nlp.hull import Chosen, Held, coming_close, held_between, nothing_held
 from hopopt.nlp.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
-from hopopt.nlp.prices import PRICE, drawn_prices, excess_prices, switch_places
+from hopopt.nlp.prices import drawn_prices, excess_prices, switch_places
 from hopopt.nlp.transcribe import Transcription
 
-BUDGET = 0.5 * PRICE  # of all prices
-AIM = 0.2  # share of the allowed local error, and of the price, that a cut aims at
+BUDGET = 0.5  # share of the allowed price that a refinement is content with
+AIM = 0.3  # share of the allowed local error, and of the price, that a cut aims at
 NEARLY = 0.3  # share of what is allowed, above which an interval is cut where others must be
 PIECES = 8  # into which an interval is cut at most
 STUBBORN = 4  # pieces for an interval that does not answer
@@ -47,13 +47,14 @@ Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limit
 
 @dataclass(frozen=True)
 class Aims:
-    """Local error (scaled), relative change of the objective, excess over the limits; at most so many meshes and
-    iterations of each; ``restarts``: so many times ``iterations`` may go, over all meshes, into solving again without the
+    """Local error (scaled), relative change of the objective, excess over the limits, their price relative to the
+    objective; at most so many meshes and iterations of each; ``restarts``: so many times ``iterations`` may go, over all meshes, into solving again without the
     last one's multipliers (those that only a doubt asks for are counted, but never refused)."""
 
     local_error: float
     change: float
     excess: float
+    price: float
     meshes: int
     iterations: int
     restarts: float = 5.0
@@ -159,7 +160,7 @@ class Refinement:
     @property
     def _budget(self) -> float:
         """What all limits may cost [objective's unit]."""
-        return BUDGET * abs(self.solution.objective)
+        return BUDGET * self.aims.price * abs(self.solution.objective)
 
     def _costs(self) -> dict[str, np.ndarray]:
         """What the limits of each interval cost, or would cost [objective's unit]."""

@@ -15,13 +15,12 @@ from hopopt.nlp.cuts import cut, equal
 from hopopt.nlp.hull import Chosen, holds
 from hopopt.nlp.ipopt import CARRIED, NEAR, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.prices import PRICE, excess_prices
+from hopopt.nlp.prices import excess_prices
 from hopopt.nlp.prices import price as price_of
 from hopopt.nlp.refine import FINEST, MET, TOO_FINE, UNSOLVED, Aims, Refinement, Report, moves_to, relative
 from hopopt.nlp.transcribe import Transcription
 
 MOST = 4  # pieces into which an interval is cut at once
-BUDGET = PRICE  # of the intervals' prices before anything is drawn in
 EARLY = 4  # meshes before an error that wanders is suspected
 ROUNDS = 10  # of drawing in the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
@@ -58,7 +57,7 @@ class DrawnRefinement(Refinement):
 
     def _faults(self) -> Parts:
         """What is to be cut: inaccurate intervals, and the dearest until the rest is within the budget."""
-        price, budget = excess_prices(self.solution, self.errors), BUDGET * abs(self.solution.objective)
+        price, budget = excess_prices(self.solution, self.errors), self.aims.price * abs(self.solution.objective)
         total = np.sort(np.concatenate(list(price.values())))
         dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
         return {
@@ -80,7 +79,7 @@ class DrawnRefinement(Refinement):
                 break
             built = time.perf_counter()
             solution = solver.again(self.solution, drawn_in(self.solution, self.errors, self.aims.excess))
-            if not solution.success or price_of(solution) > PRICE:
+            if not solution.success or price_of(solution) > self.aims.price:
                 break
             self._accept(solution, built - began, time.perf_counter() - built, k + 1)
             began = time.perf_counter()

@@ -5,6 +5,7 @@ motion hold by construction and the drives enter as path constraints on the torq
 """
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -74,6 +75,12 @@ class Hop:
 
         for c in (*constraints, *((self.objective.custom,) if self.objective.custom else ())):
             checked(c, self, c is self.objective.custom)
+
+    def with_solver_of(self, design: Design) -> "Hop":
+        """The same question, to be answered with the solver settings of a problem that differs in nothing else."""
+        other = copy(self)
+        other.design = design
+        return other
 
     # ---- what holds at an instant ----------------------------------------------------------------------
 
