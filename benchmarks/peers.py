@@ -35,7 +35,13 @@ def last_line(text: str) -> str:
 
 def command(python: str, *arguments: str, cwd: Path | str | None = None) -> tuple[str, str]:
     """Standard output of a program, and the reason if it failed."""
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "agg", "OPENMDAO_REPORTS": "0"}
+    environment = {
+        **os.environ,
+        "OMP_NUM_THREADS": "1",
+        "MPLBACKEND": "agg",
+        "OPENMDAO_REPORTS": "0",
+        "HOPOPT_CACHE": "off",
+    }
     try:
         done = subprocess.run(
             [python, *arguments], capture_output=True, text=True, timeout=LONGEST, env=environment, cwd=cwd
