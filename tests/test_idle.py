@@ -99,7 +99,7 @@ def test_one_line_for_each_entry(plan: Solution) -> None:
 
 @pytest.mark.slow
 def test_tightening_idle_limits_has_no_effect(plan: Solution) -> None:
-    """All of them at once, to what the hop uses of them: as high, but for the price of drawing limits in (1e-5)."""
+    """All of them at once, to what the hop uses of them: as high, but for what meshes differ by."""
     idle, entries = plan.summary["idle_limits"], {}
     for use in idle.values():
         if use["entry"].startswith("leg."):
