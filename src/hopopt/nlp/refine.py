@@ -3,7 +3,7 @@
 An interval is cut at once into as many pieces as its error and its price ask for by their orders: the local error falls
 with its length to the power of the nodes and one, the price of a switch with its square. Where limits are passed they
 are held between the nodes on the next mesh (nlp/hull.py); what still passes them is drawn in, and an interval that does
-not answer is cut.
+not answer to that on the same mesh is cut.
 """
 
 import time
@@ -185,14 +185,15 @@ class Refinement:
 
     def _prepare(self, cuts: Cuts) -> None:
         """What is held and drawn in on the next mesh, and the excess it answers to."""
-        close = coming_close(self.solution, self.errors, self.aims.excess)
+        close, finer = coming_close(self.solution, self.errors, self.aims.excess), any_cut(cuts)
         for name, e in self.errors.items():
             n, held, over = pieces_of(cuts[name]), self._held[name], passed(e, self.aims.excess)
             free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
             free[:, : held.shape[1]] = ~held
             whole = (n == 1)[:, None] & ~free
             self._drawn[name] = np.repeat(np.where(whole, self._drawn[name] + over, 0.0), n, axis=1)
-            answers = (n == 1) & (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
+            answers = (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
+            answers &= not finer  # on a finer mesh the excess is another
             self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
             self._held = {**self._held, name: np.repeat(held | close[name], n, axis=0)}
 
