@@ -54,13 +54,14 @@ def test_the_refined_optimum_is_certified(hop: Solution) -> None:
     assert hop.summary["timings_s"]["certificate"] < 5
 
 
-def test_hamiltonian_is_what_a_longer_stance_would_gain(hop: Solution) -> None:
-    """Autonomous phases: H is the derivative by the bound on the duration in stance (as nearly as intervals are
-    accurate), and zero in flight, which ends when it likes, but for the tie-break (at most its weight times the joints)."""
+def test_hamiltonian_is_what_a_longer_stance_would_gain() -> None:
+    """Autonomous phases: H is the derivative by the bound on the duration in stance, and zero in flight, which ends when
+    it likes, but for the tie-break (at most its weight times the joints)."""
+    hop = solve(finer(load("paper")), starts=1, processes=1)
     c, bias = of(hop), hop.design.solver.tie_break * 2
     gain = hop.summary["gain_per_percent_m"]["longest stance"] / (0.01 * 0.4)
     stance, flight = c.phases["stance"], c.phases["flight"]
-    assert abs(np.average(stance.mean_hamiltonian, weights=stance.h) / gain - 1) < hop.design.solver.tolerance
+    assert abs(np.average(stance.mean_hamiltonian, weights=stance.h) / gain - 1) < 1e-6
     assert np.abs(np.median(stance.mean_hamiltonian) / gain - 1) < 0.01
     assert abs(np.average(flight.mean_hamiltonian, weights=flight.h)) < bias
     assert np.abs(flight.mean_hamiltonian[:-1]).max() < bias

@@ -25,8 +25,9 @@ from hopopt.leg.design import Design
 from hopopt.leg.kinematics import start_angles
 from hopopt.mismatch import mismatched, spread
 from hopopt.paper_results import is_the_papers
-from hopopt.problem_file import load
+from hopopt.problem_file import changed, load
 from hopopt.reserve import reserved
+from hopopt.screen import print_answer
 from hopopt.solution import Solution
 from hopopt.storage import save
 from hopopt.storage_runs import save_runs
@@ -330,6 +331,18 @@ def test_a_bound_of_another_problem_is_refused(solution, tmp_path, capsys):
     folder = str(save(solution, tmp_path).result_dir)
     assert run(["compare", "--set", "leg.gear.ratio=90", "--bound", folder, "--results", str(tmp_path)]) == 2
     assert "it was solved for another problem" in capsys.readouterr().err
+
+
+def test_the_command_that_the_answer_names_runs_on_its_leg(solution, tmp_path, capsys):
+    """Whatever the problem was, and however accurately it was solved."""
+    design = changed(solution.design, {"name": "mine", "solver.tolerance": 2e-5})
+    kept = save(dataclasses.replace(solution, design=design), tmp_path)
+    print_answer(kept.noted(summary={**kept.summary, "paper_strategy": paper_strategy(kept)}))
+    shown = " ".join(capsys.readouterr().out.split())
+    assert f"hopopt compare --bound {kept.result_dir} has" in shown
+    more = ["--strategies", "force", "--no-figures", "--json", "--results", str(tmp_path)]
+    assert run(["compare", "--bound", str(kept.result_dir), *more]) == 0
+    assert json.loads(capsys.readouterr().out)["problem"] == "mine"
 
 
 def test_a_bound_holds_for_other_reserves_and_encoders(solution):

@@ -15,24 +15,25 @@ from hopopt.leg.robot import build_robot
 from hopopt.nlp.accuracy import interval_errors
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, uniform
-from hopopt.nlp.refine import Aims, Refinement
+from hopopt.nlp.refine import Refinement
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
 from hopopt.nlp.transcribe import Transcription
 from hopopt.objective_error import STATED, ObjectiveError, objective_error
 from hopopt.ocp.guess import Guess
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import Objective, Problem
-from hopopt.planner import numerical_checks, solve
+from hopopt.planner import aims_of, numerical_checks, solve
 from hopopt.problem_file import load
 from hopopt.recheck import recheck, stored_nlp
 from hopopt.solution import Solution
 from hopopt.storage import read, save
-from hopopt.verify import FLIGHT, LIMIT, STANCE, Table
+from hopopt.verify import FLIGHT, STANCE, Table
 from hopopt.verify_worth import _clamp, not_simulated, worth
 from known_problems import Known, brachistochrone, bryson_denham, timed, two_prices
 from test_closed_forms import G, lift_off_of_hopper, push
 
 SCHEMES = (radau(2), radau(3), radau(4), HERMITE_SIMPSON, TRAPEZOIDAL)
-AIMS = Aims(local_error=1e-5, change=1e-4, excess=0.5 * LIMIT, price=5e-5, meshes=12, iterations=500)  # the planner's
+AIMS = aims_of(Hop(load("paper")))  # the planner's
 PEERS = Path(__file__).parents[1] / "benchmarks" / "peers"
 Case = tuple[Problem, float, dict[str, Any]]  # problem, its optimum, a guess
 

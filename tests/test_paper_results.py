@@ -55,6 +55,8 @@ def test_another_leg_is_not_graded(capsys):
         shown = capsys.readouterr().out
         assert "its figures do not apply" in shown
         assert "match" not in shown
+        assert "nan" not in shown
+        assert "-1 against" not in shown
 
 
 def test_work_of_the_joints_in_stance_is_the_motors(hops):

@@ -1,15 +1,18 @@
 """What the planner does where an answer is not verified at first."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from hopopt import planner
 from hopopt.answer_notes import notes_on
+from hopopt.finer import PRICE_TOLERANCE, TOLERANCE
 from hopopt.multistart import run_starts
 from hopopt.nlp import refine
 from hopopt.ocp.hop import Hop
-from hopopt.planner import CALMER, LARGEST_TIE_BREAK, _calmer, finish, solve
+from hopopt.planner import CALMER, LARGEST_TIE_BREAK, _calmer, finish, solve, with_smaller_tolerances
 from hopopt.problem_file import load
 from hopopt.solution import Solution
 from hopopt.stopwatch import Stopwatch
@@ -79,6 +82,43 @@ def test_the_highest_verified_hop_is_chosen(
     assert (other and other.summary["name"]) == better
 
 
+def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_and_says_so(
+    one_push: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Planted: what was solved with the problem's own tolerances fails."""
+
+    def failing(hop: Hop, *given: Any) -> Solution:
+        found = own(hop, *given)
+        if hop.design.solver.tolerance > TOLERANCE:
+            return found.noted(summary={**found.summary, "verified": False})
+        return found
+
+    own, said = planner.summed_up, list[str]()
+    monkeypatch.setattr(planner, "summed_up", failing)
+    s = solve(load("paper", ONE_PUSH), starts=1, processes=1, progress=said.append)
+    assert "not verified: refining again, with smaller tolerances" in said
+    assert s.verified
+    assert s.clearance == pytest.approx(one_push.clearance, rel=5e-5)
+    note = f"solved with solver.tolerance = {TOLERANCE:g} and solver.price_tolerance = {PRICE_TOLERANCE:g}"
+    assert any(note in words and "not verified with the problem's own" in words for words in s.summary["notes"])
+    assert not any("solver.tolerance" in words for words in one_push.summary["notes"])
+
+
+@pytest.mark.parametrize(
+    ("verified", "ended", "entries"),
+    [
+        (True, refine.MET, {}),
+        (False, refine.UNSOLVED, {}),
+        (False, refine.MET, {"solver.tolerance": TOLERANCE, "solver.price_tolerance": PRICE_TOLERANCE}),
+    ],
+)
+def test_smaller_tolerances_are_for_hops_that_met_larger_ones(
+    verified: bool, ended: str, entries: dict[str, float]
+) -> None:
+    hop, refinement = Hop(load("paper", entries)), cast("refine.Refinement", SimpleNamespace(ended=ended))
+    assert with_smaller_tolerances(hop, refinement, verified) is None
+
+
 def silent(text: str) -> None:
     pass
 
@@ -97,6 +137,6 @@ def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_s
     assert again.verified
     assert again.design.solver.tie_break == other.design.solver.tie_break
     assert again.clearance == pytest.approx(verified.clearance, abs=other.tie_break_bias + 1e-5)
-    assert any(f"{asked:g}" in note and "tie_break" in note for note in notes_on(other, asked, again, None))
+    assert any(f"{asked:g}" in note and "tie_break" in note for note in notes_on(other, hop.design, False, again, None))
     for change in (f"solver.tie_break={1.1 * LARGEST_TIE_BREAK}", "solver.refine=false"):
         assert _calmer(Hop(load("paper", [change]), "clearance"), unverified, outcomes, silent, clock) is None

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Never
 
 import numpy as np
 import pytest
@@ -231,3 +232,22 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypa
     assert again.clearance_m == pytest.approx(second.clearance_m, rel=1e-6)
     assert again.solved_in == 1
     np.testing.assert_allclose(found["shape"], own["shape"], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_neighbour_that_stops_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Planted: the first refinement stops; the other neighbour, or else the starts, lead to the point's hop."""
+    definition = define(ho.load("paper", [SHORT]), {"leg.gear.ratio": [115, 118]}, starts=1)
+    _, begin = solve_point(definition, 0, [])
+    source, refine = Source(0, 0, begin), sweep_point.refine_outcome
+    for sources, led in (([source, Source(2, 0, begin)], 2), ([source], None)):
+        calls = iter([True, False, False])
+        monkeypatch.setattr(
+            sweep_point, "refine_outcome", lambda *given, calls=calls: stop() if next(calls) else refine(*given)
+        )
+        point, _ = solve_point(definition, 1, sources)
+        assert (point.verified, point.begun_from) == (True, led)
+
+
+def stop() -> Never:
+    raise RuntimeError("planted")

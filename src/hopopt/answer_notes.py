@@ -2,18 +2,20 @@
 
 import numpy as np
 
+from hopopt.leg.design import Design
 from hopopt.nlp.flat import CannotBeTold, Flat, flat
 from hopopt.ocp.hop import Hop
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
 
 
-def notes_on(hop: Hop, asked: float, best: Solution, better: Solution | None) -> list[str]:
-    """What the answer does not say by itself."""
+def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: Solution | None) -> list[str]:
+    """What the answer does not say by itself: ``best`` of a ``hop`` whose solver may differ from what was ``asked``."""
     notes, goal, leg = hints(hop.design), hop.objective, hop.leg
-    if hop.design.solver.tie_break != asked:
+    notes += _tolerances(best.design, asked, structure)
+    if hop.design.solver.tie_break != asked.solver.tie_break:
         notes.append(
-            f"with solver.tie_break = {asked:g} torques that hardly matter may chatter, and the hop was not verified: "
+            f"with solver.tie_break = {asked.solver.tie_break:g} torques that hardly matter may chatter, and the hop was not verified: "
             f"this is the hop with {hop.design.solver.tie_break:g}"
         )
     if better is not None:
@@ -28,11 +30,21 @@ def notes_on(hop: Hop, asked: float, best: Solution, better: Solution | None) ->
     return notes
 
 
+def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
+    """That the plan was made with smaller tolerances than the problem's, and why."""
+    names = [n for n in ("tolerance", "price_tolerance") if getattr(used.solver, n) != getattr(asked.solver, n)]
+    if not names:
+        return []
+    stated = " and ".join(f"solver.{name} = {getattr(used.solver, name):g}" for name in names)
+    why = "as --structure needs" if structure else "as the hop was not verified with the problem's own"
+    return [f"solved with {stated}, {why}"]
+
+
 def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
     """What the objective does not feel; None if that cannot be told."""
     from hopopt.diagnosis import without_tie_break
 
     try:
         return flat(without_tie_break(best, hop))
-    except CannotBeTold:  # no reason to lose the answer
+    except (CannotBeTold, RuntimeError):  # of CasADi too: no reason to lose the answer
         return None

@@ -102,7 +102,7 @@ def simulate(
 
 
 def compare(
-    problem: str = "paper",
+    problem: str | None = None,
     *,
     set_: Overrides = None,
     strategies: str = "track,track_pd,force,force_tuck,force_tuned,position,position_soft,position_tuck,position_tuned",
@@ -124,7 +124,7 @@ def compare(
     Parameters
     ----------
     problem
-        A problem file, or the name of a built-in one.
+        A problem file, or the name of a built-in one (default: the bound's problem, or paper).
     strategies
         Which to simulate, separated by commas; also your own as package.module:Class.
     bound
@@ -150,7 +150,6 @@ def compare(
     began = time.perf_counter()
     from hopopt.problem_file import load
 
-    design = load(problem, set_ or ())
     names = [name.strip() for name in strategies.split(",") if name.strip()]
     if tune and tune < 24:
         raise UsageError("--tune must be 0 or at least 24")
@@ -161,8 +160,9 @@ def compare(
     from hopopt.recheck import reverified
     from hopopt.storage import as_json, prepare, read, save
 
-    prepare(results)
     given = reverified(read(bound)) if bound else None
+    design = load(problem or (bound / "problem.toml" if bound else "paper"), set_ or ())
+    prepare(results)
     with progress(quiet=json_) as say:
         found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()

@@ -90,7 +90,6 @@ def _optimum(
         say("verifying")
         solution = read(folder)
         return solution, [check.name for check in recheck(solution) if not check.passed]
-    from hopopt.finer import finer
     from hopopt.ocp.goal import HEIGHTS
     from hopopt.ocp.objectives import find
     from hopopt.planner import solve
@@ -98,7 +97,7 @@ def _optimum(
 
     if find(objective).figure not in HEIGHTS:
         raise UsageError(f"what to change first is said of heights, not of {objective}: --objective clearance or apex")
-    solution = solve(finer(load(problem, overrides)), objective, starts=starts, progress=say)
+    solution = solve(load(problem, overrides), objective, starts=starts, progress=say)
     return solution, solution.summary["failed_checks"]
 
 

@@ -1,12 +1,12 @@
-"""A problem solved more accurately than a height is read: for answers that differences are taken of."""
+"""A problem solved more accurately than a height is read: where switches are to be told, and where checks fail."""
 
 from hopopt.leg.design import Design
 
-TOLERANCE, PRICE_TOLERANCE = 1e-6, 1e-5  # a tenth and a fifth of the defaults: twice the time
+TOLERANCE, PRICE_TOLERANCE = 1e-6, 1e-5  # a tenth and a fifth of the defaults
 
 
 def finer(design: Design) -> Design:
-    """The problem with the solver's tolerances for such answers, where they are not smaller already."""
+    """The problem with tolerances of the solver that are at most those."""
     s = design.solver
     smaller = {
         "tolerance": min(s.tolerance, TOLERANCE),

@@ -71,7 +71,12 @@ def paper_results(force: HopFigures, position: HopFigures) -> list[PaperFigure]:
 
 
 def _number(statement: str, paper: float, found: float) -> PaperFigure:
-    return PaperFigure(statement, f"{paper:.2f}", f"{found:.2f}", abs(found - paper) <= NEAR * abs(paper))
+    return PaperFigure(statement, f"{paper:.2f}", _shown(found), abs(found - paper) <= NEAR * abs(paper))
+
+
+def _shown(value: float, digits: int = 2) -> str:
+    """A figure in so many digits; a dash for one that this leg's hop does not have."""
+    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
 
 
 def _stiffness(force: HopFigures, position: HopFigures) -> PaperFigure:
@@ -79,7 +84,7 @@ def _stiffness(force: HopFigures, position: HopFigures) -> PaperFigure:
     statement = (
         f"mean actual stiffness, body {PAPER_RANGE[0]:.2f} to {PAPER_RANGE[1]:.2f} m: force above position [N/m]"
     )
-    return PaperFigure(statement, "larger", f"{values[0]:.0f} against {values[1]:.0f}", values[0] > values[1])
+    return PaperFigure(statement, "larger", " against ".join(_shown(v, 0) for v in values), values[0] > values[1])
 
 
 def _early(position: HopFigures) -> PaperFigure:
@@ -88,7 +93,10 @@ def _early(position: HopFigures) -> PaperFigure:
     first = t <= 0.5 * (t[0] + t[-1])
     mean = _mean(ratio[first], t[first])
     return PaperFigure(
-        "position control: C of the knee in the first half of stance", "far less than 1", f"{mean:.2f} mean", mean < 0.8
+        "position control: C of the knee in the first half of stance",
+        "far less than 1",
+        f"{_shown(mean)} mean",
+        mean < 0.8,
     )
 
 
@@ -96,7 +104,7 @@ def _pegged(force: HopFigures) -> PaperFigure:
     t = force.trace.t[force.stance]
     share = _mean((force.saturation(1) > SATURATED).astype(float), t)
     statement = "force control: the speed-torque curve coincides with the AOR, share of stance"
-    return PaperFigure(statement, "all", f"{share:.2f}", share > 1 - NEAR)
+    return PaperFigure(statement, "all", _shown(share), share > 1 - NEAR)
 
 
 def _mean(values: np.ndarray, t: np.ndarray) -> float:

@@ -72,13 +72,13 @@ def solve(
     objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (structure_solve.py), with smaller tolerances (finer.py); second_opinion: asked of another solver and other schemes, in the summary's
-    ``second_opinions`` (second_opinion.py); progress is called with a line of text now and then. Raises NotSolvedError,
+    (structure_solve.py), with smaller tolerances (finer.py); second_opinion: asked of another solver and other schemes,
+    in the summary's ``second_opinions`` (second_opinion.py); progress is called with a line of text now and then. Raises NotSolvedError,
     with the worst constraints, if no start leads to a solution. A solution that fails verification is returned with
     ``verified`` False.
     """
     say, clock = progress or (lambda text: None), Stopwatch()
-    design = finer(design) if structure else design
+    asked, design = design, finer(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
     faults = static_faults(hop.design, hop.robot)
     if faults:
@@ -98,7 +98,7 @@ def solve(
 
         best = with_free_switches(hop, best, outcomes, say, clock)
     found = flat_directions(hop, best)
-    if notes := [*notes_on(hop, design.solver.tie_break, best, better), *flat_words(found or [])]:
+    if notes := [*notes_on(hop, asked, structure, best, better), *flat_words(found or [])]:
         best.summary["notes"] = notes
     if found is not None:
         best.summary["flat"] = [asdict(f) for f in found]
@@ -199,17 +199,24 @@ def finish(
     first: Transcription | None = None,
     restarts: bool = True,
 ) -> Solution:
-    """Refine one start's optimum, verify it and sum it up, with smaller tolerances if it is not verified with the
-    problem's own; ``first`` is the first mesh's program if there is one."""
+    """Refine one start's optimum, verify it and sum it up, with smaller tolerances if those of the problem are met and it
+    is not verified; ``first`` is the first mesh's program if there is one."""
     refinement = refine_outcome(hop, outcome, say, first, restarts)
     clock.mark("refinement")
     say("verifying")
     found = summed_up(hop, refinement, outcomes, outcome, clock)
-    if found.verified or refinement.ended != MET or finer(hop.design) == hop.design:
+    if (closer := with_smaller_tolerances(hop, refinement, found.verified)) is None:
         return found
     say("not verified: refining again, with smaller tolerances")
-    again = finish(hop.with_solver_of(finer(hop.design)), outcome, outcomes, say, clock, first, restarts)
+    again = finish(closer, outcome, outcomes, say, clock, first, restarts)
     return again if again.verified else found
+
+
+def with_smaller_tolerances(hop: Hop, refinement: Refinement, verified: bool) -> Hop | None:
+    """The question once more with smaller tolerances (finer.py), if it is worth it: the hop met all aims of its refinement
+    and is not verified; else None."""
+    smaller = finer(hop.design)
+    return None if verified or refinement.ended != MET or smaller == hop.design else hop.with_solver_of(smaller)
 
 
 def summed_up(

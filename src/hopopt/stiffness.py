@@ -26,10 +26,11 @@ def secant_stiffness(run: HopFigures) -> tuple[np.ndarray, np.ndarray]:
 
 def mean_stiffness(run: HopFigures, low: float, high: float) -> float:
     """Mean of the actual stiffness [N/m] over body heights from low to high [m], on the way up; not a number where
-    there is none."""
+    there is none, as of a leg that does not push there."""
     y, k = secant_stiffness(run)
     lowest = int(np.argmin(y))
     known = np.isfinite(k[lowest:])
-    if not known.any():
+    y, k = y[lowest:][known], k[lowest:][known]
+    if not ((low <= y) & (y <= high)).any():
         return float("nan")
-    return float(np.mean(np.interp(np.linspace(low, high, 101), y[lowest:][known], k[lowest:][known])))
+    return float(np.mean(np.interp(np.linspace(low, high, 101), y, k)))

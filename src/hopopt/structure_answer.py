@@ -27,7 +27,7 @@ def with_free_switches(
     again = summed_up(hop, found, outcomes, outcome, clock)
     difference = relative(again.summary["objective_value"], best.summary["objective_value"])
     wrong = again.summary["failed_checks"] + ([] if again.summary["certified"] else ["the certificate"])
-    wrong += [f"another optimum, {difference:.0e} away"] if difference > hop.design.solver.price_tolerance else []
+    wrong += [f"another optimum, {difference:.0e} away"] if difference > hop.design.solver.objective_tolerance else []
     note = f"with free switching times it failed: {', '.join(wrong)}" if wrong else ""
     told = {"solved_again": not wrong, "note": note, "switches_s": found.switches, "jumps_s": found.jumps}
     told["difference"] = difference

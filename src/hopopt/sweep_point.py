@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, ProblemFileError, one_line
-from hopopt.finer import finer
 from hopopt.highest import from_highest
 from hopopt.leg.design import Leg, physical_parameters
 from hopopt.multistart import (
@@ -28,19 +27,18 @@ from hopopt.multistart import (
 )
 from hopopt.nlp.compiled import compiling
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
-from hopopt.nlp.refine import MET
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.standing import static_faults
-from hopopt.planner import refine_outcome
+from hopopt.planner import refine_outcome, with_smaller_tolerances
 from hopopt.study import Definition
 from hopopt.sweep_answer import Answer, answer
 from hopopt.sweep_order import unlike
 from hopopt.sweep_store import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
 
 PATIENCE = 60  # iterations from a neighbour's multipliers
-BETTER = 1e-6  # relative: less is noise
+BETTER = 1e-5  # relative: less is noise of the tolerances
 CORRECTED = 1e-4  # relative: more than the same optimum on other meshes can differ
 CLOSE = 3e-3  # relative: what the first mesh may be wrong by between two different optima
 STOPS = (ArithmeticError, RuntimeError, ValueError)  # what one neighbour's optimum may stop with, without the others'
@@ -125,7 +123,10 @@ def _answers(
     verified, refined = False, list[Begin]()
     for source, outcome, begin, t in _on_the_first_mesh(definition, hop, values, sources):
         if not refined or not verified or _another(hop, begin, refined):
-            got = _refined(hop, outcome, t)
+            try:
+                got = _refined(hop, outcome, t)
+            except STOPS:
+                continue
             verified |= got.verified
             refined.append(begin)
             yield source, (got, begin)
@@ -189,9 +190,10 @@ def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
     """An optimum of the first mesh refined and verified, with smaller tolerances if need be, as a single solve is."""
     refinement = refine_outcome(hop, outcome, _silent, t)
     found = answer(hop, refinement)
-    if found.verified or refinement.ended != MET or finer(hop.design) == hop.design:
+    if (closer := with_smaller_tolerances(hop, refinement, found.verified)) is None:
         return found
-    return _refined(hop.with_solver_of(finer(hop.design)), outcome, t)
+    again = _refined(closer, outcome, t)
+    return again if again.verified else found
 
 
 def _from_starts(hop: Hop, count: int) -> tuple[Answer, Begin]:

@@ -24,7 +24,7 @@ from hopopt.verify_limits import limits_of
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
-RELATIVE, ABSOLUTE = 1e-8, 1e-9  # of the integration: far below what is told, for a clamp's kinks make it dear
+RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it dear
 FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's worth
 DRIVES = "operating region"  # kept by clamping
 
