@@ -59,7 +59,7 @@ def solve(
     structure
         Solve the best once more with the switches of its drives at free times, so that torques jump exactly there.
     second_opinion
-        Also ask another NLP solver (Uno) and two other transcription schemes; takes minutes (docs/certificate.md).
+        Also ask another NLP solver (Uno) and two other transcription schemes; half a minute or more (docs/certificate.md).
     control
         Also simulate the paper's force control on the same leg (hopopt compare has more); a few seconds.
     results

@@ -54,8 +54,8 @@ def simulate(
     problem
         A problem file, or the name of a built-in one.
     strategy
-        force, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the paper's), track, track_pd (follow the optimum), an entry point
-        of the group hopopt.strategies, or your own class as package.module:Class.
+        force, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the paper's), track,
+        track_pd (follow the optimum), an entry point of the group hopopt.strategies, or your own class as package.module:Class.
     hops
         How many hops one after the other.
     plan

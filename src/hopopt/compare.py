@@ -126,9 +126,9 @@ def compare(
 ) -> Comparison:
     """Solve for the bound (or take one that was solved), simulate every strategy, and set them side by side.
 
-    tune: the tuned ones of the paper's strategies get the best gains among so many hops of this leg. mujoco: run all in MuJoCo too. Raises
-    MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg and for a bound of
-    another problem, NotSolvedError if there is none.
+    tune: the tuned ones of the paper's strategies get the best gains among so many hops of this leg. mujoco: run all in
+    MuJoCo too. Raises MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg and
+    for a bound of another problem, NotSolvedError if there is none.
     """
     from hopopt.planner import solve
 

@@ -19,9 +19,10 @@ PLACES = np.linspace(0.0, 1.0, 9)
 
 
 def diagnose(solution: Solution) -> dict[str, Any]:
-    """flat: what the objective does not feel (nlp/flat.py), the tie-break left out, None if that cannot be told; durations: by which share of itself it
-    gets worse if a phase lasts 10 % shorter or longer and the whole hop is solved anew, None where that is not possible;
-    idle_limits (idle.py); words: the same in sentences. Takes seconds. Raises ResultError without stored multipliers."""
+    """flat: what the objective does not feel (nlp/flat.py), the tie-break left out, None if that cannot be told;
+    durations: by which share of itself it gets worse if a phase lasts 10 % shorter or longer and the whole hop is solved
+    anew, None where that is not possible; idle_limits (idle.py); words: the same in sentences. Takes seconds. Raises
+    ResultError without stored multipliers."""
     if not has_multipliers(solution):
         raise ResultError(f"{solution.result_dir}: the file holds no multipliers: solve it again")
     with fitting(solution):

@@ -73,9 +73,9 @@ def solve(
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
     (structure_solve.py), with smaller tolerances (finer.py); second_opinion: asked of another solver and other schemes,
-    in the summary's ``second_opinions`` (second_opinion.py); progress is called with a line of text now and then. Raises NotSolvedError,
-    with the worst constraints, if no start leads to a solution. A solution that fails verification is returned with
-    ``verified`` False.
+    in the summary's ``second_opinions`` (second_opinion.py); progress is called with a line of text now and then. Raises
+    NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
+    returned with ``verified`` False.
     """
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, finer(design) if structure else design

@@ -147,7 +147,8 @@ def by_uno(ours: NlpSolution, seed: int) -> Said:
 def by_scheme(hop: Hop, scheme: Scheme, answer: NlpSolution) -> Said:
     """The problem by another scheme from an answer, refined on its own mesh.
 
-    Schemes that collocate both ends of an interval begin on twice as many, and hold limits at the nodes only. Raises Failed if its first mesh cannot be solved.
+    Schemes that collocate both ends of an interval begin on twice as many, and hold limits at the nodes only. Raises
+    Failed if its first mesh cannot be solved.
     """
     both_ends = scheme.starts_at_node
     mesh = {n: uniform(m.intervals * (2 if both_ends else 1)) for n, m in first_transcription(hop).mesh.items()}

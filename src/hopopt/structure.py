@@ -1,7 +1,7 @@
 """The switching structure of an optimum in words: which limit acts on what, from when to when.
 
-Told are the limits that act somewhere, by their multipliers (certificate_arcs.py), and when they are met. A stretch shorter than SHORTEST of its phase is the trace
-of a switch between two nodes, not an arc: its neighbours meet in its middle.
+Told are the limits that act somewhere, by their multipliers (certificate_arcs.py), and when they are met. A stretch
+shorter than SHORTEST of its phase is the trace of a switch between two nodes, not an arc: its neighbours meet in its middle.
 """
 
 from collections.abc import Sequence

@@ -102,9 +102,9 @@ def _limits(robot: Robot, name: str) -> dict[str, str]:
 def to_mjcf(robot: Robot) -> str:
     """The leg as MJCF above a floor that the foot, a site and a contact point, can touch.
 
-    The equality constraint "stance", inactive at first, pins the foot to the origin: the ideal ground. A motor takes its joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left
-    to the controller. Joint limits are stops. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be
-    at the joint.)
+    The equality constraint "stance", inactive at first, pins the foot to the origin: the ideal ground. A motor takes its
+    joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left to the controller.
+    Joint limits are stops. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be at the joint.)
     """
     bodies, root, axes = _bodies(robot), ET.Element("mujoco", model="leg"), _axes(robot)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")

@@ -48,8 +48,9 @@ Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limit
 @dataclass(frozen=True)
 class Aims:
     """Local error (scaled), relative change of the objective, excess over the limits, their price relative to the
-    objective; at most so many meshes and iterations of each; ``restarts``: so many times ``iterations`` may go, over all meshes, into solving again without the
-    last one's multipliers (those that only a doubt asks for are counted, but never refused)."""
+    objective; at most so many meshes and iterations of each; ``restarts``: so many times ``iterations`` may go, over all
+    meshes, into solving again without the last one's multipliers (those that only a doubt asks
+    for are counted, but never refused)."""
 
     local_error: float
     change: float

@@ -35,7 +35,8 @@ def refinement_of(
 
 
 class DrawnRefinement(Refinement):
-    """From a solution on a first mesh to an accurate one whose limits are drawn in on the last: ``solution`` and ``history``."""
+    """From a solution on a first mesh to an accurate one whose limits are drawn in on the last: ``solution`` and
+    ``history``."""
 
     def run(self) -> None:
         """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
