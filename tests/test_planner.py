@@ -8,6 +8,7 @@ import pytest
 
 from hopopt import planner
 from hopopt.answer_notes import notes_on
+from hopopt.errors import UsageError
 from hopopt.finer import PRICE_TOLERANCE, TOLERANCE
 from hopopt.multistart import run_starts
 from hopopt.nlp import refine
@@ -117,6 +118,32 @@ def test_smaller_tolerances_are_for_hops_that_met_larger_ones(
 ) -> None:
     hop, refinement = Hop(load("paper", entries)), cast("refine.Refinement", SimpleNamespace(ended=ended))
     assert with_smaller_tolerances(hop, refinement, verified) is None
+
+
+def test_what_plays_no_part_and_what_is_in_the_way_of_nothing_is_said(
+    one_push: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clearance to reach beside an objective that asks for none; a foot above the body, which is a point."""
+    hop, design = Hop(load("paper", ONE_PUSH)), load("paper", {**ONE_PUSH, "hop.clearance": 0.4})
+    assert not any("plays no part" in note or "ends" in note for note in one_push.summary["notes"])
+    noted = notes_on(hop, design, False, replace(one_push, design=design), None)
+    assert any(note.startswith("hop.clearance = 0.4 plays no part") for note in noted)
+    end = one_push.apex
+    end.points["foot"][0, 1] = end.q[0, 1] + 0.1
+    monkeypatch.setattr(Solution, "apex", property(lambda self: end))
+    noted = notes_on(hop, design, False, one_push, None)
+    assert any(note.startswith("the foot ends 0.10 m above the hip") for note in noted)
+
+
+def test_what_is_no_problem_is_a_sentence() -> None:
+    with pytest.raises(UsageError, match="solve needs a problem, not 'paper': load it first"):
+        solve(cast("Any", "paper"))
+
+
+def test_a_solution_is_shown_on_one_line(one_push: Solution) -> None:
+    shown = repr(one_push)
+    assert shown.startswith(f"<Solution of paper, objective clearance: clearance_m {one_push.clearance}")
+    assert shown.endswith("m, verified>")
 
 
 def silent(text: str) -> None:

@@ -16,7 +16,7 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.problem_file import load
 from hopopt.sim.drive import SLOW, Drive, Encoder, Gear
-from hopopt.sim.hop_figures import HopFigures
+from hopopt.sim.hop_figures import SLACK, HopFigures
 from hopopt.sim.machine import Machine
 from hopopt.sim.measurement import Measurement
 from hopopt.sim.plant import Plant
@@ -444,6 +444,24 @@ def test_a_foot_that_is_gone_at_once_has_figures(smooth: dict[float, Trace], pap
     assert figures.energy["stance_net_J"] == 0.0
     assert set(figures.saturation_mean.values()) == {0.0}
     assert sum(figures.parts.values()) == pytest.approx(row["clearance_m"])
+
+
+def test_a_joint_that_reaches_its_stop_cuts_the_clearance_short_and_is_named(smooth: dict[float, Trace]) -> None:
+    """The same run of a knee whose limit it passes on the way to the highest point: nothing later counts."""
+    trace, wide = smooth[PERIOD], {"hop.foot_window": 0.5}
+    free = HopFigures(load("paper", wide), trace)
+    assert free.cut_short == ""
+    assert free.highest is not None
+    knee = trace.q[free.flight.start : free.highest, 3]
+    first = int(np.argmax(knee > knee[0] + 0.5))
+    assert first > 0
+    cut = HopFigures(load("paper", wide | {"leg.knee.upper": float(knee[first]) - 2 * SLACK}), trace)
+    assert cut.highest is not None
+    assert cut.clearance < free.clearance
+    at = cut.highest + 1
+    assert free.flight.start < at <= free.flight.start + first
+    words = f"the knee came to its end stop at {trace.t[at]:.3f} s, and the clearance counts until then"
+    assert cut.cut_short == f"{words} ({free.clearance:.3f} m later)"
 
 
 def test_a_ground_that_would_have_to_pull_is_named(smooth: dict[float, Trace], paper: Design) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from hopopt.errors import HopoptError, ProblemFileError
@@ -370,13 +370,16 @@ def test_numbers_too_long_to_print(write):
         assert len([sentence for sentence in found if f"mine.toml: {path} = (a very long number)" in sentence]) == 1
 
 
-def test_missing_file_folder_and_unknown_name(tmp_path, write):
+def test_missing_file_folder_and_unknown_name(tmp_path, write, monkeypatch):
     write("", "walker.toml")
     assert "there is no such file (did you mean walker.toml?)" in only_fault(tmp_path / "walkr.toml")
     assert "is a folder: give the path of a .toml file (walker.toml)" in only_fault(tmp_path)
     assert only_fault(tmp_path / "paper.toml").endswith("; the built-in problem is called paper, without .toml.")
     sentence = only_fault("papr")
     assert 'there is no built-in problem "papr" (did you mean paper?)' in sentence
+    (tmp_path / "papr.toml").touch()
+    monkeypatch.chdir(tmp_path)
+    assert "(did you mean papr.toml, which lies here?)" in only_fault("papr")
     assert f"built in: {', '.join(builtin_names())}" in sentence
     for source in ("\0.toml", "x" * 5000, "x/" * 3000, "", "..", "nowhere/x.toml"):
         assert only_fault(source)
@@ -533,6 +536,7 @@ def test_fuzz_bytes(tmp_path, raw):
 
 
 @quick
+@example(overrides={"contact.friction": -2.225073858507e-311})  # whose inverse is no number
 @given(overrides=st.dictionaries(PATHS, VALUES, max_size=4))
 def test_fuzz_values(overrides):
     loads_or_says_why("paper", overrides)

@@ -3,13 +3,19 @@
 import io
 import re
 from contextlib import redirect_stdout
+from pathlib import Path
 
 import pytest
 
 from hopopt.compare import compare
+from hopopt.problem_file import load
 from hopopt.screen import console, print_lines
 from hopopt.screen_runs import print_comparison
+from hopopt.screen_sweep import print_study
 from hopopt.solution import Solution
+from hopopt.study import define
+from hopopt.sweep_run import Study
+from hopopt.sweep_store import VERIFIED, Point
 
 LONG = "hip: " + ", then ".join(f"torque-speed line backward until 0.{k:03d} s" for k in range(100, 120))
 
@@ -39,6 +45,21 @@ def test_long_lines_go_on_below_their_beginning() -> None:
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str]) -> None:
     print_lines(console(), "structure", [LONG])
     assert capsys.readouterr().out == f"  structure {LONG}\n"
+
+
+def test_a_study_whose_best_lies_at_an_edge_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    definition = define(load("paper"), {"leg.gear.ratio": [90, 100, 110], "leg.shank.length": [0.35, 0.36, 0.37]})
+    for best, words in (
+        (4, ""),
+        (1, "; leg.gear.ratio at the least that was tried: better may lie beyond"),
+        (8, "; leg.gear.ratio at the most and leg.shank.length at the most that was tried: better may lie beyond"),
+    ):
+        heights = [0.8 if k == best else 0.7 for k in range(9)]
+        points = [
+            Point(k, definition.values(k), VERIFIED, objective_value=z, clearance_m=z) for k, z in enumerate(heights)
+        ]
+        print_study(Study(definition, tuple(points), tmp_path, 1.0))
+        assert f"clearance 0.8000 m{words}\n" in capsys.readouterr().out
 
 
 def test_a_comparison_fits_a_narrow_screen(hop: Solution) -> None:

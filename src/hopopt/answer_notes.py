@@ -21,6 +21,14 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
     if better is not None:
         value = f"{better.summary['objective_value']:.4f} {goal.unit}, {'higher' if goal.maximize else 'lower'}"
         notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
+    if goal.ends != "demand" and (asked_for := best.design.hop.clearance) is not None:
+        notes.append(f"hop.clearance = {asked_for:g} plays no part: the objective {goal.name} asks for no height")
+    over = float(best.apex.points["foot"][0, 1] - best.apex.q[0, 1])
+    if over > 0:
+        notes.append(
+            f"the foot ends {over:.2f} m above the hip: the body is a point here, and no link is in its way (limits of the "
+            "joints' angles can forbid it)"
+        )
     if best.summary.get("impact_J", np.inf) < 1e-3 * best.summary["tie_break_weighs"]:
         notes.append("the foot can land at rest, as in many hops: of these, this is one with gentle torques")
     shares = {path: e for path, e in (leg.drive(j, "gear", "efficiency") for j in leg.joints) if e}

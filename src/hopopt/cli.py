@@ -5,7 +5,9 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from cyclopts import CycloptsError
@@ -86,6 +88,7 @@ def solve(
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes, "progress": say}
         once = {"structure": structure, "second_opinion": second_opinion}
+        _import_beside(*(name for name, wanted in (("hopopt.plots", figures), ("hopopt.compare", control)) if wanted))
         solution = _solved(design, objective, free, couple, once, more)
         if figures:
             from hopopt.plots import save_all as draw
@@ -99,6 +102,21 @@ def solve(
                 solution = _beside(solution)
     _answer(solution, json_)
     return int(solution.summary["exit_code"])
+
+
+def _import_beside(*later: str) -> None:
+    """Import what comes after the solve while it runs: Ipopt, and waiting for other processes, leave Python's time free.
+
+    What the solve itself needs is imported before, for modules that import each other must not do so in two threads.
+    """
+    import_module("hopopt.planner")
+
+    def load() -> None:
+        with suppress(ImportError):  # whoever needs it says so
+            for name in later:
+                import_module(name)
+
+    Thread(target=load).start()
 
 
 def _beside(solution: "Solution") -> "Solution":

@@ -12,7 +12,7 @@ import numpy as np
 from hopopt.answer_notes import flat_directions, notes_on
 from hopopt.certificate_result import attached
 from hopopt.custom_check import custom_checks, stated_value
-from hopopt.errors import NotSolvedError
+from hopopt.errors import NotSolvedError, UsageError
 from hopopt.finer import finer
 from hopopt.highest import HIGHEST, from_highest
 from hopopt.leg.design import Design
@@ -75,8 +75,10 @@ def solve(
     (structure_solve.py), with smaller tolerances (finer.py); second_opinion: asked of another solver and other schemes,
     in the summary's ``second_opinions`` (second_opinion.py); progress is called with a line of text now and then. Raises
     NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
-    returned with ``verified`` False.
+    returned with ``verified`` False. UsageError for what is no problem.
     """
+    if not isinstance(design, Design):
+        raise UsageError(f"solve needs a problem, not {design!r:.80}: load it first, ho.solve(ho.load('paper'))")
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, finer(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))

@@ -98,8 +98,10 @@ def _find(source: str | Path, report: Report) -> Path | None:
     if text in names:
         return problems_folder() / f"{text}.toml"
     if BARE_NAME.fullmatch(text) and "." not in text and not os.path.exists(text):
+        own = f"{text}.toml"
+        nearest = f" (did you mean {own}, which lies here?)" if os.path.isfile(own) else did_you_mean(text, names)
         return report.unusable(
-            f"there is no built-in problem {shown(text)}{did_you_mean(text, names)}; built in: {', '.join(names)}; "
+            f"there is no built-in problem {shown(text)}{nearest}; built in: {', '.join(names)}; "
             "a file of your own is given by its path, ending in .toml"
         )
     return Path(source)

@@ -93,7 +93,7 @@ def hint(value: Any, info: FieldInfo | None, *, in_list: bool = False) -> str:
 def lookalike(value: float, unit: str, bounds: Bounds) -> str:
     """What ``value`` means if it was written in another unit and is plausible then; empty if it does not."""
     low, high = (-float("inf") if bounds[0] is None else bounds[0], float("inf") if bounds[1] is None else bounds[1])
-    if value == 0 or not abs(value) < 1e12 or low <= value <= high:
+    if not 1e-12 < abs(value) < 1e12 or low <= value <= high:
         return ""
     others = [(name, value * si) for name, si in LOOKALIKES.get(unit, ())]
     if unit == "1":

@@ -82,6 +82,7 @@ def _headline(s: dict[str, Any]) -> str:
     lines = f"[bold green]clearance {s['clearance_m']:.4f} m[/bold green], verified"
     if s["objective"] != "clearance":
         lines = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s['clearance_m']:.4f} m"
+    lines += ", on ground where the foot cannot slip" if s["friction"] is None else f", with friction {s['friction']:g}"
     return (
         f"{lines}\n  = COM height at lift-off {p['com_height_at_lift_off_m']:.4f} + ballistic rise {p['ballistic_rise_m']:.4f} "
         f"- COM height over the {s['lowest_point']} {-p['com_height_over_lowest_point_m']:.4f} m"
@@ -109,7 +110,7 @@ def _hop(s: dict[str, Any]) -> list[str]:
 
 def _ground(s: dict[str, Any]) -> str:
     if s["friction"] is not None:
-        return f"friction cone {s['friction']:g} held"
+        return "the friction cone is held"
     grip = s["grip_without_load_N"]
     if grip < 0.5:
         return "the foot is pinned, but never held along the ground without load"
@@ -181,14 +182,15 @@ def _evidence(s: dict[str, Any]) -> list[str]:
     if s["tie_break_weighs"] > 1e-3 * abs(s["objective_value"]):
         bias = f"flat: gentle torques are preferred, which weighs {_measure(s, s['tie_break_weighs'], '.2g')}"
     lines = [
-        *_error(s),
+        *(_error(s) if s["verified"] else []),
         f"{starts_in_words([each['name'] for each in starts['each']])} on the first mesh: {ends}{failed}",
         f"{len(s['mesh'])} mesh{'es' if len(s['mesh']) > 1 else ''}, last {sizes} intervals ({s['scheme']}); {settled}, "
         f"{bias}",
         f"{sum(c['passed'] for c in checks.values())} of {len(checks)} checks passed; replay in Pinocchio within {replay:.0e}, "
         f"limits between nodes within {mesh['excess']:.0e} of their range",
     ]
-    if (bound := s.get("upper_bound", {}).get("clearance_m")) is not None:
+    bound = s.get("upper_bound", {}).get("clearance_m")
+    if bound is not None and s["objective"] in ("clearance", "apex"):
         lines.append(
             f"no controller can pass {bound:.2f} m: a crude bound, by the drives' speed and their power in the longest "
             "stance alone (docs/bound.md)"

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from hopopt.screen import console, wide_console
 
+ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
 PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
 
 
@@ -26,6 +27,8 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     for name, row in rows.items():
         if row["limits_exceeded"]:
             out.print(f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}")
+        if row.get("cut_short"):
+            out.print(f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}")
     for name, spread in comparison.get("mismatch", {}).items():
         out.print(_spread(name, spread))
     elsewhere = {name: row["mujoco_clearance_m"] for name, row in rows.items() if "mujoco_clearance_m" in row}
@@ -65,6 +68,8 @@ def print_run(row: Mapping[str, Any], where: str) -> None:
     out.print(f"  peak ground force {row['peaks']['ground_force_N']:.0f} N; the run ended: {row['outcome']}")
     if row["limits_exceeded"]:
         out.print(f"  limits of the problem not kept: {', '.join(row['limits_exceeded'])}")
+    if row["cut_short"]:
+        out.print(f"  {row['cut_short']}")
     if row.get("hops", 1) > 1:
         out.print(f"  hops: {_hops(row['touchdowns'])}")
     out.print(f"  results {where}")
@@ -150,5 +155,5 @@ def _paper(name: str, r: Mapping[str, Any]) -> str:
 def _spread(name: str, s: Mapping[str, Any]) -> str:
     return (
         f"{name}, {s['draws']} legs with masses within {s['mass']:.0%} and torque constants within {s['torque']:.0%}: "
-        f"clearance {s['median_m']:.3f} m median, {s['lowest_m']:.3f} to {s['highest_m']:.3f}; {s['failed']} failed"
+        f"clearance {s['median_m']:.3f} m median, {s['lowest_m']:.3f} to {s['highest_m']:.3f}; {s['failed']} failed{ROOM if s['failed'] else ''}"
     )

@@ -10,6 +10,7 @@ from hopopt.sweep_workers import duration
 
 if TYPE_CHECKING:
     from hopopt.sweep_run import Study
+    from hopopt.sweep_store import Point
 
 SHOWN = 60  # points; the rest is in the table's file
 
@@ -36,5 +37,16 @@ def print_study(study: "Study") -> None:
     out.print(f"{verified} of {len(study.points)} points verified{corrected}, in {duration(study.seconds)}")
     if best:
         where = ", ".join(f"{entry} = {x:g}" for entry, x in best.values.items())
-        out.print(f"best: {where}: clearance {best.clearance_m:.4f} m")
+        out.print(f"best: {where}: clearance {best.clearance_m:.4f} m{_at_the_edge(study, best)}")
     out.print(f"results {study.folder}")
+
+
+def _at_the_edge(study: "Study", best: "Point") -> str:
+    """Which entries of the best point are at the edge of what was tried: beyond it may be better."""
+    tried = {axis.entry: [p.values[axis.entry] for p in study.points] for axis in study.definition.axes}
+    ends = [
+        f"{entry} at the {'least' if best.values[entry] == min(values) else 'most'}"
+        for entry, values in tried.items()
+        if best.values[entry] in (min(values), max(values)) and min(values) < max(values)
+    ]
+    return f"; {' and '.join(ends)} that was tried: better may lie beyond" if ends else ""

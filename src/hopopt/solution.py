@@ -90,7 +90,7 @@ class PlanEvaluator:
         return Samples(t, np.full(len(t), phase), q, v, a, tau, f, dict(zip(self.names, points, strict=True)), com_v)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Solution:
     """The best hop found: its problem, its trajectories by phase, its figures (``summary``) and where it lies."""
 
@@ -102,6 +102,11 @@ class Solution:
     result_dir: Path | None = None
     multipliers: dict[str, Multipliers] = field(default_factory=dict, repr=False)  # see certificate_result.stored
     own: tuple[HopObjective | None, tuple[Custom, ...]] = (None, ())  # the user's functions, which are not stored
+
+    def __repr__(self) -> str:
+        figure, unit = (self.summary.get(name) for name in ("objective_figure", "objective_unit"))
+        reached = f"{figure} {self.summary.get(figure or '')} {unit}, {self.summary.get('status')}"
+        return f"<Solution of {self.design.name}, objective {self.objective}: {reached}>"
 
     @cached_property
     def robot(self) -> Robot:

@@ -16,7 +16,7 @@ import os
 import platform
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -39,9 +39,9 @@ FORMAT = 1  # of the folder's contents
 Figures = Callable[[Solution, Path], Any]
 
 
-def folder_name(design: Design, objective: str) -> str:
-    """``<problem>-<hash8>`` from the problem's contents and the objective."""
-    text = f"{design_hash(design)} {objective}"
+def folder_name(design: Design, objective: str, constraints: Sequence[str] = ()) -> str:
+    """``<problem>-<hash8>`` from the problem's contents, the objective and the names of constraints of one's own."""
+    text = " ".join([design_hash(design), objective, *constraints])
     return f"{design.name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
@@ -93,7 +93,7 @@ def save(solution: Solution, results: str | Path = "results", figures: Figures |
 def _save_data(solution: Solution, results: Path) -> Solution:
     results.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
-    target = unused(results / folder_name(solution.design, solution.objective))
+    target = unused(results / folder_name(solution.design, solution.objective, [c.name for c in solution.own[1]]))
     solution = _placed(solution, target)
     try:
         (work / "solution.nc").write_bytes(_netcdf(solution))

@@ -55,13 +55,37 @@ class HopFigures:
     def highest(self) -> int | None:
         """The sample in flight whose lowest point is highest, the foot within its window, before a joint has come to
         its end stop; None if there is none."""
-        trace, span = self.trace, self.flight
-        offset = trace.points["foot"][span, 0] - trace.points[trace.robot.joints[0]][span, 0]
-        allowed = np.abs(offset) <= self.design.hop.foot_window
-        allowed &= ~np.logical_or.accumulate(beyond_limits(self.design, trace.q[span, BASE:]))
+        allowed = self._in_window & ~np.logical_or.accumulate(self._stopped)
         if not allowed.any():
             return None
-        return span.start + int(np.argmax(np.where(allowed, trace.lowest[span], -np.inf)))
+        return self.flight.start + int(np.argmax(np.where(allowed, self.trace.lowest[self.flight], -np.inf)))
+
+    @cached_property
+    def _in_window(self) -> np.ndarray:
+        """Whether the foot is within its window at the samples of flight."""
+        points = self.trace.points
+        offset = points["foot"][self.flight, 0] - points[self.trace.robot.joints[0]][self.flight, 0]
+        return np.abs(offset) <= self.design.hop.foot_window
+
+    @cached_property
+    def _stopped(self) -> np.ndarray:
+        """Whether a joint is at its end stop at the samples of flight."""
+        return beyond_limits(self.design, self.trace.q[self.flight, BASE:])
+
+    @property
+    def cut_short(self) -> str:
+        """When which joint came to its end stop, if the leg went higher after it, which does not count; else empty."""
+        later = self._in_window & np.logical_or.accumulate(self._stopped)
+        height = float(self.trace.lowest[self.flight][later].max(initial=0.0))
+        if height <= self.clearance + SLACK:
+            return ""
+        k, names = self.flight.start + int(np.argmax(self._stopped)), self.design.leg.joints
+        angles, joints = self.trace.q[k, BASE:], [self.design.leg.joint[name] for name in names]
+        beyond = [max(j.lower - angle, angle - j.upper) for j, angle in zip(joints, angles, strict=True)]
+        return (
+            f"the {names[int(np.argmax(beyond))]} came to its end stop at {self.trace.t[k]:.3f} s, and the clearance counts "
+            f"until then ({height:.3f} m later)"
+        )
 
     @property
     def clearance(self) -> float:
@@ -201,6 +225,7 @@ class HopFigures:
             "peaks": self.peaks,
             "slip_ratio": self.slip_ratio,
             "limits_exceeded": self.limits_exceeded,
+            "cut_short": self.cut_short,
             "energy_error": self.trace.energy_error,
             "outcome": self.trace.outcome,
         }
