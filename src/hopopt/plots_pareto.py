@@ -35,12 +35,9 @@ def figure(front: "Front") -> Figure:
         for x, y in ((p.clearance_m or 0.0, p.value or 0.0) for p in point):
             text = f"{label}: {y:.4g}{'' if unit == '1' else f' {unit}'} at {x:.3f} m"
             ax.plot(x, y, marker, color=color, ms=14, mec=BLACK, label=text, zorder=4, clip_on=False)
-    failed = [p for p in front.points if not p.verified]
-    if failed:
-        ax.plot(
-            [p.asked_m for p in failed], [0.03] * len(failed), "x", color=BLACK, ms=10, mew=2, label="no verified hop",
-            transform=ax.get_xaxis_transform(),
-        )  # fmt: skip
+    for p in front.points:
+        if not p.verified:
+            ax.axvline(p.asked_m, color=BLACK, lw=1.5, ls=":", label="no verified hop at this clearance")
     describe(ax, "clearance [m]", f"{name} [{unit}]" if unit != "1" else name)
     ax.set_ylim(bottom=0)
     legend(picture)

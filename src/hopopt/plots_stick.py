@@ -25,6 +25,8 @@ from hopopt.solution import Solution
 
 POSE_STEP = 0.04  # [s] between two stick figures
 LABEL = 0.08  # share of a row's width that the time below a pose needs
+CAPTION = 0.14  # that the height reached needs beside the apex
+WIDE = 1.25  # share of a slide's width over its height, divided by the rows, that a row may have
 
 
 def stick(solution: Solution) -> Figure:
@@ -74,11 +76,16 @@ class _Poses:
         widths = right - left + 0.1 * self.reach
         widths[self.apex] += 0.8 * self.reach  # the height stands to the right of the apex
         count = max(1, round(math.sqrt(widths.sum() / self.height * SIZE[1] / SIZE[0])))
-        widths = np.maximum(widths, LABEL * widths.sum() / count)
+        row = max(widths.sum() / count, WIDE * count * self.height * SIZE[0] / SIZE[1])
+        widths = np.maximum(widths, LABEL * row)
+        widths[self.apex] = max(widths[self.apex], right[self.apex] - left[self.apex] + CAPTION * row)
+        spread = max(row * count - widths.sum(), 0.0) / len(widths)  # where poses would not fill the row
+        widths += spread
         row_of = np.minimum((np.cumsum(widths) - 0.5 * widths) * count // widths.sum(), count - 1)
         self.rows = [np.flatnonzero(row_of == row).tolist() for row in np.unique(row_of)]
         starts = np.concatenate([np.cumsum([0.05 * self.reach, *widths[row[:-1]]]) for row in self.rows])
         self.width = max(starts[row[-1]] + widths[row[-1]] for row in self.rows)
+        starts += 0.5 * spread
         self.x = self.x + (starts - left)[:, None]
         self.middle, self.right = starts + 0.5 * (right - left), starts + right - left
 
