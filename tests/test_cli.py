@@ -3,8 +3,10 @@
 import json
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +117,21 @@ def test_coarse_hop_is_not_stated_as_an_answer(tmp_path: Path) -> None:
     again = run("solve", *COARSE, *mesh, cwd=tmp_path)
     assert again.returncode == 3
     assert len(list((tmp_path / "results").iterdir())) == 2  # nothing is overwritten
+
+
+def test_ctrl_c_while_ipopt_works_is_heeded_and_said(tmp_path: Path) -> None:
+    """CasADi swallows it: the solve must not go on, and nothing is left behind. (A mesh that takes many seconds.)"""
+    command = [*HOPOPT, "solve", *COARSE, "--set", "solver.stance_intervals=1000"]
+    running = subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    time.sleep(5)
+    running.send_signal(signal.SIGINT)
+    words = running.communicate(timeout=600)[1]
+    assert running.returncode in (130, -signal.SIGINT), words
+    assert words.strip().splitlines()[-1] == "hopopt: interrupted; nothing was written"
+    assert not (tmp_path / "results").exists()
 
 
 def test_motor_too_weak_to_stand(tmp_path: Path) -> None:

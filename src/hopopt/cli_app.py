@@ -14,6 +14,7 @@ app = App(
     help="How high can a leg possibly lift its foot in a hop with the motors it has?",
     help_epilogue="Start with: hopopt solve --objective clearance",
     version_flags=["--version"],
+    suppress_keyboard_interrupt=False,  # cli.run says what became of the work
 )
 
 Overrides = Annotated[

@@ -48,6 +48,10 @@ UNDAMPED = {"ipopt.tol": 1e-8, "ipopt.perturb_always_cd": "yes"}
 GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
 
 
+# How Ipopt ends where the user has pressed Ctrl-C, which CasADi swallows (other errors of a function only cut a step short).
+STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown")
+
+
 @dataclass(frozen=True)
 class Bounds:
     """Lower and upper bounds of the scaled variables, low_z and high_z, and of the rows, low_g and high_g."""
@@ -100,7 +104,7 @@ class NlpSolver:
         """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters.
 
         With the options WARM or CARRIED, ``multipliers`` (lam_g, lam_x) are where those begin; ``bounds``: others than the
-        program's own.
+        program's own. Raises KeyboardInterrupt if the user stops Ipopt.
         """
         t = self.transcription
         bounds = bounds or Bounds(*t.bounds(guess), t.lbg, t.ubg)
@@ -126,6 +130,8 @@ class NlpSolver:
         begin = {} if multipliers is None else {"lam_g0": multipliers[0], "lam_x0": multipliers[1]}
         result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
         stats = self.solver.stats()
+        if stats["return_status"] in STOPPED:
+            raise KeyboardInterrupt
         z, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         phases, values = t.unpack(z, p)
         sign = -1.0 if t.problem.objective.maximize else 1.0
