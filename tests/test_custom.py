@@ -189,7 +189,8 @@ def test_a_stored_result_names_its_function_and_does_not_run_it(
     monkeypatch.syspath_prepend(str(tmp_path))
     summary = {**softly.summary, "functions": {"objective": None, "constraints": ["ours:soft"]}}
     saved = ho.save(replace(softly, summary=summary), tmp_path / "results")
-    plain = ho.save(replace(softly, own=(None, ())), tmp_path / "results")
+    without = {**softly.summary, "functions": {"objective": None, "constraints": []}}
+    plain = ho.save(replace(softly, summary=without), tmp_path / "results")
     assert saved.result_dir is not None
     assert plain.result_dir is not None
     assert saved.result_dir != plain.result_dir

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hopopt.finer import AT_MOST
 from hopopt.leg.design import Design
 from hopopt.nlp.flat import CannotBeTold, Flat, flat
 from hopopt.ocp.hop import Hop
@@ -40,7 +41,7 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
 
 def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
     """That the plan was made with smaller tolerances than the problem's, and why."""
-    names = [n for n in ("tolerance", "price_tolerance") if getattr(used.solver, n) != getattr(asked.solver, n)]
+    names = [name for name in AT_MOST if getattr(used.solver, name) != getattr(asked.solver, name)]
     if not names:
         return []
     stated = " and ".join(f"solver.{name} = {getattr(used.solver, name):g}" for name in names)

@@ -3,13 +3,11 @@
 from hopopt.leg.design import Design
 
 TOLERANCE, PRICE_TOLERANCE = 1e-6, 1e-5  # a tenth and a fifth of the defaults
+AT_MOST = {"tolerance": TOLERANCE, "price_tolerance": PRICE_TOLERANCE}  # entries of [solver]
 
 
 def finer(design: Design) -> Design:
     """The problem with tolerances of the solver that are at most those."""
     s = design.solver
-    smaller = {
-        "tolerance": min(s.tolerance, TOLERANCE),
-        "price_tolerance": min(s.price_tolerance, PRICE_TOLERANCE),
-    }
+    smaller = {name: min(getattr(s, name), most) for name, most in AT_MOST.items()}
     return design.model_copy(update={"solver": s.model_copy(update=smaller)})

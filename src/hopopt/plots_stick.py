@@ -76,10 +76,10 @@ class _Poses:
         widths = right - left + 0.1 * self.reach
         widths[self.apex] += 0.8 * self.reach  # the height stands to the right of the apex
         count = max(1, round(math.sqrt(widths.sum() / self.height * SIZE[1] / SIZE[0])))
-        row = max(widths.sum() / count, WIDE * count * self.height * SIZE[0] / SIZE[1])
-        widths = np.maximum(widths, LABEL * row)
-        widths[self.apex] = max(widths[self.apex], right[self.apex] - left[self.apex] + CAPTION * row)
-        spread = max(row * count - widths.sum(), 0.0) / len(widths)  # where poses would not fill the row
+        room = max(widths.sum() / count, WIDE * count * self.height * SIZE[0] / SIZE[1])  # of a row
+        widths = np.maximum(widths, LABEL * room)
+        widths[self.apex] = max(widths[self.apex], right[self.apex] - left[self.apex] + CAPTION * room)
+        spread = max(room * count - widths.sum(), 0.0) / len(widths)  # where poses would not fill the row
         widths += spread
         row_of = np.minimum((np.cumsum(widths) - 0.5 * widths) * count // widths.sum(), count - 1)
         self.rows = [np.flatnonzero(row_of == row).tolist() for row in np.unique(row_of)]

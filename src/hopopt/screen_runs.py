@@ -27,7 +27,7 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     for name, row in rows.items():
         if row["limits_exceeded"]:
             out.print(f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}")
-        if row.get("cut_short"):
+        if row["cut_short"]:
             out.print(f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}")
     for name, spread in comparison.get("mismatch", {}).items():
         out.print(_spread(name, spread))

@@ -43,10 +43,10 @@ def print_study(study: "Study") -> None:
 
 def _at_the_edge(study: "Study", best: "Point") -> str:
     """Which entries of the best point are at the edge of what was tried: beyond it may be better."""
-    tried = {axis.entry: [p.values[axis.entry] for p in study.points] for axis in study.definition.axes}
+    tried = study.definition.points.T
     ends = [
-        f"{entry} at the {'least' if best.values[entry] == min(values) else 'most'}"
-        for entry, values in tried.items()
-        if best.values[entry] in (min(values), max(values)) and min(values) < max(values)
+        f"{entry} at the {'least' if x == values.min() else 'most'}"
+        for (entry, x), values in zip(best.values.items(), tried, strict=True)
+        if x in (values.min(), values.max()) and values.min() < values.max()
     ]
     return f"; {' and '.join(ends)} that was tried: better may lie beyond" if ends else ""

@@ -98,14 +98,14 @@ class Solution:
     objective: str
     phases: dict[str, PhaseTrajectory]
     summary: dict[str, Any]
-    kkt: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    kkt: dict[str, np.ndarray] = field(default_factory=dict)
     result_dir: Path | None = None
-    multipliers: dict[str, Multipliers] = field(default_factory=dict, repr=False)  # see certificate_result.stored
+    multipliers: dict[str, Multipliers] = field(default_factory=dict)  # see certificate_result.stored
     own: tuple[HopObjective | None, tuple[Custom, ...]] = (None, ())  # the user's functions, which are not stored
 
     def __repr__(self) -> str:
-        figure, unit = (self.summary.get(name) for name in ("objective_figure", "objective_unit"))
-        reached = f"{figure} {self.summary.get(figure or '')} {unit}, {self.summary.get('status')}"
+        s, figure = self.summary, self.summary.get("objective_figure", "")
+        reached = f"{figure} {s.get(figure)} {s.get('objective_unit')}, {s.get('status')}"
         return f"<Solution of {self.design.name}, objective {self.objective}: {reached}>"
 
     @cached_property

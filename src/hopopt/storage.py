@@ -93,7 +93,8 @@ def save(solution: Solution, results: str | Path = "results", figures: Figures |
 def _save_data(solution: Solution, results: Path) -> Solution:
     results.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
-    target = unused(results / folder_name(solution.design, solution.objective, [c.name for c in solution.own[1]]))
+    constraints = solution.summary.get("functions", {}).get("constraints", ())
+    target = unused(results / folder_name(solution.design, solution.objective, constraints))
     solution = _placed(solution, target)
     try:
         (work / "solution.nc").write_bytes(_netcdf(solution))

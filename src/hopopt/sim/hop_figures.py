@@ -17,11 +17,16 @@ PULL = 1.0  # [N] by which the ground may have to pull: a foot is kept that its 
 SLACK = 1e-3  # rad, s, m/s or share by which a limit may be missed in a simulation
 
 
-def beyond_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
-    """Whether any joint is beyond its limits at joint angles q_j (k, n) [rad], (k,)."""
+def past_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
+    """By how much each joint is beyond its limits at joint angles q_j (..., n) [rad], negative within them, (..., n)."""
     joints = [design.leg.joint[name] for name in design.leg.joints]
     lower, upper = (np.array([getattr(j, side) for j in joints]) for side in ("lower", "upper"))
-    return np.any((q_j < lower - SLACK) | (q_j > upper + SLACK), axis=1)
+    return np.maximum(lower - q_j, q_j - upper)
+
+
+def beyond_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
+    """Whether any joint is beyond its limits at joint angles q_j (k, n) [rad], (k,)."""
+    return np.any(past_limits(design, q_j) > SLACK, axis=1)
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,7 @@ class HopFigures:
     def highest(self) -> int | None:
         """The sample in flight whose lowest point is highest, the foot within its window, before a joint has come to
         its end stop; None if there is none."""
-        allowed = self._in_window & ~np.logical_or.accumulate(self._stopped)
+        allowed = self._in_window & ~self._stopped
         if not allowed.any():
             return None
         return self.flight.start + int(np.argmax(np.where(allowed, self.trace.lowest[self.flight], -np.inf)))
@@ -69,22 +74,20 @@ class HopFigures:
 
     @cached_property
     def _stopped(self) -> np.ndarray:
-        """Whether a joint is at its end stop at the samples of flight."""
-        return beyond_limits(self.design, self.trace.q[self.flight, BASE:])
+        """Whether a joint has come to its end stop by the samples of flight."""
+        return np.logical_or.accumulate(beyond_limits(self.design, self.trace.q[self.flight, BASE:]))
 
     @property
     def cut_short(self) -> str:
         """When which joint came to its end stop, if the leg went higher after it, which does not count; else empty."""
-        later = self._in_window & np.logical_or.accumulate(self._stopped)
-        height = float(self.trace.lowest[self.flight][later].max(initial=0.0))
+        height = float(self.trace.lowest[self.flight][self._in_window & self._stopped].max(initial=0.0))
         if height <= self.clearance + SLACK:
             return ""
-        k, names = self.flight.start + int(np.argmax(self._stopped)), self.design.leg.joints
-        angles, joints = self.trace.q[k, BASE:], [self.design.leg.joint[name] for name in names]
-        beyond = [max(j.lower - angle, angle - j.upper) for j, angle in zip(joints, angles, strict=True)]
+        k = self.flight.start + int(np.argmax(self._stopped))
+        joint = self.design.leg.joints[int(np.argmax(past_limits(self.design, self.trace.q[k, BASE:])))]
         return (
-            f"the {names[int(np.argmax(beyond))]} came to its end stop at {self.trace.t[k]:.3f} s, and the clearance counts "
-            f"until then ({height:.3f} m later)"
+            f"the {joint} came to its end stop at {self.trace.t[k]:.3f} s, and the clearance counts until then "
+            f"({height:.3f} m later)"
         )
 
     @property
@@ -186,9 +189,8 @@ class HopFigures:
         """Limits of the problem that the hop did not keep, in words; the bound does not hold for such a hop."""
         trace, hop, found = self.trace, self.design.hop, []
         span = slice(0, (self.highest if self.highest is not None else len(trace.t) - 1) + 1)
-        for k, joint in enumerate(trace.robot.joints):
-            angle, limit = trace.q[span, BASE + k], self.design.leg.joint[joint]
-            excess = max(float((angle - limit.upper).max()), float((limit.lower - angle).max()))
+        past = past_limits(self.design, trace.q[span, BASE:]).max(axis=0)
+        for k, (joint, excess) in enumerate(zip(trace.robot.joints, past, strict=True)):
             if excess > SLACK:
                 found.append(f"{joint} {excess:.3f} rad into its end stop")
             region, w = operating_region(self.design.leg, joint, trace.robot.parameters), trace.v[span, BASE + k]
