@@ -27,7 +27,7 @@ from hopopt.mismatch import mismatched, spread
 from hopopt.paper_results import is_the_papers
 from hopopt.problem_file import changed, load
 from hopopt.reserve import reserved
-from hopopt.screen import print_answer
+from hopopt.screen_answer import print_answer
 from hopopt.solution import Solution
 from hopopt.storage import save
 from hopopt.storage_runs import save_runs

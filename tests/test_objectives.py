@@ -16,7 +16,7 @@ from hopopt.measures import MEASURES
 from hopopt.ocp.hop import Hop
 from hopopt.planner import solve
 from hopopt.problem_file import load
-from hopopt.screen import starts_in_words
+from hopopt.screen_answer import starts_in_words
 from hopopt.sim.machine import Machine
 from hopopt.solution import Solution
 from hopopt.verify import FLIGHT, STANCE, failed, verify_plan

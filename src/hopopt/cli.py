@@ -122,11 +122,12 @@ def _import_beside(*later: str) -> None:
 def _beside(solution: "Solution") -> "Solution":
     """The answer with what the paper's force control makes of the same leg; exit code 3 if that passes it."""
     from hopopt.compare import paper_strategy
+    from hopopt.storage import with_more
 
     if (found := paper_strategy(solution)) is None:
         return solution
     code = 3 if found["beyond_bound"] else solution.summary["exit_code"]
-    return solution.noted(summary={**solution.summary, "paper_strategy": found, "exit_code": code})
+    return with_more(solution, {"paper_strategy": found, "exit_code": code})
 
 
 def _solved(
@@ -151,17 +152,24 @@ def _solved(
 
 
 @app.command
-def show(problem: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:
-    """Print a problem with everything filled in: every entry, its value, unit and meaning.
+def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:
+    """Print a stored answer with all that is known of it, or a problem with every entry, its value, unit and meaning.
 
     Parameters
     ----------
-    problem
-        A problem file, or the name of a built-in one.
+    what
+        A folder that hopopt solve wrote; or a problem file, or the name of a built-in problem.
     """
+    if Path(what).is_dir():
+        from hopopt.storage import read
+
+        if set_:
+            raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
+        _answer(read(what), json_, whole=True)
+        return 0
     from hopopt.problem_file import as_json, load, rows
 
-    design = load(problem, set_ or ())
+    design = load(what, set_ or ())
     if json_:
         print(json.dumps(as_json(design)))
         return 0
@@ -224,15 +232,18 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
     return code
 
 
-def _answer(solution: "Solution", as_object: bool) -> None:
+def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
+    """Print an answer: as one object, or for a person short or ``whole``; one that is not verified is never short."""
     if as_object:
         from hopopt.storage import as_json, stated
 
         print(as_json(stated(solution.summary)))
         return
-    from hopopt.screen import print_answer
+    from hopopt.screen_answer import print_answer
+    from hopopt.screen_details import print_details
 
-    print_answer(solution)
+    show_it = print_details if whole or not solution.verified else print_answer
+    show_it(solution)
     if "codesign" in solution.summary:
         from hopopt.screen_codesign import print_codesign
 

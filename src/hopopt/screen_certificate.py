@@ -26,6 +26,16 @@ def certificate_line(s: dict[str, Any]) -> list[str]:
     ]
 
 
+def certified_words(s: dict[str, Any]) -> str:
+    """Whether the first-order conditions hold, to end a line."""
+    checks = s.get("certificate", {})
+    bad = sum(not c["passed"] for c in checks.values())
+    words = (
+        f"NOT certified ({bad} of {len(checks)} conditions fail)" if bad else f"certified ({len(checks)} conditions)"
+    )
+    return f"; first-order optimality {words}" if checks else ""
+
+
 def structure_lines(s: dict[str, Any]) -> list[str]:
     """The switching structure of stance, a line for each joint and whatever else has limits that act."""
     found = s.get("structure", {})

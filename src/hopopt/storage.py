@@ -138,7 +138,13 @@ def _with_figures(solution: Solution, figures: Figures) -> Solution:
     except (Exception, KeyboardInterrupt) as error:  # the data are what took the time: nothing here may lose them
         note = f"figures are missing ({reason_of(error)}); the data in {folder} are complete"
     logging.getLogger(__name__).warning(note)
-    solution = solution.noted(summary={**solution.summary, "notes": [*solution.summary.get("notes", ()), note]})
+    return with_more(solution, {"notes": [*solution.summary.get("notes", ()), note]})
+
+
+def with_more(solution: Solution, entries: Mapping[str, Any]) -> Solution:
+    """A saved solution with more in its summary, in its folder as well if that can be written."""
+    solution, folder = solution.noted(summary={**solution.summary, **entries}), solution.result_dir
+    assert folder is not None
     with suppress(OSError):
         write_json(solution.summary, folder / ".summary.json")
         (folder / ".summary.json").replace(folder / "summary.json")
