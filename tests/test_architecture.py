@@ -48,6 +48,7 @@ FORBIDDEN = {
     "problem_": ("hopopt.ocp", "hopopt.nlp", "hopopt.planner", "hopopt.solution", "hopopt.verify"),
     "solution.py": ("hopopt.planner", "hopopt.storage", "hopopt.cli"),
     "planner.py": ("hopopt.storage", "hopopt.cli", "hopopt.plots"),
+    "finishing.py": ("hopopt.planner", "hopopt.storage", "hopopt.cli", "hopopt.plots"),
 }
 ONLY = {  # libraries with one home
     "matplotlib": (
@@ -107,7 +108,7 @@ def files_of(prefix: str) -> list[str]:
 
 
 def test_there_is_something_to_check() -> None:
-    for prefix in (*ALLOWED, "problem_", "solution.py", "planner.py"):
+    for prefix in (*ALLOWED, "problem_", "solution.py", "planner.py", "finishing.py"):
         assert files_of(prefix), prefix
     assert "hopopt.leg.design.Leg" in imports("leg/robot.py")
     assert "matplotlib" in {i.split(".")[0] for i in imports("plots.py")}

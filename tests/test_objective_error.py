@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hopopt.certificate_costates import sign
+from hopopt.finishing import aims_of, numerical_checks
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import build_robot
 from hopopt.nlp.accuracy import interval_errors
@@ -22,7 +23,7 @@ from hopopt.objective_error import STATED, ObjectiveError, objective_error
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import Objective, Problem
-from hopopt.planner import aims_of, numerical_checks, solve
+from hopopt.planner import solve
 from hopopt.problem_file import load
 from hopopt.recheck import recheck, stored_nlp
 from hopopt.solution import Solution

@@ -6,14 +6,15 @@ from typing import Any, cast
 
 import pytest
 
-from hopopt import planner
+from hopopt import finishing, planner
 from hopopt.answer_notes import notes_on
 from hopopt.errors import UsageError
 from hopopt.finer import PRICE_TOLERANCE, TOLERANCE
+from hopopt.finishing import finish, with_smaller_tolerances
 from hopopt.multistart import run_starts
 from hopopt.nlp import refine
 from hopopt.ocp.hop import Hop
-from hopopt.planner import CALMER, LARGEST_TIE_BREAK, _calmer, finish, solve, with_smaller_tolerances
+from hopopt.planner import CALMER, LARGEST_TIE_BREAK, _calmer, solve
 from hopopt.problem_file import load
 from hopopt.solution import Solution
 from hopopt.stopwatch import Stopwatch
@@ -94,8 +95,8 @@ def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_a
             return found.noted(summary={**found.summary, "verified": False})
         return found
 
-    own, said = planner.summed_up, list[str]()
-    monkeypatch.setattr(planner, "summed_up", failing)
+    own, said = finishing.summed_up, list[str]()
+    monkeypatch.setattr(finishing, "summed_up", failing)
     s = solve(load("paper", ONE_PUSH), starts=1, processes=1, progress=said.append)
     assert "not verified: refining again, with smaller tolerances" in said
     assert s.verified

@@ -15,6 +15,7 @@ import numpy as np
 
 from hopopt.codesign_catalogue import asks_catalogue, beyond, catalogue_coupling, laws
 from hopopt.errors import ProblemFileError, UsageError
+from hopopt.finishing import finish, refine_outcome
 from hopopt.highest import from_highest
 from hopopt.leg.design import Design, physical_parameters
 from hopopt.multistart import Progress, contenders, first_transcription, not_solved, outcome_of, run_starts
@@ -24,7 +25,7 @@ from hopopt.ocp.custom import custom
 from hopopt.ocp.freedom import Coupling, Freedom, parse_coupling
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import given
-from hopopt.planner import best_of, finish, refine_outcome
+from hopopt.planner import best_of
 from hopopt.problem_file import changed
 from hopopt.problem_text import rows
 from hopopt.problem_words import did_you_mean

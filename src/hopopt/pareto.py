@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, UsageError
+from hopopt.finishing import finish
 from hopopt.highest import begun_from, highest_hop, reaches
 from hopopt.leg.design import Design
 from hopopt.measures import MEASURES
@@ -27,7 +28,7 @@ from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import OBJECTIVES, find
-from hopopt.planner import finish, solve
+from hopopt.planner import solve
 from hopopt.problem_file import changed
 from hopopt.solution import Solution
 from hopopt.stopwatch import Stopwatch

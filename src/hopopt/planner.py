@@ -1,19 +1,15 @@
-"""From a problem to a verified answer: several starts, refinement, verification."""
+"""From a problem to a verified answer: several starts, the best of them finished, what is doubtful solved once more."""
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import Any
 
-import casadi as ca
-import numpy as np
-
 from hopopt.answer_notes import flat_directions, notes_on
-from hopopt.certificate_result import attached
-from hopopt.custom_check import custom_checks, stated_value
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.finer import finer
+from hopopt.finishing import finish
 from hopopt.highest import HIGHEST, from_highest
 from hopopt.leg.design import Design
 from hopopt.limit_words import flat_words
@@ -23,37 +19,22 @@ from hopopt.multistart import (
     StartOutcome,
     contenders,
     first_solver,
-    first_transcription,
     not_solved,
     outcome_of,
     run_chunk,
     run_starts,
-    solution_of,
 )
-from hopopt.nlp.accuracy import IntervalErrors
-from hopopt.nlp.ipopt import NlpSolution
-from hopopt.nlp.kkt import residuals
-from hopopt.nlp.prices import price
-from hopopt.nlp.refine import MET, UNSOLVED, Aims, MeshStep, Refinement, relative
-from hopopt.nlp.refine_drawn import refinement_of
-from hopopt.nlp.transcribe import Transcription
-from hopopt.objective_error import ObjectiveError, objective_error
+from hopopt.nlp.refine import UNSOLVED, relative
 from hopopt.ocp.custom import custom
-from hopopt.ocp.goal import HEIGHTS, HopObjective
-from hopopt.ocp.hop import EFFORT, Hop
+from hopopt.ocp.goal import HopObjective
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import given
 from hopopt.ocp.standing import static_faults
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
-from hopopt.stated_error import relaxed, simulated
 from hopopt.stopwatch import Stopwatch
-from hopopt.structure_solve import Resolved
-from hopopt.summary import summarize
-from hopopt.verify import KKT, LIMIT, Check, verify_plan
 
-Refined = Refinement | Resolved
 CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
-MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
 
 
 def solve(
@@ -190,114 +171,3 @@ def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutc
 def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:
     """Which start led to it."""
     return [o.name for o in outcomes].index(found.summary["starts"]["chosen"])
-
-
-def finish(
-    hop: Hop,
-    outcome: StartOutcome,
-    outcomes: Sequence[StartOutcome],
-    say: Progress,
-    clock: Stopwatch,
-    first: Transcription | None = None,
-    restarts: bool = True,
-) -> Solution:
-    """Refine one start's optimum, verify it and sum it up, with smaller tolerances if those of the problem are met and it
-    is not verified; ``first`` is the first mesh's program if there is one."""
-    refinement = refine_outcome(hop, outcome, say, first, restarts)
-    clock.mark("refinement")
-    say("verifying")
-    found = summed_up(hop, refinement, outcomes, outcome, clock)
-    if (closer := with_smaller_tolerances(hop, refinement, found.verified)) is None:
-        return found
-    say("not verified: refining again, with smaller tolerances")
-    again = finish(closer, outcome, outcomes, say, clock, first, restarts)
-    return again if again.verified else found
-
-
-def with_smaller_tolerances(hop: Hop, refinement: Refinement, verified: bool) -> Hop | None:
-    """The question once more with smaller tolerances (finer.py), if it is worth it: the hop met all aims of its refinement
-    and is not verified; else None."""
-    smaller = finer(hop.design)
-    return None if verified or refinement.ended != MET or smaller == hop.design else hop.with_solver_of(smaller)
-
-
-def summed_up(
-    hop: Hop, refinement: Refined, outcomes: Sequence[StartOutcome], outcome: StartOutcome, clock: Stopwatch
-) -> Solution:
-    """What came of refining a start's optimum: verified, certified, with every figure that is printed of it."""
-    goal, solution = hop.objective, refinement.solution
-    stated = {} if goal.figure in HEIGHTS else {goal.figure: without_tie_break(hop, solution)}
-    own = (goal if goal.custom else None, hop.constraints)
-    plan, error = Solution(hop.design, goal.name, solution.phases, stated, own=own), objective_error(solution)
-    checks = numerical_checks(hop.design, solution, refinement.errors, refinement.change, error)
-    checks += verify_plan(hop.design, plan.tables, plan.claims(), goal.ends)
-    checks += custom_checks(plan.robot, plan.tables, goal, hop.constraints, stated_value(stated))
-    more, told = simulated(plan, goal, error)
-    told |= relaxed(solution)
-    checks, plan = checks + more, plan.noted(summary={**stated, "objective_error": told})
-    clock.mark("verification")
-    found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement, clock)
-    certified = attached(found, solution)
-    clock.mark("certificate")
-    return certified
-
-
-def without_tie_break(hop: Hop, solution: NlpSolution) -> float:
-    """What the program says of the objective itself [its unit]."""
-    t = solution.transcription
-    names = [name for phase in t.problem.phases for name in phase.integrands]
-    z, p = t.program.symbols()
-    integrals = ca.Function("integrals", [z, p], [t.program.integral(z, p)])
-    effort = np.array(integrals(solution.z, solution.p)).ravel()[[name == EFFORT for name in names]].sum()
-    return solution.objective + hop.objective.sign * hop.tie_break * float(effort)
-
-
-def refine_outcome(
-    hop: Hop, outcome: StartOutcome, say: Progress, first: Transcription | None = None, restarts: bool = True
-) -> Refinement:
-    """A start's optimum, refined as the problem's solver settings ask for."""
-    aims = aims_of(hop) if restarts else replace(aims_of(hop), restarts=0)
-    solution = solution_of(outcome, first or first_transcription(hop))
-    refinement = refinement_of(solution, aims, lambda step: say(progress_line(hop, step)))
-    refinement.run()
-    return refinement
-
-
-def aims_of(hop: Hop) -> Aims:
-    """What refinement is to reach."""
-    s = hop.design.solver
-    meshes = s.max_refinements if s.refine else 0
-    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, s.price_tolerance, meshes, s.max_iterations)
-
-
-def progress_line(hop: Hop, s: MeshStep) -> str:
-    """One solve of a refinement, for whoever waits; what counts first, for narrow screens cut the rest."""
-    sizes = " + ".join(str(n) for n in s.intervals.values())
-    held = f", limits held between the nodes in {s.held} intervals" if s.held else ""
-    held += f", limits drawn in {s.drawn_in} time{'s' if s.drawn_in > 1 else ''}" if s.drawn_in else ""
-    return (
-        f"{hop.objective.name} {s.objective:.5f} {hop.objective.unit} on {sizes} intervals, local error "
-        f"{s.local_error:.0e}, limits exceeded by {s.excess:.0e}{held}"
-    )
-
-
-def numerical_checks(
-    design: Design,
-    solution: NlpSolution,
-    errors: Mapping[str, IntervalErrors],
-    change: float,
-    error: ObjectiveError | None = None,
-) -> list[Check]:
-    """First-order conditions recomputed, error of every interval, settled objective, price of the limits, and the error
-    of the objective, unless ``error`` is it already."""
-    r, s = residuals(solution), design.solver
-    local = max(float(e.local.max()) for e in errors.values())
-    return [
-        Check("stationarity", r.stationarity, KKT, "scaled"),
-        Check("constraints", r.feasibility, KKT, "scaled"),
-        Check("complementarity", r.complementarity, KKT, "scaled"),
-        Check("local error of the intervals", local, s.tolerance, "scaled"),
-        Check("change of the objective", change, s.objective_tolerance, "relative"),
-        Check("price of drawing in the limits", price(solution), s.price_tolerance, "relative"),
-        (error or objective_error(solution)).check(),
-    ]

@@ -86,7 +86,7 @@ def reverified(solution: Solution) -> Solution:
 
 
 def _recheck(solution: Solution) -> list[Check]:
-    from hopopt.planner import numerical_checks
+    from hopopt.finishing import numerical_checks
 
     goal, constraints = own_functions(solution)
     names = {"clearance_m", *({goal.figure} - {FIGURE})}

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 import casadi as ca
 import numpy as np
 
+from hopopt.finishing import aims_of
 from hopopt.multistart import Progress, first_transcription
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
@@ -19,7 +20,6 @@ from hopopt.nlp.refine_drawn import refinement_of
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner import aims_of
 from hopopt.recheck import stored_nlp
 from hopopt.solution import Solution
 from hopopt.stopwatch import Stopwatch

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
+from hopopt.finishing import aims_of, progress_line, summed_up
 from hopopt.multistart import Progress, StartOutcome
 from hopopt.nlp.refine import MeshStep, relative
 from hopopt.ocp.hop import Hop
-from hopopt.planner import aims_of, progress_line, summed_up
 from hopopt.recheck import stored_nlp
 from hopopt.solution import Solution
 from hopopt.stopwatch import Stopwatch

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from hopopt.finishing import numerical_checks, stated_figure
 from hopopt.nlp.refine import Refinement
-from hopopt.ocp.goal import HEIGHTS
 from hopopt.ocp.hop import Hop
-from hopopt.planner import numerical_checks, without_tie_break
 from hopopt.solution import Solution
 from hopopt.summary import parts
 from hopopt.verify import failed, verify_plan
@@ -29,8 +28,7 @@ class Answer:
 def answer(hop: Hop, refinement: Refinement) -> Answer:
     """A refined solution, checked as the planner checks a single one."""
     goal, solution = hop.objective, refinement.solution
-    stated = {} if goal.figure in HEIGHTS else {goal.figure: without_tie_break(hop, solution)}
-    plan = Solution(hop.design, goal.name, solution.phases, stated)
+    plan = Solution(hop.design, goal.name, solution.phases, stated_figure(hop, solution))
     claims = plan.claims()
     checks = numerical_checks(hop.design, solution, refinement.errors, refinement.change)
     checks += verify_plan(hop.design, plan.tables, claims)

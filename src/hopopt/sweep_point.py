@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import NotSolvedError, ProblemFileError, one_line
+from hopopt.finishing import refine_outcome, with_smaller_tolerances
 from hopopt.highest import from_highest
 from hopopt.leg.design import Leg, physical_parameters
 from hopopt.multistart import (
@@ -31,7 +32,6 @@ from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.standing import static_faults
-from hopopt.planner import refine_outcome, with_smaller_tolerances
 from hopopt.study import Definition
 from hopopt.sweep_answer import Answer, answer
 from hopopt.sweep_order import unlike
