@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hopopt import storage
 from hopopt.errors import HopoptError, ResultError
 from hopopt.planner import solve
 from hopopt.problem_file import load
 from hopopt.recheck import recertified, recheck
 from hopopt.solution import Solution
 from hopopt.storage import read, save
+from hopopt.storage_folder import prepare
 from hopopt.storage_netcdf import Group, to_bytes
 from hopopt.storage_netcdf import read as read_netcdf
 
@@ -125,7 +125,7 @@ def test_a_folder_that_cannot_be_written(solution: Solution, tmp_path: Path, mon
     assert f"it is kept in {kept}" in str(caught.value)
     assert read(kept).clearance == solution.clearance
     with pytest.raises(ResultError, match="results cannot be written"):
-        storage.prepare(blocked)
+        prepare(blocked)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs a limit on the size of files")

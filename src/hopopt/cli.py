@@ -1,5 +1,6 @@
 """The command line. Heavy imports happen inside the commands, so that ``--help`` answers at once."""
 
+import gc
 import json
 import sys
 import time
@@ -78,7 +79,7 @@ def solve(
     if couple and not free:
         raise UsageError("--couple relates numbers that are free: give them as --free leg.thigh.length=0.3:0.45")
     from hopopt.problem_hints import hints
-    from hopopt.storage import prepare, save
+    from hopopt.storage_folder import prepare
 
     prepare(results)
     for words in hints(design):
@@ -88,8 +89,11 @@ def solve(
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes, "progress": say}
         once = {"structure": structure, "second_opinion": second_opinion}
-        _import_beside(*(name for name, wanted in (("hopopt.plots", figures), ("hopopt.compare", control)) if wanted))
+        later = {"hopopt.storage": True, "hopopt.plots": figures, "hopopt.compare": control}
+        _import_beside(*(name for name, wanted in later.items() if wanted))
         solution = _solved(design, objective, free, couple, once, more)
+        from hopopt.storage import save
+
         if figures:
             from hopopt.plots import save_all as draw
 
@@ -210,7 +214,8 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
         The function of your own that it was found with, if it was: module:function.
     """
     from hopopt.recheck import recertified, recheck, with_functions
-    from hopopt.storage import as_json, read
+    from hopopt.storage import read
+    from hopopt.storage_folder import as_json
 
     solution = with_functions(read(result), objective, constraint or ())
     checks, certificate = recheck(solution), recertified(solution)
@@ -235,7 +240,8 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
 def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
     """Print an answer: as one object, or for a person short or ``whole``; one that is not verified is never short."""
     if as_object:
-        from hopopt.storage import as_json, stated
+        from hopopt.storage import stated
+        from hopopt.storage_folder import as_json
 
         print(as_json(stated(solution.summary)))
         return
@@ -264,7 +270,10 @@ for command in (
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: runs a command and exits with its code; every expected fault is a sentence on standard error."""
-    sys.exit(run(arguments))
+    gc.set_threshold(100_000)  # imports leave no garbage in cycles: less search for it is a tenth of a cold answer
+    code = run(arguments)
+    gc.freeze()  # nor is there any to look for on the way out
+    sys.exit(code)
 
 
 def run(arguments: list[str] | None = None) -> int:

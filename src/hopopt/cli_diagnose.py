@@ -19,7 +19,8 @@ def diagnose(
     """
     from hopopt import diagnosis
     from hopopt.recheck import with_functions
-    from hopopt.storage import as_json, read
+    from hopopt.storage import read
+    from hopopt.storage_folder import as_json
 
     with progress(quiet=json_) as say:
         say("moving the durations, all else solved anew")

@@ -56,7 +56,7 @@ def evidence(
         raise UsageError("--resume goes on with what was begun: leave out the problem and --set")
     from hopopt import evidence as study
     from hopopt.problem_file import load
-    from hopopt.storage import as_json, prepare, write_json
+    from hopopt.storage_folder import as_json, prepare, write_json
 
     if resume is None:
         prepare(results)

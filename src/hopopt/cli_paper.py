@@ -50,7 +50,7 @@ def calibrate(
     from hopopt.calibration import text
     from hopopt.calibration_file import write_motor
     from hopopt.experiment import MOTOR, parse_free
-    from hopopt.storage import as_json
+    from hopopt.storage_folder import as_json
 
     values = (*MOTOR, *(parse_free(words) for words in free or ()))
     with progress(quiet=json_) as say:
@@ -92,7 +92,7 @@ def tune(
 
     design = load(problem, set_ or ())
     from hopopt import gain_study
-    from hopopt.storage import as_json
+    from hopopt.storage_folder import as_json
 
     names = [name.strip() for name in strategy.split(",") if name.strip()]
     with progress(quiet=json_) as say:
@@ -123,7 +123,7 @@ def reproduce(problem: str = "paper", *, set_: Overrides = None, json_: AsJson =
     from hopopt.closed_loop import simulate
     from hopopt.control.strategies import find
     from hopopt.paper_results import is_the_papers, markdown, paper_results
-    from hopopt.storage import as_json
+    from hopopt.storage_folder import as_json
 
     force, *others = (simulate(design, find(name)).figures for name in ("force", "position", "position_soft"))
     names = ("position with force's k_p", "position_soft")

@@ -58,7 +58,7 @@ def pareto(
         raise UsageError(f"--from {lowest}: a clearance from 0 to 20 m is needed")
     from hopopt.pareto import front
     from hopopt.problem_file import load
-    from hopopt.storage import as_json, prepare
+    from hopopt.storage_folder import as_json, prepare
 
     design, begun = load(problem, set_ or ()), list["Front"]()
     prepare(results)
@@ -90,7 +90,7 @@ def _draw(found: "Front") -> None:
     import logging
 
     from hopopt.plots_pareto import save
-    from hopopt.storage import reason_of
+    from hopopt.storage_folder import reason_of
 
     assert found.folder is not None
     try:

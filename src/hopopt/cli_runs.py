@@ -73,7 +73,7 @@ def simulate(
     truth, options = load(problem, [*(set_ or ()), *plant]) if plant else None, _options(option or ())
     from hopopt import closed_loop
     from hopopt.control.strategies import find
-    from hopopt.storage import as_json, prepare
+    from hopopt.storage_folder import as_json, prepare
 
     chosen = find(strategy)
     prepare(results)
@@ -158,7 +158,8 @@ def compare(
     from hopopt import compare as comparing
     from hopopt.mismatch import spread
     from hopopt.recheck import reverified
-    from hopopt.storage import as_json, prepare, read, save
+    from hopopt.storage import read, save
+    from hopopt.storage_folder import as_json, prepare
 
     given = reverified(read(bound)) if bound else None
     design = load(problem or (bound / "problem.toml" if bound else "paper"), set_ or ())

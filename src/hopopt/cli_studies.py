@@ -61,7 +61,7 @@ def sensitivity(
     if starts is not None and starts < 1:
         raise UsageError("--starts must be at least 1")
     from hopopt import sensitivity as study
-    from hopopt.storage import as_json, prepare
+    from hopopt.storage_folder import as_json, prepare
 
     prepare(results)
     with progress(quiet=json_) as say:

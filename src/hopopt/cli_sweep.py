@@ -117,7 +117,7 @@ def _draw(study: "Study") -> None:
     import logging
 
     from hopopt.plots_sweep import save_all
-    from hopopt.storage import reason_of
+    from hopopt.storage_folder import reason_of
 
     try:
         save_all(study, study.folder / "figures")
@@ -128,7 +128,7 @@ def _draw(study: "Study") -> None:
 
 def _answer(study: "Study", as_object: bool) -> None:
     if as_object:
-        from hopopt.storage import as_json
+        from hopopt.storage_folder import as_json
 
         print(as_json(study.as_dict()))
         return

@@ -26,7 +26,7 @@ from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.hop import STANCE, Hop
 from hopopt.problem_file import design_hash, load, resolved_toml
 from hopopt.solution import Solution
-from hopopt.storage import as_json, unused, write_json
+from hopopt.storage_folder import as_json, unused, write_json
 from hopopt.sweep_store import write_whole
 
 LEANING, DIPPING = 0.05, 0.03  # share of the reach from which a lean or a dip is worth a word

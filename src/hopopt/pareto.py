@@ -32,7 +32,8 @@ from hopopt.planner import solve
 from hopopt.problem_file import changed
 from hopopt.solution import Solution
 from hopopt.stopwatch import Stopwatch
-from hopopt.storage import save, unused, write_json
+from hopopt.storage import save
+from hopopt.storage_folder import unused, write_json
 
 CLOSER = 1.5  # exponent that brings points closer to the highest hop
 PATIENCE = 150  # iterations from a neighbour

@@ -22,13 +22,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hopopt.errors import ResultError
 from hopopt.leg.design import Design
 from hopopt.problem_file import design_hash, load, resolved_toml
-from hopopt.problem_text import printable
 from hopopt.solution import Solution
+from hopopt.storage_folder import reason_of, unused, write_json
 from hopopt.storage_multipliers import groups, multipliers
 from hopopt.storage_netcdf import Group, to_bytes
 from hopopt.storage_netcdf import read as read_netcdf
@@ -43,27 +41,6 @@ def folder_name(design: Design, objective: str, constraints: Sequence[str] = ())
     """``<problem>-<hash8>`` from the problem's contents, the objective and the names of constraints of one's own."""
     text = " ".join([design_hash(design), objective, *constraints])
     return f"{design.name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
-
-
-def prepare(results: Path) -> None:
-    """Make sure that results can be written, before the work; ResultError if not."""
-    try:
-        new = not results.exists()
-        results.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=results):
-            pass
-        if new:
-            results.rmdir()  # nothing is left behind if nothing is solved
-    except OSError as error:
-        raise ResultError(
-            f"{results}: results cannot be written ({reason_of(error)}): choose another folder"
-        ) from error
-
-
-def reason_of(error: BaseException) -> str:
-    """Why something failed, on one line of at most 200 characters."""
-    words = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return printable(" ".join((words or type(error).__name__).split()))[:200]
 
 
 def stated(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -123,10 +100,6 @@ def _placed(solution: Solution, target: Path) -> Solution:
     return solution.noted(result_dir=target, summary={**solution.summary, "result_dir": str(target)})
 
 
-def write_json(data: Mapping[str, Any], path: Path) -> None:
-    path.write_text(json.dumps(_finite(data), indent=2) + "\n", encoding="utf-8")
-
-
 def _with_figures(solution: Solution, figures: Figures) -> Solution:
     """Draw the figures into the folder of a saved solution; the solution, with a note if any failed."""
     folder = solution.result_dir
@@ -163,14 +136,6 @@ def _publish(solution: Solution, work: Path, target: Path) -> Solution:
             target = unused(target)
             solution = _placed(solution, target)
             write_json(solution.summary, work / "summary.json")
-
-
-def unused(folder: Path) -> Path:
-    """The folder, or the first of folder-2, folder-3, … that does not exist."""
-    candidate, number = folder, 2
-    while candidate.exists():
-        candidate, number = folder.with_name(f"{folder.name}-{number}"), number + 1
-    return candidate
 
 
 def _manifest(solution: Solution) -> dict[str, Any]:
@@ -226,16 +191,3 @@ def _results_in(folder: Path) -> str:
     """The results that lie in a folder of results, newest first, to end a sentence."""
     found = sorted(folder.glob("*/solution.nc"), key=lambda path: -path.stat().st_mtime)[:3]
     return f", such as {', '.join(str(path.parent) for path in found)}" if found else ""
-
-
-def as_json(summary: Mapping[str, Any]) -> str:
-    """A summary as one JSON object (infinities become null)."""
-    return json.dumps(_finite(summary))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

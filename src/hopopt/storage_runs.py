@@ -21,7 +21,7 @@ from hopopt.errors import ResultError
 from hopopt.leg.design import Design
 from hopopt.problem_file import design_hash, resolved_toml
 from hopopt.sim.trace import Trace
-from hopopt.storage import reason_of, unused, write_json
+from hopopt.storage_folder import reason_of, unused, write_json
 
 UNITS = {"q": "m or rad", "v": "m/s or rad/s", "command": "N m", "motor": "N m", "tau": "N m", "f": "N", "work": "J"}
 DIMENSIONS = {"q": "coordinate", "v": "coordinate", "command": "joint", "motor": "joint", "tau": "joint"}

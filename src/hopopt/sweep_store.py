@@ -24,7 +24,7 @@ import xarray as xr
 from hopopt.errors import ProblemFileError, ResultError
 from hopopt.ocp.objectives import find
 from hopopt.problem_file import load, resolved_toml
-from hopopt.storage import as_json, reason_of, unused
+from hopopt.storage_folder import as_json, reason_of, unused
 from hopopt.study import Axis, Definition
 
 VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE = "verified", "not verified", "not solved", "impossible problem"
