@@ -5,9 +5,9 @@
 The study: gear ratios 60 to 160 and shanks of 0.30 to 0.42 m, 77 points, of the paper's leg with the entries given
 changed, on two processes. The reference: SAMPLE of its possible points (12 unless told), drawn at random, solved by
 `solve` on the same two processes, one point in each: with the problem's starts, which is what `hopopt solve` does,
-and with one start, which can end lower; and by as many commands `hopopt solve`, two at a time, without figures and the
-paper's control: what somebody without a study would run. A busy machine slows all alike. Seconds a point count possible
-points alone.
+and with one start, which can end lower; and by as many commands `hopopt solve` without figures and the paper's control,
+what somebody without a study would run: two at a time, and one after the other, each with its starts on both processes.
+A busy machine slows all alike. Seconds a point count possible points alone.
 """
 
 import subprocess
@@ -52,20 +52,20 @@ def compare(study: ho.Study, chosen: list[int], changes: list[str], starts: int 
     return "\n".join(lines)
 
 
-def commands(study: ho.Study, chosen: list[int], changes: list[str], rate: float) -> str:
+def commands(study: ho.Study, chosen: list[int], changes: list[str], rate: float, at_a_time: int) -> str:
     """Speed of a study against a command for each of some of its points."""
 
     def command(entries: dict[str, Any]) -> None:
         said = [word for entry in (*changes, *(f"{k}={v!r}" for k, v in entries.items())) for word in ("--set", entry)]
         with tempfile.TemporaryDirectory() as folder:
-            quick = ["--processes", "1", "--no-control", "--no-figures", "--json", "--results", folder]
-            line = [sys.executable, "-m", "hopopt", "solve", "paper", *said, *quick]
+            quick = ["--processes", str(PROCESSES // at_a_time), "--no-control", "--no-figures", "--json"]
+            line = [sys.executable, "-m", "hopopt", "solve", "paper", *said, *quick, "--results", folder]
             subprocess.run(line, stdout=subprocess.DEVNULL, check=True)
 
     began = time.perf_counter()
-    Parallel(n_jobs=PROCESSES, prefer="threads")(delayed(command)(dict(study.points[k].values)) for k in chosen)
+    Parallel(n_jobs=at_a_time, prefer="threads")(delayed(command)(dict(study.points[k].values)) for k in chosen)
     each = (time.perf_counter() - began) / len(chosen)
-    return f"commands: {each:.2f} s a point: the study is {each / rate:.2f} times as fast"
+    return f"commands, {at_a_time} at a time: {each:.2f} s a point: the study is {each / rate:.2f} times as fast"
 
 
 def main() -> None:
@@ -88,7 +88,8 @@ def main() -> None:
     chosen = sorted(np.random.default_rng(0).choice(possible, min(count, len(possible)), replace=False).tolist())
     for starts in (None, 1):
         print(compare(study, chosen, changes, starts, rate), flush=True)
-    print(commands(study, chosen, changes, rate), flush=True)
+    for at_a_time in (PROCESSES, 1):
+        print(commands(study, chosen, changes, rate, at_a_time), flush=True)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from hopopt import finishing, planner
+from hopopt import finishing, multistart, planner
 from hopopt.answer_notes import notes_on
 from hopopt.errors import UsageError
 from hopopt.finer import PRICE_TOLERANCE, TOLERANCE
@@ -14,6 +14,7 @@ from hopopt.finishing import finish, with_smaller_tolerances
 from hopopt.multistart import run_starts
 from hopopt.nlp import refine
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.starts import starts
 from hopopt.planner import CALMER, LARGEST_TIE_BREAK, _calmer, solve
 from hopopt.problem_file import load
 from hopopt.solution import Solution
@@ -168,3 +169,16 @@ def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_s
     assert any(f"{asked:g}" in note and "tie_break" in note for note in notes_on(other, hop.design, False, again, None))
     for change in (f"solver.tie_break={1.1 * LARGEST_TIE_BREAK}", "solver.refine=false"):
         assert _calmer(Hop(load("paper", [change]), "clearance"), unverified, outcomes, silent, clock) is None
+
+
+def test_starts_end_alike_in_one_process_and_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However they are divided, in their order."""
+    hop, found = Hop(load("paper", {"solver.stance_intervals": 12, "solver.flight_intervals": 4})), []
+    for seconds in (1e9, 0.0):  # what a process is said to take to begin
+        monkeypatch.setattr(multistart, "WORKER", seconds)
+        found.append(run_starts(hop, 4, 2, silent))
+    assert [o.name for o in found[0]] == [s.name for s in starts(4, 0)]
+    assert len({o.objective for o in found[0]}) > 1
+    for one, other in zip(*found, strict=True):
+        assert (one.name, one.iterations, one.objective) == (other.name, other.iterations, other.objective)
+        assert (one.vectors["z"] == other.vectors["z"]).all()

@@ -27,6 +27,7 @@ Progress = Callable[[str], None]
 SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
 PATIENCE = 200  # iterations of a start where another is known to lead to a hop
 CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
+WORKER = 1.5  # s that a process takes to begin, and more: what takes less in one is not divided
 
 
 class _Ended(Protocol):
@@ -81,22 +82,25 @@ def _options(hop: Hop, known: bool) -> dict[str, Any]:
 def run_starts(
     hop: Hop, count: int, processes: int, say: Progress, besides: Sequence[StartOutcome] = ()
 ) -> list[StartOutcome]:
-    """Solve every start on the first mesh, in chunks side by side; in the order of the starts, then those ``besides``,
-    of which any that leads to a hop says that no start need be followed for long."""
+    """Solve every start on the first mesh, in chunks side by side where that pays; in the order of the starts, then those
+    ``besides``, of which any that leads to a hop says that no start need be followed for long."""
     return [*_run_all(hop, count, processes, say, any(o.success for o in besides)), *besides]
 
 
 def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -> list[StartOutcome]:
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
-    processes = min(processes, count)
-    if processes == 1:
-        return run_chunk(hop, range(count), known=known)
+    began, solver = time.perf_counter(), first_solver(hop, known)
+    first = run_chunk(hop, [0], solver, known)
+    each, others = time.perf_counter() - began, range(1, count)
+    processes = min(processes, len(others))
+    if processes < 2 or each * len(others) * (1 - 1 / processes) < WORKER:
+        return first + (run_chunk(hop, others, solver, known) if others else [])
     from joblib import Parallel, delayed
 
-    data, chunks = hop.design.model_dump(exclude_none=True), [range(k, count, processes) for k in range(processes)]
+    data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
     jobs = (delayed(_chunk_in_worker)(data, hop.asked, hop.freedom, hop.constraints, chunk, known) for chunk in chunks)
     parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
-    return [parts[k % processes][k // processes] for k in range(count)]
+    return first + [parts[k % processes][k // processes] for k in range(len(others))]
 
 
 def _chunk_in_worker(
