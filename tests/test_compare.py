@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -41,6 +42,14 @@ def solution(hop):
 @pytest.fixture(scope="module")
 def comparison(solution):
     return compare(solution.design, ["track", "force", "force_tuck", "position"], bound=solution)
+
+
+def test_a_foot_that_leaves_before_the_plan_says_so(comparison):
+    assert [comparison.left_early(name) for name in comparison.figures] == [""] * 5
+    left = comparison.figures["track"].lift_off["time_s"]
+    other = dataclasses.replace(comparison, plan=SimpleNamespace(lift_off=2 * left))
+    assert other.left_early("track") == f"the foot left the ground at {left:.3f} s, not at {2 * left:.3f} s as planned"
+    assert not other.left_early("force")  # it follows no plan
 
 
 def test_every_row_says_what_a_script_needs(comparison):

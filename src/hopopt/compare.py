@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 TUNED = ("force", "position")  # strategies whose gains can be tuned
 BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
+EARLY = 0.9  # share of the planned stance, before which a foot should not leave
 OPTIMUM = "optimum"
 PAPERS = "force"  # of the paper's two the one that saturates its drives
 OBJECTIVE = "clearance"  # by which strategies are compared
@@ -77,6 +78,17 @@ class Comparison:
         best, own = self.figures[OPTIMUM].budget, self.figures[name].budget
         return {part: best[part] - own[part] for part in best}
 
+    def left_early(self, name: str) -> str:
+        """When a foot that should have stayed left the ground, in words; empty where it did not, or no plan says."""
+        if name == OPTIMUM or not self.runs[name].strategy.needs_plan or self.plan is None:
+            return ""
+        left, planned = self.figures[name].lift_off["time_s"], self.plan.lift_off
+        return (
+            ""
+            if left > EARLY * planned
+            else f"the foot left the ground at {left:.3f} s, not at {planned:.3f} s as planned"
+        )
+
     def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
         """All figures by name, or the one called ``name``: foot_height, saturation, speed_torque, stiffness, stick,
         budget."""
@@ -93,6 +105,7 @@ class Comparison:
         row: dict[str, Any] = {"meaning": found if name == OPTIMUM else self.runs[name].strategy.meaning}
         row |= f.as_dict() | {"options": {} if name == OPTIMUM else dict(self.runs[name].strategy.options)}
         row |= {"share_of_bound": f.clearance / self.bound if self.solution.verified else None, "gap": self.gap(name)}
+        row["left_early"] = self.left_early(name)
         if name in self.mujoco:
             row["mujoco_clearance_m"] = self.mujoco[name]
         if name in PAPER and is_the_papers(self.solution.design.leg):

@@ -27,6 +27,8 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     for name, row in rows.items():
         if row["limits_exceeded"]:
             out.print(f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}")
+        if row["left_early"]:
+            out.print(f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/simulation.md)")
         if row["cut_short"]:
             out.print(f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}")
     for name, spread in comparison.get("mismatch", {}).items():
