@@ -22,7 +22,7 @@ def print_answer(solution: "Solution") -> None:
     s = solution.summary
     print_parts(
         s,
-        hop=[hop_line(s)],
+        hop=hop_lines(s),
         control=control_lines(s),
         limits=_limits(s),
         structure=structure_lines(s) if "solved_again" in s.get("structure", {}) else [],
@@ -48,14 +48,11 @@ def _headline(s: dict[str, Any]) -> str:
             f"Failed: {', '.join(s['failed_checks'])}. Refinement ended as {s['refinement_ended']}. "
             "The attempt is kept for inspection."
         )
-    p = s["parts"]
-    lines = f"[bold green]clearance {s['clearance_m']:.4f} m[/bold green], verified"
+    told = f"[bold green]clearance {s['clearance_m']:.4f} m[/bold green], verified"
     if s["objective"] != "clearance":
-        lines = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s['clearance_m']:.4f} m"
-    lines += ", on ground where the foot cannot slip" if s["friction"] is None else f", with friction {s['friction']:g}"
-    return (
-        f"{lines}\n  = COM height at lift-off {p['com_height_at_lift_off_m']:.4f} + ballistic rise {p['ballistic_rise_m']:.4f} "
-        f"- COM height over the {s['lowest_point']} {-p['com_height_over_lowest_point_m']:.4f} m"
+        told = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s['clearance_m']:.4f} m"
+    return told + (
+        ", on ground where the foot cannot slip" if s["friction"] is None else f", with friction {s['friction']:g}"
     )
 
 
@@ -67,15 +64,20 @@ def _stated(s: dict[str, Any]) -> str:
     return f"{name} {value}" if asked is None else f"least {name} {value} to clear {asked:g} m"
 
 
-def hop_line(s: dict[str, Any]) -> str:
-    """Durations, speeds at lift-off and the greatest ground force."""
-    stance, flight, lift = s["phases"]["stance"], s["phases"]["flight"], s["lift_off"]
+def hop_lines(s: dict[str, Any]) -> list[str]:
+    """Where the clearance comes from; durations, speeds at lift-off and the greatest ground force."""
+    p, stance, flight, lift = s["parts"], s["phases"]["stance"], s["phases"]["flight"], s["lift_off"]
     lands = f", descent {s['phases']['descent']['duration_s']:.3f} s" if "descent" in s["phases"] else ""
-    return (
+    parts = (
+        f"clearance = COM height at lift-off {p['com_height_at_lift_off_m']:.4f} + ballistic rise "
+        f"{p['ballistic_rise_m']:.4f} - COM height over the {s['lowest_point']} {-p['com_height_over_lowest_point_m']:.4f} m"
+    )
+    return [
+        *([parts] if s["verified"] else []),
         f"stance {stance['duration_s']:.3f} s, flight to the apex {flight['duration_s']:.3f} s{lands}, lift-off at "
         f"{lift['vertical_m_s']:.2f} m/s up and {lift['horizontal_m_s']:+.2f} m/s along, peak ground force "
-        f"{s['peak_ground_force_N']:.0f} N"
-    )
+        f"{s['peak_ground_force_N']:.0f} N",
+    ]
 
 
 def control_lines(s: dict[str, Any]) -> list[str]:

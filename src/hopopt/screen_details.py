@@ -8,7 +8,7 @@ from hopopt.screen_answer import (
     control_lines,
     error_line,
     gains,
-    hop_line,
+    hop_lines,
     measure,
     print_parts,
     simulated_words,
@@ -26,7 +26,7 @@ def print_details(solution: "Solution") -> None:
     s = solution.summary
     print_parts(
         s,
-        hop=[hop_line(s), _ground(s)],
+        hop=[*hop_lines(s), _ground(s)],
         effort=_effort(s),
         limits=_limits(s),
         control=control_lines(s),
