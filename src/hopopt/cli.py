@@ -266,6 +266,8 @@ for command in (
     cli_evidence.evidence, cli_diagnose.diagnose,
 ):  # fmt: skip
     app.command(command)
+for each in app.subapps:
+    each.help_epilogue = ""  # where to start is said once, on the first page
 
 
 def main(arguments: list[str] | None = None) -> None:

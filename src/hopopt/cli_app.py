@@ -17,37 +17,34 @@ app = App(
     suppress_keyboard_interrupt=False,  # cli.run says what became of the work
 )
 
+
+def repeated(name: str, text: str) -> Parameter:
+    """An option that may be given several times, one value each."""
+    return Parameter(name=name, negative=(), consume_multiple=False, help=text)
+
+
 Overrides = Annotated[
     list[str] | None,
-    Parameter(
-        name="--set", negative=(), consume_multiple=False, help="Override an entry: --set leg.gear.ratio=80 (repeat)."
-    ),
+    repeated("--set", "Override an entry: --set leg.gear.ratio=80 (repeat)."),
 ]
 Constraints = Annotated[
     list[str] | None,
-    Parameter(
-        name="--constraint",
-        negative=(),
-        consume_multiple=False,
-        help="A path constraint of your own, a Python function as module:function (repeat; docs/objectives.md).",
+    repeated(
+        "--constraint",
+        "A path constraint of your own, a Python function as module:function (repeat; docs/objectives.md).",
     ),
 ]
 Free = Annotated[
     list[str] | None,
-    Parameter(
-        name="--free",
-        negative=(),
-        consume_multiple=False,
-        help="Let the optimum choose a number of the leg: --free leg.gear.ratio=50:200 (repeat; docs/codesign.md).",
+    repeated(
+        "--free", "Let the optimum choose a number of the leg: --free leg.gear.ratio=50:200 (repeat; docs/codesign.md)."
     ),
 ]
 Couple = Annotated[
     list[str] | None,
-    Parameter(
-        name="--couple",
-        negative=(),
-        consume_multiple=False,
-        help='A relation of free numbers, "leg.thigh.length + leg.shank.length = 0.741", powers too, or "catalogue: MASS by TORQUE" (repeat).',
+    repeated(
+        "--couple",
+        'A relation of free numbers, "leg.thigh.length + leg.shank.length = 0.741", powers too, or "catalogue: MASS by TORQUE" (repeat).',
     ),
 ]
 AsJson = Annotated[

@@ -3,18 +3,14 @@
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
-from hopopt.cli_app import AsJson, Overrides, progress
+from hopopt.cli_app import AsJson, Overrides, progress, repeated
 from hopopt.errors import UsageError
 
 Frees = Annotated[
     list[str] | None,
-    Parameter(
-        name="--free",
-        negative=(),
-        consume_multiple=False,
-        help="Free another value too: leg.motor.rotor_inertia=0:3e-5, k_p=100:9000, position.k_p=100:9000 (repeat).",
+    repeated(
+        "--free",
+        "Free another value too: leg.motor.rotor_inertia=0:3e-5, k_p=100:9000, position.k_p=100:9000 (repeat).",
     ),
 ]
 

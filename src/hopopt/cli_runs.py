@@ -6,9 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
-
-from hopopt.cli_app import AsJson, Overrides, progress, write_new
+from hopopt.cli_app import AsJson, Overrides, progress, repeated, write_new
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -16,20 +14,12 @@ if TYPE_CHECKING:
 
 Options = Annotated[
     list[str] | None,
-    Parameter(
-        name="--option",
-        negative=(),
-        consume_multiple=False,
-        help="A setting of the strategy: --option k_p=6000 (repeat).",
-    ),
+    repeated("--option", "A setting of the strategy: --option k_p=6000 (repeat)."),
 ]
 TrueLeg = Annotated[
     list[str] | None,
-    Parameter(
-        name="--plant",
-        negative=(),
-        consume_multiple=False,
-        help="How the true leg differs from what the strategy believes: --plant leg.body.mass=5.9 (repeat).",
+    repeated(
+        "--plant", "How the true leg differs from what the strategy believes: --plant leg.body.mass=5.9 (repeat)."
     ),
 ]
 

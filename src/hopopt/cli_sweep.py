@@ -4,9 +4,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
-
-from hopopt.cli_app import AsJson, Overrides, progress
+from hopopt.cli_app import AsJson, Overrides, progress, repeated
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -15,11 +13,8 @@ if TYPE_CHECKING:
 
 Vary = Annotated[
     list[str] | None,
-    Parameter(
-        name="--vary",
-        negative=(),
-        consume_multiple=False,
-        help="An entry and its values: leg.gear.ratio=60:160:11, or =60,80,100, or with a sample =60:160 (repeat).",
+    repeated(
+        "--vary", "An entry and its values: leg.gear.ratio=60:160:11, or =60,80,100, or with a sample =60:160 (repeat)."
     ),
 ]
 
