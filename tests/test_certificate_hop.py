@@ -19,7 +19,7 @@ from hopopt.problem_file import load
 from hopopt.recheck import recertified, stored_nlp
 from hopopt.solution import Solution
 from hopopt.storage import read, save
-from hopopt.structure import runs, sentences, stretches, structure
+from hopopt.structure import described, runs, sentences, stretches, structure
 from hopopt.structure_arcs import plan
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_intervals": 8}
@@ -176,6 +176,22 @@ def test_structure_in_words_and_what_may_move() -> None:
     np.testing.assert_allclose(p.switches, [0.305, 0.7], atol=1e-9)
     assert p.free == (True, False)  # the knee comes to the ground where the second one lies
     assert [(pin.begin, pin.end) for pin in p.pins] == [(0.0, p.switches[0]), p.switches, (p.switches[1], 1.0)]
+
+
+def test_structure_tells_of_peaks_by_joint_and_nothing_of_how_work_is_counted() -> None:
+    act = acting(
+        {
+            "peak torque[hip forward]": lambda t: t < 0.3,
+            "peak torque[hip backward]": lambda t: (t > 0.31) & (t < 0.7),
+            "hip operating region[a line]": lambda t: t > 0.7,
+            "drawn[hip]": lambda t: t < 0.5,
+            "power drawn[hip]": lambda t: t > 0.5,
+        }
+    )
+    told = [s.limit for s in stretches(act, (0.0, 1.0)) if s.subject == "hip"]
+    assert told == ["at the peak torque forward", "at the peak torque backward", "a line forward"]
+    assert {s.subject for s in stretches(act, (0.0, 1.0))} == {"hip"}
+    assert described("share used by the knee[2]", "lower") == ("knee", "at the peak share of its operating region")
 
 
 def test_structure_agrees_with_the_torques(hop: Solution) -> None:

@@ -208,6 +208,13 @@ def test_a_stored_answer_is_shown_whole(solved: tuple[dict, Path]) -> None:
     assert f"{s['paper_strategy']['share_of_bound']:.0%} of the optimum" in whole
     short = run("solve", *COARSE, "--no-control", cwd=folder).stdout  # not verified: whole too
     assert "FAILED" in short
+    copy = shutil.copytree(folder / s["result_dir"], folder / "copy")
+    for summary in ({}, [], {**s, "phases": {}}, {**s, "parts": None}):  # damaged, or of another version
+        (copy / "summary.json").write_text(json.dumps(summary))
+        done = run("show", str(copy), cwd=folder)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"hopopt: {copy}: the result is incomplete or its files do not fit together")
+        assert done.stdout == ""
     done = run("show", s["result_dir"], "--set", "leg.gear.ratio=80", cwd=folder)
     assert done.returncode == 2
     assert "stored answer" in done.stderr

@@ -166,10 +166,12 @@ def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) 
     """
     if Path(what).is_dir():
         from hopopt.storage import read
+        from hopopt.storage_folder import fitting
 
         if set_:
             raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
-        _answer(read(what), json_, whole=True)
+        with fitting(Path(what)):
+            _answer(read(what), json_, whole=True)
         return 0
     from hopopt.problem_file import as_json, load, rows
 

@@ -12,8 +12,9 @@ from hopopt.limit_words import flat_words
 from hopopt.nlp.flat import FELT, STRETCH, CannotBeTold, flat, longer_or_shorter
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
-from hopopt.recheck import fitting, has_multipliers, hop_of, stored_nlp
+from hopopt.recheck import has_multipliers, hop_of, stored_nlp
 from hopopt.solution import Solution
+from hopopt.storage_folder import fitting
 
 PLACES = np.linspace(0.0, 1.0, 9)
 
@@ -25,7 +26,7 @@ def diagnose(solution: Solution) -> dict[str, Any]:
     ResultError without stored multipliers."""
     if not has_multipliers(solution):
         raise ResultError(f"{solution.result_dir}: the file holds no multipliers: solve it again")
-    with fitting(solution):
+    with fitting(solution.result_dir):
         nlp = without_tie_break(solution)
         durations = {phase: longer_or_shorter(nlp, phase) for phase in nlp.phases}
         try:

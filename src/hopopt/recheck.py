@@ -1,7 +1,6 @@
 """Verification of a stored result, from its files alone."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import fields, replace
 from typing import Any
 
@@ -25,6 +24,7 @@ from hopopt.ocp.objectives import find
 from hopopt.ocp.problem import Problem
 from hopopt.solution import Solution
 from hopopt.stated_error import simulated
+from hopopt.storage_folder import fitting
 from hopopt.verify import KKT, Check, verify_plan
 
 AGREE = 1e-9  # stored tables against the stored trajectories, relative
@@ -36,20 +36,8 @@ def recheck(solution: Solution) -> list[Check]:
 
     Raises ResultError if the files do not hold what they must.
     """
-    with fitting(solution):
+    with fitting(solution.result_dir):
         return _recheck(solution)
-
-
-@contextmanager
-def fitting(solution: Solution) -> Iterator[None]:
-    """ResultError in a sentence for whatever stored files that do not belong together lead to."""
-    try:
-        yield
-    except (KeyError, ValueError, IndexError, TypeError, StopIteration, RuntimeError) as error:
-        raise ResultError(
-            f"{solution.result_dir}: the result is incomplete or its files do not fit together "
-            f"({type(error).__name__}: {str(error)[:200]}): solve it again"
-        ) from error
 
 
 def recertified(solution: Solution) -> Certificate | None:
@@ -81,7 +69,8 @@ def has_multipliers(solution: Solution) -> bool:
 
 def reverified(solution: Solution) -> Solution:
     """A stored solution that is ``verified`` only if its summary says so and every check passes again."""
-    verified = solution.verified and all(check.passed for check in recheck(solution))
+    with fitting(solution.result_dir):
+        verified = solution.verified and all(check.passed for check in recheck(solution))
     return replace(solution, summary={**solution.summary, "verified": verified})
 
 

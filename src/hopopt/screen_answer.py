@@ -34,9 +34,10 @@ def print_answer(solution: "Solution") -> None:
 
 def print_parts(s: dict[str, Any], **parts: Sequence[str]) -> None:
     """Title and headline, and below them each part's lines under its name."""
-    out = console()
-    out.print(f"[bold]{s['title'] or s['problem']}[/bold]  ({s['problem']}, objective {s['objective']})", markup=True)
-    out.print(_headline(s), markup=True)
+    title = f"[bold]{s['title'] or s['problem']}[/bold]  ({s['problem']}, objective {s['objective']})"
+    head, out = _headline(s), console()
+    out.print(title, markup=True)
+    out.print(head, markup=True)
     for name, lines in parts.items():
         print_lines(out, name, lines)
 

@@ -169,7 +169,7 @@ def read(folder: str | Path) -> Solution:
             what = "no results folder (solution.nc is missing)" if folder.exists() else "there is no such folder"
             raise ResultError(f"{folder}: {what}: give a folder that `hopopt solve` wrote{_results_in(folder)}")
         design, digest = load(folder / "problem.toml"), _digest((folder / "problem.toml").read_bytes())
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        summary = dict(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
         stored = read_netcdf(folder / "solution.nc")
         names = ("stance", "flight", *(("descent",) if "descent" in stored else ()))
         phases = {name: trajectory_of(stored[name]) for name in names}

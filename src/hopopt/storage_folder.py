@@ -2,7 +2,8 @@
 
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -57,3 +58,15 @@ def _finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_finite(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+@contextmanager
+def fitting(folder: Path | None) -> Iterator[None]:
+    """ResultError in a sentence for whatever stored files that are incomplete or do not belong together lead to."""
+    try:
+        yield
+    except (KeyError, ValueError, IndexError, TypeError, AttributeError, StopIteration, RuntimeError) as error:
+        raise ResultError(
+            f"{folder}: the result is incomplete or its files do not fit together "
+            f"({type(error).__name__}: {str(error)[:200]}): solve it again"
+        ) from error

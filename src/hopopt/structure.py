@@ -30,7 +30,10 @@ WORDS = {
     ("body never descends", "lower"): ("body", "does not descend"),
     ("friction cone[forward]", "lower"): ("foot", "about to slip forward"),
     ("friction cone[backward]", "lower"): ("foot", "about to slip backward"),
+    ("peak ground force", "lower"): ("ground", "at the peak force"),
 }
+SHARE = "share used by the "
+COUNTED = ("drawn", "power drawn")  # how an objective counts a drive's power: nothing that holds the leg
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,11 @@ def described(limit: str, side: str) -> tuple[str, str]:
         return WORDS[limit, side]
     name, _, part = limit.partition("[")
     part = part.removesuffix("]")
+    if name == "peak torque":
+        joint, _, way = part.rpartition(" ")
+        return joint, f"at the peak torque {way}"
+    if name.startswith(SHARE):
+        return name.removeprefix(SHARE), "at the peak share of its operating region"
     if name.endswith(REGION):
         way = "forward" if side == "upper" else "backward"
         return name.removesuffix(REGION), f"{part} {way}"
@@ -65,7 +73,10 @@ def stretches(act: Activity, ends: tuple[float, float]) -> list[Stretch]:
     sides = act.met.reshape(len(t), -1)
     subjects: dict[str, list[tuple[int, str]]] = {}
     for k in np.flatnonzero(act.sides.any(axis=(0, 1))).tolist():
-        subject, words = described(act.limits[k % m], "upper" if k < m else "lower")
+        limit = act.limits[k % m]
+        if limit.partition("[")[0] in COUNTED:
+            continue
+        subject, words = described(limit, "upper" if k < m else "lower")
         subjects.setdefault(subject, []).append((k, words))
     for subject, columns in subjects.items():
         says = [_told([w for k, w in columns if row[k]]) for row in sides]
