@@ -332,3 +332,15 @@ def test_a_new_problem_may_lie_in_a_new_folder(tmp_path: Path, monkeypatch: pyte
 def test_the_sentences_of_an_error_in_one_line() -> None:
     error = NotSolvedError("mine: no hop (upright: failed).", ["Worst constraints:", "a is missed by 1 m", "b by 2 m"])
     assert one_line(error) == "mine: no hop (upright: failed). Worst constraints: a is missed by 1 m; b by 2 m"
+
+
+def test_no_strategy_and_a_misspelt_table_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["compare", "--strategies", ","]) == 2
+    assert "--strategies names none" in capsys.readouterr().err
+    (tmp_path / "mine.toml").write_text(
+        'name = "mine"\n[leg]\njoints = ["hip"]\nlinks = ["thigh"]\n[leg.bodi]\nmass = 3\n'
+    )
+    assert cli.run(["show", str(tmp_path / "mine.toml")]) == 2
+    said = capsys.readouterr().err
+    assert "leg.bodi is not a known key (did you mean body?)" in said
+    assert "None" not in said

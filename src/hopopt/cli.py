@@ -236,6 +236,7 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
 
         print_checks(str(result), checks)
         print_certificate(certificate)
+        print(f"{result}: {'verified' if verified else 'NOT verified'}")  # the verdict last, where it is read
     return code
 
 

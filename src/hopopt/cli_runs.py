@@ -141,6 +141,8 @@ def compare(
     from hopopt.problem_file import load
 
     names = [name.strip() for name in strategies.split(",") if name.strip()]
+    if not names:
+        raise UsageError("--strategies names none: give one or more, separated by commas, such as track,force")
     if tune and tune < 24:
         raise UsageError("--tune must be 0 or at least 24")
     if draws < 0 or not (0 <= mass < 1 and 0 <= torque < 1):

@@ -153,7 +153,8 @@ def _described(kind: Any, path: str, fault: Any, table: Mapping[str, Any]) -> tu
         known = _known(kind, loc[:-1], table)
         return here, _unknown(str(loc[-1]), _path(path, loc[1:-1] if in_leg else loc[:-1]), known)
     if fault["type"] == "missing" and info is not None:
-        return here, f"is missing: {info.description}; {allowed(info)} is needed"
+        meaning = f"{info.description}; " if info.description else ""
+        return here, f"is missing: {meaning}{allowed(info)} is needed"
     return here, _refused(fault, info)
 
 

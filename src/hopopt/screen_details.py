@@ -33,7 +33,7 @@ def print_details(solution: "Solution") -> None:
         structure=structure_lines(s),
         evidence=_evidence(s),
         notes=list(s.get("notes", ())),
-        results=[str(solution.result_dir or s["result_dir"])],
+        results=_results(str(solution.result_dir or s["result_dir"])),
     )
 
 
@@ -43,6 +43,10 @@ def _ground(s: dict[str, Any]) -> str:
     if (grip := s["grip_without_load_N"]) < 0.5:
         return "the foot is pinned, but never held along the ground without load"
     return f"the foot is pinned: without load it is held along the ground by up to {grip:.0f} N (contact.friction limits that)"
+
+
+def _results(folder: str) -> list[str]:
+    return [f"{folder}, as it was stored: hopopt verify {folder} checks it again"]
 
 
 def _effort(s: dict[str, Any]) -> list[str]:
