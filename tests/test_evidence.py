@@ -124,13 +124,16 @@ def test_starts_of_another_problem_are_not_mixed_in(
 
 
 def test_what_the_global_method_finds_more_counts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A planner that falls short by 2 % in the reduced hop is contradicted, in the exit code and in the JSON."""
+    """A planner that falls short by 5 % in the reduced hop is contradicted, in the exit code and in the JSON; a grid that is
+    too coarse to tell contradicts nothing."""
     short = upright.by_transcription
     monkeypatch.setattr(upright, "by_transcription", lambda design, n: 0.95 * short(design, n))
     arguments = [*SETTINGS, "--starts", "1", "--grids", "60", "--processes", "1", "--results", str(tmp_path)]
     assert cli.run(["evidence", *arguments]) == 3
-    data = json.loads(next(tmp_path.glob("*/summary.json")).read_text())
-    assert data["contradicted"]
+    assert json.loads(next(tmp_path.glob("*/summary.json")).read_text())["contradicted"]
+    arguments = [*SETTINGS, "--starts", "1", "--grids", "20", "--processes", "1", "--results", str(tmp_path / "coarse")]
+    cli.run(["evidence", *arguments])
+    assert not json.loads(next((tmp_path / "coarse").glob("*/summary.json")).read_text())["contradicted"]
 
 
 def test_a_leg_without_a_reduced_hop_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

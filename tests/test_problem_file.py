@@ -75,7 +75,14 @@ def test_paper_is_the_papers_leg():
 def test_paper_states_the_defaults():
     design = load()
     assert design.solver == type(design.solver)()
-    assert design.hop == type(design.hop)()
+    assert design.hop == type(design.hop)(above_ground=("hip", "knee", "foot"))  # all, which [] stands for
+
+
+@pytest.mark.parametrize("given", [(), None])
+def test_all_that_stays_above_the_ground_is_named(given: tuple | None):
+    overrides = {"hop.above_ground": given}
+    assert load("paper", overrides).hop.above_ground == ("hip", "knee", "foot")
+    assert load("three_joint", overrides).hop.above_ground == ("hip", "knee", "ankle", "foot")
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -7,15 +7,21 @@ from pathlib import Path
 
 import pytest
 
+from hopopt.cli import run
 from hopopt.compare import compare
 from hopopt.problem_file import load
-from hopopt.screen import console, print_lines
+from hopopt.screen import console, print_checks, print_lines
+from hopopt.screen_answer import checks_line
 from hopopt.screen_runs import print_comparison
+from hopopt.screen_sensitivity import print_sensitivity
 from hopopt.screen_sweep import print_study
+from hopopt.sensitivity import Influence
 from hopopt.solution import Solution
 from hopopt.study import define
 from hopopt.sweep_run import Study
 from hopopt.sweep_store import VERIFIED, Point
+from hopopt.verify import Check
+from hopopt.verify_worth import left_out
 
 LONG = "hip: " + ", then ".join(f"torque-speed line backward until 0.{k:03d} s" for k in range(100, 120))
 
@@ -70,3 +76,35 @@ def test_a_comparison_fits_a_narrow_screen(hop: Solution) -> None:
     assert max(map(len, lines)) <= 80
     assert not any("…" in line for line in lines)
     assert [len(line.split()) for line in lines if line.startswith("force ")] == [7, 10, 5]
+
+
+def test_names_are_whole_on_a_narrow_screen() -> None:
+    """Rows that are told apart by the ends of their names stay apart."""
+    names = ["leg.motor.max_torque", "leg.motor.max_speed", "leg.knee.motor.max_torque", "leg.knee.motor.max_speed"]
+    influences = [Influence(n, 1256.637, "rad/s", 1e-4, n.replace("knee.", "") if "knee" in n else None) for n in names]
+    data = {"problem": "x", "failed_checks": [], "clearance_m": 0.8, "settled_within_m": 1e-5, "tie_break_bias_m": 1e-6}
+    with redirect_stdout(Screen()) as screen:
+        print_sensitivity({**data, "result_dir": "results/x"}, influences)
+        run(["actuators"])
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue()).splitlines()
+    rows = [line.split()[0] for line in lines if line.strip()]
+    assert set(names) | {"maxon-ec45-150", "maxon-ec45-250", "unitree-go2-knee"} <= set(rows)
+    assert max(map(len, lines)) <= 80
+
+
+def test_checks_that_are_left_out_are_counted_apart_with_the_reason(capsys: pytest.CaptureFixture[str]) -> None:
+    made = [Check(f"{phase} replay", 1e-9, 1e-5, "SI") for phase in ("stance", "flight")]
+    checks = [*made, *left_out("the simulated leg left the plan")]
+    summary = {
+        "verification": [c.as_dict() for c in checks],
+        "phases": {"stance": {}, "flight": {}},
+        "mesh": [{"excess": 1e-5}],
+    }
+    assert checks_line(summary).startswith("2 of 2 checks passed, 2 left out; replay")
+    print_checks("x", checks)
+    shown = capsys.readouterr().out
+    assert "verified: 2 of 2 checks passed" in shown
+    assert (
+        "left out: simulated in one piece, limits when simulated in one piece (the simulated leg left the plan)"
+        in shown
+    )

@@ -98,6 +98,7 @@ def solve(
             from hopopt.plots import save_all as draw
 
             say("drawing")
+        solution.summary["overrides"] = list(set_ or ())
         solution.summary["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         solution = save(solution, results, draw)
         if control:

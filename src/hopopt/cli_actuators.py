@@ -26,6 +26,7 @@ FIGURES = {  # columns of the two tables: entry -> heading
 }
 
 
+TITLED = 100  # columns of a screen that has room for full names beside the figures
 FIT = {"torque": "torque\nN m", "mass": "mass\nkg", "fitted": "fitted\nkg"}
 Fit = Annotated[bool, Parameter(name="--fit", negative=())]
 
@@ -93,7 +94,7 @@ def _table(part: str) -> Any:
         figures = [
             f"{values[key]:.4g}{'?' if marks[key] == 'U' else ' '}" if key in values else "- " for key in FIGURES[part]
         ]
-        table.add_row(name, *figures, entry.title)
+        table.add_row(name, *figures, *[entry.title][: _titled()])
     return table
 
 
@@ -104,7 +105,9 @@ def _law_table(part: str) -> Any:
     table = _head(f"{part}s", FIT)
     for name, row in _law_as_json(part)["fitted_to"].items():
         mass = f"{row['mass']:.3g}{'?' if row['source'] == MARKS['U'] else ' '}"
-        table.add_row(name, f"{row['torque']:.3g}", mass, f"{row['fitted']:.3g}", catalogue()[name].title)
+        table.add_row(
+            name, f"{row['torque']:.3g}", mass, f"{row['fitted']:.3g}", *[catalogue()[name].title][: _titled()]
+        )
     return table
 
 
@@ -124,8 +127,16 @@ def _head(title: str, headings: dict[str, str]) -> Any:
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
-    table.add_column(title, style="bold")
+    table.add_column(title, style="bold", no_wrap=True)
     for heading in headings.values():
         table.add_column(heading, justify="right")
-    table.add_column("")
+    if _titled():
+        table.add_column("")
     return table
+
+
+def _titled() -> bool:
+    """Whether the screen has room for what an entry is called in full."""
+    from hopopt.screen import wide_console
+
+    return wide_console().width >= TITLED

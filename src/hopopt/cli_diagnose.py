@@ -25,5 +25,11 @@ def diagnose(
     with progress(quiet=json_) as say:
         say("moving the durations, all else solved anew")
         found = diagnosis.diagnose(with_functions(read(result), objective, constraint or ()))
-    print(as_json(found) if json_ else "\n".join(found["words"]))
+    if json_:
+        print(as_json(found))
+        return 0
+    from hopopt.screen import console
+
+    for line in found["words"]:
+        console().print(line, markup=False)
     return 0

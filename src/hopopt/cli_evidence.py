@@ -11,11 +11,15 @@ from hopopt.cli_app import AsJson, Overrides, progress
 from hopopt.errors import NotSolvedError, UsageError
 
 MOST_STARTS, MOST_ROWS = 100_000, 2000
-CONTRADICTED = 0.01  # relative: by so much more than the planner's, the global method speaks against it
 
 Sizes = Annotated[
     tuple[int, ...],
-    Parameter(name="--grids", negative=(), consume_multiple=True, help="Grids of the dynamic programming, growing."),
+    Parameter(
+        name="--grids",
+        negative=(),
+        consume_multiple=True,
+        help="Grids of the dynamic programming, growing: N for N x N states.",
+    ),
 ]
 
 
@@ -87,6 +91,7 @@ def _gathered(design: Any, objective: str, ended: Any, grids: tuple[int, ...], s
     from hopopt import evidence as study
     from hopopt.bound import upper_bound
     from hopopt.planner import solve_from
+    from hopopt.upright import CONTRADICTED, TELLING
 
     found = study.families(ended)
     if not found:
@@ -95,7 +100,7 @@ def _gathered(design: Any, objective: str, ended: Any, grids: tuple[int, ...], s
     say("refining and verifying the best")
     best, bound = solve_from(design, objective, found[0].best.index, say), upper_bound(design)
     passed, simple = best.clearance > bound.clearance, _reduced(design, grids, say)
-    contradicted = bool(simple.get("grids")) and simple["grids"][-1]["difference"] > CONTRADICTED
+    contradicted = any(g["difference"] > CONTRADICTED for g in simple.get("grids", ())[-1:] if g["size"] >= TELLING)
     return {
         "problem": design.name, "objective": objective, "upper_bound": bound.figures(),
         "reduced": simple,

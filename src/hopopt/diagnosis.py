@@ -12,6 +12,7 @@ from hopopt.limit_words import flat_words
 from hopopt.nlp.flat import FELT, STRETCH, CannotBeTold, flat, longer_or_shorter
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
+from hopopt.problem_text import rows
 from hopopt.recheck import has_multipliers, hop_of, stored_nlp
 from hopopt.solution import Solution
 from hopopt.storage_folder import fitting
@@ -36,7 +37,8 @@ def diagnose(solution: Solution) -> dict[str, Any]:
             found, words = None, [f"what the objective does not feel cannot be told: {error}"]
     idle = idle_limits(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
     words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
-    words += [_idle(name, **use) for name, use in idle.items()]
+    units = {row.path: row.unit for row in rows(solution.design)}
+    words += [_idle(name, **use, unit=units.get(use["entry"].partition("[")[0], "")) for name, use in idle.items()]
     flat_ones = None if found is None else [asdict(f) for f in found]
     return {"flat": flat_ones, "durations": durations, "idle_limits": idle, "words": words}
 
@@ -61,10 +63,9 @@ def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> s
     )
 
 
-def _idle(name: str, used: float, entry: str, limit: float, enough: float) -> str:
-    could = (
-        f": {entry} = {limit:g} could be dropped, or tightened to {enough:.4g}, without effect on this hop"
-        if entry
-        else ""
-    )
+def _idle(name: str, used: float, entry: str, limit: float, enough: float, unit: str) -> str:
+    could = ""
+    if entry:
+        unit = f" {unit}".removesuffix(" 1").rstrip()
+        could = f": {entry} = {limit:g}{unit} could be tightened to {enough:.4g}{unit} without effect on this hop"
     return f"idle: {name}, at most {used:.0%} used{could}"

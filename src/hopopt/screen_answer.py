@@ -3,10 +3,12 @@
 The whole account is in screen_details.py.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil, floor, isfinite, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rich.markup import escape
 
 from hopopt.screen import console, print_lines
 from hopopt.screen_certificate import certified_words, structure_lines
@@ -34,9 +36,9 @@ def print_answer(solution: "Solution") -> None:
 
 def print_parts(s: dict[str, Any], **parts: Sequence[str]) -> None:
     """Title and headline, and below them each part's lines under its name."""
-    title = f"[bold]{s['title'] or s['problem']}[/bold]  ({s['problem']}, objective {s['objective']})"
-    head, out = _headline(s), console()
-    out.print(title, markup=True)
+    head, out, changed = _headline(s), console(), " and ".join(s.get("overrides", ()))
+    which = f"{s['problem']}{f' with {changed}' if changed else ''}, objective {s['objective']}"
+    out.print(f"[bold]{escape(s['title'] or s['problem'])}[/bold]  ({escape(which)})", markup=True)
     out.print(head, markup=True)
     for name, lines in parts.items():
         print_lines(out, name, lines)
@@ -144,8 +146,10 @@ def checks_line(s: dict[str, Any]) -> str:
     """How many checks passed, and the two that matter most."""
     checks = {c["name"]: c for c in s["verification"]}
     replay = max(checks[f"{phase} replay"]["residual"] for phase in s["phases"])
+    out = sum(bool(c.get("left_out")) for c in checks.values())  # results of earlier versions do not hold it
+    left_out = f", {out} left out" if out else ""
     return (
-        f"{sum(c['passed'] for c in checks.values())} of {len(checks)} checks passed; replay in Pinocchio within "
+        f"{sum(c['passed'] for c in checks.values()) - out} of {len(checks) - out} checks passed{left_out}; replay in Pinocchio within "
         f"{replay:.0e}, limits between nodes within {s['mesh'][-1]['excess']:.0e} of their range"
     )
 
@@ -185,7 +189,7 @@ def simulated_words(s: dict[str, Any]) -> str:
     return "" if reached is None else f" (simulated in one piece, torques clamped: {measure(s, reached, '.6g')})"
 
 
-def bound_line(s: dict[str, Any]) -> list[str]:
+def bound_line(s: Mapping[str, Any]) -> list[str]:
     """What nothing can pass, of heights."""
     bound = s.get("upper_bound", {}).get("clearance_m")
     if bound is None or s["objective"] not in ("clearance", "apex"):

@@ -6,18 +6,18 @@ from typing import Any
 from rich.table import Table
 
 from hopopt.screen import console, print_lines, wide_console
+from hopopt.screen_answer import bound_line
+from hopopt.upright import TELLING
 
 
 def print_evidence(data: Mapping[str, Any]) -> None:
     """The best hop, the bound, the reduced hop by two methods, and the families of local optima."""
-    out, best, bound = console(), data["best"], data["upper_bound"]
+    out, best = console(), data["best"]
     state = "verified" if best["verified"] else f"NOT verified ({', '.join(best['failed_checks'])})"
     out.print(
         f"[bold]{data['problem']}[/bold]: best of {data['starts']['count']} starts {best['clearance_m']:.4f} m, {state}"
     )
-    if bound["clearance_m"] is not None:
-        crude = "crude: by the drives' speed and their power in the longest stance alone (docs/bound.md)"
-        print_lines(out, "bound", [f"{bound['clearance_m']:.2f} m, {crude}"])
+    print_lines(out, "bound", bound_line(data))
     if data["contradicted"]:
         out.print(
             "[bold red]the global method finds more than the planner in the reduced hop[/bold red]: neither is to be trusted"
@@ -45,7 +45,8 @@ def _reduced(reduced: Mapping[str, Any]) -> list[str]:
     rows = ", ".join(
         f"{r['height_m']:.4f} m ({r['difference']:+.2%}) on {r['size']} x {r['size']}" for r in reduced["grids"]
     )
+    coarse = f"; grids below {TELLING} are too coarse to tell" if reduced["grids"][-1]["size"] < TELLING else ""
     return [
         f"foot under the hip, body on a slider: the centre of mass can be thrown to {reduced['planned_m']:.4f} m (planner)",
-        f"by dynamic programming, which knows no local optima: {rows}",
+        f"by dynamic programming, which knows no local optima: {rows}{coarse}",
     ]

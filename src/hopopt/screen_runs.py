@@ -18,7 +18,10 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     out.print(_headline(comparison))
     out.print(_heights(rows))
     out.print(_efforts(rows))
-    out.print("C_avg: mean saturation ratio in stance, 1 where a drive always gives all that its speed allows")
+    out.print(
+        "C_avg: mean saturation ratio in stance, 1 where a drive always gives all that its speed allows; work: of the motors, "
+        "net, until the clearance counts; ground: largest force, along and up together"
+    )
     if comparison["verified"]:
         out.print(_gaps(rows))
     for name, row in rows.items():
@@ -110,8 +113,10 @@ def _heights(rows: Mapping[str, Any]) -> Table:
 def _efforts(rows: Mapping[str, Any]) -> Table:
     """What the hops ask of the drives and of the ground."""
     joints = next(iter(rows.values()))["saturation_mean"]
-    means = [f"C_avg {joint}" for joint in joints]
-    table = _by_strategy(*means, "lift-off s", "at m/s", "work J", "stops J", "peak N m", "rad/s", "ground N")
+    means = [f"C_avg\n{joint}" for joint in joints]
+    table = _by_strategy(
+        *means, "lift-off\ns", "at\nm/s", "work\nJ", "stops\nJ", "peak\nN m", "peak\nrad/s", "ground\nN"
+    )
     for name, r in rows.items():
         peaks, energy = r["peaks"], r["energy"]
         table.add_row(
@@ -130,7 +135,7 @@ def _efforts(rows: Mapping[str, Any]) -> Table:
 
 def _by_strategy(*heads: str, title: str | None = None) -> Table:
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("strategy", style="bold")
+    table.add_column("strategy", style="bold", no_wrap=True)
     for head in heads:
         table.add_column(head, justify="right")
     return table

@@ -24,7 +24,13 @@ def print_sensitivity(data: Mapping[str, Any], influences: "Sequence[Influence]"
     what, height = ("body apex", data["apex_m"]) if "apex_m" in data else ("clearance", data["clearance_m"])
     out.print(f"{data['problem']}: {what} {height:.4f} m, verified. What 1 % more of an entry would change:")
     out.print(_table(influences))
-    for line in (*left_out(influences), *sentences(influences), *_rest(influences), _precision(data)):
+    for line in (
+        *_indented(influences),
+        *left_out(influences),
+        *sentences(influences),
+        *_rest(influences),
+        _precision(data),
+    ):
         out.print(line)
     out.print(f"results {data['result_dir']}")
 
@@ -32,27 +38,27 @@ def print_sensitivity(data: Mapping[str, Any], influences: "Sequence[Influence]"
 def _table(influences: "Sequence[Influence]") -> Table:
     again = any(i.difference for i in influences)
     table = Table(box=None, pad_edge=False)
-    table.add_column("entry", style="bold")
-    for head in ("value", "1 % more gives", "per unit", *(["solved again, per unit"] if again else [])):
-        table.add_column(head, justify="right")
-    table.add_column("")
+    table.add_column("entry", style="bold", no_wrap=True)
+    for head in ("value", "1 % more gives", "m per unit", *(["solved again"] if again else [])):
+        table.add_column(head, justify="right", no_wrap=head == "value")
+    if again:
+        table.add_column("")
     for i in _shown(influences):
-        unit = "m" if i.unit == "1" else f"m per {i.unit}"
-        cells = [
-            f"{i.value:g} {i.unit}".removesuffix(" 1"),
-            f"{i.cm_per_percent:+.3f} cm",
-            f"{i.m_per_unit:+.4g} {unit}",
-        ]
+        cells = [f"{i.value:g} {i.unit}".removesuffix(" 1"), f"{i.cm_per_percent:+.3f} cm", f"{i.m_per_unit:+.4g}"]
         if again:
-            cells.append("" if i.difference is None or i.difference.fault else f"{i.difference.central:+.4g}")
-        notes = [f"part of {i.part_of}"] if i.part_of else []
-        notes += [i.difference.verdict(i.m_per_unit)] if i.difference else []
-        table.add_row(i.name, *cells, "; ".join(notes))
+            d = i.difference
+            cells += ["", ""] if d is None else ["" if d.fault else f"{d.central:+.4g}", d.verdict(i.m_per_unit)]
+        table.add_row(f"  {i.name}" if i.part_of else i.name, *cells)
     return table
 
 
 def _shown(influences: "Sequence[Influence]") -> "list[Influence]":
     return [i for k, i in enumerate(influences) if (k < ROWS and abs(i.cm_per_percent) >= LEAST) or i.difference]
+
+
+def _indented(influences: "Sequence[Influence]") -> list[str]:
+    parts = any(i.part_of for i in _shown(influences))
+    return ["Indented: what one joint has of an entry that the whole leg shares."] if parts else []
 
 
 def left_out(influences: "Sequence[Influence]") -> list[str]:

@@ -19,6 +19,7 @@ from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.problem_text import rows
 from hopopt.recheck import stored_nlp
 from hopopt.solution import Solution
+from hopopt.summary import by_friction
 
 if TYPE_CHECKING:
     from hopopt.sensitivity_check import Difference
@@ -161,14 +162,12 @@ def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
 
 def _rows(by: Slopes) -> Iterator[tuple[str, float]]:
     """Entries that are limits of path and boundary constraints, or the factor of one: |f_x| <= mu f_z."""
-    s, force = by.solution, np.zeros(0)
-    for r in s.transcription.rows:
+    for r in by.solution.transcription.rows:
         low, high = by.of_rows(r)
         if r.name == "ground force":
-            force = s.g[r.start : r.stop] * r.scale
             yield "contact.least_force", float(low.sum())
         elif r.name == "friction cone":
-            yield "contact.friction", -float(low.sum(axis=1) @ force)
+            yield "contact.friction", -float((low * by_friction(by.solution)).sum())
         elif r.name == "height above ground":
             yield "hop.least_height", float(low[:, [label != "foot" for label in r.labels]].sum())
         elif r.name == "foot window":

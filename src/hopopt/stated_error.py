@@ -9,7 +9,7 @@ from hopopt.objective_error import ObjectiveError
 from hopopt.ocp.goal import HopObjective
 from hopopt.solution import Solution
 from hopopt.verify import Check
-from hopopt.verify_worth import not_simulated, worth
+from hopopt.verify_worth import left_out, not_simulated, worth
 
 
 def relaxed(solution: NlpSolution) -> dict[str, Any]:
@@ -24,7 +24,7 @@ def simulated(plan: Solution, goal: HopObjective, error: ObjectiveError) -> tupl
     to the objective."""
     told = {"too_high_by": error.too_high_by, "relative": error.relative, "estimate": error.as_dict()}
     if note := not_simulated(plan.design):
-        return [], {**told, "simulated": {"note": note}}
+        return left_out(note), {**told, "simulated": {"note": note}}
     claim = (goal.figure, {**plan.claims(), **plan.summary}[goal.figure], goal.maximize)
     found = worth(plan.design, plan.tables, goal.figure, goal.ends)
     largest = max(error.too_high_by, found.short(*claim)) if found.followed else error.too_high_by

@@ -16,8 +16,8 @@ import os
 import platform
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -164,12 +164,16 @@ def read(folder: str | Path) -> Solution:
     Its ``tables`` are the stored ones, so that verification sees what the file holds.
     """
     folder = Path(folder)
-    try:
+    with _readable(folder):
         if not (folder / "solution.nc").is_file():
             what = "no results folder (solution.nc is missing)" if folder.exists() else "there is no such folder"
             raise ResultError(f"{folder}: {what}: give a folder that `hopopt solve` wrote{_results_in(folder)}")
-        design, digest = load(folder / "problem.toml"), _digest((folder / "problem.toml").read_bytes())
+    problem = folder / "problem.toml"
+    with _readable(problem):
+        digest = _digest(problem.read_bytes())
+    with _readable(folder / "summary.json"):
         summary = dict(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
+    with _readable(folder / "solution.nc"):
         stored = read_netcdf(folder / "solution.nc")
         names = ("stance", "flight", *(("descent",) if "descent" in stored else ()))
         phases = {name: trajectory_of(stored[name]) for name in names}
@@ -177,14 +181,32 @@ def read(folder: str | Path) -> Solution:
         nlp = stored.get("nlp", Group())
         kkt, kept = {name: nlp[name] for name in nlp.variables}, multipliers(stored)
         objective = str(stored[""].attributes["objective"])
-        if stored[""].attributes.get("problem_sha256", digest) != digest:
-            raise ValueError("problem.toml is not as it was written")
-    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
-        missing = "an entry is missing: " if isinstance(error, KeyError) else ""
-        raise ResultError(f"{folder}: the result cannot be read ({missing}{reason_of(error)})") from error
-    solution = Solution(design, objective, phases, summary, kkt, folder, kept)
+        written = stored[""].attributes.get("problem_sha256", digest)
+    if written != digest:
+        raise ResultError(
+            f"{problem}: it was changed after this result was written: undo that, and change a copy elsewhere instead"
+        )
+    solution = Solution(load(problem), objective, phases, summary, kkt, folder, kept)
     solution.__dict__["tables"] = tables
     return solution
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """ResultError that names the file, or folder, of a result for whatever makes it unreadable."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise ResultError(f"{path}: this file of the result is missing: solve it again") from error
+    except PermissionError as error:
+        raise ResultError(f"{path}: it cannot be read ({reason_of(error)})") from error
+    except KeyError as error:
+        raise ResultError(f"{path}: it is damaged (an entry is missing: {reason_of(error)}): solve it again") from error
+    except (OSError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+        kind = (
+            "a JSON object" if path.suffix == ".json" else "a whole netCDF file" if path.suffix == ".nc" else "a result"
+        )
+        raise ResultError(f"{path}: it is damaged, not {kind}: solve it again") from error
 
 
 def _results_in(folder: Path) -> str:

@@ -12,6 +12,7 @@ from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.nlp.ipopt import NlpSolution
+from hopopt.ocp.constraints import steepness
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 from hopopt.solution import Samples, Solution
 from hopopt.verify import Check, failed
@@ -75,7 +76,7 @@ def summarize(
         "energy": energy(plan, fine),
         "active_limits": active_limits(plan, stance),
         "idle_limits": idle_limits(plan, fine),
-        f"gain_per_percent{of_unit}": limit_gains(solution),
+        f"gain_per_percent{of_unit}": limit_gains(solution, plan.design.contact.friction),
         "verification": [c.as_dict() for c in checks],
         "failed_checks": [c.name for c in bad],
         "mesh": [asdict(step) for step in refinement.history],
@@ -163,7 +164,7 @@ def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
         near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)
         shares[f"{joint} angle"] = near < margin
     shares |= _active_at_the_ground(plan, stance)
-    for name in plan.design.hop.above_ground or tuple(plan.robot.points):
+    for name in plan.design.hop.above_ground:
         if name != "foot":
             shares[f"{name} on the ground"] = stance.points[name][:, 1] < ACTIVE * size
     (shortest, longest), lasted = plan.design.hop.stance_duration, plan.phases[STANCE].duration
@@ -185,9 +186,17 @@ def _active_at_the_ground(plan: Solution, stance: Samples) -> dict[str, np.ndarr
     return active
 
 
-def limit_gains(solution: NlpSolution) -> dict[str, float]:
+def by_friction(solution: NlpSolution) -> np.ndarray:
+    """Change of each row of the friction cone with the coefficient [N], (places, sides)."""
+    rows = {r.name: r for r in solution.transcription.rows if r.phase == STANCE}
+    ground, sides = rows["ground force"], rows["friction cone"].labels
+    force = solution.g[ground.start : ground.stop] * ground.scale
+    return np.outer(force, np.full(len(sides), steepness(sides)))
+
+
+def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, float]:
     """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers: more
-    of what is maximised, less of what is minimised."""
+    of what is maximised, less of what is minimised. The friction cone's range is its coefficient."""
     t, gains = solution.transcription, {}
     for rows in t.rows:
         if rows.kind in ("path", "boundary") and rows.name.endswith(("operating region", "foot window")):
@@ -195,6 +204,9 @@ def limit_gains(solution: NlpSolution) -> dict[str, float]:
             gains[rows.name] = gains.get(rows.name, 0.0) + 0.01 * float(
                 np.abs(solution.lam_g[rows.start : rows.stop]) @ bound
             )
+        elif rows.name == "friction cone" and friction is not None:
+            lam = np.abs(solution.lam_g[rows.start : rows.stop]).reshape(-1, len(rows.labels)) / rows.scale
+            gains[rows.name] = 0.01 * friction * float((lam * by_friction(solution)).sum())
     for name, where in t.variables.items():
         phase = t.problem.phase(name)
         gains[f"longest {name}"] = (

@@ -44,6 +44,8 @@ PACE = 1.0  # steps in the time of a fast rise, for each row of the grid to the 
 SHORTEST = 1e-3  # s: a stance may be as short as it likes
 NOWHERE = -1.0  # m: worth of a state from which the leg cannot go on
 MOST = 2000  # rows of a grid: 4 million states
+TELLING = 40  # rows of a grid below which its height may be wrong by more than
+CONTRADICTED = 0.01  # relative: by so much more than the planner's, it speaks against the planner
 HEIGHTS = 4001  # among which the ends of the body's range are looked for
 
 

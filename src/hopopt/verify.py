@@ -46,17 +46,20 @@ class Table:
 
 @dataclass(frozen=True)
 class Check:
-    """One claim: what was measured against what is allowed; ``where`` says where the worst was found."""
+    """One claim: what was measured against what is allowed; ``where`` says where the worst was found, ``left_out`` why
+    nothing can be measured, if so: such a check neither passes nor fails."""
 
     name: str
     residual: float
     tolerance: float
     unit: str
     where: str = ""
+    left_out: str = ""
 
     @property
     def passed(self) -> bool:
-        return bool(np.isfinite(self.residual) and self.residual <= self.tolerance)
+        """Whether it holds; also of a check that is left out."""
+        return bool(self.left_out or (np.isfinite(self.residual) and self.residual <= self.tolerance))
 
     def as_dict(self) -> dict[str, Any]:
         """For the summary: all fields and whether it passed."""

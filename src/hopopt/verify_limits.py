@@ -35,7 +35,7 @@ def _ground(
 ) -> dict[str, np.ndarray]:
     size_of_leg = reach(design.leg)
     paths, found = machine.paths(q), {}
-    for name in design.hop.above_ground or tuple(machine.frames):
+    for name in design.hop.above_ground:
         if not contact or name != "foot":
             least = 0.0 if name == "foot" else design.hop.least_height
             found[f"{name} above ground"] = (least - paths[name][:, 1]) / size_of_leg

@@ -27,6 +27,10 @@ SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it dear
 FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's worth
 DRIVES = "operating region"  # kept by clamping
+WORTH, LIMITS = (
+    ("simulated in one piece", SHORT, "relative"),
+    ("limits when simulated in one piece", 2 * LIMIT, "of its range"),
+)
 
 State = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
@@ -49,34 +53,52 @@ class Worth:
         """Whether it is the plan's hop: drives at their limits cannot bring a leg back that is unstable there."""
         return bool(self.strayed <= FOLLOWED)
 
+    @property
+    def note(self) -> str:
+        """Why it says nothing about the plan; empty if it does."""
+        if not np.isfinite(self.strayed):
+            return "the simulation did not reach the end"
+        if not self.followed:
+            return "the simulated leg left the plan: its drives, at their limits, could not bring it back"
+        return ""
+
     def short(self, figure: str, claim: float, maximized: bool) -> float:
         """By how much it is worth less than the claim, if it is [the figure's unit]; 0 for a figure it does not say."""
         return max((claim - self.values.get(figure, claim)) * (1.0 if maximized else -1.0), 0.0)
 
     def checks(self, figure: str, claim: float, maximized: bool, size: float) -> list[Check]:
         """That it is worth what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
-        more than the plan may and as much again; none for a hop that did not follow the plan."""
-        if not self.followed:
-            return []
-        limits = Check("limits when simulated in one piece", self.passed, 2 * LIMIT, "of its range", self.limit)
+        more than the plan may and as much again; left out for a hop that did not follow the plan."""
+        if self.note:
+            return left_out(self.note)
+        limits = _check(LIMITS, self.passed, where=self.limit)
         if self.values and figure not in self.values:
             return [limits]  # a function of one's own
-        short = self.short(figure, claim, maximized) / size
-        return [Check("simulated in one piece", short, SHORT, "relative"), limits]
+        return [_check(WORTH, self.short(figure, claim, maximized) / size), limits]
 
     def as_dict(self, figure: str, claim: float, maximized: bool) -> dict[str, Any]:
         """For the summary."""
         if not np.isfinite(self.strayed):
-            return {"followed": False, "note": "the simulation did not reach the end"}
+            return {"followed": False, "note": self.note}
         told = {
             "short_by": self.short(figure, claim, maximized),
             "strayed": self.strayed,
             "passed": self.passed,
             "limit": self.limit,
         }
-        if not self.followed:
-            told["note"] = "the simulated leg left the plan: its drives, at their limits, could not bring it back"
+        if self.note:
+            told["note"] = self.note
         return {**self.values, "followed": self.followed, **told}
+
+
+def left_out(why: str) -> list[Check]:
+    """The checks of a hop that cannot be made."""
+    return [_check(kind, float("nan"), left_out=why) for kind in (WORTH, LIMITS)]
+
+
+def _check(kind: tuple[str, float, str], residual: float, where: str = "", left_out: str = "") -> Check:
+    name, tolerance, unit = kind
+    return Check(name, residual, tolerance, unit, where, left_out)
 
 
 def not_simulated(design: Design) -> str:

@@ -178,7 +178,7 @@ class Hop(Section):
         "m", 1e-3, 3, 0.1,
     )  # fmt: skip
     above_ground: tuple[str, ...] = choice(
-        "what stays above the ground: any joint (at the top of its link), 'foot'; default all", ()
+        "what stays above the ground: any joint (at the top of its link), 'foot'; default, and []: all of them", ()
     )
     least_height: float = quantity("height above the ground that joints keep at least", "m", 0, 1, 0.0)
     counter_movement: bool = choice("may the body descend in stance", True)
@@ -259,6 +259,13 @@ class Design(Section):
     solver: Solver = Solver()
     simulation: Simulation = Simulation()
     reserve: Reserve = Reserve()
+
+    @model_validator(mode="after")
+    def _all_above_ground(self) -> "Design":
+        if not self.hop.above_ground:
+            everything = self.hop.model_copy(update={"above_ground": (*self.leg.joints, "foot")})
+            object.__setattr__(self, "hop", everything)  # frozen, but not yet anyone's
+        return self
 
 
 def unit(vector: Sequence[float]) -> tuple[float, ...]:

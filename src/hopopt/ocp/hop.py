@@ -118,10 +118,6 @@ class Hop:
         """Joints and foot."""
         return tuple(self.robot.points)
 
-    @cached_property
-    def must_clear_ground(self) -> tuple[str, ...]:
-        return self.design.hop.above_ground or self.point_names
-
     def effort(self, tau: ca.SX, s: Instant) -> ca.SX:
         """Sum over the joints of (tau / stall torque)^2, for the tie-break."""
         stalls = [
@@ -154,7 +150,7 @@ class Hop:
         path.append(unilateral_contact(motion, self.force_range, self.design.contact.least_force))
         if self.design.contact.friction is not None:
             path.append(friction_cone(motion, self.design.contact.friction, self.force_range, self.contact_axes))
-        clear, least = [name for name in self.must_clear_ground if name != "foot"], self.design.hop.least_height
+        clear, least = [name for name in self.design.hop.above_ground if name != "foot"], self.design.hop.least_height
         if clear:
             path.append(above_ground(clear, motion, self.dynamics, self.reach, least))
         if not self.design.hop.counter_movement:
@@ -185,9 +181,8 @@ class Hop:
     def flight(self) -> Phase:
         motion, (lower, upper) = self.flight_motion, self.limits
         path: list[PathConstraint] = [operating_region_constraint(self.leg, j, motion) for j in self.leg.joints]
-        if self.must_clear_ground:
-            least = self.design.hop.least_height
-            path.append(above_ground(self.must_clear_ground, motion, self.dynamics, self.reach, least))
+        clear, least = self.design.hop.above_ground, self.design.hop.least_height
+        path.append(above_ground(clear, motion, self.dynamics, self.reach, least))
         path += self.own_limits(FLIGHT, motion)
         plane, names, m = tuple("xz"[k] for k in self.falling), self.leg.joints, len(self.falling)
         rises = ([-INF, 0.0][-m:], [INF] * m)
