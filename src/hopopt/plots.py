@@ -118,7 +118,7 @@ def _torque(ax: Axes, solution: Solution, motion: Motion, k: int) -> None:
     names = solution.robot.joints
     bounds = solution.region(names[k]).torque_bounds(joined(motion, lambda s: s.v[:, k - len(names)]))
     t = joined(motion, lambda s: s.t)
-    ax.fill_between(t, *bounds, label="torque the drive can give at this speed", **BAND)
+    ax.fill_between(t, *bounds, label="what the drive can give", **BAND)
     for bound in bounds:
         ax.plot(t, bound, color=GREY, lw=0.8, gid="torque bound")
     by_phase(ax, motion, lambda s: s.t, lambda s: s.tau[:, k])
@@ -163,7 +163,9 @@ def _mark_instants(ax: Axes, motion: Motion, k: int, column: int) -> None:
 
 def ground_force(solution: Solution) -> Figure:
     """Contact force [N] of the ground on the foot in stance, with the leg's weight and the peak."""
-    figure, s = solution_figure(solution, "ground force in stance"), solution.everywhere(STANCE, PLACES)
+    s = solution.everywhere(STANCE, PLACES)
+    largest = float(np.linalg.norm(s.f, axis=1).max())
+    figure = solution_figure(solution, f"ground force in stance, at most {largest:.0f} N")
     ax, heavy, friction = figure.subplots(), weight(solution.robot.model), solution.design.contact.friction
     if friction is not None:
         band = friction * np.maximum(s.f[:, -1], 0.0)
@@ -179,7 +181,7 @@ def ground_force(solution: Solution) -> Figure:
 
 
 def _annotate_peak(ax: Axes, solution: Solution, s: Samples, highest: float) -> None:
-    """The largest vertical force [N], written above everything drawn."""
+    """The largest vertical force [N], written above everything drawn, and what thin lines are."""
     k = int(s.f[:, -1].argmax())
     t, peak = float(s.t[k]), float(s.f[k, -1])
     lowest = min(0.0, float(s.f.min()))
@@ -188,7 +190,10 @@ def _annotate_peak(ax: Axes, solution: Solution, s: Samples, highest: float) -> 
     ax.plot(t, peak, "o", color=COLOR[STANCE], ms=8, zorder=4)
     side = {"x": min(max(t, 0.12 * solution.lift_off), 0.88 * solution.lift_off), "y": highest + 0.1 * span}
     look = {"arrowstyle": "-", "color": GREY, "shrinkB": 5}
-    ax.annotate(f"peak {peak:.0f} N", (t, peak), (side["x"], side["y"]), fontsize=TEXT, ha="center", arrowprops=look)
+    ax.plot([], [], color=COLOR[STANCE], lw=0.6, label="jump at a switch")
+    ax.annotate(
+        f"vertical peak {peak:.0f} N", (t, peak), (side["x"], side["y"]), fontsize=TEXT, ha="center", arrowprops=look
+    )
 
 
 FIGURES: dict[str, Callable[[Solution], Figure]] = {

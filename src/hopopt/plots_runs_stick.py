@@ -49,10 +49,10 @@ class _Poses:
         trace, links = run.trace, run.design.leg.link.values()
         end = min(last(run), int(np.searchsorted(trace.t, LONGEST)) - 1)
         early = np.arange(0, trace.t[end] - POSE_STEP / 4, POSE_STEP)  # none just before the last
-        rows = np.append(np.searchsorted(trace.t, early), end)
         reach = sum(link.length for link in links)
-        self.radius, self.t, self.contact = 0.09 * reach, trace.t[rows], trace.contact[rows]
-        chain = np.stack([trace.points[name][rows] for name in (*trace.robot.joints, "foot")], axis=1)
+        self.radius, self.t = 0.09 * reach, np.append(early, trace.t[end])
+        self.contact = trace.contact[np.searchsorted(trace.t, self.t, side="right") - 1]
+        chain = np.stack([_at(self.t, trace.t, trace.points[name]) for name in (*trace.robot.joints, "foot")], axis=1)
         left = np.minimum(chain[..., 0].min(axis=1), chain[:, 0, 0] - self.radius)
         right = np.maximum(chain[..., 0].max(axis=1), chain[:, 0, 0] + self.radius)
         self.x, self.z = chain[..., 0] - 0.5 * (left + right)[:, None], chain[..., 1]
@@ -69,3 +69,8 @@ class _Poses:
             ax.add_patch(Circle((x[0], z[0]), self.radius, lw=0, zorder=4, **look))
         if self.clearance is not None and self.clearance > 0.1 * self.top:  # there is room for an arrow
             height_arrow(ax, across[-1, self.z[-1].argmin()], self.clearance)
+
+
+def _at(t: np.ndarray, known: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """A point's way [m], (samples, 2), at other instants [s], between its samples."""
+    return np.stack([np.interp(t, known, points[:, k]) for k in range(points.shape[1])], axis=1)
