@@ -173,6 +173,8 @@ def test_infeasible_hop_names_the_worst_constraints(tmp_path: Path) -> None:
         (["solve", "--set", "leg.body.mass=1e400"], ["leg.body.mass", "not finite"]),
         (["solve", "--set", "solver.starts=-3"], ["solver.starts", "too small", "1 to 1000"]),
         (["new", "ü"], ['hopopt: name = "ü" is not allowed']),
+        (["new", ""], ['"" names no file', "legs/mine"]),
+        (["new", "../up/"], ['"../up/" names no file']),
     ],
 )
 def test_wrong_usage(arguments: list[str], words: list[str], tmp_path: Path) -> None:

@@ -92,6 +92,19 @@ def test_names_are_whole_on_a_narrow_screen() -> None:
     assert max(map(len, lines)) <= 80
 
 
+def test_checks_fit_a_narrow_screen_and_say_where_they_failed() -> None:
+    checks = [
+        Check(f"stance transversality of its duration{k}", 10.0**-k, 1e-3, "of the objective", f"at 0.{k} s")
+        for k in (1, 5)
+    ]
+    with redirect_stdout(Screen()) as screen:
+        print_checks("x", checks)
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue()).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert sum("stance transversality of its duration" in line for line in lines) == 3
+    assert f"FAILED {checks[0].name}: at 0.1 s" in lines
+
+
 def test_checks_that_are_left_out_are_counted_apart_with_the_reason(capsys: pytest.CaptureFixture[str]) -> None:
     made = [Check(f"{phase} replay", 1e-9, 1e-5, "SI") for phase in ("stance", "flight")]
     checks = [*made, *left_out("the simulated leg left the plan")]

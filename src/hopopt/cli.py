@@ -2,6 +2,7 @@
 
 import gc
 import json
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -197,6 +198,8 @@ def new(name: str) -> int:
     """
     from hopopt.problem_file import template
 
+    if name.endswith(("/", os.sep)) or Path(name).name in ("", "..", ".toml"):
+        raise UsageError(f'"{name}" names no file: give a name such as mine, or legs/mine')
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     write_new(path, template(path.stem))
     print(f"{path} written. Change it, then: hopopt solve {path}")
@@ -237,7 +240,8 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
 
         print_checks(str(result), checks)
         print_certificate(certificate)
-        print(f"{result}: {'verified' if verified else 'NOT verified'}")  # the verdict last, where it is read
+        height = solution.summary["clearance_m"]  # one of the claims that are checked
+        print(f"{result}: {f'verified, clearance {height:.4f} m' if verified else 'NOT verified'}")
     return code
 
 

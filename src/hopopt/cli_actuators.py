@@ -26,7 +26,6 @@ FIGURES = {  # columns of the two tables: entry -> heading
 }
 
 
-TITLED = 100  # columns of a screen that has room for full names beside the figures
 FIT = {"torque": "torque\nN m", "mass": "mass\nkg", "fitted": "fitted\nkg"}
 Fit = Annotated[bool, Parameter(name="--fit", negative=())]
 
@@ -137,6 +136,6 @@ def _head(title: str, headings: dict[str, str]) -> Any:
 
 def _titled() -> bool:
     """Whether the screen has room for what an entry is called in full."""
-    from hopopt.screen import wide_console
+    from hopopt.screen import ROOM, wide_console
 
-    return wide_console().width >= TITLED
+    return wide_console().width >= ROOM

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from hopopt.problem_file import Row
     from hopopt.verify import Check
 
+ROOM = 100  # columns of a screen on which tables have all their columns
+
 
 def console() -> Console:
     """Standard output for sentences: broken between words on a screen, whole lines when piped."""
@@ -68,21 +70,27 @@ def _plain(value: Any) -> str:
 
 
 def print_checks(title: str, checks: "Sequence[Check]") -> None:
-    """Every check with its residual and tolerance."""
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    for column in ("check", "residual", "allowed", "unit", "", "worst"):
-        table.add_column(column)
-    for c in checks:
-        if c.left_out:
-            table.add_row(c.name, "", f"{c.tolerance:.0e}", c.unit, "left out", "see below")
-            continue
-        table.add_row(
-            c.name, f"{c.residual:.1e}", f"{c.tolerance:.0e}", c.unit, "ok" if c.passed else "FAILED", c.where
-        )
-    out = wide_console()
-    out.print(table)
+    """Every check with its residual and tolerance, and how many passed."""
+    print_residuals(title, "check", checks)
     bad, left_out = sum(not c.passed for c in checks), [c for c in checks if c.left_out]
-    made = len(checks) - len(left_out)
+    out, made = console(), len(checks) - len(left_out)
     out.print(f"{'verified' if not bad else 'NOT verified'}: {made - bad} of {made} checks passed")
     if left_out:
-        out.print(f"left out: {', '.join(c.name for c in left_out)} ({left_out[0].left_out})")
+        out.print(f"left out: {', '.join(c.name for c in left_out)} ({left_out[0].left_out})", markup=False)
+
+
+def print_residuals(title: str, kind: str, checks: "Sequence[Check]") -> None:
+    """A table of checks; where the worst is stands in it where there is room, else below it of those that failed."""
+    out = wide_console()
+    room = out.width >= ROOM
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 2 if room else 1, 0, 0), pad_edge=False)
+    for column in (kind, "residual", "allowed", "unit", "", *["worst"][:room]):
+        table.add_column(column, no_wrap=column == kind)
+    for c in checks:
+        state = "left out" if c.left_out else "ok" if c.passed else "FAILED"
+        residual = "" if c.left_out else f"{c.residual:.1e}"
+        table.add_row(c.name, residual, f"{c.tolerance:.0e}", c.unit, state, *[c.where][:room])
+    out.print(table)
+    for c in checks:
+        if c.where and not c.passed and not room:
+            out.print(f"FAILED {c.name}: {c.where}")

@@ -2,9 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
-from hopopt.screen import console, wide_console
+from hopopt.screen import console, print_residuals
 
 if TYPE_CHECKING:
     from hopopt.certificate import Certificate
@@ -58,13 +56,7 @@ def print_certificate(certificate: "Certificate | None") -> None:
     if certificate is None:
         out.print("no certificate: this result was stored without multipliers (solve it again for one)")
         return
-    table = Table(title="first-order optimality", title_justify="left", box=None, pad_edge=False)
-    for column in ("condition", "residual", "allowed", "unit", "", "worst"):
-        table.add_column(column)
-    for c in certificate.checks:
-        state = "ok" if c.passed else "FAILED"
-        table.add_row(c.name, f"{c.residual:.1e}", f"{c.tolerance:.0e}", c.unit, state, c.where)
-    wide_console().print(table)
+    print_residuals("first-order optimality", "condition", certificate.checks)
     bad = sum(not c.passed for c in certificate.checks)
     total = len(certificate.checks)
     out.print(f"first-order optimality {'NOT ' if bad else ''}certified: {total - bad} of {total} conditions hold")
