@@ -16,6 +16,7 @@ import xarray as xr
 import hopopt as ho
 from hopopt import cli, load
 from hopopt.errors import NotSolvedError, one_line
+from hopopt.screen_answer import print_answer
 
 ROOT = Path(__file__).parents[1]
 HOPOPT = [sys.executable, "-m", "hopopt.cli"]
@@ -267,6 +268,22 @@ def test_several_starts_side_by_side(tmp_path: Path) -> None:
 def readme_block(language: str, containing: str) -> str:
     blocks = re.findall(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
     return next(block for block in blocks if containing in block)
+
+
+def test_the_answer_in_the_readme(solved: tuple[dict, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """Word by word, but for figures: the last digits are a machine's, and there is one start here."""
+
+    def words(text: str) -> str:
+        return re.sub(r"[-+]?\d+(\.\d+)?(e-\d+)?", "#", text).replace("starts", "start")
+
+    s, folder = solved
+    print_answer(ho.read(folder / s["result_dir"]))
+    said, shown = words(capsys.readouterr().out), readme_block("text", "clearance")
+    for line in shown.splitlines():
+        assert all(words(part) in said for part in line.split("...")), line
+    (height,), (share,) = (re.findall(words, shown) for words in (r"clearance (\S+) m, ver", r"(\d+)% of the optimum"))
+    assert float(height) == pytest.approx(s["clearance_m"], abs=1e-4)
+    assert int(share) / 100 == pytest.approx(s["paper_strategy"]["share_of_bound"], abs=0.006)
 
 
 @pytest.mark.slow
