@@ -466,3 +466,52 @@ def test_friction(name: str, leg: dict, mu: float) -> None:
     assert gain == pytest.approx(more.summary["objective_value"] - less.summary["objective_value"], rel=0.03)
     (found,) = (i for i in sensitivity(here) if i.name == "contact.friction")
     assert found.m_per_unit * 0.01 * mu == pytest.approx(gain, rel=1e-6)
+
+
+# ---- limits that are held between the nodes, where multipliers at the nodes have both signs ------------------------
+
+
+@pytest.fixture(scope="module")
+def held() -> Solution:
+    """A refined optimum with friction and a least force, both of which act."""
+    s = solve(load("paper", {"contact.friction": 0.7, "contact.least_force": 15.0}), starts=1, processes=1)
+    bounds = stored_nlp(s).bounds
+    assert (bounds.high_g != stored_nlp(s).transcription.ubg).any()  # a lower limit that is drawn in from above
+    return s
+
+
+def test_the_gain_of_a_limit_is_what_its_entries_are_worth(held: Solution, hop: Solution) -> None:
+    """1 % more of an operating region is 1 % more torque and speed; the friction cone's entry is the coefficient."""
+    for s in (held, hop):
+        found, gains = influences(s), s.summary["gain_per_percent_m"]
+        for joint in s.design.leg.joints:
+            whole = sum(found[f"leg.{joint}.motor.{figure}"].cm_per_percent for figure in ("max_torque", "max_speed"))
+            assert gains[f"{joint} operating region"] == pytest.approx(whole / 100, rel=1e-3)
+    assert held.summary["gain_per_percent_m"]["friction cone"] == pytest.approx(
+        influences(held)["contact.friction"].cm_per_percent / 100, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("name", ["contact.friction", "contact.least_force", "hop.least_height"])
+def test_limits_that_are_held_are_worth_what_solving_again_says(held: Solution, name: str) -> None:
+    """The knee comes to the ground where the foot cannot slip."""
+    s = solve(load("paper", {name: 0.01}), starts=1, processes=1) if name == "hop.least_height" else held
+    i = influences(s)[name]
+    more, less = (
+        solve_again(stored_nlp(s), with_entry(s.design, name, x * i.value), "clearance") for x in (1.01, 0.99)
+    )
+    assert abs(i.cm_per_percent) > 1e-4
+    assert i.m_per_unit == pytest.approx((more.objective - less.objective) / (0.02 * i.value), rel=0.03)
+
+
+@pytest.mark.parametrize(("entry", "value"), [("hop.least_height", 0.0), ("leg.gear.ratio", 1.0)])
+def test_entries_at_the_end_of_what_they_may_be(entry: str, value: float) -> None:
+    """Solved again on the one side there is, by a parabola."""
+    direct = {"leg.motor.max_torque": 200.0, "leg.motor.max_speed": 12.57, "leg.motor.rotor_inertia": 0.0}
+    s = solve(load("paper", {"leg.gear.ratio": 1.0, **direct}), starts=1, processes=1)
+    found = confirmed(s, influences(s)[entry])
+    assert found.value == value
+    assert found.difference
+    assert not found.difference.fault
+    assert np.isnan(found.difference.backward)
+    assert found.difference.central == pytest.approx(found.m_per_unit, rel=0.03)

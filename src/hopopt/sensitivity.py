@@ -161,15 +161,18 @@ def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
 
 
 def _rows(by: Slopes) -> Iterator[tuple[str, float]]:
-    """Entries that are limits of path and boundary constraints, or the factor of one: |f_x| <= mu f_z."""
+    """Entries that are limits of path and boundary constraints, or the factor of one: |f_x| <= mu f_z.
+
+    Where a limit is held between the nodes, multipliers at the nodes have both signs (nlp/hull.py): both are of its side.
+    """
     for r in by.solution.transcription.rows:
         low, high = by.of_rows(r)
         if r.name == "ground force":
-            yield "contact.least_force", float(low.sum())
+            yield "contact.least_force", float((low + high).sum())
         elif r.name == "friction cone":
-            yield "contact.friction", -float((low * by_friction(by.solution)).sum())
+            yield "contact.friction", -float(((low + high) * by_friction(by.solution)).sum())
         elif r.name == "height above ground":
-            yield "hop.least_height", float(low[:, [label != "foot" for label in r.labels]].sum())
+            yield "hop.least_height", float((low + high)[:, [label != "foot" for label in r.labels]].sum())
         elif r.name == "foot window":
             yield "hop.foot_window", float(high.sum() - low.sum())
 

@@ -6,12 +6,14 @@ the same limits held between the nodes. So nothing that the derivative was made 
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
-from hopopt.errors import UsageError
+from hopopt.errors import UsageError, one_line
 from hopopt.leg.design import Design
 from hopopt.nlp.hull import held_between, held_in, holds
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
@@ -23,6 +25,8 @@ from hopopt.sensitivity import Influence, settled_within
 from hopopt.solution import Solution
 
 STEP, WIDEST = 0.005, 0.05  # relative change of an entry, and of one that hardly matters
+LEAST = 1e-6  # [m per unit], below which an entry that is 0 is not looked at
+FELT = 5e-4  # share of the height that a step from 0 is to make
 LEADING = 5  # entries that are confirmed unless others are named
 NOISE = 0.005  # share of the difference that noise should be
 AGREE = 0.01  # relative difference, beyond the noise, at which derivative and difference still agree
@@ -31,7 +35,8 @@ KINK = 0.1  # relative difference of the slopes to both sides, beyond the noise,
 
 @dataclass(frozen=True)
 class Difference:
-    """What solving again gave: (J+ - J-) / 2h, (J+ - J0) / h and (J0 - J-) / h [m per unit], h = step |value|.
+    """What solving again gave: (J+ - J-) / 2h, (J+ - J0) / h and (J0 - J-) / h [m per unit], h = step |value|, or
+    step [the entry's unit] for an entry that is 0; if it may not be more or less, the slope from three points beside it.
 
     noise is what the mesh can make of each [m per unit]; fault says why there is none.
     """
@@ -81,26 +86,45 @@ def confirmed(solution: Solution, influence: Influence) -> Influence:
 
 
 def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Difference:
+    noise, slope = settled_within(solution), max(abs(i.m_per_unit), 1e-12)
     if not i.value:
-        return Difference(fault="not solved again: it is 0, of which there is no share")
-    noise = settled_within(solution)
-    wide = float(np.clip(noise / (NOISE * max(abs(i.value * i.m_per_unit), 1e-12)), STEP, WIDEST))
-    found = _at_step(solution, nlp, i, wide, noise)
-    return _at_step(solution, nlp, i, STEP, noise) if found.fault and wide > STEP else found
+        if slope < LEAST:
+            return Difference(fault="not solved again: it is 0, and hardly matters")
+        return _over(solution, nlp, i, FELT * abs(nlp.objective) / slope, noise)
+    wide = abs(i.value) * float(np.clip(noise / (NOISE * abs(i.value) * slope), STEP, WIDEST))
+    found, narrow = _over(solution, nlp, i, wide, noise), STEP * abs(i.value)
+    return _over(solution, nlp, i, narrow, noise) if found.fault and wide > narrow else found
 
 
-def _at_step(solution: Solution, nlp: NlpSolution, i: Influence, step: float, noise: float) -> Difference:
-    h, heights = step * abs(i.value), []
-    for value in (i.value + h, i.value - h):
+def _over(solution: Solution, nlp: NlpSolution, i: Influence, h: float, noise: float) -> Difference:
+    """The difference over a step of h [the entry's unit]."""
+    heights, ways, step = list[float](), _ways(solution.design, i, h), h / (abs(i.value) or 1.0)
+    for value in (i.value + way * h for way in ways):
         try:
             again = solve_again(nlp, with_entry(solution.design, i.name, value), solution.objective)
-        except ValueError as error:  # what no problem may have, or no start pose
-            return Difference(step, fault=f"not solved again at {value:g}: {str(error).splitlines()[0]}")
+        except ValidationError:
+            return Difference(step, fault=f"not solved again: {value:g} is more or less than it may be")
+        except ValueError as error:  # no start pose
+            return Difference(step, fault=f"not solved again at {value:g}: {one_line(error)}")
         if not again.success:
             return Difference(step, fault=f"not solved again at {value:g}: {again.status}")
         heights.append(again.objective)
-    up, down = heights
-    return Difference(step, (up - down) / (2 * h), (up - nlp.objective) / h, (nlp.objective - down) / h, noise / h)
+    (one, two), here = heights, nlp.objective
+    if ways != (1, -1):  # an entry at the end of what it may be: a parabola through three points on the other side
+        side, slope = ways[0], ways[0] * (4 * one - two - 3 * here) / (2 * h)
+        return Difference(step, slope, *(side * (one - here) / h, np.nan)[::side], noise=4 * noise / h)
+    return Difference(step, (one - two) / (2 * h), (one - here) / h, (here - two) / h, noise / h)
+
+
+def _ways(design: Design, i: Influence, h: float) -> tuple[int, int]:
+    """Steps of h at which to solve again: up and down, or twice to one side if the entry may not be more or less."""
+
+    def allowed(way: int) -> bool:
+        with suppress(ValidationError):
+            return bool(with_entry(design, i.name, i.value + way * h))
+        return False
+
+    return (1, -1) if allowed(1) and allowed(-1) else (1, 2) if allowed(1) else (-1, -2)
 
 
 def with_entry(design: Design, path: str, value: float) -> Design:

@@ -11,6 +11,7 @@ from hopopt.idle import idle_limits
 from hopopt.leg.kinematics import reach
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range
+from hopopt.nlp.hull import of_limits
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
@@ -197,16 +198,14 @@ def by_friction(solution: NlpSolution) -> np.ndarray:
 def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, float]:
     """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers: more
     of what is maximised, less of what is minimised. The friction cone's range is its coefficient."""
-    t, gains = solution.transcription, {}
+    t, gains, lam_g = solution.transcription, {}, of_limits(solution)
     for rows in t.rows:
         if rows.kind in ("path", "boundary") and rows.name.endswith(("operating region", "foot window")):
             bound = np.abs(t.ubg[rows.start : rows.stop])
-            gains[rows.name] = gains.get(rows.name, 0.0) + 0.01 * float(
-                np.abs(solution.lam_g[rows.start : rows.stop]) @ bound
-            )
+            gains[rows.name] = gains.get(rows.name, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
         elif rows.name == "friction cone" and friction is not None:
-            lam = np.abs(solution.lam_g[rows.start : rows.stop]).reshape(-1, len(rows.labels)) / rows.scale
-            gains[rows.name] = 0.01 * friction * float((lam * by_friction(solution)).sum())
+            lam = solution.lam_g[rows.start : rows.stop].reshape(-1, len(rows.labels)) / rows.scale
+            gains[rows.name] = -0.01 * friction * float((lam * by_friction(solution)).sum())
     for name, where in t.variables.items():
         phase = t.problem.phase(name)
         gains[f"longest {name}"] = (

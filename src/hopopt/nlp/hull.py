@@ -112,17 +112,28 @@ def held_in(s: NlpSolution) -> Chosen:
     return found
 
 
+def of_limits(s: NlpSolution) -> np.ndarray:
+    """Multipliers by the side of their limit: of the hull where a limit is held, for its nodes' have both signs."""
+    groups, touched = _touching(s.transcription, held_in(s))
+    return _by_blocks(groups, np.flatnonzero(~touched), invert=False).T @ s.lam_g
+
+
 def held_between(t: Transcription, chosen: Chosen) -> Held:
     """The program of ``t`` with the chosen limits held between the nodes."""
-    groups = list(_groups(t, chosen))
-    own = np.concatenate([g.ravel() for _, g in groups] or [np.zeros(0, dtype=int)])
-    touched = np.zeros(len(t.lbg), dtype=bool)
-    touched[own] = True
+    groups, touched = _touching(t, chosen)
     inverse, M = (_by_blocks(groups, np.flatnonzero(~touched), invert) for invert in (False, True))
     p, other = t.program, copy(t)
     terms = (replace(term, scatter=_on_rows(M, term.scatter)) for term in p.phases)
     other.program = replace(p, linear=csc(M @ p.linear), phases=tuple(terms))
     return Held(t, chosen, other, inverse, M, touched)
+
+
+def _touching(t: Transcription, chosen: Chosen) -> tuple[list[tuple[PhaseLayout, np.ndarray]], np.ndarray]:
+    """The groups of rows of the chosen limits, and for every row whether it is among them."""
+    groups, touched = list(_groups(t, chosen)), np.zeros(len(t.lbg), dtype=bool)
+    for _, rows in groups:
+        touched[rows] = True
+    return groups, touched
 
 
 def _groups(t: Transcription, chosen: Chosen) -> Iterator[tuple[PhaseLayout, np.ndarray]]:
