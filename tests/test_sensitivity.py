@@ -143,14 +143,17 @@ OTHER = [
     "start.hip_height=0.31", "start.foot_x=0.02", "hop.stance_duration=[0.03, 0.3]",
 ]  # fmt: skip
 ANGLES = ["start.joint_angles=[1.0, -2.1]", "leg.motor.laws=['four-quadrant']", "leg.motor.max_torque=1.5"]
-LEGS = {"paper": [], "other": OTHER, "angles": ANGLES}
+LEGS = {"paper": [], "other": OTHER, "angles": ANGLES, "refined": OTHER}
 TWO_CAPS = ["leg.gear.torque_cap=120", "leg.motor.torque_cap=1.2"]  # both 120 N m at the joint
 
 
 @cache
 def coarse(name: str) -> Solution:
-    """An optimum on a coarse mesh: what follows holds for it as for any."""
-    mesh = ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
+    """An optimum on a coarse mesh: what follows holds for it as for any; and one on a refined mesh, where limits are held
+    between the nodes."""
+    mesh = (
+        [] if name == "refined" else ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
+    )
     return solve(load("paper", [*(LEGS | {"two caps": TWO_CAPS})[name], *mesh]), starts=1, processes=1)
 
 
