@@ -18,6 +18,7 @@ from hopopt.compare import (
     paper_strategy,
     planned_trace,
     reference_of,
+    suiting,
 )
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.errors import UsageError
@@ -382,6 +383,16 @@ def test_strategies_that_do_not_suit_the_leg_are_refused_before_the_work(monkeyp
     data["start"] = {"joint_angles": (1.12, -2.3, 1.0)}
     with pytest.raises(UsageError, match="need a leg of two joints"):
         compare(Design.model_validate(data), ["track", "force"])
+
+
+def test_by_default_the_strategies_are_those_that_suit_the_leg():
+    names, notes = suiting(load("paper"))
+    assert set(names) == set(BUILT_IN)
+    assert names[:2] == ["track", "track_pd"]
+    assert not notes
+    names, notes = suiting(load("three_joint"))
+    assert names == ["track", "track_pd"]
+    assert "left out: they need a leg of two joints" in notes[0]
 
 
 def test_a_hop_faster_than_a_gear_may_turn_does_not_disprove_the_bound():

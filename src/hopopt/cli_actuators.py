@@ -44,11 +44,11 @@ def actuators(*, fit: Fit = False, json_: AsJson = False) -> int:
     if json_:
         print(json.dumps({f"{part}s": (_law_as_json if fit else _as_json)(part) for part in FIGURES}))
         return 0
-    from hopopt.screen import wide_console
+    from hopopt.screen import console, print_table
 
-    out = wide_console()
+    out = console()
     for part in FIGURES:
-        out.print(_law_table(part) if fit else _table(part))
+        print_table(out, _law_table(part) if fit else _table(part))
         out.print(_law_in_words(part) if fit else "")
     if fit:
         out.print("To use one: --free leg.motor.max_torque=1:3 --free leg.body.mass=5:6.5")
@@ -136,6 +136,6 @@ def _head(title: str, headings: dict[str, str]) -> Any:
 
 def _titled() -> bool:
     """Whether the screen has room for what an entry is called in full."""
-    from hopopt.screen import ROOM, wide_console
+    from hopopt.screen import ROOM, console
 
-    return wide_console().width >= ROOM
+    return console().width >= ROOM

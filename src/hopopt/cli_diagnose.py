@@ -31,5 +31,5 @@ def diagnose(
     from hopopt.screen import console
 
     for line in found["words"]:
-        console().print(line, markup=False)
+        console().print(line)
     return 0

@@ -95,7 +95,7 @@ def compare(
     problem: str | None = None,
     *,
     set_: Overrides = None,
-    strategies: str = "track,track_pd,force,force_tuck,force_tuned,position,position_soft,position_tuck,position_tuned",
+    strategies: str | None = None,
     bound: Path | None = None,
     tune: int = 0,
     mujoco: bool = False,
@@ -116,7 +116,8 @@ def compare(
     problem
         A problem file, or the name of a built-in one (default: the bound's problem, or paper).
     strategies
-        Which to simulate, separated by commas; also your own as package.module:Class.
+        Which to simulate, separated by commas (default: all that suit the leg): track, track_pd, force, force_tuck,
+        force_tuned, position, position_soft, position_tuck, position_tuned; also your own as package.module:Class.
     bound
         A results folder of hopopt solve for the same problem, to save solving again.
     tune
@@ -140,8 +141,8 @@ def compare(
     began = time.perf_counter()
     from hopopt.problem_file import load
 
-    names = [name.strip() for name in strategies.split(",") if name.strip()]
-    if not names:
+    names = None if strategies is None else [name.strip() for name in strategies.split(",") if name.strip()]
+    if names == []:
         raise UsageError("--strategies names none: give one or more, separated by commas, such as track,force")
     if tune and tune < 24:
         raise UsageError("--tune must be 0 or at least 24")

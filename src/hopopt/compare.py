@@ -16,6 +16,7 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.design import Design
+from hopopt.leg.kinematics import two_joints
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.paper_results import PAPER, is_the_papers
 from hopopt.problem_file import design_hash
@@ -130,14 +131,15 @@ class Comparison:
 
 def compare(
     design: Design,
-    strategies: Sequence[str] = tuple(BUILT_IN),
+    strategies: Sequence[str] | None = None,
     *,
     bound: Solution | None = None,
     mujoco: bool = False,
     tune: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Comparison:
-    """Solve for the bound (or take one that was solved), simulate every strategy, and set them side by side.
+    """Solve for the bound (or take one that was solved), simulate every strategy (by default all that suit the leg), and
+    set them side by side.
 
     tune: the tuned ones of the paper's strategies get the best gains among so many hops of this leg. mujoco: run all in
     MuJoCo too. Raises MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg and
@@ -149,7 +151,8 @@ def compare(
         library()
         if design.simulation.torque_delay:
             raise UsageError("runs in MuJoCo have no delay: leave out --mujoco, or set simulation.torque_delay=0")
-    say, chosen = progress or (lambda text: None), [find(name) for name in strategies]
+    say, (names, notes) = progress or (lambda text: None), suiting(design) if strategies is None else (strategies, [])
+    chosen = [find(name) for name in names]
     for strategy in chosen:  # what does not suit the leg is said before the work
         if not strategy.needs_plan:
             make_controller(design, strategy)
@@ -157,7 +160,7 @@ def compare(
     if tracked:
         reserved(design)
     solution = solve(design, progress=say) if bound is None else answering(design, bound)
-    plan, notes = None, []
+    plan = None
     if tracked:
         try:
             plan = plan_to_track(design, say)
@@ -165,7 +168,7 @@ def compare(
             chosen = [s for s in chosen if not s.needs_plan]
             notes.append(f"nothing is tracked, as no plan keeps the problem's [reserve] back: {error}")
     reference = None if plan is None else reference_of(plan)
-    again = [tuned(design, name, tune, say) for name in TUNED if tune and name in strategies]
+    again = [tuned(design, name, tune, say) for name in TUNED if tune and name in names]
     chosen = [s for s in chosen if s.name not in [t.name for t in again]] + again
     runs, elsewhere = {}, {}
     for strategy in chosen:
@@ -174,6 +177,14 @@ def compare(
         if mujoco:
             elsewhere[strategy.name] = clearance_in_mujoco(design, strategy, reference)
     return Comparison(solution, plan, runs, elsewhere, tuple(notes))
+
+
+def suiting(design: Design) -> tuple[list[str], list[str]]:
+    """Names of the strategies that suit a leg, those that track the optimum first; and a note of what does not."""
+    tracking = [name for name, s in BUILT_IN.items() if s.needs_plan]
+    if not two_joints(design.leg):
+        return tracking, ["the paper's strategies are left out: they need a leg of two joints in the x-z plane"]
+    return [*tracking, *(name for name in BUILT_IN if name not in tracking)], []
 
 
 def paper_strategy(solution: Solution) -> dict[str, Any] | None:

@@ -14,16 +14,18 @@ if TYPE_CHECKING:
     from hopopt.verify import Check
 
 ROOM = 100  # columns of a screen on which tables have all their columns
+PIPED = 180  # columns of a table that no screen shows
 
 
 def console() -> Console:
-    """Standard output for sentences: broken between words on a screen, whole lines when piped."""
-    return Console(highlight=False, soft_wrap=not sys.stdout.isatty())
+    """Standard output: sentences are broken between words on a screen, and whole lines when piped."""
+    piped = not sys.stdout.isatty()
+    return Console(highlight=False, markup=False, soft_wrap=piped, width=PIPED if piped else None)
 
 
-def wide_console() -> Console:
-    """Standard output for tables: as wide as the screen, and wide enough for whole lines when piped."""
-    return Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 180)
+def print_table(out: Console, table: Table) -> None:
+    """A table, as wide as the screen."""
+    out.print(table, soft_wrap=False)
 
 
 @contextmanager
@@ -48,7 +50,7 @@ def print_lines(out: Console, name: str, lines: Sequence[str]) -> None:
                 break_long_words=False, break_on_hyphens=False,
             )  # fmt: skip
             line = ""
-        out.print(f"{head}{line}", markup=False)
+        out.print(f"{head}{line}")
 
 
 def print_rows(title: str, rows: "Sequence[Row]") -> None:
@@ -59,8 +61,7 @@ def print_rows(title: str, rows: "Sequence[Row]") -> None:
     for row in rows:
         unset = "by default" if "(default" in row.meaning else "not set"
         table.add_row(row.path, unset if row.value is None else _plain(row.value), row.unit, row.meaning)
-    out = wide_console()
-    out.print(table)
+    print_table(console(), table)
 
 
 def _plain(value: Any) -> str:
@@ -76,12 +77,12 @@ def print_checks(title: str, checks: "Sequence[Check]") -> None:
     out, made = console(), len(checks) - len(left_out)
     out.print(f"{'verified' if not bad else 'NOT verified'}: {made - bad} of {made} checks passed")
     if left_out:
-        out.print(f"left out: {', '.join(c.name for c in left_out)} ({left_out[0].left_out})", markup=False)
+        out.print(f"left out: {', '.join(c.name for c in left_out)} ({left_out[0].left_out})")
 
 
 def print_residuals(title: str, kind: str, checks: "Sequence[Check]") -> None:
     """A table of checks; where the worst is stands in it where there is room, else below it of those that failed."""
-    out = wide_console()
+    out = console()
     room = out.width >= ROOM
     table = Table(title=title, title_justify="left", box=None, padding=(0, 2 if room else 1, 0, 0), pad_edge=False)
     for column in (kind, "residual", "allowed", "unit", "", *["worst"][:room]):
@@ -90,7 +91,7 @@ def print_residuals(title: str, kind: str, checks: "Sequence[Check]") -> None:
         state = "left out" if c.left_out else "ok" if c.passed else "FAILED"
         residual = "" if c.left_out else f"{c.residual:.1e}"
         table.add_row(c.name, residual, f"{c.tolerance:.0e}", c.unit, state, *[c.where][:room])
-    out.print(table)
+    print_table(out, table)
     for c in checks:
         if c.where and not c.passed and not room:
             out.print(f"FAILED {c.name}: {c.where}")

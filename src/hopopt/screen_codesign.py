@@ -4,7 +4,7 @@ from typing import Any
 
 from rich.table import Table
 
-from hopopt.screen import wide_console
+from hopopt.screen import console, print_table
 
 
 def print_codesign(found: dict[str, Any]) -> None:
@@ -15,8 +15,8 @@ def print_codesign(found: dict[str, Any]) -> None:
     for p in found["parameters"]:
         figures = [f"{p[name]:.5g}" for name in ("was", "optimal", "lower", "upper")]
         table.add_row(p["entry"], *figures, p["unit"], f"at its {p['at_bound']} bound" if p["at_bound"] else "")
-    out = wide_console()
-    out.print(table)
+    out = console()
+    print_table(out, table)
     for c in found["couplings"]:
         out.print(f"{c['coupling']}   ({'active' if c['active'] else 'not active'})")
         if c["coupling"].startswith("catalogue"):

@@ -5,7 +5,7 @@ from typing import Any
 
 from rich.table import Table
 
-from hopopt.screen import console, print_lines, wide_console
+from hopopt.screen import console, print_lines, print_table
 from hopopt.screen_answer import bound_line
 from hopopt.upright import TELLING
 
@@ -15,12 +15,14 @@ def print_evidence(data: Mapping[str, Any]) -> None:
     out, best = console(), data["best"]
     state = "verified" if best["verified"] else f"NOT verified ({', '.join(best['failed_checks'])})"
     out.print(
-        f"[bold]{data['problem']}[/bold]: best of {data['starts']['count']} starts {best['clearance_m']:.4f} m, {state}"
+        f"[bold]{data['problem']}[/bold]: best of {data['starts']['count']} starts {best['clearance_m']:.4f} m, {state}",
+        markup=True,
     )
     print_lines(out, "bound", bound_line(data))
     if data["contradicted"]:
         out.print(
-            "[bold red]the global method finds more than the planner in the reduced hop[/bold red]: neither is to be trusted"
+            "[bold red]the global method finds more than the planner in the reduced hop[/bold red]: neither is to be trusted",
+            markup=True,
         )
     print_lines(out, "reduced", _reduced(data["reduced"]))
     table = Table(title="local optima on the first mesh", title_justify="left", box=None, pad_edge=False)
@@ -33,10 +35,10 @@ def print_evidence(data: Mapping[str, Any]) -> None:
         table.add_column(column, justify=side)  # type: ignore[arg-type]
     for f in data["starts"]["families"]:
         table.add_row(f"{f['objective']:.4f}", str(f["count"]), f["words"], f["name"])
-    wide_console().print(table)
+    print_table(out, table)
     if failed := data["starts"]["count"] - data["starts"]["solved"]:
-        out.print(f"{failed} of the starts led to no hop", markup=False)
-    out.print(f"results {data['result_dir']}", markup=False)
+        out.print(f"{failed} of the starts led to no hop")
+    out.print(f"results {data['result_dir']}")
 
 
 def _reduced(reduced: Mapping[str, Any]) -> list[str]:

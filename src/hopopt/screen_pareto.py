@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from hopopt.screen import wide_console
+from hopopt.screen import console, print_table
 
 if TYPE_CHECKING:
     from hopopt.pareto import Front
@@ -25,8 +25,8 @@ def print_front(front: "Front") -> None:
             "verified" if p.verified else p.sentence,
             (p.result_dir or "").split("/")[-1],
         )
-    out = wide_console()
-    out.print(table)
+    out = console()
+    print_table(out, table)
     good = len(front.verified)
     out.print(
         f"{good} of {len(front.points)} points verified{'' if front.complete else ', not complete'}; {front.folder}"

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from hopopt.screen import console, wide_console
+from hopopt.screen import console, print_table
 
 ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
 PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
@@ -14,16 +14,16 @@ PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest
 
 def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     """The bound, the table, where the centimetres are lost, the paper's figures, and warnings."""
-    rows, out = comparison["strategies"], wide_console()
+    rows, out = comparison["strategies"], console()
     out.print(_headline(comparison))
-    out.print(_heights(rows))
-    out.print(_efforts(rows))
+    print_table(out, _heights(rows))
+    print_table(out, _efforts(rows))
     out.print(
         "C_avg: mean saturation ratio in stance, 1 where a drive always gives all that its speed allows; work: of the motors, "
         "net, until the clearance counts; ground: largest force, along and up together"
     )
     if comparison["verified"]:
-        out.print(_gaps(rows))
+        print_table(out, _gaps(rows))
     for name, row in rows.items():
         if "paper" in row:
             out.print(_paper(name, row))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from hopopt.screen import wide_console
+from hopopt.screen import console, print_table
 
 if TYPE_CHECKING:
     from hopopt.sensitivity import Influence
@@ -16,14 +16,14 @@ LEAST = 5e-4  # [cm] per per cent, below which an entry is left out of it
 
 def print_sensitivity(data: Mapping[str, Any], influences: "Sequence[Influence]") -> None:
     """The optimum, the leading entries, what to change first, and how well the figures are known."""
-    out = wide_console()
+    out = console()
     if data["failed_checks"]:
         out.print(f"{data['problem']}: the optimum was NOT verified, so nothing is said of what it depends on.")
         out.print(f"Failed: {', '.join(data['failed_checks'])}")
         return
     what, height = ("body apex", data["apex_m"]) if "apex_m" in data else ("clearance", data["clearance_m"])
     out.print(f"{data['problem']}: {what} {height:.4f} m, verified. What 1 % more of an entry would change:")
-    out.print(_table(influences))
+    print_table(out, _table(influences))
     for line in (
         *_indented(influences),
         *left_out(influences),

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from hopopt.ocp.objectives import find
-from hopopt.screen import wide_console
+from hopopt.screen import console, print_table
 from hopopt.sweep_workers import duration
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ SHOWN = 60  # points; the rest is in the table's file
 
 def print_study(study: "Study") -> None:
     """Every point with its outcome, the best, what failed and why, and where it lies."""
-    out, entries = wide_console(), [axis.entry for axis in study.definition.axes]
+    out, entries = console(), [axis.entry for axis in study.definition.axes]
     table = Table(box=None, pad_edge=False)
     goal = find(study.definition.objective)
     other = [] if goal.figure == "clearance_m" else [f"{goal.name} {goal.unit}"]
@@ -29,7 +29,7 @@ def print_study(study: "Study") -> None:
         what = " best" if best is p else f": {p.sentence}" if p.sentence else ""
         value = [f"{p.objective_value:.5g}" if p.verified else ""] if other else []
         table.add_row(*(f"{x:g}" for x in p.values.values()), *value, height, f"{p.outcome}{what}")
-    out.print(table)
+    print_table(out, table)
     if len(study.points) > SHOWN:
         out.print(f"… and {len(study.points) - SHOWN} more in {study.folder / 'table.csv'}")
     verified = sum(p.verified for p in study.points)

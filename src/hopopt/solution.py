@@ -229,14 +229,14 @@ class Solution:
         return sensitivity(self)
 
     def compare(self, *strategies: str, tune: int = 0) -> "Comparison":
-        """This hop as the bound, beside what controllers make of the same leg; all built-in ones if none is named.
+        """This hop as the bound, beside what controllers make of the same leg; all that suit the leg if none is named.
 
         tune: hops on which the gains of "force" and "position" are tuned. Raises UsageError for unknown strategies,
         NotSolvedError if there is no plan to track.
         """
-        from hopopt.compare import BUILT_IN, compare
+        from hopopt.compare import compare
 
-        return compare(self.design, strategies or tuple(BUILT_IN), bound=self, tune=tune)
+        return compare(self.design, strategies or None, bound=self, tune=tune)
 
 
 def _join(parts: list[Samples]) -> Samples:
