@@ -383,6 +383,9 @@ def test_strategies_that_do_not_suit_the_leg_are_refused_before_the_work(monkeyp
     data["start"] = {"joint_angles": (1.12, -2.3, 1.0)}
     with pytest.raises(UsageError, match="need a leg of two joints"):
         compare(Design.model_validate(data), ["track", "force"])
+    with pytest.raises(UsageError, match="stands on a vertical slider"):
+        compare(load("paper", {"leg.guides": ["z"]}))
+    assert run(["simulate", "--strategy", "track", "--set", 'leg.guides=["z"]']) == 2
 
 
 def test_by_default_the_strategies_are_those_that_suit_the_leg():

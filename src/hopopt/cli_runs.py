@@ -66,6 +66,7 @@ def simulate(
     from hopopt.storage_folder import as_json, prepare
 
     chosen = find(strategy)
+    closed_loop.make_plant(truth or design)  # what cannot be simulated is said before the work
     prepare(results)
     with progress(quiet=json_) as say:
         reference = _plan(design, plan, chosen.needs_plan, say)

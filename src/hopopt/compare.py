@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopopt.closed_loop import Run, clearance_in_mujoco, make_controller, simulate
+from hopopt.closed_loop import Run, clearance_in_mujoco, make_controller, make_plant, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.errors import NotSolvedError, UsageError
@@ -153,7 +153,8 @@ def compare(
             raise UsageError("runs in MuJoCo have no delay: leave out --mujoco, or set simulation.torque_delay=0")
     say, (names, notes) = progress or (lambda text: None), suiting(design) if strategies is None else (strategies, [])
     chosen = [find(name) for name in names]
-    for strategy in chosen:  # what does not suit the leg is said before the work
+    make_plant(design)  # what cannot be simulated, or does not suit the leg, is said before the work
+    for strategy in chosen:
         if not strategy.needs_plan:
             make_controller(design, strategy)
     tracked = any(s.needs_plan for s in chosen)
