@@ -295,3 +295,16 @@ def test_the_text_says_what_is_matched_and_what_is_not() -> None:
     assert "paper 0.44 m, simulated 0.550 m, NOT matched (+11.0 of 0.01)" in text(off)
     assert "paper 0.38 m, simulated 0.385 m, matched" in text(off)
     assert off.as_dict()["compared"][0]["matched"] is False
+
+
+def test_point_masses_keep_where_links_point_and_nothing_else() -> None:
+    more = {
+        "leg.gear.inertia": 1.93e-5,
+        "leg.thigh.direction": [0.6, 0.0, -0.8],
+        "leg.shank.com_position": [0.0, 0.0, -0.1],
+    }
+    leg = point_masses(load("paper", more)).leg
+    assert leg.link["thigh"].direction == (0.6, 0.0, -0.8)
+    assert leg.link["shank"].com_position is None
+    assert leg.link["shank"].com == leg.link["shank"].length
+    assert leg.gear.inertia == 0.0

@@ -249,3 +249,13 @@ def test_certificate_of_a_solution_is_that_of_its_program(coarse: Solution) -> N
     assert len(coarse.multipliers["ends"]["multiplier"]) == sum(
         r.stop - r.start for r in nlp.transcription.rows if r.kind == "boundary"
     )
+
+
+def test_a_foot_slips_against_the_force_that_holds_it() -> None:
+    """Where the ground pushes forward as hard as friction lets it, the foot is about to slip backward."""
+    s = solve(load("paper", {"contact.friction": 0.3, **COARSE}), starts=1, processes=1)
+    found = [x for x in structure(stored_nlp(s))["stance"] if "slip" in x.limit and x.end - x.begin > 0.005]
+    assert found
+    for x in found:
+        along = float(s.sample([(x.begin + x.end) / 2]).f[0, 0])
+        assert x.limit.split()[-1] == ("backward" if along > 0 else "forward"), (x, along)

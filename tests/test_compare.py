@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hopopt.cli import run
-from hopopt.closed_loop import clearance_in_mujoco, simulate
+from hopopt.closed_loop import clearance_in_mujoco, make_plant, simulate
 from hopopt.compare import (
     OPTIMUM,
     Comparison,
@@ -459,3 +459,27 @@ def test_a_leg_that_only_stands_is_said_to(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)  # where it is found, as an objective of one's own is
     assert run(["simulate", "--strategy", "standing:Stand", "--results", str(tmp_path), "--no-figures"]) == 0
     assert "the foot never left the ground" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("rules", "said"),
+    [
+        ({"hop.flight_duration": [0.03, 0.12]}, "flight of 0.2"),
+        ({"hop.stance_duration": [0.2, 0.4]}, "stance of 0.1"),
+        ({"hop.least_height": 0.2}, "knee down to 0.1"),
+        ({"hop.least_height": 0.2, "hop.above_ground": ["hip", "foot"]}, ""),
+    ],
+)
+def test_a_hop_that_lasts_too_long_or_hangs_too_low_is_not_within_the_limits(rules, said):
+    """Such a hop does not disprove a bound; a joint that need not stay above the ground may hang as low as it likes."""
+    found = simulate(load("paper", rules), find("force_tuck")).figures.limits_exceeded
+    assert [words[: len(said)] for words in found] == [said] * bool(said)
+
+
+def test_a_joint_that_may_pass_the_ground_does_not_end_a_run():
+    for above, stops in ((["hip", "knee"], "the knee hit the ground"), (["hip", "foot"], "")):
+        plant = make_plant(load("paper", {"hop.above_ground": above}))
+        start = plant.stance_start(np.array([1.3, -2.4]))
+        q = start.q.copy()
+        q[1] = plant.machine.points(np.array([0, 0, *q[2:]]))["knee"][1] * -1 - 0.01  # the knee 1 cm below the ground
+        assert plant._fault(dataclasses.replace(start, q=q)) == stops

@@ -187,3 +187,18 @@ def test_a_comment_on_top_says_what_made_it_and_its_units(kind: str) -> None:
     assert lines[1].startswith("<!-- Made by hopopt")
     assert "SI units" in lines[1]
     assert lines[3].startswith("  <")  # indented
+
+
+@pytest.mark.parametrize("kind", [to_urdf, to_mjcf])
+def test_a_leg_on_a_slider_cannot_move_along_x(kind: Any) -> None:
+    text = kind(build_robot(load("paper", {"leg.guides": ["z"]}).leg))
+    assert "its guide along x is fixed" in text
+    root = ET.fromstring(text.split("\n", 2)[2])
+    slides = [j.get("name") for j in root.iter("joint") if j.get("type") in ("prismatic", "slide")]
+    assert slides == ["z"]
+
+
+@pytest.mark.parametrize("kind", [to_urdf, to_mjcf])
+def test_a_leg_that_leaves_the_plane_is_not_called_planar(kind: Any) -> None:
+    assert "x-z plane only" in kind(build_robot(load("three_joint").leg))
+    assert "x-z plane" not in kind(build_robot(load("three_joint", {"leg.hip.axis": [0.0, -0.98, 0.199]}).leg))

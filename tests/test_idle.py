@@ -15,10 +15,11 @@ from hopopt.errors import ResultError
 from hopopt.idle import idle_limits
 from hopopt.leg.design import Design
 from hopopt.nlp.flat import CannotBeTold
+from hopopt.planner import solve
 from hopopt.problem_file import load
 from hopopt.solution import Solution
 from hopopt.storage import save
-from hopopt.summary import FINE
+from hopopt.summary import FINE, active_limits
 
 pytestmark = pytest.mark.filterwarnings("error")
 MARGIN = 1e-6
@@ -124,6 +125,8 @@ def test_a_friction_cone_says_what_it_needs(plan: Solution) -> None:
     f = np.tile([-30.0, 100.0], (len(fine["stance"].t), 1))
     f[::7] = [50.0, 0.0]
     fine["stance"] = replace(fine["stance"], f=f)
+    sideways = np.insert(f, 1, 0.0, axis=1) * [np.sqrt(0.5), 1.0, 1.0]  # on one side of the pyramid in the cone
+    in_space = fine | {"stance": replace(fine["stance"], f=sideways)}
     for friction, idle in ((0.6, True), (0.3, False)):
         contact = plan.design.contact.model_copy(update={"friction": friction})
         cone = idle_limits(replace(plan, design=plan.design.model_copy(update={"contact": contact})), fine)
@@ -132,6 +135,12 @@ def test_a_friction_cone_says_what_it_needs(plan: Solution) -> None:
             assert cone["friction cone"] == pytest.approx(
                 {"used": 0.5, "entry": "contact.friction", "limit": 0.6, "enough": 0.3}
             )
+        design = plan.design.model_copy(update={"contact": contact})
+        space = idle_limits(replace(plan, design=design), in_space)
+        assert ("friction cone" in space) is idle
+        assert not idle or space["friction cone"]["enough"] == pytest.approx(0.3, rel=1e-3)
+        acts = active_limits(replace(plan, design=design), in_space["stance"]).get("friction cone", 0.0)
+        assert (acts > 0.5) is not idle
 
 
 @pytest.mark.slow
@@ -174,3 +183,12 @@ def test_diagnose_keeps_the_rest_where_matrices_are_singular(plan: Solution, tmp
 def test_diagnose_of_what_is_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["diagnose", str(tmp_path)]) == 2
     assert capsys.readouterr().err.startswith("hopopt: ")
+
+
+def test_what_drives_use_is_no_idle_limit_where_it_is_the_objective() -> None:
+    """Caps are part of the share that is made small: tightened to what is used they would be wholly used."""
+    rules = {"leg.gear.torque_cap": 150.0, "leg.gear.speed_cap": 1200.0, "hop.clearance": 0.25, "solver.refine": False}
+    s = solve(load("paper", rules), "saturation", starts=1, processes=1)
+    assert s.summary["idle_limits"]
+    assert not [use["entry"] for use in s.summary["idle_limits"].values() if "cap" in use["entry"]]
+    assert not [name for name in s.summary["idle_limits"] if "line" in name]

@@ -585,3 +585,12 @@ def test_fuzz_round_trip(tmp_path, title, ratio, torque):
     again = load(tmp_path / "again.toml")
     assert as_json(again) == as_json(design)
     assert design_hash(again) == design_hash(design)
+
+
+@pytest.mark.parametrize("rules", [{"leg.guides": ["z"]}, {"leg.hip.axis": [1.0, 0.0, 0.0]}])
+def test_a_leg_that_cannot_move_while_it_stands(rules):
+    """One joint, its foot pinned, the body held by a guide or out of the plane."""
+    one = {"leg.joints": ["hip"], "leg.links": ["thigh"], "leg.knee": None, "leg.shank": None}
+    start = {"start.hip_height": None, "start.joint_angles": [0.3]}
+    (sentence,) = faults("paper", one | start | rules)
+    assert 'leg.joints = ["hip"] cannot move while the foot stands' in sentence

@@ -53,7 +53,9 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
     regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
     own = [design.leg.drive(joint, "gear", "efficiency")[1] for joint in robot.joints]
     efficiency = np.array([s.gear_efficiency if e is None else e for e in own])
-    return Plant(robot, Drive(regions, Gear(efficiency, s.gear_friction, s.gear_damping), torque_gain))
+    return Plant(
+        robot, Drive(regions, Gear(efficiency, s.gear_friction, s.gear_damping), torque_gain), design.hop.above_ground
+    )
 
 
 def make_controller(

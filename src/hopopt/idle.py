@@ -10,6 +10,7 @@ import numpy as np
 from hopopt.leg.actuator import CAPS
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import force_range
+from hopopt.ocp.constraints import steepness
 from hopopt.ocp.descent import DESCENT
 from hopopt.ocp.hop import FLIGHT
 from hopopt.ocp.objectives import find
@@ -53,7 +54,8 @@ def idle_limits(plan: Solution, fine: Mapping[str, Samples]) -> dict[str, dict[s
     fine: the plan's samples by phase. The plan stays what it is if such a limit is dropped or tightened to ``enough``.
     """
     together: dict[tuple[str, str], list[Use]] = {}
-    for use in (*_joints(plan, fine), *_whole(plan, fine)):
+    shares = plan.objective == "saturation"  # the share of its region that a drive uses is the objective there
+    for use in (*_joints(plan, fine), *(() if shares else _regions(plan, fine)), *_whole(plan, fine)):
         together.setdefault(use.key, []).append(use)
     found = [_of_entry(uses) for uses in together.values()]
     return {
@@ -70,15 +72,20 @@ def _of_entry(uses: list[Use]) -> Use:
 
 
 def _joints(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
-    """Angles and operating regions, over all phases."""
-    leg = plan.design.leg
-    q, v = (np.concatenate([getattr(s, part)[:, BASE:] for s in fine.values()]) for part in "qv")
-    tau = np.concatenate([s.tau for s in fine.values()])
+    """Angles, over all phases."""
+    leg, q = plan.design.leg, np.concatenate([s.q[:, BASE:] for s in fine.values()])
     for k, joint in enumerate(plan.robot.joints):
         (low, high), (least, most) = (leg.joint[joint].lower, leg.joint[joint].upper), (q[:, k].min(), q[:, k].max())
         shares = float((high - least) / (high - low)), float((most - low) / (high - low))
         yield Use("{} lower angle", joint, f"leg.{joint}.lower", low, shares[0], float(least), least=True)
         yield Use("{} upper angle", joint, f"leg.{joint}.upper", high, shares[1], float(most))
+
+
+def _regions(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
+    """Operating regions, over all phases."""
+    leg, v = plan.design.leg, np.concatenate([s.v[:, BASE:] for s in fine.values()])
+    tau = np.concatenate([s.tau for s in fine.values()])
+    for k, joint in enumerate(plan.robot.joints):
         region, used = plan.region(joint), dict[str, float]()
         for plane, use in zip(region.planes, region.use(v[:, k], tau[:, k]), strict=True):
             used[plane.line] = max(used.get(plane.line, 0.0), float(np.max(use)))
@@ -101,7 +108,7 @@ def _whole(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
     friction, f = plan.design.contact.friction, fine["stance"].f
     if friction:
         loaded = f[:, -1] >= LOADED * force_range(plan.robot.model)
-        needed = float((np.linalg.norm(f[loaded, :-1], axis=1) / f[loaded, -1]).max(initial=0.0))
+        needed = float((np.abs(f[loaded, :-1]).max(axis=1) / f[loaded, -1]).max(initial=0.0) / steepness(f.shape[1]))
         yield Use("friction cone", "", "contact.friction", friction, needed / friction, needed)
     if goal.ends != "free":
         ends = [

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
+from hopopt.ocp.constraints import steepness
 from hopopt.ocp.descent import DESCENT
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.plots_stick import stick
@@ -168,11 +169,13 @@ def ground_force(solution: Solution) -> Figure:
     figure = solution_figure(solution, f"ground force in stance, at most {largest:.0f} N")
     ax, heavy, friction = figure.subplots(), weight(solution.robot.model), solution.design.contact.friction
     if friction is not None:
-        band = friction * np.maximum(s.f[:, -1], 0.0)
+        band = friction * steepness(s.f.shape[1]) * np.maximum(s.f[:, -1], 0.0)
         ax.fill_between(s.t, -band, band, label="horizontal force that friction can hold", **BAND)
     ax.axhline(heavy, color=GREY, lw=1.5, ls="--", label=f"weight, {heavy:.0f} N")
     jumping_curve(ax, s.t, s.t, s.f[:, -1], color=COLOR[STANCE], lw=2.5, label="vertical")
     jumping_curve(ax, s.t, s.t, s.f[:, 0], color=JOINT_COLORS[0], lw=2, label="horizontal (forward +)")
+    if s.f.shape[1] > 2:
+        jumping_curve(ax, s.t, s.t, s.f[:, 1], color=JOINT_COLORS[2], lw=2, label="sideways (left +)")
     mark_lift_off(ax, solution)
     describe(ax, "time [s]", "force [N]")
     _annotate_peak(ax, solution, s, max(heavy, float(s.f.max())))

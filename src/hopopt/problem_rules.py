@@ -9,7 +9,7 @@ import numpy as np
 from hopopt.leg.design import Design, Hop, Leg, Simulation, Start
 from hopopt.leg.entry import RESERVED, RESERVED_JOINTS
 from hopopt.leg.inertia import obeys_triangle, principal_moments
-from hopopt.leg.kinematics import TwoJoints, joint_positions, reach, start_fault, two_joints, within_limits
+from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
 from hopopt.problem_text import shown
 from hopopt.problem_words import did_you_mean, is_number, lookalike
 
@@ -175,6 +175,12 @@ def stated_once(start: Start, report: "Report") -> None:
 
 def start_rules(leg: Leg, start: Start, hop: Hop | None, report: "Report") -> None:
     """Report why the leg cannot start as the file says; without ``hop`` heights above ground are not checked."""
+    if len(leg.joints) <= len(loop_axes(leg)):
+        held = " and ".join("xyz"[axis] for axis in loop_axes(leg))
+        words = f"= {shown(leg.joints)} cannot move while the foot stands: the body cannot follow it along {held}"
+        return report.add(
+            "leg.joints", f"{words}; a leg needs more joints than that, or both guides and axes across x-z"
+        )
     faults = _angle_faults(leg, start.joint_angles) if start.joint_angles is not None else _height_faults(leg, start)
     found = list(faults)
     for path, words in found or (_ground_faults(leg, start, hop) if hop else ()):

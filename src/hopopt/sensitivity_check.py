@@ -29,6 +29,8 @@ LEAST = 1e-6  # [m per unit], below which an entry that is 0 is not looked at
 FELT = 5e-4  # share of the height that a step from 0 is to make
 LEADING = 5  # entries that are confirmed unless others are named
 NOISE = 0.005  # share of the difference that noise should be
+CLOSER = 0.1  # share of a step, over which a difference that disagrees is taken again
+SOLVED = 1e-8  # relative accuracy to which a program is solved again on one mesh
 AGREE = 0.01  # relative difference, beyond the noise, at which derivative and difference still agree
 KINK = 0.1  # relative difference of the slopes to both sides, beyond the noise, that no smooth optimum has
 
@@ -93,7 +95,12 @@ def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Differenc
         return _over(solution, nlp, i, FELT * abs(nlp.objective) / slope, noise)
     wide = abs(i.value) * float(np.clip(noise / (NOISE * abs(i.value) * slope), STEP, WIDEST))
     found, narrow = _over(solution, nlp, i, wide, noise), STEP * abs(i.value)
-    return _over(solution, nlp, i, narrow, noise) if found.fault and wide > narrow else found
+    if found.fault and wide > narrow:
+        found = _over(solution, nlp, i, narrow, noise)
+    if found.fault or found.agrees(i.m_per_unit):
+        return found
+    closer = _over(solution, nlp, i, CLOSER * wide, SOLVED * abs(nlp.objective))  # over a smaller step less bends
+    return closer if not closer.fault and closer.agrees(i.m_per_unit) else found
 
 
 def _over(solution: Solution, nlp: NlpSolution, i: Influence, h: float, noise: float) -> Difference:

@@ -28,8 +28,10 @@ CORNERS = {  # where two lines of the paper's law meet
 WORDS = {
     ("ground force", "lower"): ("ground", "carries nothing"),
     ("body never descends", "lower"): ("body", "does not descend"),
-    ("friction cone[forward]", "lower"): ("foot", "about to slip forward"),
-    ("friction cone[backward]", "lower"): ("foot", "about to slip backward"),
+    ("friction cone[forward]", "lower"): ("foot", "about to slip backward"),  # the ground pushes it forward
+    ("friction cone[backward]", "lower"): ("foot", "about to slip forward"),
+    ("friction cone[left]", "lower"): ("foot", "about to slip to the right"),
+    ("friction cone[right]", "lower"): ("foot", "about to slip to the left"),
     ("peak ground force", "lower"): ("ground", "at the peak force"),
 }
 SHARE = "share used by the "

@@ -178,7 +178,7 @@ def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
 def _active_at_the_ground(plan: Solution, stance: Samples) -> dict[str, np.ndarray]:
     """Where the ground's limits are active: it cannot pull, a loaded foot may not slip, the body may not descend."""
     margin, friction = ACTIVE * force_range(plan.robot.model), plan.design.contact.friction
-    along, up = np.linalg.norm(stance.f[:, :-1], axis=1), stance.f[:, -1]
+    along, up = np.abs(stance.f[:, :-1]).max(axis=1) / steepness(stance.f.shape[1]), stance.f[:, -1]
     active = {"ground cannot pull": up < margin}
     if friction is not None:
         active["friction cone"] = (along > friction * up - margin) & (up >= margin)
@@ -192,7 +192,7 @@ def by_friction(solution: NlpSolution) -> np.ndarray:
     rows = {r.name: r for r in solution.transcription.rows if r.phase == STANCE}
     ground, sides = rows["ground force"], rows["friction cone"].labels
     force = solution.g[ground.start : ground.stop] * ground.scale
-    return np.outer(force, np.full(len(sides), steepness(sides)))
+    return np.outer(force, np.full(len(sides), steepness(1 + len(sides) // 2)))
 
 
 def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, float]:

@@ -240,11 +240,12 @@ def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]
     It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
     """
     form = {entry: values[entry] for entry in _formative(hop.leg, values)}
-    key = repr((definition.as_dict(), form))
+    key = repr((definition.as_dict(), form, hop.dependent))  # which joints a closed loop moves is form too
     if key not in _compiled:
         _compiled.clear()
         try:
             common = Hop(definition.design_with(form), definition.objective)
+            common = common if common.dependent == hop.dependent else hop
         except ProblemFileError:  # only its points are possible
             t = first_transcription(hop)
             return t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})

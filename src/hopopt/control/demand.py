@@ -41,9 +41,12 @@ def point_masses(design: Design) -> Design:
     tables = design.model_dump(exclude_none=True)
     leg = tables["leg"]
     *others, last = leg["links"]
+    for link in leg["links"]:
+        leg[link] = {key: leg[link][key] for key in ("length", "mass", "direction")}
     for link in others:
-        leg[link] = {"length": leg[link]["length"], "mass": 1e-4}
+        leg[link]["mass"] = 1e-4
     leg[last] |= {"com": leg[last]["length"], "inertia": 1e-8}
-    for motor in (leg["motor"], *(leg[joint].get("motor", {}) for joint in leg["joints"])):
-        motor["rotor_inertia"] = 0.0
+    for part, entry in (("motor", "rotor_inertia"), ("gear", "inertia")):
+        for drive in (leg[part], *(leg[joint].get(part, {}) for joint in leg["joints"])):
+            drive[entry] = 0.0
     return Design.model_validate(tables)

@@ -18,6 +18,7 @@ import numpy as np
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.design import unit
 from hopopt.leg.inertia import PAIRS, tensor
+from hopopt.leg.kinematics import planar
 from hopopt.leg.robot import BASE, MovingBody, Robot, link_bodies
 
 GUIDES = {"x": (1.0, 0.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -26,11 +27,16 @@ SLENDER = 1e-3  # moment about a link's own axis as a share of the one across it
 BALL = 0.1  # m: radius of the ball whose moments the body is given; it does not turn
 FOOT_RADIUS = 1e-6  # m: of the contact point, too small to roll anywhere
 DRAWN = 0.015  # m: radius of what is drawn for a link
-NOTE = (
-    "Made by hopopt {version}. SI units, z up, the leg straight down at zero. It moves in the x-z plane only: of the "
-    "inertias the moments about y are the leg's; those about x and z, and all of the body's, do not enter the motion "
-    "and are placeholders (of a thin rod, of a ball of {ball} m)."
+MADE = "Made by hopopt {version}. SI units, z up."
+IN_PLANE = (
+    "It moves in the x-z plane only: of the inertias the moments about y are the leg's; those about x and z, and all of "
+    "the body's, do not enter the motion and are placeholders (of a thin rod, of a ball of {ball} m)."
 )
+IN_SPACE = (
+    "The body does not turn, and its inertia is a placeholder (of a ball of {ball} m). A link that is a thin rod is given "
+    "some thickness, a thousandth of its moment."
+)
+ON_SLIDER = "The body moves on a vertical slider: its guide along x is fixed."
 
 
 def effort_limit(region: OperatingRegion) -> float:
@@ -59,12 +65,17 @@ def to_urdf(robot: Robot) -> str:
     for name, kind, ends, content, axis, limit in zip(
         joints, kinds, pairwise(names[:-1]), bodies, axes, limits, strict=True
     ):
+        if name in GUIDES and name not in robot.leg.guides:
+            _urdf_joint(root, name, "fixed", ends, content.placement)
+            continue
         joint = _urdf_joint(root, name, kind, ends, content.placement)
         ET.SubElement(joint, "axis", xyz=_text(axis))
         ET.SubElement(joint, "limit", limit)
     _urdf_joint(root, foot_joint, "fixed", (names[-2], foot), robot.points["foot"][1])
     rotors = ", ".join(f"{j} {float(b.armature)!r}" for j, b in zip(robot.joints, bodies[BASE:], strict=True))
-    return _document(root, f"URDF has no rotor inertia. Add to the diagonal of the mass matrix [kg m^2]: {rotors}.")
+    return _document(
+        robot, root, f"URDF has no rotor inertia. Add to the diagonal of the mass matrix [kg m^2]: {rotors}."
+    )
 
 
 def _urdf_link(root: ET.Element, name: str, body: MovingBody | None) -> None:
@@ -106,14 +117,15 @@ def to_mjcf(robot: Robot) -> str:
     joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left to the controller.
     Joint limits are stops. (MuJoCo itself takes a centre of mass within 1e-6 m of its joint to be at the joint.)
     """
-    bodies, root, axes = _bodies(robot), ET.Element("mujoco", model="leg"), _axes(robot)
+    bodies, root = _bodies(robot), ET.Element("mujoco", model="leg")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     ET.SubElement(root, "option", gravity=_text(robot.model.gravity.linear))
     world = ET.SubElement(root, "worldbody")
     ET.SubElement(world, "geom", name="floor", type="plane", size="0 0 1", pos=_text((0, 0, -FOOT_RADIUS)))
     ET.SubElement(world, "site", name="foothold")
     body = ET.SubElement(world, "body", name="body")
-    for name, axis in zip(GUIDES, axes, strict=False):
+    for name in robot.leg.guides:
+        axis = GUIDES[name]
         ET.SubElement(body, "joint", name=name, type="slide", axis=_text(axis))
     _mjcf_inertial(body, bodies[1])
     _, _, *links = _unique(["world", "body", *robot.leg.links])  # MuJoCo's own, and the leg's
@@ -133,7 +145,7 @@ def to_mjcf(robot: Robot) -> str:
     for name in robot.joints:
         effort = effort_limit(operating_region(robot.leg, name, robot.parameters))
         ET.SubElement(actuators, "motor", name=name, joint=name, ctrlrange=_text((-effort, effort)))
-    return _document(root, "A motor takes its joint's torque; its limit is the one at standstill.")
+    return _document(robot, root, "A motor takes its joint's torque; its limit is the one at standstill.")
 
 
 def _mjcf_joint(body: ET.Element, robot: Robot, name: str, content: MovingBody) -> None:
@@ -186,8 +198,9 @@ def _text(values: Iterable[Any]) -> str:
     return " ".join(repr(float(x) + 0.0) for x in values)
 
 
-def _document(root: ET.Element, remark: str) -> str:
+def _document(robot: Robot, root: ET.Element, remark: str) -> str:
     ET.indent(root)
-    note = f"{NOTE.format(version=version('hopopt'), ball=BALL)} {remark}"
+    notes = [MADE, IN_PLANE if planar(robot.leg) else IN_SPACE, *([] if "x" in robot.leg.guides else [ON_SLIDER])]
+    note = f"{' '.join(notes).format(version=version('hopopt'), ball=BALL)} {remark}"
     comment = re.sub("-(?=-)", "- ", note)  # two hyphens would end the comment
     return f'<?xml version="1.0"?>\n<!-- {comment} -->\n{ET.tostring(root, encoding="unicode")}\n'

@@ -43,15 +43,15 @@ def friction_cone(motion: MotionAt, friction: float, size: float, axes: int = 2)
 
     def value(s: Instant) -> ca.SX:
         f = motion(s).f
-        most = f[-1] * friction * steepness(labels)
+        most = f[-1] * friction * steepness(axes)
         return ca.vertcat(*[most + sign * f[k] for k in range(axes - 1) for sign in (-1, 1)])
 
     return PathConstraint("friction cone", value, lower=0.0, scale=size, unit="N", labels=labels)
 
 
-def steepness(labels: Sequence[str]) -> float:
-    """What each side of the friction cone, or of the pyramid within it, has of the friction coefficient."""
-    return 1.0 if len(labels) == 2 else 1 / np.sqrt(2)
+def steepness(axes: int) -> float:
+    """What each side of the friction cone (2 axes held), or of the pyramid within it (3), has of the friction coefficient."""
+    return 1.0 if axes == 2 else 1 / np.sqrt(2)
 
 
 def above_ground(

@@ -47,6 +47,7 @@ from hopopt.ocp.problem import (
 
 STANCE, FLIGHT = "stance", "flight"
 FIXED = Freedom()
+LOOPED = 10.0  # times the tie-break, of a leg that closes a loop in stance: there torques can hold against each other
 EFFORT = "effort"  # the integral of the tie-break
 SPEED, ACCELERATION = 10.0, 300.0  # scales of joint speed [rad/s] and acceleration [rad/s^2]
 BODY_SPEED = 3.0  # scale of the body's speed [m/s]
@@ -219,7 +220,8 @@ class Hop:
     @property
     def tie_break(self) -> float:
         """Weight of the effort in the objective [objective's unit per second]."""
-        return self.design.solver.tie_break * self.objective.tie_break * self.objective.scale(self)
+        looped = LOOPED if self.loops else 1.0
+        return looped * self.design.solver.tie_break * self.objective.tie_break * self.objective.scale(self)
 
     @cached_property
     def problem(self) -> Problem:

@@ -197,8 +197,7 @@ class HopFigures:
             use = np.max(region.use(w, region.clamp(w, trace.motor[span, k])), axis=0)  # above 1 by speed alone
             if use.max() > 1 + SLACK:
                 found.append(f"{joint} at {np.abs(w[use.argmax()]):.1f} rad/s, faster than its drive may turn")
-        if self.lift_off["time_s"] > hop.stance_duration[1] + SLACK:
-            found.append(f"stance of {self.lift_off['time_s']:.3f} s")
+        found += self._wrong_durations()
         friction = self.design.contact.friction
         if friction is not None and self.slip_ratio > friction + SLACK:
             found.append(f"needs friction {self.slip_ratio:.2f}, the ground has {friction:g}")
@@ -207,12 +206,25 @@ class HopFigures:
         least, lowest = self.design.contact.least_force, float(self.trace.f[self.stance, 1][:-1].min(initial=np.inf))
         if least and least - lowest > PULL:
             found.append(f"{least - lowest:.0f} N less than the least ground force")
-        for name in trace.robot.joints:
+        for name in set(hop.above_ground) - {"foot"}:
             if hop.least_height and (z := float(trace.points[name][span, 1].min())) < hop.least_height - SLACK:
                 found.append(f"{name} down to {z:.3f} m")
         if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SLACK:
             found.append("the body descends in stance")
         return found
+
+    def _wrong_durations(self) -> list[str]:
+        """Phases that last shorter or longer than they may; flight counts up to the clearance."""
+        left = self.lift_off["time_s"]
+        lasted = {"stance": left}
+        if self.highest is not None:
+            lasted["flight"] = float(self.trace.t[self.highest]) - left
+        ranges = {phase: getattr(self.design.hop, f"{phase}_duration") for phase in lasted}
+        return [
+            f"{phase} of {lasted[phase]:.3f} s"
+            for phase, (shortest, longest) in ranges.items()
+            if not shortest - SLACK <= lasted[phase] <= longest + SLACK
+        ]
 
     def as_dict(self) -> dict[str, object]:
         """Everything above, for tables and ``--json``."""

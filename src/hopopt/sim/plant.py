@@ -6,7 +6,7 @@ Runge-Kutta steps of fourth order end at every control instant and at every even
 the last step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +32,9 @@ AT_STOPS = 8  # parts of a step where a joint touches its end stop: they are sti
 class Plant:
     """A leg that can be hopped, with its drives and the end stops of its joints."""
 
-    def __init__(self, robot: Robot, drive: Drive):
+    def __init__(self, robot: Robot, drive: Drive, above_ground: Collection[str] | None = None):
+        """above_ground: joints that stop a run where they hit the ground; by default all."""
+        self.above_ground = set(robot.joints if above_ground is None else above_ground) - {"foot"}
         self.robot, self.machine, self.drive, self.n = robot, Machine(robot), drive, len(robot.joints)
         joints = [robot.leg.joint[name] for name in robot.joints]
         self.stops = Stops(np.array([j.lower for j in joints]), np.array([j.upper for j in joints]))
@@ -245,6 +247,6 @@ class Plant:
         """Why the simulation cannot go on, or nothing."""
         if not s.sane:
             return "the motion ran away"
-        heights = {name: z for name, (_, z) in self.machine.points(s.q).items() if name not in ("foot", "com")}
-        lowest = min(heights, key=lambda name: heights[name])
-        return f"the {lowest} hit the ground" if heights[lowest] < 0 else ""
+        heights = {name: z for name, (_, z) in self.machine.points(s.q).items() if name in self.above_ground}
+        lowest = min(heights, key=lambda name: heights[name], default="")
+        return f"the {lowest} hit the ground" if lowest and heights[lowest] < 0 else ""
