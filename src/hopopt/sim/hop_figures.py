@@ -206,7 +206,7 @@ class HopFigures:
         least, lowest = self.design.contact.least_force, float(self.trace.f[self.stance, 1][:-1].min(initial=np.inf))
         if least and least - lowest > PULL:
             found.append(f"{least - lowest:.0f} N less than the least ground force")
-        for name in set(hop.above_ground) - {"foot"}:
+        for name in (joint for joint in hop.above_ground if joint != "foot"):
             if hop.least_height and (z := float(trace.points[name][span, 1].min())) < hop.least_height - SLACK:
                 found.append(f"{name} down to {z:.3f} m")
         if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SLACK:
