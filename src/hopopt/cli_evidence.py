@@ -19,6 +19,7 @@ Sizes = Annotated[
         negative=(),
         consume_multiple=True,
         help="Grids of the dynamic programming, growing: N for N x N states.",
+        show_default=lambda sizes: " ".join(map(str, sizes)),
     ),
 ]
 
