@@ -93,7 +93,7 @@ def _table(part: str) -> Any:
         figures = [
             f"{values[key]:.4g}{'?' if marks[key] == 'U' else ' '}" if key in values else "- " for key in FIGURES[part]
         ]
-        table.add_row(name, *figures, *[entry.title][: _titled()])
+        table.add_row(*[name, *figures, entry.title][: len(table.columns)])
     return table
 
 
@@ -104,9 +104,8 @@ def _law_table(part: str) -> Any:
     table = _head(f"{part}s", FIT)
     for name, row in _law_as_json(part)["fitted_to"].items():
         mass = f"{row['mass']:.3g}{'?' if row['source'] == MARKS['U'] else ' '}"
-        table.add_row(
-            name, f"{row['torque']:.3g}", mass, f"{row['fitted']:.3g}", *[catalogue()[name].title][: _titled()]
-        )
+        cells = [name, f"{row['torque']:.3g}", mass, f"{row['fitted']:.3g}", catalogue()[name].title]
+        table.add_row(*cells[: len(table.columns)])
     return table
 
 
@@ -123,19 +122,15 @@ def _law_in_words(part: str) -> str:
 
 
 def _head(title: str, headings: dict[str, str]) -> Any:
+    """An empty table; the last column, what an entry is called in full, only where the screen has room for it."""
     from rich.table import Table
+
+    from hopopt.screen import ROOM, console
 
     table = Table(box=None, pad_edge=False)
     table.add_column(title, style="bold", no_wrap=True)
     for heading in headings.values():
         table.add_column(heading, justify="right")
-    if _titled():
+    if console().width >= ROOM:
         table.add_column("")
     return table
-
-
-def _titled() -> bool:
-    """Whether the screen has room for what an entry is called in full."""
-    from hopopt.screen import ROOM, console
-
-    return console().width >= ROOM

@@ -101,7 +101,8 @@ def _gathered(design: Any, objective: str, ended: Any, grids: tuple[int, ...], s
     say("refining and verifying the best")
     best, bound = solve_from(design, objective, found[0].best.index, say), upper_bound(design)
     passed, simple = best.clearance > bound.clearance, _reduced(design, grids, say)
-    contradicted = any(g["difference"] > CONTRADICTED for g in simple.get("grids", ())[-1:] if g["size"] >= TELLING)
+    finest = (simple.get("grids") or [{"size": 0}])[-1]
+    contradicted = finest["size"] >= TELLING and finest["difference"] > CONTRADICTED
     return {
         "problem": design.name, "objective": objective, "upper_bound": bound.figures(),
         "reduced": simple,

@@ -85,12 +85,13 @@ def print_residuals(title: str, kind: str, checks: "Sequence[Check]") -> None:
     out = console()
     room = out.width >= ROOM
     table = Table(title=title, title_justify="left", box=None, padding=(0, 2 if room else 1, 0, 0), pad_edge=False)
-    for column in (kind, "residual", "allowed", "unit", "", *["worst"][:room]):
+    for column in (kind, "residual", "allowed", "unit", "", *(["worst"] if room else [])):
         table.add_column(column, no_wrap=column == kind)
     for c in checks:
         state = "left out" if c.left_out else "ok" if c.passed else "FAILED"
         residual = "" if c.left_out else f"{c.residual:.1e}"
-        table.add_row(c.name, residual, f"{c.tolerance:.0e}", c.unit, state, *[c.where][:room])
+        cells = [c.name, residual, f"{c.tolerance:.0e}", c.unit, state, c.where]
+        table.add_row(*cells[: len(table.columns)])
     print_table(out, table)
     for c in checks:
         if c.where and not c.passed and not room:
