@@ -241,9 +241,10 @@ def test_only_names_of_the_catalogue_are_read(name):
         assert "is not in the catalogue" in only_fault("paper", overrides)
 
 
-def test_an_unknown_name_is_told_what_there_is(tmp_path):
+def test_an_unknown_name_is_told_what_there_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text('extends = "paper"\n[leg.knee]\nmotor = "maxon-ec45-15"\n')
-    assert only_fault(tmp_path / "mine.toml") == (
+    assert only_fault("mine.toml") == (
         'mine.toml: leg.knee.motor = "maxon-ec45-15" is not in the catalogue (did you mean maxon-ec45-150?): '
         f"its motors are {', '.join(names('motor'))}."
     )

@@ -192,6 +192,8 @@ def test_structure_tells_of_peaks_by_joint_and_nothing_of_how_work_is_counted() 
     assert told == ["at the peak torque forward", "at the peak torque backward", "a line forward"]
     assert {s.subject for s in stretches(act, (0.0, 1.0))} == {"hip"}
     assert described("share used by the knee[2]", "lower") == ("knee", "at the peak share of its operating region")
+    both = acting({"share used by the knee[0]": lambda t: t > 0.5, "share used by the knee[2]": lambda t: t > 0.5})
+    assert [s.limit for s in stretches(both, (0.0, 1.0))] == ["free", "at the peak share of its operating region"]
 
 
 def test_structure_agrees_with_the_torques(hop: Solution) -> None:

@@ -109,9 +109,9 @@ def test_refused(name: str, planted: Planted, capsys: pytest.CaptureFixture[str]
     path = planted(edit)
     with pytest.raises(ProblemFileError) as raised:
         load(path)
-    assert raised.value.problems == [f"mine.toml: {sentence}"]
+    assert raised.value.problems == [f"{path}: {sentence}"]
     assert run(["solve", str(path)]) == 2  # wrong usage, in a sentence, no traceback
-    assert capsys.readouterr().err == f"hopopt: mine.toml: {sentence}\n"
+    assert capsys.readouterr().err == f"hopopt: {path}: {sentence}\n"
 
 
 # ---- possible, and probably not meant: a hint ------------------------------------------------------------------

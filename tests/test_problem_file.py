@@ -32,11 +32,12 @@ def only_fault(source, overrides=()) -> str:
 
 
 @pytest.fixture
-def write(tmp_path):
-    """Writes a problem file and returns its path."""
+def write(tmp_path, monkeypatch):
+    """Writes a problem file into the folder we are in and returns its path."""
+    monkeypatch.chdir(tmp_path)
 
     def write(text: str, name: str = "mine.toml") -> Path:
-        path = tmp_path / name
+        path = Path(name)
         path.write_text(text, encoding="utf-8")
         return path
 
@@ -443,6 +444,9 @@ def test_a_fault_names_the_file_that_has_it(write):
     found = faults(write('extends = "base"\nname = "mine"\n[leg.motor]\nmax_torque = 0\n'))
     assert found[0].startswith("mine.toml: leg.motor.max_torque = 0 N m is too small")
     assert found[1].startswith("base.toml: leg.gear.ratio = 0 is too small")
+    Path("other").mkdir()
+    Path("mine.toml").rename("other/mine.toml"), Path("base.toml").rename("other/base.toml")
+    assert [f.partition(":")[0] for f in faults("other/mine.toml")] == ["other/mine.toml", "other/base.toml"]
 
 
 @pytest.mark.parametrize(

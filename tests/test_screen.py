@@ -12,6 +12,7 @@ from hopopt.compare import compare
 from hopopt.problem_file import load
 from hopopt.screen import console, print_checks, print_lines
 from hopopt.screen_answer import checks_line
+from hopopt.screen_certificate import structure_lines
 from hopopt.screen_runs import print_comparison
 from hopopt.screen_sensitivity import print_sensitivity
 from hopopt.screen_sweep import print_study
@@ -46,6 +47,14 @@ def test_long_lines_go_on_below_their_beginning() -> None:
     assert last == " " * 12 + "ground: free"
     assert max(map(len, (first, *more))) <= 80
     assert " ".join(line.strip() for line in (first, *more)) == f"structure {LONG}"
+
+
+def test_of_a_chattering_structure_the_first_and_the_last_are_told() -> None:
+    words = [f"stance, {LONG}", "stance, ground: free until 0.100 s, then carries nothing", "flight, hip: free"]
+    long, short = structure_lines({"structure": {"words": words}})
+    assert short == "ground: free until 0.100 s, then carries nothing"
+    told, every = long.split(", then "), LONG.split(", then ")
+    assert told == [*every[:4], f"{len(every) - 5} more (--json tells all)", every[-1]]
 
 
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str]) -> None:

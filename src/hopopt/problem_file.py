@@ -83,13 +83,18 @@ def _layers(source: str | Path, report: Report) -> list[tuple[str, dict[str, Any
     layers: list[tuple[str, dict[str, Any]]] = []
     path, visited = _find(source, report), []
     while path is not None:
-        report.file = report.file or path.name
+        report.file = report.file or _called(path)
         visited.append(path.absolute())
         data = _read(path, report)
         base = data.pop("extends", None)
-        layers.insert(0, (path.name, located(data, path.parent, path.name, report)))
+        layers.insert(0, (_called(path), located(data, path.parent, _called(path), report)))
         path = None if base is None else _find_base(base, path, visited, report)
     return layers
+
+
+def _called(path: Path) -> str:
+    """A file in a message: as the user gave it, and a built-in one by its name."""
+    return path.name if path.parent == problems_folder() else str(path)
 
 
 def _find(source: str | Path, report: Report) -> Path | None:
@@ -110,7 +115,7 @@ def _find(source: str | Path, report: Report) -> Path | None:
 def _find_base(base: Any, path: Path, visited: list[Path], report: Report) -> Path | None:
     """The file that ``extends = base`` in ``path`` means: a built-in one, or one in the same folder."""
     known = f"a built-in name ({', '.join(builtin_names())}) or the name of a file in the same folder"
-    where = f"{path.name}: extends = {shown(base)}"
+    where = f"{shown_path(_called(path))}: extends = {shown(base)}"
     if not isinstance(base, str) or not BARE_NAME.fullmatch(base) or ".." in base:
         return report.unusable(f"{where} is not allowed: write {known}, without any folder")
     folder = problems_folder() if base in builtin_names() else path.parent

@@ -7,6 +7,9 @@ from hopopt.screen import console, print_residuals
 if TYPE_CHECKING:
     from hopopt.certificate import Certificate
 
+THEN = ", then "  # between stretches
+FIRST, FEW = 4, 4  # so many stretches of a long line are told before its last, where more than FEW are left out
+
 
 def certificate_line(s: dict[str, Any]) -> list[str]:
     """One line for the answer: whether the first-order conditions hold along the whole hop, and how well."""
@@ -34,10 +37,18 @@ def certified_words(s: dict[str, Any]) -> str:
     return f"; first-order optimality {words}" if checks else ""
 
 
+def _shortened(line: str) -> str:
+    """A line of very many stretches, as of torques that chatter, by its first ones and its last."""
+    parts = line.split(THEN)
+    left = len(parts) - FIRST - 1
+    return line if left <= FEW else THEN.join([*parts[:FIRST], f"{left} more (--json tells all)", parts[-1]])
+
+
 def structure_lines(s: dict[str, Any]) -> list[str]:
     """The switching structure of stance, a line for each joint and whatever else has limits that act."""
     found = s.get("structure", {})
-    lines = [line.removeprefix("stance, ") for line in found.get("words", []) if line.startswith("stance, ")]
+    words = [line for line in found.get("words", []) if line.startswith("stance, ")]
+    lines = [_shortened(line.removeprefix("stance, ")) for line in words]
     if found.get("solved_again"):
         times = ", ".join(f"{t:.5f} s" for t in found["jumps_s"]["stance"])
         lines.append(

@@ -93,7 +93,7 @@ def _told(acting: list[str]) -> str:
     for pair, words in CORNERS.items():
         if set(pair) <= set(acting):
             acting = [words, *(a for a in acting if a not in pair)]
-    return " and ".join(acting) or "free"
+    return " and ".join(dict.fromkeys(acting)) or "free"
 
 
 def _closed(found: list[Stretch], gap: float) -> list[Stretch]:
