@@ -85,6 +85,15 @@ def test_both_methods_solve_the_same_problem_whatever_the_hop_asks(overrides: di
     assert abs(by_dynamic_programming(problem, 250) / by_transcription(problem, 60) - 1) < 0.005
 
 
+def test_a_drive_whose_speed_nothing_bounds() -> None:
+    """The other joint drives it past its no-load speed; half of the grid's speeds are seldom used."""
+    problem = reduced(load("paper", {"leg.motor.laws": ["four-quadrant"]}))
+    planned = by_transcription(problem, 80)
+    wrong = [abs(by_dynamic_programming(problem, size) / planned - 1) for size in (40, 120, 320)]
+    assert wrong[0] > 2 * wrong[1] > 4 * wrong[2]
+    assert wrong[2] < 0.007
+
+
 def test_legs_that_it_does_not_fit_are_refused() -> None:
     with pytest.raises(UsageError, match="two joints in the x-z plane"):
         reduced(load("three_joint"))

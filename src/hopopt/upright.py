@@ -14,7 +14,6 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from hopopt.bound import most_speed
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.design import Design
@@ -94,7 +93,8 @@ def by_dynamic_programming(design: Design, size: int) -> float:
     leg = upright(design, size)
     share = np.linspace(-1.0, 1.0, 2 * (size // 2) + 1)  # of the largest speed
     robot = build_robot(design.leg)
-    speeds = [most_speed(operating_region(design.leg, joint, robot.parameters)) for joint in robot.joints]
+    regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
+    speeds = [np.abs(region.corners()[:, 0]).max() for region in regions]  # open ones: twice what they can drive at
     fastest = np.min(np.array(speeds) / np.maximum(np.abs(leg.dq), 1e-9), axis=1)  # (m,)
     v = fastest[:, None] * share
     gravity = -float(robot.model.gravity.linear[2])
