@@ -22,7 +22,7 @@ import hopopt as ho
 from hopopt.errors import HopoptError, NotSolvedError, one_line
 from hopopt.leg.design import Design
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.standing import static_faults
+from hopopt.ocp.standing import too_weak, unresisted
 
 PROCESSES = 2
 GRAVITY = 9.81
@@ -73,7 +73,7 @@ def feasible_legs(count: int, seed: int) -> list[dict[str, Any]]:
         entries = draw(rng)
         try:
             design = loaded(entries)
-            if not static_faults(design, build_robot(design.leg)):
+            if not any(faults(design, build_robot(design.leg)) for faults in (unresisted, too_weak)):
                 found.append(entries)
         except HopoptError:
             continue

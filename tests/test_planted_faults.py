@@ -15,7 +15,7 @@ import hopopt as ho
 from hopopt.cli import run
 from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.standing import static_faults
+from hopopt.ocp.standing import too_weak, unresisted
 from hopopt.problem_file import builtin_names, load, template
 from hopopt.problem_hints import hints
 
@@ -190,7 +190,8 @@ def diagnosis(*edits: str, objective: str = "clearance") -> list[str]:
 def test_a_torque_too_small_to_carry_the_leg() -> None:
     """Statics: the whole weight acts on the foot and the shank's on its middle, at the knee's distance from the plumb line
     through hip and foot, and half of it."""
-    (sentence,) = diagnosis("leg.motor.max_torque=0.2")
+    sentence, *more = diagnosis("leg.motor.max_torque=0.2")
+    assert any(words.startswith("These cannot hold together: the knee's drive in stance") for words in more)
     thigh, shank, height, g = 0.38, 0.361, 0.28, 9.81
     along = (thigh**2 - shank**2 + height**2) / (2 * height)  # law of cosines
     lever = np.sqrt(thigh**2 - along**2)
@@ -200,12 +201,19 @@ def test_a_torque_too_small_to_carry_the_leg() -> None:
     assert "a stronger motor, a higher gear ratio, a lighter leg.body.mass or a higher start" in sentence
 
 
+def test_a_leg_that_cannot_stand_may_hop() -> None:
+    """Its foot is on the ground, its body free to move along: it leaves the pose that it cannot hold."""
+    design = load("paper", ["leg.motor.max_torque=0.25"])
+    assert too_weak(design, build_robot(design.leg))
+    assert ho.solve(design, starts=1, processes=1).verified
+
+
 def test_a_rod_that_turns_about_itself() -> None:
     """A thin rod has no inertia about itself; its rotor's, if it has one, is all that resists."""
     twisted = ("leg.knee.axis=[0, 0, 1]", "leg.knee.lower=-1", "leg.knee.upper=1", "start.joint_angles=[0.3, 0]")
     for rotor in (0.0, 1e-6):
         design = load("paper", [*twisted, f"leg.motor.rotor_inertia={rotor}"])
-        found = static_faults(design, build_robot(design.leg))
+        found = unresisted(design, build_robot(design.leg))
         assert bool(found) == (rotor == 0)
     with pytest.raises(NotSolvedError) as raised:
         ho.solve(load("paper", [*twisted, "leg.motor.rotor_inertia=0"]), starts=1, processes=1)
@@ -219,7 +227,7 @@ def test_small_and_light_is_not_without_inertia() -> None:
     light = ("leg.motor.rotor_inertia=0", "leg.body.mass=1000", "leg.shank.mass=1e-4", "leg.shank.length=0.01")
     pose = ("leg.thigh.mass=1e-4", "start.hip_height=0.385", "leg.knee.upper=0", "leg.knee.lower=-3")
     design = load("paper", [*light, *pose])
-    assert not any("nothing resists" in fault for fault in static_faults(design, build_robot(design.leg)))
+    assert not any("nothing resists" in fault for fault in unresisted(design, build_robot(design.leg)))
 
 
 def test_all_joints_without_inertia_are_named() -> None:
@@ -227,7 +235,7 @@ def test_all_joints_without_inertia_are_named() -> None:
         f"leg.{joint}.{entry}" for joint in ("hip", "knee") for entry in ("axis=[0, 0, 1]", "lower=-1", "upper=1")
     ]
     design = load("paper", [*twisted, "start.joint_angles=[0, 0]", "leg.motor.rotor_inertia=0"])
-    (sentence,) = static_faults(design, build_robot(design.leg))
+    (sentence,) = unresisted(design, build_robot(design.leg))
     assert sentence.startswith("nothing resists the hip and the knee in")
 
 
@@ -251,12 +259,13 @@ def test_all_joints_without_inertia_are_named() -> None:
     ],
 )
 def test_the_limit_that_binds_is_named(entries: list[str], said: str) -> None:
-    (sentence,) = diagnosis(*entries)
+    design = load("paper", entries)
+    (sentence,) = too_weak(design, build_robot(design.leg))
     assert f"its drive gives {said}" in sentence
 
 
 def test_a_body_in_grams() -> None:
-    first, second = diagnosis("leg.body.mass=560")
+    first, second, *_ = diagnosis("leg.body.mass=560")
     assert "its drive gives 200.0 N m" in first
     assert second.startswith("hint: leg.body.mass = 560 kg on a leg that reaches 0.741 m: is it in kg")
 

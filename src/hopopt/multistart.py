@@ -20,6 +20,7 @@ from hopopt.ocp.custom import Custom
 from hopopt.ocp.freedom import Freedom
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import STANCE, Hop
+from hopopt.ocp.standing import too_weak
 from hopopt.ocp.starts import Start, make_guess, starts
 from hopopt.problem_hints import hints
 
@@ -92,6 +93,8 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
     began, solver = time.perf_counter(), first_solver(hop, known)
     first = run_chunk(hop, [0], solver, known)
     each, others = time.perf_counter() - began, range(1, count)
+    if not first[0].success and too_weak(hop.design, hop.robot):  # seldom does another start help such a leg
+        return first
     processes = min(processes, len(others))
     if processes < 2 or each * len(others) * (1 - 1 / processes) < WORKER:
         return first + (run_chunk(hop, others, solver, known) if others else [])
@@ -187,7 +190,8 @@ def not_solved(hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = Fals
     worst = violations(closest)
     reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
     message = f"{hop.design.name}: {reason} ({statuses})."
-    found = [*hints(hop.design), *(conflict_words(hop.design, conflict(closest)) if thorough and worst else [])]
+    weak = too_weak(hop.design, hop.robot)
+    found = [*weak, *hints(hop.design), *(conflict_words(hop.design, conflict(closest)) if thorough and worst else [])]
     if worst:
         return NotSolvedError(message, [*found, "Worst constraints of the closest start:", *worst])
     return NotSolvedError(f"{message} Try a larger solver.max_iterations or more starts.", found)

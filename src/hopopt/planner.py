@@ -29,7 +29,7 @@ from hopopt.ocp.custom import custom
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import given
-from hopopt.ocp.standing import static_faults
+from hopopt.ocp.standing import unresisted
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
 from hopopt.stopwatch import Stopwatch
@@ -63,8 +63,7 @@ def solve(
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, finer(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
-    faults = static_faults(hop.design, hop.robot)
-    if faults:
+    if faults := unresisted(hop.design, hop.robot):
         raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
     clock.mark("model")
     count = starts or design.solver.starts

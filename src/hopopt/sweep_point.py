@@ -31,7 +31,7 @@ from hopopt.nlp.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.standing import static_faults
+from hopopt.ocp.standing import unresisted
 from hopopt.study import Definition
 from hopopt.sweep_answer import Answer, answer
 from hopopt.sweep_order import unlike
@@ -66,7 +66,7 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
     with _one_at_a_time, _compiling(definition):
         try:
             hop = Hop(definition.design_at(k), definition.objective)
-            if faults := static_faults(hop.design, hop.robot):
+            if faults := unresisted(hop.design, hop.robot):
                 raise NotSolvedError(f"{definition.design.name}: the leg cannot hop from its start.", faults)
             for source, found in _answers(definition, hop, point.values, sources):
                 if not point.solved or _preferred(hop, found[0], point):

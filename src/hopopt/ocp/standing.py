@@ -1,4 +1,5 @@
-"""Whether a leg can stand, and move, where its hop starts: asked before anything is solved."""
+"""Whether a leg can move, and stand, where its hop starts: the one is asked before anything is solved, the other of a leg
+for which no hop was found (a leg that cannot stand may still hop: it falls into a pose in which it is stronger)."""
 
 import casadi as ca
 import numpy as np
@@ -14,16 +15,8 @@ from hopopt.leg.scales import weight
 SINGULAR = 1e-14  # of the largest eigenvalue of the mass matrix, scaled by mass and reach: what rounding leaves of none
 
 
-def static_faults(design: Design, robot: Robot) -> list[str]:
-    """A sentence for a joint that nothing resists; else for each whose drive cannot even hold the start pose against
-    gravity."""
-    if fault := _unresisted(design, robot):
-        return [fault]
-    return [] if loop_axes(design.leg) else _too_weak(design, robot)  # in a loop joints can press against the guides
-
-
-def _unresisted(design: Design, robot: Robot) -> str:
-    """Which joints turn without inertia in the start pose, or nothing."""
+def unresisted(design: Design, robot: Robot) -> list[str]:
+    """A sentence if joints turn without inertia in the start pose: no force moves such a leg in a way that is known."""
     q = np.concatenate([np.zeros(BASE), start_angles(design)])
     M = pin.crba(robot.model, robot.model.createData(), q)  # its upper triangle
     scale = np.array([1.0] * BASE + [reach(design.leg)] * len(design.leg.joints))
@@ -31,17 +24,19 @@ def _unresisted(design: Design, robot: Robot) -> str:
     free = np.abs(motions[BASE:, values <= SINGULAR * values[-1]]).max(axis=1, initial=0.0)
     joints = [joint for joint, part in zip(design.leg.joints, free, strict=True) if part > 0.5 * free.max()]
     if not joints:
-        return ""
+        return []
     rotors = dict(design.leg.drive(joint, "motor", "rotor_inertia") for joint in joints)
     stated = " and ".join(f"{path} = {rotor:g} kg m^2" for path, rotor in rotors.items())
-    return (
+    return [
         f"nothing resists the {' and the '.join(joints)} in the start pose at 0 s, as a thin rod that turns about itself, "
         f"with {stated}: give a rotor's inertia, or the inertia_tensor of the links"
-    )
+    ]
 
 
-def _too_weak(design: Design, robot: Robot) -> list[str]:
+def too_weak(design: Design, robot: Robot) -> list[str]:
     """A sentence for each joint whose drive cannot hold the start pose, the foot on the ground."""
+    if loop_axes(design.leg):  # joints can press against the guides
+        return []
     leg, q = design.leg, start_angles(design)
     symbols = [ca.SX.sym(name, len(leg.joints)) for name in "qva"]
     tau = LegDynamics(robot, robot.parameters).stance(*symbols).tau
