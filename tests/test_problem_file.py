@@ -445,7 +445,8 @@ def test_a_fault_names_the_file_that_has_it(write):
     assert found[0].startswith("mine.toml: leg.motor.max_torque = 0 N m is too small")
     assert found[1].startswith("base.toml: leg.gear.ratio = 0 is too small")
     Path("other").mkdir()
-    Path("mine.toml").rename("other/mine.toml"), Path("base.toml").rename("other/base.toml")
+    for name in ("mine.toml", "base.toml"):
+        Path(name).rename(f"other/{name}")
     assert [f.partition(":")[0] for f in faults("other/mine.toml")] == ["other/mine.toml", "other/base.toml"]
 
 

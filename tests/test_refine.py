@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hopopt.nlp import refine
-from hopopt.nlp.accuracy import interval_errors, stage_values
+from hopopt.nlp.accuracy import IntervalErrors, interval_errors, stage_values
 from hopopt.nlp.backoff import drawn_in, limit_nodes, passed, tightened
 from hopopt.nlp.carry import carried
 from hopopt.nlp.cuts import cut, equal
@@ -15,8 +15,8 @@ from hopopt.nlp.hull import held_between
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.prices import price
-from hopopt.nlp.refine import MET, NOT_ASKED, TOO_FINE, UNSOLVED, USED_UP, WORSE, Aims, Refinement
-from hopopt.nlp.refine_drawn import refinement_of
+from hopopt.nlp.refine import MET, NO_NEARER, NOT_ASKED, STUCK, TOO_FINE, UNSOLVED, USED_UP, WORSE, Aims, Refinement
+from hopopt.nlp.refine_drawn import DrawnRefinement, refinement_of
 from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.transcribe import Guess, Transcription
 from hopopt.ocp.problem import Objective, Problem
@@ -239,3 +239,19 @@ def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest
     solved = [(step.intervals, step.held) for step in refinement.history[1:]]
     assert len(built) == 1 + sum(a != b for a, b in itertools.pairwise(solved))
     assert len(built) < len(solved)
+
+
+@pytest.mark.parametrize("kind", [Refinement, DrawnRefinement])
+def test_meshes_that_bring_it_no_nearer_end_it(kind: type[Refinement], monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error about the middle that no cut lessens, as that of an impulse."""
+
+    def stubborn(s: NlpSolution, name: str) -> IntervalErrors:
+        found, ends = interval_errors(s, name), np.cumsum(s.phases[name].lengths)
+        middle = int(np.searchsorted(ends, ends[-1] / 2))
+        return replace(found, local=np.where(np.arange(len(ends)) == middle, 1e-3, 0.0))
+
+    monkeypatch.setattr(refine, "interval_errors", stubborn)
+    refinement = kind(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
+    refinement.run()
+    assert refinement.ended == NO_NEARER
+    assert len(refinement.history) == STUCK + 1

@@ -38,9 +38,11 @@ LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and
 AGREED = 1e-4  # relative
 PATIENCE = 60  # iterations from carried multipliers, before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
+STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
 # How a refinement ends:
 MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its meshes are used up"
 TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
+NO_NEARER = f"its last {STUCK} meshes brought it no nearer to its aims"
 UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
 Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are drawn in, (2, N, limits)
 
@@ -113,6 +115,9 @@ class Refinement:
                 return
             if meshes == self.aims.meshes or len(self.history) > 2 * self.aims.meshes:
                 return
+            if self._stuck:
+                self.ended = NO_NEARER
+                return
             if accurate:
                 cuts = {name: equal(np.full(len(places), 2)) for name, places in cuts.items()}
             self._prepare(cuts)
@@ -132,6 +137,16 @@ class Refinement:
     def _kept(self) -> bool:
         """Whether all limits are."""
         return all(e.excess.max() <= self.aims.excess for e in self.errors.values())
+
+    @property
+    def _stuck(self) -> bool:
+        """Whether errors and excess are far from their aims and no longer fall, as where an optimum is an impulse."""
+        far = [self._far(step) for step in self.history]
+        return len(far) > STUCK and min(far[-STUCK:]) > max(1.0, NEARER * min(far[:-STUCK]))
+
+    def _far(self, step: MeshStep) -> float:
+        """How far a mesh is from its aims: at most 1 where it meets them."""
+        return max(step.local_error / self.aims.local_error, step.excess / self.aims.excess)
 
     # ---- what is to be done ----------------------------------------------------------------------------
 

@@ -17,7 +17,19 @@ from hopopt.nlp.ipopt import CARRIED, NEAR, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.prices import excess_prices
 from hopopt.nlp.prices import price as price_of
-from hopopt.nlp.refine import FINEST, MET, TOO_FINE, UNSOLVED, Aims, Refinement, Report, moves_to, relative
+from hopopt.nlp.refine import (
+    FINEST,
+    MET,
+    NO_NEARER,
+    TOO_FINE,
+    UNSOLVED,
+    Aims,
+    MeshStep,
+    Refinement,
+    Report,
+    moves_to,
+    relative,
+)
 from hopopt.nlp.transcribe import Transcription
 
 MOST = 4  # pieces into which an interval is cut at once
@@ -41,6 +53,9 @@ class DrawnRefinement(Refinement):
     def run(self) -> None:
         """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
         for _ in range(self.aims.meshes):
+            if self._stuck:
+                self.ended = NO_NEARER
+                return
             parts = self._faults()
             if not _any(parts):
                 parts = self._draw_in() if self.change <= self.aims.change else _all(parts)
@@ -55,6 +70,10 @@ class DrawnRefinement(Refinement):
         """Relative change of the objective with the last mesh, before its limits were drawn in; infinite after one."""
         meshes = [step.objective for step in self.history if not step.drawn_in]
         return relative(meshes[-1], meshes[-2]) if len(meshes) > 1 else float("inf")
+
+    def _far(self, step: MeshStep) -> float:
+        """By its local error alone: limits are drawn in afterwards."""
+        return step.local_error / self.aims.local_error
 
     def _faults(self) -> Parts:
         """What is to be cut: inaccurate intervals, and the dearest until the rest is within the budget."""
