@@ -108,6 +108,24 @@ def test_other_torques_are_not_certified(hop: Solution, joint: int) -> None:
     assert failed(c) & {"stance costates", "stance Hamiltonian along arcs"}
 
 
+def test_faults_are_found_beside_a_costate_that_is_large_for_an_instant() -> None:
+    """The quickest hop's foot leaves the ground within microseconds of flight, where the costate is thousands of times
+    larger than after it. One duration's multiplier and all later costates wrong."""
+    s = stored_nlp(solve(load("paper", {"hop.clearance": 0.4}), "time", starts=1, processes=1))
+    t, flight = s.transcription, s.phases["flight"]
+    ends = {"flight transversality at its end", "flight transversality of its duration"}
+    sizes = np.abs(certify(s).phases["flight"].costate).max(axis=1)
+    assert sizes[0] > 1000 * np.median(sizes)
+    assert not failed(certify(s)) & ends
+    lam_x, lam_g = s.lam_x.copy(), s.lam_g.copy()
+    lam_x[t.variables["flight"].durations] += t.scale[t.variables["flight"].durations]
+    assert "flight transversality of its duration" in failed(certify(replace(s, lam_x=lam_x)))
+    (rows,) = (r for r in t.rows if r.kind == "defect" and r.phase == "flight")
+    own = lam_g[rows.start : rows.stop].reshape(len(flight.lengths), -1)
+    own[1:] *= 1.3
+    assert "flight transversality at its end" in failed(certify(replace(s, lam_g=lam_g)))
+
+
 def test_stored_and_recomputed(hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = save(hop, tmp_path).result_dir
     assert run(["verify", str(folder), "--json"]) == 0
@@ -132,6 +150,12 @@ def test_torques_and_controls_that_were_changed_in_the_file_are_found(hop: Solut
     assert certificate is not None
     assert "stored torques and motion" in failed(certificate)
     assert (what == "u") == bool(failed(certificate) & {"stance costates", "stance Hamiltonian along arcs"})
+
+
+def test_rows_that_were_changed_in_the_file_are_computed_again(hop: Solution, tmp_path: Path) -> None:
+    again = read(str(save(hop, tmp_path).result_dir))
+    again.kkt["g"][:] = 0.0
+    np.testing.assert_allclose(stored_nlp(again).g, stored_nlp(hop).g, atol=1e-12)
 
 
 def test_costates_that_were_changed_in_the_file_are_found(hop: Solution, tmp_path: Path) -> None:

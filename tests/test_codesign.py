@@ -26,10 +26,13 @@ from hopopt.nlp.transcribe import Transcription
 from hopopt.ocp.freedom import Coupling, Freedom, parse_coupling, parse_free
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.objectives import find
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
 from hopopt.ocp.starts import NAMED, make_guess
+from hopopt.recheck import co_design_checks, recheck
 from hopopt.sensitivity import sensitivity
 from hopopt.solution import Solution
+from hopopt.storage import read, save
 
 G, STROKE = 9.81, 0.3  # m/s^2, m
 FORCE, SPEED = 40.0, 12.0  # of the motor at ratio 1 [N, m/s]: F <= R FORCE (1 - R v / SPEED)
@@ -255,6 +258,18 @@ def chosen(s: Solution) -> dict[str, float]:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_verify_asks_again_whether_the_design_confirms_the_co_design(lengths: Solution, tmp_path: Path) -> None:
+    goal, found = find("clearance"), lengths.summary["codesign"]
+    (check,) = co_design_checks(goal, lengths.summary)
+    assert check.passed
+    assert check.name in [c.name for c in recheck(read(str(save(lengths, tmp_path).result_dir)))]
+    more = {**lengths.summary, "codesign": {**found, "objective_value": 1.001 * found["objective_value"]}}
+    (check,) = co_design_checks(goal, more)
+    assert not check.passed
+    assert check.residual == pytest.approx(1e-3, rel=0.2)
+
+
 def test_lengths_meet_their_coupling_and_gain(lengths: Solution, hop: Solution) -> None:
     assert lengths.verified, lengths.summary["failed_checks"]
     found = chosen(lengths)

@@ -9,6 +9,8 @@ from hopopt.ocp.hop import Hop
 from hopopt.problem_hints import hints
 from hopopt.solution import Solution
 
+LOUD = 0.01  # share of the answer that the tie-break may weigh without a word
+
 
 def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: Solution | None) -> list[str]:
     """What the answer does not say by itself: ``best`` of a ``hop`` whose solver may differ from what was ``asked``."""
@@ -30,8 +32,14 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
             f"the foot ends {over:.2f} m above the hip: the body is a point here, and no link is in its way (limits of the "
             "joints' angles can forbid it)"
         )
-    if best.summary.get("impact_J", np.inf) < 1e-3 * best.summary["tie_break_weighs"]:
+    weighs = best.summary["tie_break_weighs"]
+    if best.summary.get("impact_J", np.inf) < 1e-3 * weighs:
         notes.append("the foot can land at rest, as in many hops: of these, this is one with gentle torques")
+    elif not goal.maximize and weighs > LOUD * abs(best.summary[goal.figure]):
+        notes.append(
+            f"gentle torques are preferred, which weighs {weighs:.2g} {goal.unit}: the least may be lower by a part of that "
+            f"(a smaller solver.tie_break than {best.design.solver.tie_break:g} tells, and takes longer)"
+        )
     shares = {path: e for path, e in (leg.drive(j, "gear", "efficiency") for j in leg.joints) if e}
     if any(e < 1 for e in shares.values()):
         stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())

@@ -67,4 +67,4 @@ def _worth(
 ) -> np.ndarray:
     """|multiplier| times the distance to the bound that it belongs to by its sign, of the objective."""
     distance = missed(nu, value, lower, upper, sign(solution), scale)
-    return np.abs(nu) * distance / max(abs(solution.objective), 1e-9)
+    return np.abs(nu) * distance / solution.magnitude

@@ -35,7 +35,7 @@ class PhaseCertificate:
     ):
         self.solution, self.name, self.slopes, self.along, self.multipliers = solution, name, slopes, along, m
         self.layout, self.trajectory = solution.transcription.layouts[name], solution.phases[name]
-        self.objective, self.h = max(abs(solution.objective), 1e-9), self.trajectory.lengths
+        self.objective, self.h = solution.magnitude, self.trajectory.lengths
         self.weights = slopes["integrals"]
         self.scale = self.layout.phase.columns(self.layout.phase.states, "scale")
         self.density = np.einsum("kj,ijm->ikm", self.layout.scheme.control_weights(np.array(FINE.c)), m.density)
@@ -84,6 +84,15 @@ class PhaseCertificate:
         """Size of the costate at the edges, scaled, (N + 1,)."""
         return np.abs(self.costate * self.scale).max(axis=1)
 
+    def _size_about(self, edge: int) -> float:
+        """Size of the costate there, or on average over the phase: beside a limit that is met for an instant it may be
+        thousands of times larger."""
+        return max(self._sizes[edge], self._average((self._sizes[:-1] + self._sizes[1:]) / 2), 1e-300)
+
+    def _average(self, values: np.ndarray) -> float:
+        """Over the time of the phase, of values (N,)."""
+        return float(values @ self.h / self.h.sum())
+
     def costate_residual(self, found: Sequence[Arc]) -> tuple[float, str]:
         """Largest miss over an interval, relative to the costate on its arc; and where."""
         floor, relative = 1e-9 * self._sizes.max() + 1e-300, np.zeros(len(self.h))
@@ -95,11 +104,11 @@ class PhaseCertificate:
     def start_residual(self) -> float:
         """Costate at the beginning against what the boundary constraints and the initial state's bounds ask for."""
         wrong = (self.costate[0] + self.slopes["initial"] - self.multipliers.start) * self.scale
-        return float(np.abs(wrong).max() / max(self._sizes.max(), 1e-300))
+        return float(np.abs(wrong).max() / self._size_about(0))
 
     def end_residual(self) -> float:
         """Costate integrated to the end against what the boundary constraints and limits met there ask for."""
-        return float(self._steps[-1] / max(self._sizes.max(), 1e-300))
+        return float(self._steps[-1] / self._size_about(-1))
 
     # ---- controls and limits ---------------------------------------------------------------------------
 
@@ -183,16 +192,20 @@ class PhaseCertificate:
         return found[0], found[1]
 
     @cached_property
-    def _power(self) -> float:
-        """Size of the terms that make up H."""
-        return max(float(np.abs(self.p * self.along.f).sum(axis=2).max()), 1e-300)
+    def _power(self) -> np.ndarray:
+        """Size of the terms that make up H, (N, K)."""
+        return np.abs(self.p * self.along.f).sum(axis=2)
 
     def hamiltonian_within(self, found: Sequence[Arc]) -> tuple[float, str]:
-        """Largest spread of the intervals' H along an arc, relative to the size of its terms; and where."""
-        mean = self.steady @ FINE.b
-        spread = [np.ptp(mean[a.first : a.last + 1]) if a.steady else 0.0 for a in found]
-        worst = int(np.argmax(spread))
-        return float(spread[worst]) / self._power, self._when(found[worst].first)
+        """Largest spread of the intervals' H along an arc, relative to the size of its terms on that arc and on average
+        over the phase, and to what the phase's duration is worth; and where."""
+        mean, changed = self.steady @ FINE.b, [0.0] * len(found)
+        typical = self._average(self._power @ FINE.b) + np.abs(self.slopes["duration"]).max(initial=1e-300)
+        for k, arc in enumerate(found):
+            own = slice(arc.first, arc.last + 1)
+            changed[k] = np.ptp(mean[own]) / (self._power[own].max() + typical) if arc.steady else 0.0
+        worst = int(np.argmax(changed))
+        return changed[worst], self._when(found[worst].first)
 
     def hamiltonian_across(self) -> tuple[float, str]:
         """Sum over the edges of the jump of H times how far an edge may move: what switching elsewhere could gain."""
@@ -212,7 +225,7 @@ class PhaseCertificate:
         moved = self.layout.times_of(interval, place).reshape(mesh.intervals, len(FINE.c), -1)
         later = self._integral(self._by_time[..., None] * moved)
         wrong = self.slopes["duration"] + mean + later - m.duration
-        size = np.abs(self.slopes["duration"]) + np.abs(m.duration).max() + self._power
+        size = np.abs(self.slopes["duration"]) + np.abs(m.duration).max() + self._average(self._power @ FINE.b)
         return float(np.abs(wrong).max() / size.max())
 
     def by_free(self) -> np.ndarray:

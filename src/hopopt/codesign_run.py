@@ -29,11 +29,10 @@ from hopopt.planner import best_of
 from hopopt.problem_file import changed
 from hopopt.problem_text import rows
 from hopopt.problem_words import did_you_mean
+from hopopt.recheck import CONFIRMED, co_design_checks
 from hopopt.solution import Solution
 from hopopt.stopwatch import Stopwatch
-from hopopt.verify import Check
 
-CONFIRMED = 1e-4  # relative: what the fixed design may differ from the co-design
 AT_BOUND = 1e-6  # share of its range within which a parameter sits on a bound
 
 
@@ -102,11 +101,13 @@ def optimal(freedom: Freedom, solution: NlpSolution) -> dict[str, float]:
 
 def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
     """The answer with what was free, and the check that the fixed design confirms the co-design."""
-    goal, value = hop.objective, answer.summary["objective_value"]
-    worse = goal.sign * (best.objective - value) / max(abs(value), 1e-9)
-    check = Check(
-        "co-design confirmed", max(worse, 0.0), CONFIRMED, "relative", "the fixed design against the co-design"
-    )
+    found = {
+        "objective_value": best.objective,
+        "parameters": _parameters(hop, best),
+        "couplings": [_coupling(c, hop, best) for c in hop.freedom.couplings],
+        "mass_laws": laws(hop.freedom),
+    }
+    (check,) = co_design_checks(hop.objective, {**answer.summary, "codesign": found})
     verified = answer.verified and check.passed
     summary = {
         **answer.summary,
@@ -115,15 +116,11 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
         "exit_code": 0 if verified else 3,
         "verification": [*answer.summary["verification"], check.as_dict()],
         "failed_checks": [*answer.summary["failed_checks"], *([] if check.passed else [check.name])],
-        "codesign": {
-            "objective_value": best.objective,
-            "parameters": _parameters(hop, best),
-            "couplings": [_coupling(c, hop, best) for c in hop.freedom.couplings],
-            "mass_laws": laws(hop.freedom),
-        },
+        "codesign": found,
     }
     notes = beyond(hop.freedom)
-    if -worse > CONFIRMED:
+    value = answer.summary["objective_value"]
+    if hop.objective.sign * (value - best.objective) > CONFIRMED * abs(value):
         notes.append("the fixed design has a better hop than the co-design found: try more starts")
     if notes:
         summary["notes"] = [*summary.get("notes", ()), *notes]

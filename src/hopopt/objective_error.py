@@ -25,7 +25,6 @@ from hopopt.nlp.schemes import lagrange
 from hopopt.verify import Check
 
 STATED = 1e-4  # relative: the largest error a verified claim may have; figures are printed to about that
-LEAST = 1e-2  # of the objective's magnitude: an objective that may be 0 is relative to this at least
 PANELS, POINTS = 4, 4  # of an interval, and Gauss points of each: controls have kinks where a limit takes over
 PASSED = 1e-8  # scaled: an excess for which controls are brought back; less than that counts by its multiplier
 STEP = 1e-6  # of a control's scale, for differences of limits, which are all but linear in the controls
@@ -82,8 +81,7 @@ def objective_error(solution: NlpSolution) -> ObjectiveError:
         nodes[name] = trajectory.lengths[:, None] * np.einsum("k,ikl->il", scheme.b, l)
     ends = end_slopes(solution, {name: total.sum(axis=0) for name, total in nodes.items()})
     parts = sum((_phase_worth(solution, name, ends, nodes[name]) for name in nodes), np.zeros(5))
-    goal = t.problem.objective
-    size = max(abs(solution.objective), LEAST * goal.scale)
+    size = solution.magnitude
     dynamics, controls, limits, jumps, squared = (float(part) for part in parts)
     program = jumps + _program_worth(solution, ends) + ROUNDING * size
     second = (dynamics + controls + limits + program) ** 2 / size + squared * size

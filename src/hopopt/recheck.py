@@ -16,7 +16,7 @@ from hopopt.nlp.ipopt import Bounds, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcribe import Transcription
-from hopopt.objective_error import LEAST, objective_error
+from hopopt.objective_error import objective_error
 from hopopt.ocp.custom import FIGURE, Custom, as_objective, custom
 from hopopt.ocp.goal import HopObjective
 from hopopt.ocp.hop import Hop
@@ -27,6 +27,7 @@ from hopopt.stated_error import simulated
 from hopopt.storage_folder import fitting
 from hopopt.verify import KKT, Check, verify_plan
 
+CONFIRMED = 1e-4  # relative: the fixed design may be worse than the co-design by this
 AGREE = 1e-9  # stored tables against the stored trajectories, relative
 SAME = 1e-7  # the error of the objective against the stated one, relative to the objective
 
@@ -91,7 +92,16 @@ def _recheck(solution: Solution) -> list[Check]:
     checks = numerical_checks(solution.design, nlp, errors, float("inf") if change is None else change, error)
     checks += [_agreement(solution), _same_program(solution, nlp), _same_limits(nlp)]
     more, told = simulated(solution, goal, error)
-    return [*checks, *_same_error(solution, told), *plan, *more]
+    return [*checks, *_same_error(solution, nlp, told), *plan, *more, *co_design_checks(goal, solution.summary)]
+
+
+def co_design_checks(goal: HopObjective, summary: Mapping[str, Any]) -> Iterator[Check]:
+    """That the fixed design confirms the co-design that it comes from, if it does."""
+    if "codesign" in summary:
+        value = summary["objective_value"]
+        worse = goal.sign * (summary["codesign"]["objective_value"] - value) / max(abs(value), 1e-9)
+        where = "the fixed design against the co-design"
+        yield Check("co-design confirmed", max(worse, 0.0), CONFIRMED, "relative", where)
 
 
 def with_functions(solution: Solution, objective: Any = None, constraints: Sequence[Any] = ()) -> Solution:
@@ -136,6 +146,7 @@ def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolutio
         raise ResultError(f"{solution.result_dir}: mesh and NLP vectors do not belong together")
     bounds = Bounds(*(kkt.pop(side.name) for side in fields(Bounds)))
     phases, values = t.unpack(kkt["z"], kkt["p"])
+    kkt["g"] = np.array(ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(kkt["z"], kkt["p"])).ravel()
     objective = float(solution.summary["objective_value"])
     return NlpSolution(t, phases, values, objective, "stored", True, 0, **kkt, bounds=bounds)
 
@@ -164,13 +175,11 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
 
 
-def _same_error(solution: Solution, told: Mapping[str, Any]) -> Iterator[Check]:
+def _same_error(solution: Solution, nlp: NlpSolution, told: Mapping[str, Any]) -> Iterator[Check]:
     """The error of the objective, computed again, is no larger than the one that stands beside the answer."""
     if "objective_error" in solution.summary:  # results of earlier versions state none
         stated = solution.summary["objective_error"]["too_high_by"]
-        more = (told["too_high_by"] - (np.inf if stated is None else stated)) / max(
-            abs(float(solution.summary["objective_value"])), LEAST
-        )
+        more = (told["too_high_by"] - (np.inf if stated is None else stated)) / nlp.magnitude
         yield Check("error of the objective as stated", max(more, 0.0), SAME, "relative")
 
 

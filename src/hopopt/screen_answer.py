@@ -158,8 +158,11 @@ def starts_line(s: dict[str, Any]) -> str:
     """Where the starts ended on the first mesh."""
     starts = s["starts"]
     ends = ", ".join(f"{o['count']} at {measure(s, o['objective'], '.3f')}" for o in starts["optima"])
+    gentle = (
+        ", what prefers gentle torques counted in" if s["tie_break_weighs"] > 1e-3 * abs(s["objective_value"]) else ""
+    )
     failed = f", {len(starts['failed'])} failed" if starts["failed"] else ""
-    return f"{starts_in_words([each['name'] for each in starts['each']])} on the first mesh: {ends}{failed}"
+    return f"{starts_in_words([each['name'] for each in starts['each']])} on the first mesh: {ends}{gentle}{failed}"
 
 
 def starts_in_words(names: Sequence[str]) -> str:

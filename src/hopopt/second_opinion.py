@@ -28,7 +28,6 @@ SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which opi
 AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer
 AFFORDABLE = 6000  # variables of a program for Uno: a minute or some
 FEASIBLE = 1e-6  # scaled: what another solver may miss its constraints by
-NOTHING = 1e-3  # of the objective's scale: smaller values count as this large
 UNO = {"preset": "filtersqp", "TR_radius": 0.1, "time_limit": 1800.0, "logger": "SILENT", "print_solution": False}
 SCHEMES = (radau(5), HERMITE_SIMPSON, radau(4))  # the first two that are not the answer's own
 LOOSE = 1e-4  # local error of schemes that collocate both ends: their controls oscillate, finer meshes take minutes
@@ -77,17 +76,19 @@ def with_opinions(hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = 
 def opinions(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> list[Opinion]:
     """All opinions on an answer; ``answer.kkt`` holds the program that it came from."""
     sign, value, own = hop.objective.sign, answer.summary["objective_value"], answer.summary["scheme"]
-    stored, least = stored_nlp(answer), NOTHING * hop.problem.objective.scale
+    stored = stored_nlp(answer)
     nlp = affordable(hop, stored)
     which = "the same program" if nlp is stored else "the program with limits at the nodes alone"
     name = f"Uno, filter SQP, on {which} of {_sizes(nlp.transcription)} intervals"
     say(f"second opinion: {name}")
-    found = [opinion(name, sign, SAME_PROGRAM, nlp.objective, lambda: by_uno(nlp, hop.design.solver.seed), least)]
+    found = [
+        opinion(name, sign, SAME_PROGRAM, nlp.objective, lambda: by_uno(nlp, hop.design.solver.seed), stored.least)
+    ]
     for other in [s for s in SCHEMES if s.name != own][:2]:
         how = f"refined on its own to {_tolerance(hop, other):.0e}" if hop.design.solver.refine else "on one mesh"
         name = f"{other.name}, {how}"
         say(f"second opinion: {name}")
-        found.append(opinion(name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored), least))
+        found.append(opinion(name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored), stored.least))
     return found
 
 

@@ -15,7 +15,7 @@ from hopopt.verify_worth import left_out, not_simulated, worth
 def relaxed(solution: NlpSolution) -> dict[str, Any]:
     """For the summary: what the limits cost that hold between the nodes too (``gains``, objective's unit), by the
     multipliers: so much better might a hop be whose torques follow their limits inside an interval as well."""
-    return {"relaxed": {"gains": price(solution) * abs(solution.objective)}}
+    return {"relaxed": {"gains": price(solution) * solution.magnitude}}
 
 
 def simulated(plan: Solution, goal: HopObjective, error: ObjectiveError) -> tuple[list[Check], dict[str, Any]]:

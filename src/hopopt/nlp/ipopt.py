@@ -48,6 +48,7 @@ UNDAMPED = {"ipopt.tol": 1e-8, "ipopt.perturb_always_cd": "yes"}
 GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
 
 
+LEAST = 1e-2  # of the objective's scale
 # How Ipopt ends where the user has pressed Ctrl-C, which CasADi swallows (other errors of a function only cut a step short).
 STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown")
 
@@ -79,6 +80,16 @@ class NlpSolution:
     lam_g: np.ndarray
     lam_x: np.ndarray
     bounds: Bounds
+
+    @property
+    def least(self) -> float:
+        """Of an objective that may be 0 [its unit]: what is relative to it is relative to this at least."""
+        return LEAST * self.transcription.problem.objective.scale
+
+    @property
+    def magnitude(self) -> float:
+        """What is relative to the objective is relative to this [its unit]."""
+        return max(abs(self.objective), self.least)
 
 
 Multipliers = tuple[np.ndarray, np.ndarray] | None  # lam_g, lam_x

@@ -25,7 +25,7 @@ BARRIER = 10 * OPTIONS["ipopt.tol"]  # of the objective's scale: a smaller multi
 def price(solution: NlpSolution) -> float:
     """What the limits that were drawn in cost the objective, relative to it."""
     cost = sum(float(each.sum()) for each in drawn_prices(solution).values())
-    return cost / max(abs(solution.objective), 1e-9)
+    return cost / solution.magnitude
 
 
 def drawn_prices(solution: NlpSolution) -> dict[str, np.ndarray]:

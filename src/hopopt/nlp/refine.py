@@ -131,7 +131,7 @@ class Refinement:
         first = [k for k, size in enumerate(sizes) if k == 0 or size != sizes[k - 1]]
         if len(first) < 2:
             return float("inf")
-        return relative(self.history[-1].objective, self.history[first[-1] - 1].objective)
+        return relative(self.history[-1].objective, self.history[first[-1] - 1].objective, self.solution.least)
 
     @property
     def _kept(self) -> bool:
@@ -176,7 +176,7 @@ class Refinement:
     @property
     def _budget(self) -> float:
         """What all limits may cost [objective's unit]."""
-        return BUDGET * self.aims.price * abs(self.solution.objective)
+        return BUDGET * self.aims.price * self.solution.magnitude
 
     def _costs(self) -> dict[str, np.ndarray]:
         """What the limits of each interval cost, or would cost [objective's unit]."""
@@ -271,12 +271,12 @@ class Refinement:
         if all(e.local.max() <= aims.local_error and e.excess.max() <= aims.excess for e in self.errors.values()):
             return None
         pairs = combinations(solved, 2)
-        return next((b for a, b in pairs if relative(a.objective, b.objective) <= AGREED), None)
+        return next((b for a, b in pairs if relative(a.objective, b.objective, a.least) <= AGREED), None)
 
     def _worse(self, solution: NlpSolution) -> bool:
         """Whether it may be another, worse optimum than the last mesh's."""
         sign = -1.0 if solution.transcription.problem.objective.maximize else 1.0
-        return sign * (solution.objective - self.solution.objective) > LOST * abs(self.solution.objective)
+        return sign * (solution.objective - self.solution.objective) > LOST * self.solution.magnitude
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
         return NlpSolver(t, {**known, "ipopt.max_iter": min(PATIENCE, self.aims.iterations)})
@@ -311,6 +311,6 @@ def moves_to(over: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     return (np.convolve(over, [1, 1, 1])[1:-1] > 0) | (coarse & (over & coarse).any())
 
 
-def relative(a: float, b: float) -> float:
-    """|a - b| relative to |a|."""
-    return abs(a - b) / max(abs(a), 1e-9)
+def relative(a: float, b: float, least: float = 1e-9) -> float:
+    """|a - b| relative to |a|, or to what that is at least."""
+    return abs(a - b) / max(abs(a), least)

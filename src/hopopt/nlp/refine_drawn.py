@@ -69,7 +69,7 @@ class DrawnRefinement(Refinement):
     def change(self) -> float:
         """Relative change of the objective with the last mesh, before its limits were drawn in; infinite after one."""
         meshes = [step.objective for step in self.history if not step.drawn_in]
-        return relative(meshes[-1], meshes[-2]) if len(meshes) > 1 else float("inf")
+        return relative(meshes[-1], meshes[-2], self.solution.least) if len(meshes) > 1 else float("inf")
 
     def _far(self, step: MeshStep) -> float:
         """By its local error alone: limits are drawn in afterwards."""
@@ -77,7 +77,7 @@ class DrawnRefinement(Refinement):
 
     def _faults(self) -> Parts:
         """What is to be cut: inaccurate intervals, and the dearest until the rest is within the budget."""
-        price, budget = excess_prices(self.solution, self.errors), self.aims.price * abs(self.solution.objective)
+        price, budget = excess_prices(self.solution, self.errors), self.aims.price * self.solution.magnitude
         total = np.sort(np.concatenate(list(price.values())))
         dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
         return {
