@@ -138,19 +138,19 @@ def operating_region(solution: Solution) -> Figure:
         ax = figure.add_subplot(rows, columns, k + 1)
         ax.fill(*solution.region(name).corners().T, fc=PALE, ec=GREY, lw=1.2, label="what the drive can give")
         by_phase(ax, motion, lambda s, k=k: s.v[:, k - len(names)], lambda s, k=k: s.tau[:, k])
-        _mark_instants(ax, motion, k, k - len(names))
+        _mark_instants(ax, motion, k, k - len(names), solution.end_of_flight)
         describe(ax, "speed [rad/s]", "torque [N m]", name)
     legend(figure)
     return figure
 
 
-def _mark_instants(ax: Axes, motion: Motion, k: int, column: int) -> None:
-    """Start, lift-off (on both sides: the torque may jump), apex and touchdown of joint k."""
+def _mark_instants(ax: Axes, motion: Motion, k: int, column: int, end: str) -> None:
+    """Start, lift-off (on both sides: the torque may jump), the ``end`` of flight and touchdown of joint k."""
     for phase, row, marker, size, label in (
         (STANCE, 0, "o", 9, "start"),
         (STANCE, -1, "s", 9, "lift-off, end of stance"),
         (FLIGHT, 0, "D", 8, "lift-off, start of flight"),
-        (FLIGHT, -1, "*", 15, "apex"),
+        (FLIGHT, -1, "*", 15, end),
         (DESCENT, -1, "v", 10, "touchdown"),
     ):
         if phase not in motion:

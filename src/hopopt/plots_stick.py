@@ -30,7 +30,7 @@ WIDE = 1.25  # share of a slide's width over its height, divided by the rows, th
 
 
 def stick(solution: Solution) -> Figure:
-    """The leg every 40 ms, at the apex and where it lands, each pose beside the one before it and all to one scale [m]."""
+    """The leg every 40 ms, at the end of flight and where it lands, each pose beside the one before it and all to one scale [m]."""
     figure = solution_figure(solution, "the hop every 40 ms, poses side by side")
     poses = _Poses(solution)
     for ax, row in zip(figure.subplots(len(poses.rows), squeeze=False)[:, 0], poses.rows, strict=True):
@@ -91,7 +91,7 @@ class _Poses:
 
     def label(self, k: int) -> str:
         """Time [s] of pose k."""
-        names = {len(self.x) - 1: "touchdown", self.apex: "apex"}
+        names = {len(self.x) - 1: "touchdown", self.apex: self.solution.end_of_flight}
         return f"{self.samples.t[k]:.3f}\n({names[k]})" if k in names else f"{self.samples.t[k]:.2f}"
 
     def draw(self, ax: Axes, k: int) -> None:

@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from hopopt.screen import console, print_lines
 from hopopt.screen_certificate import certified_words, structure_lines
+from hopopt.solution import at_apex
 
 if TYPE_CHECKING:
     from hopopt.solution import Solution
@@ -71,13 +72,16 @@ def hop_lines(s: dict[str, Any]) -> list[str]:
     """Where the clearance comes from; durations, speeds at lift-off and the greatest ground force."""
     p, stance, flight, lift = s["parts"], s["phases"]["stance"], s["phases"]["flight"], s["lift_off"]
     lands = f", descent {s['phases']['descent']['duration_s']:.3f} s" if "descent" in s["phases"] else ""
+    end, flown = s.get("vertical_at_end_of_flight_m_s", 0.0), f"{flight['duration_s']:.3f} s"  # 0: an earlier version's
+    way = "rising" if end > 0 else "falling"
+    flown = f"to the apex {flown}" if at_apex(end) else f"{flown} (then {way} at {abs(end):.2f} m/s)"
     parts = (
         f"clearance = COM height at lift-off {p['com_height_at_lift_off_m']:.4f} + ballistic rise "
         f"{p['ballistic_rise_m']:.4f} - COM height over the {s['lowest_point']} {-p['com_height_over_lowest_point_m']:.4f} m"
     )
     return [
         *([parts] if s["verified"] else []),
-        f"stance {stance['duration_s']:.3f} s, flight to the apex {flight['duration_s']:.3f} s{lands}, lift-off at "
+        f"stance {stance['duration_s']:.3f} s, flight {flown}{lands}, lift-off at "
         f"{lift['vertical_m_s']:.2f} m/s up and {lift['horizontal_m_s']:+.2f} m/s along, peak ground force "
         f"{s['peak_ground_force_N']:.0f} N",
     ]

@@ -196,6 +196,11 @@ class Solution:
         """The whole leg at the end of flight (one sample)."""
         return self.sample_phase(FLIGHT, np.array([self.phases[FLIGHT].duration]))
 
+    @property
+    def end_of_flight(self) -> str:
+        """What a figure calls that instant: "apex", or "end" where the centre of mass still rises or falls again."""
+        return "apex" if at_apex(float(self.apex.com_v[0, 1])) else "end"
+
     def claims(self) -> dict[str, float]:
         """What verification is to confirm: the height of the lowest point at the apex [m]; what else the hop was made
         for, the body's height there [m] or what ``summary`` states."""
@@ -237,6 +242,11 @@ class Solution:
         from hopopt.compare import compare
 
         return compare(self.design, strategies or None, bound=self, tune=tune)
+
+
+def at_apex(vertical: float) -> bool:
+    """Whether the centre of mass, at this vertical speed [m/s], is within a millimetre of its highest (on earth)."""
+    return abs(vertical) < 0.14
 
 
 def _join(parts: list[Samples]) -> Samples:

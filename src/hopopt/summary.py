@@ -13,6 +13,7 @@ from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.nlp.hull import of_limits
 from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.transcribe import Rows, Transcription
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
 from hopopt.solution import Samples, Solution
@@ -42,7 +43,7 @@ def summarize(
     fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
     stance = fine[STANCE]
     bad, goal = failed(list(checks)), hop.objective
-    of_unit = "_m" if goal.unit == "m" else ""
+    of_unit, own = "_m" if goal.unit == "m" else "", [c.name for c in hop.constraints]
     summary: dict[str, Any] = {
         "problem": plan.design.name,
         "title": plan.design.title,
@@ -69,15 +70,16 @@ def summarize(
         "lowest_point": _lowest(plan),
         "phases": {name: phase_figures(plan, name, s) for name, s in fine.items()},
         "lift_off": lift_off(plan),
+        "vertical_at_end_of_flight_m_s": float(plan.apex.com_v[0, 1]),
         "peak_ground_force_N": float(np.linalg.norm(stance.f, axis=1).max()),
         "peak_vertical_force_N": float(stance.f[:, -1].max()),
         "friction": plan.design.contact.friction,
         "grip_without_load_N": float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0)),
         "saturation_mean": saturation_mean(plan, stance),
         "energy": energy(plan, fine),
-        "active_limits": active_limits(plan, stance),
+        "active_limits": most_first({**active_limits(plan, stance), **own_active(solution, own)}),
         "idle_limits": idle_limits(plan, fine),
-        f"gain_per_percent{of_unit}": limit_gains(solution, plan.design.contact.friction),
+        f"gain_per_percent{of_unit}": limit_gains(solution, plan.design.contact.friction, own),
         "verification": [c.as_dict() for c in checks],
         "failed_checks": [c.name for c in bad],
         "mesh": [asdict(step) for step in refinement.history],
@@ -172,7 +174,32 @@ def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
     shares["longest stance"] = lasted >= longest - ACTIVE * longest
     shares["shortest stance"] = lasted <= shortest + ACTIVE * shortest
     means = {name: _time_mean(stance, np.broadcast_to(active, stance.t.shape) + 0.0) for name, active in shares.items()}
-    return dict(sorted(((n, m) for n, m in means.items() if m > 1e-3), key=lambda pair: -pair[1]))
+    return most_first({name: share for name, share in means.items() if share > 1e-3})
+
+
+def most_first(amounts: Mapping[str, float]) -> dict[str, float]:
+    """Sorted, the largest first."""
+    return dict(sorted(amounts.items(), key=lambda pair: -pair[1]))
+
+
+def own_active(solution: NlpSolution, own: Sequence[str]) -> dict[str, float]:
+    """Share of stance in which sides of constraints of one's own, by name, are active, at the nodes."""
+    t, b, shares = solution.transcription, solution.bounds, dict[str, float]()
+    h, weights = solution.phases[STANCE].lengths, t.layouts[STANCE].scheme.b
+    for rows in (r for r in t.rows if r.phase == STANCE and r.kind == "path" and r.name in own):
+        at, size = slice(rows.start, rows.stop), _own_range(t, rows)
+        for side, left in (("upper", b.high_g[at] - solution.g[at]), ("lower", solution.g[at] - b.low_g[at])):
+            active = (left < ACTIVE * size).reshape(len(h), len(weights), -1).any(axis=2)
+            shares[f"{rows.name} ({side})"] = float(h @ active @ weights / h.sum())
+    return {name: share for name, share in shares.items() if share > 1e-3}
+
+
+def _own_range(t: Transcription, rows: Rows) -> np.ndarray:
+    """What one per cent of a limit of one's own is of: the distance of its two sides, or the size of its only one."""
+    lower, upper = t.lbg[rows.start : rows.stop], t.ubg[rows.start : rows.stop]
+    both = np.isfinite(lower) & np.isfinite(upper)
+    one = np.abs(np.where(np.isfinite(upper), upper, lower))
+    return np.where(both, np.subtract(upper, lower, out=np.zeros_like(one), where=both), one)
 
 
 def _active_at_the_ground(plan: Solution, stance: Samples) -> dict[str, np.ndarray]:
@@ -195,14 +222,20 @@ def by_friction(solution: NlpSolution) -> np.ndarray:
     return np.outer(force, np.full(len(sides), steepness(1 + len(sides) // 2)))
 
 
-def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, float]:
+def limit_gains(solution: NlpSolution, friction: float | None, own: Sequence[str] = ()) -> dict[str, float]:
     """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers: more
-    of what is maximised, less of what is minimised. The friction cone's range is its coefficient."""
+    of what is maximised, less of what is minimised. The friction cone's range is its coefficient; ``own``: the names of
+    constraints of one's own."""
     t, gains, lam_g = solution.transcription, {}, of_limits(solution)
     for rows in t.rows:
         if rows.kind in ("path", "boundary") and rows.name.endswith(("operating region", "foot window")):
             bound = np.abs(t.ubg[rows.start : rows.stop])
             gains[rows.name] = gains.get(rows.name, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
+        elif rows.kind == "path" and rows.name in own:
+            for side, way in (("upper", 1.0), ("lower", -1.0)):
+                pushed = np.maximum(way * lam_g[rows.start : rows.stop], 0.0) @ _own_range(t, rows)
+                name = f"{rows.name} ({side})"
+                gains[name] = gains.get(name, 0.0) + 0.01 * float(pushed)
         elif rows.name == "friction cone" and friction is not None:
             lam = solution.lam_g[rows.start : rows.stop].reshape(-1, len(rows.labels)) / rows.scale
             gains[rows.name] = -0.01 * friction * float((lam * by_friction(solution)).sum())
@@ -223,7 +256,7 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
             gains[f"{joint} angle"] = gains.get(f"{joint} angle", 0.0) + 0.01 * float(
                 np.abs(lam[:, k]).sum() * span[k] / q.column("scale")[k]
             )
-    return dict(sorted(((n, g) for n, g in gains.items() if g > 1e-6), key=lambda pair: -pair[1]))
+    return most_first({name: gain for name, gain in gains.items() if gain > 1e-6})
 
 
 def start_figures(outcomes: "Sequence[StartOutcome]", chosen: "StartOutcome") -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """Objectives of an economical hop: the least work, time, share of the drives, torque or ground force for a clearance.
 
-All reach the clearance that the problem asks for (``hop.clearance``) and make something as small as possible on the
-way to the apex. Positive parts and peaks are not smooth: a power gets a control of its own that is at least the power
-and at least zero, a peak a parameter that no value passes.
+All reach the clearance that the problem asks for (``hop.clearance``) and make something as small as possible until then.
+Positive parts and peaks are not smooth: a power gets a control of its own that is at least the power and at least zero,
+a peak a parameter that no value passes.
 """
 
 from collections.abc import Callable, Mapping
@@ -171,20 +171,20 @@ def _force_peak(hop: "Hop", phase: str, motion: MotionAt) -> tuple[PathConstrain
 
 EFFORTS = (
     _economical(
-        "energy", "positive mechanical work of the joints up to the apex, nothing recovered", "J", "energy_J",
+        "energy", "positive mechanical work of the joints up to the end of flight, nothing recovered", "J", "energy_J",
         lambda hop, e: total(e, "work"), integrands=_drawn_work, **_drawn(_power, FLAT),
     ),
     _economical(
-        "absolute_work", "mechanical work of the joints up to the apex, braking counted like driving", "J",
+        "absolute_work", "mechanical work of the joints up to the end of flight, braking counted like driving", "J",
         "absolute_work_J", lambda hop, e: total(e, "work"), integrands=_work_both_ways, **_drawn(_power, FLAT),
     ),
     _economical(
-        "electrical_energy", "electrical energy drawn up to the apex: Joule heat and mechanical power, nothing fed back",
+        "electrical_energy", "electrical energy drawn up to the end of flight: Joule heat and mechanical power, nothing fed back",
         "J", "electrical_energy_J", lambda hop, e: total(e, "work"), integrands=_drawn_work, fault=_no_winding,
         **_drawn(lambda hop, motion, s: _power(hop, motion, s) + _losses(hop, motion, s)),
     ),
     _economical(
-        "time", "time from the start of stance to the apex", "s", "time_s",
+        "time", "time from the start of stance to the end of flight", "s", "time_s",
         lambda hop, e: sum(e.duration.values(), ca.SX(0)),
     ),
     _economical(
