@@ -203,6 +203,10 @@ SENTENCES = [
     (("ratio = 100", "rati = 100"), "leg.gear.rati is not a known key (did you mean ratio?): [leg.gear] takes ratio, torque_cap, speed_cap, inertia, efficiency, catalogue and model."),
     (('"radau"', '"radua"'), 'solver.scheme = "radua" is not allowed: "radau" or "hermite-simpson" or "trapezoidal" is needed; did you mean "radau"?'),
     (('["paper"]', '["4-quadrant"]'), 'leg.motor.laws[0] = "4-quadrant" is not allowed: a list of "paper" or "four-quadrant" is needed; did you mean "four-quadrant"?'),
+    (
+        ('["paper"]', '"[paper]"'),
+        'leg.motor.laws = "[paper]" is not allowed: a list of "paper" or "four-quadrant" is needed; write its names in quotes.',
+    ),
     (('["paper"]', '"paper"'), 'leg.motor.laws = "paper" is not allowed: a list of "paper" or "four-quadrant" is needed; write it in [ ].'),
     (('["paper"]', "[]"), 'leg.motor.laws = [] leaves nothing to bound the torque (motor.torque_cap or gear.torque_cap) and the speed (gear.speed_cap) of hip, knee: give these caps, or "paper" or "four-quadrant" in leg.motor.laws.'),
     (("degree = 3", "degree = 3.0"), "solver.degree = 3.0 is not allowed: a whole number from 1 to 9 is needed."),

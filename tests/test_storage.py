@@ -194,6 +194,12 @@ def test_a_folder_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.Monke
     assert str(caught.value) == f"{tmp_path}: it cannot be read (Permission denied)"
 
 
+def test_the_folder_of_a_study_is_told_as_such(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text("")
+    with pytest.raises(ResultError, match=r"a study, not a single result \(its table is table.csv"):
+        read(tmp_path)
+
+
 @pytest.mark.parametrize("source", ["x" * 5000, "\0", "", "/dev/null", "ü/ß"])
 def test_folders_that_are_none(source: str) -> None:
     with pytest.raises(ResultError):

@@ -40,6 +40,11 @@ _HOME = {
 }  # fmt: skip
 
 
+def __dir__() -> list[str]:
+    """What there is, imported or not: for tab completion."""
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
+
+
 def __getattr__(name: str) -> Any:
     """Import on first use, so that ``hopopt --help`` answers at once."""
     if name not in _HOME:

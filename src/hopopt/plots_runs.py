@@ -62,7 +62,8 @@ def saturation(runs: Runs) -> Figure:
             label = f"{called(name, run)}: C_avg {', '.join(means)}"
             jumping_curve(ax, t, t, run.saturation(k), label=label, **look[name])
         describe(ax, "time [s]" if k == len(joints) - 1 else "", "saturation ratio [-]", joints[k])
-        ax.set(ylim=(-0.04, 1.08), xlim=(0, 1.01 * max(run.trace.t[run.stance][-1] for run in runs.values())))
+        longest = max(run.trace.t[run.stance][-1] for run in runs.values())
+        ax.set(ylim=(-0.04, 1.08), xlim=(0, 1.01 * longest or None))  # where nothing ever pushed, whatever is drawn
     legend(figure)
     return figure
 

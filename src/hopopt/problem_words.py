@@ -82,7 +82,8 @@ def hint(value: Any, info: FieldInfo | None, *, in_list: bool = False) -> str:
     """What the author of ``value`` (or of one ``in_list``) may have meant, to end a sentence; may be empty."""
     kind = required_type(info.annotation) if info else None
     if get_origin(kind) is tuple and isinstance(value, str) and not in_list:
-        return "; write it in [ ]"
+        listed = value.startswith("[")  # --set takes what is no TOML value as text
+        return "; write its names in quotes" if listed else "; write it in [ ]"
     if isinstance(value, str) and (close := get_close_matches(value, _literals(kind), n=1)):
         return f'; did you mean "{close[0]}"?'
     if isinstance(value, str) and kind in (int, float):

@@ -167,6 +167,8 @@ def read(folder: str | Path) -> Solution:
     with _readable(folder):
         if not (folder / "solution.nc").is_file():
             what = "no results folder (solution.nc is missing)" if folder.exists() else "there is no such folder"
+            if (folder / "table.csv").exists():
+                what = "a study, not a single result (its table is table.csv, its figures are in figures/)"
             raise ResultError(f"{folder}: {what}: give a folder that `hopopt solve` wrote{_results_in(folder)}")
     problem = folder / "problem.toml"
     with _readable(problem):
