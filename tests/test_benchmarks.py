@@ -121,7 +121,7 @@ def test_mesh_size_and_warm_measure_the_same_hop(scripts: dict[str, ModuleType])
             return super().__call__(guess, parameters, *more)
 
     plain.__class__ = warm.__class__ = Noting
-    line = scripts["warm"].compared(hop, plain, warm, 1, "leg.gear.ratio")
+    line = scripts["warm"].compared(hop, plain, warm, 0.1, 1, "leg.gear.ratio")
     assert line.endswith("| yes |")
     assert asked == [[], ["leg.gear.ratio"], *[["clearance", "leg.gear.ratio"]] * 2]  # "answer" and "warm": all of it
 
