@@ -439,7 +439,16 @@ def test_bounds_that_are_none(text: str) -> None:
     [
         ({"leg.gear.ration": (50, 200)}, [], "did you mean leg.gear.ratio"),
         ({"leg.gear.ratio": (0, 200)}, [], "leg.gear.ratio = 0"),
-        ({"hop.foot_window": (0.1, 0.2)}, [], "no such number of the leg"),
+        (
+            {"hop.foot_window": (0.1, 0.2)},
+            [],
+            "no such number of the leg that is set; it has leg.body.mass, leg.motor.",
+        ),
+        (
+            {"leg.hip.gear.ratio": (50, 150)},
+            [],
+            "no number of its own there but leg.gear.ratio: add --set leg.hip.gear.ratio=100",
+        ),
         ({"leg.gear.ratio": (50, 200)}, ["leg.thigh.length = 0.4"], "none of its entries is free"),
         ({"leg.gear.ratio": (50, 200)}, ["leg.gear.ratios = 60"], "did you mean leg.gear.ratio"),
         ({"leg.gear.ratio": (50, 200)}, ["leg.gear.ratio = 300"], "no values within the bounds"),

@@ -17,7 +17,7 @@ from hopopt.codesign_catalogue import asks_catalogue, beyond, catalogue_coupling
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.finishing import finish, refine_outcome
 from hopopt.highest import from_highest
-from hopopt.leg.design import Design, physical_parameters
+from hopopt.leg.design import Design, Leg, physical_parameters
 from hopopt.multistart import Progress, contenders, first_transcription, not_solved, outcome_of, run_starts
 from hopopt.nlp.envelope import slopes
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
@@ -156,6 +156,17 @@ def _coupling(c: Coupling, hop: Hop, best: NlpSolution) -> dict[str, Any]:
 # ---- what may be free ---------------------------------------------------------------------------------------
 
 
+def _unknown(leg: Leg, entry: str, known: Mapping[str, float]) -> str:
+    """Why an entry cannot be free: a joint's own number that it shares with the others, or none of the leg's."""
+    for joint in leg.joints:
+        for part in ("motor", "gear"):
+            name = entry.removeprefix(f"leg.{joint}.{part}.")
+            if name != entry and (shared := f"leg.{part}.{name}") in known:
+                return f"the {joint} has no number of its own there but {shared}: add --set {entry}={known[shared]:g}"
+    near = did_you_mean(entry, known) or f"; it has {', '.join(known)}"
+    return f"there is no such number of the leg that is set{near}"
+
+
 def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Sequence[str] = ()) -> Freedom:
     """The freedom that is asked for, if the problem can have it; UsageError in a sentence if not."""
     known = physical_parameters(design.leg)
@@ -164,9 +175,7 @@ def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Seq
     bounds = Freedom(dict(free))
     for entry, (low, high) in free.items():
         if entry not in known:
-            raise UsageError(
-                f"--free {entry}: there is no such number of the leg that is set{did_you_mean(entry, known)}"
-            )
+            raise UsageError(f"--free {entry}: {_unknown(design.leg, entry, known)}")
         if not low < high:
             raise UsageError(f"--free {entry}: its bounds {low:g} and {high:g} leave it no room")
         for value in (low, high):
