@@ -13,7 +13,7 @@ from hopopt.problem_file import load
 from hopopt.screen import console, print_checks, print_lines
 from hopopt.screen_answer import checks_line
 from hopopt.screen_certificate import structure_lines
-from hopopt.screen_runs import print_comparison
+from hopopt.screen_runs import PARTS, _gaps, _heights, print_comparison
 from hopopt.screen_sensitivity import print_sensitivity
 from hopopt.screen_sweep import print_study
 from hopopt.sensitivity import Influence
@@ -85,6 +85,18 @@ def test_a_comparison_fits_a_narrow_screen(hop: Solution) -> None:
     assert max(map(len, lines)) <= 80
     assert not any("…" in line for line in lines)
     assert [len(line.split()) for line in lines if line.startswith("force ")] == [7, 10, 5]
+
+
+def test_a_clearance_that_never_was_has_no_parts() -> None:
+    nothing = dict.fromkeys(PARTS, 0.0)
+    gap = {"push_m": 0.8, "timing_m": 0.0, "retraction_m": -0.2}
+    row = {"clearance_m": 0.0, "share_of_bound": 0.0, "foot_height_m": 0.0, "parts": nothing, "gap": gap}
+    with redirect_stdout(Screen()) as screen:
+        console().print(_gaps({"optimum": row, "stands": row}))
+        console().print(_heights({"stands": row}))
+    gaps, heights = (line.split() for line in screen.getvalue().splitlines() if line.startswith("stands"))
+    assert gaps == ["stands", "-", "-", "-", "+60.0"]
+    assert heights == ["stands", "0.000", "0%", "-", "-", "-", "0.000"]
 
 
 def test_names_are_whole_on_a_narrow_screen() -> None:

@@ -104,7 +104,10 @@ def _heights(rows: Mapping[str, Any]) -> Table:
             name,
             f"{r['clearance_m']:.3f}",
             "-" if r["share_of_bound"] is None else f"{r['share_of_bound']:.0%}",
-            *(f"{sign * r['parts'][key]:.3f}" for sign, key in zip((1, 1, -1), PARTS, strict=True)),
+            *(
+                f"{sign * r['parts'][key]:.3f}" if _cleared(r) else "-"
+                for sign, key in zip((1, 1, -1), PARTS, strict=True)
+            ),
             f"{r['foot_height_m']:.3f}",
         )
     return table
@@ -146,8 +149,14 @@ def _gaps(rows: Mapping[str, Any]) -> Table:
     table = _by_strategy("push cm", "timing cm", "retraction cm", "together cm", title=title)
     for name, r in list(rows.items())[1:]:
         gaps = [100 * r["gap"][part] for part in ("push_m", "timing_m", "retraction_m")]
-        table.add_row(name, *(f"{round(gap, 1) or 0:+.1f}" for gap in (*gaps, sum(gaps))))
+        each = [f"{round(gap, 1) or 0:+.1f}" for gap in (*gaps, sum(gaps))]
+        table.add_row(name, *(each if _cleared(r) else ["-", "-", "-", each[-1]]))
     return table
+
+
+def _cleared(r: Mapping[str, Any]) -> bool:
+    """Whether the leg was ever in flight with its foot in the window: else its clearance has no parts."""
+    return any(r["parts"].values())
 
 
 def _paper(name: str, r: Mapping[str, Any]) -> str:
