@@ -94,7 +94,8 @@ def test_a_clearance_that_never_was_has_no_parts() -> None:
     with redirect_stdout(Screen()) as screen:
         console().print(_gaps({"optimum": row, "stands": row}))
         console().print(_heights({"stands": row}))
-    gaps, heights = (line.split() for line in screen.getvalue().splitlines() if line.startswith("stands"))
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue())
+    gaps, heights = (line.split() for line in plain.splitlines() if line.startswith("stands"))
     assert gaps == ["stands", "-", "-", "-", "+60.0"]
     assert heights == ["stands", "0.000", "0%", "-", "-", "-", "0.000"]
 
