@@ -22,13 +22,13 @@ import numpy as np
 
 import hopopt as ho
 from hopopt.nlp import terms
-from hopopt.nlp.derivatives import Program
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
+from hopopt.nlp.program import Program
 from hopopt.nlp.schemes import scheme
-from hopopt.nlp.transcribe import Transcription
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
-from hopopt.ocp.starts import NAMED, make_guess
+from hopopt.ocp.initial_guess import NAMED, make_guess
 
 LIMIT = 60.0  # [s] for all repeats of a way with hopopt's own beside it
 REASON = re.compile(r"(?:Exception message: |Fatrop: |HPIPM: |WARNING\(|Setting: )(.{1,110})")

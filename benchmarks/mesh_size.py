@@ -14,9 +14,9 @@ import hopopt as ho
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
-from hopopt.nlp.transcribe import Transcription
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
-from hopopt.ocp.starts import NAMED, make_guess
+from hopopt.ocp.initial_guess import NAMED, make_guess
 
 SIZES = (10, 20, 40, 80, 160, 320, 640)
 

@@ -19,10 +19,10 @@ import numpy as np
 from joblib import Parallel, delayed
 
 import hopopt as ho
+from hopopt.design import Design
 from hopopt.errors import HopoptError, NotSolvedError, one_line
-from hopopt.leg.design import Design
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.standing import too_weak, unresisted
+from hopopt.ocp.feasibility import too_weak, unresisted
 
 PROCESSES = 2
 GRAVITY = 9.81

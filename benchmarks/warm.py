@@ -15,10 +15,10 @@ from collections.abc import Callable
 import numpy as np
 
 import hopopt as ho
-from hopopt.multistart import first_transcription
 from hopopt.nlp.ipopt import WARM, NlpSolution, NlpSolver
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.starts import NAMED, make_guess
+from hopopt.ocp.initial_guess import NAMED, make_guess
+from hopopt.planner.multistart import first_transcription
 
 ENTRIES = ("leg.gear.ratio", "leg.motor.max_torque", "leg.motor.max_speed", "leg.body.mass", "leg.shank.length")
 SAME = 1e-6  # [objective's unit]: answers closer than this are one

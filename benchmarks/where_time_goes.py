@@ -47,10 +47,10 @@ def main() -> None:
     problem = sys.argv[1] if len(sys.argv) > 1 else "paper"
     with tempfile.TemporaryDirectory() as folder:
         bare = wall("-c", "import casadi, pinocchio", cwd=folder)[0]
-        imports = wall("-c", "import hopopt.cli, hopopt.planner, hopopt.storage", cwd=folder)[0]
-        help_time = wall("-m", "hopopt.cli", "--help", cwd=folder)[0]
+        imports = wall("-c", "import hopopt.cli.main, hopopt.planner.solve, hopopt.storage.solution", cwd=folder)[0]
+        help_time = wall("-m", "hopopt.cli.main", "--help", cwd=folder)[0]
         arguments = ["solve", problem, "--objective", "clearance", "--starts", "1", "--no-figures", "--no-control"]
-        total, out = wall("-m", "hopopt.cli", *arguments, "--json", cwd=folder)
+        total, out = wall("-m", "hopopt.cli.main", *arguments, "--json", cwd=folder)
     s = json.loads(out)
     print(f"{problem}: {total:.1f} s for a {s['status']} answer")
     for name, seconds in stages(s, imports, total).items():

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.solution import Solution
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
 
 
 @pytest.fixture(scope="session", autouse=True)

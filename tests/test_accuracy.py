@@ -5,11 +5,11 @@ import pytest
 
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.transcribe import Transcription
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.solution import Solution
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
 
 
 def halved(solution: Solution, phase: str) -> PhaseMesh:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from hopopt.design import Leg, physical_parameters
 from hopopt.leg.actuator import OperatingRegion, operating_region
-from hopopt.leg.design import Leg, physical_parameters
-from hopopt.problem_file import load
+from hopopt.problem.load import load
 
 many = settings(max_examples=100, deadline=None)
 PAPER, FOUR_QUADRANT = "paper", "four-quadrant"

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from hopopt import actuators
-from hopopt.actuators import MARKS, PARTS, catalogue, names
-from hopopt.cli import run
-from hopopt.closed_loop import make_plant
+from hopopt.cli.main import run
+from hopopt.control.closed_loop import make_plant
+from hopopt.design import Design, Gear, Motor
 from hopopt.errors import ProblemFileError
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.design import Design, Gear, Motor
 from hopopt.leg.robot import build_robot
-from hopopt.mass_law import fit, mass_law, weighed
-from hopopt.problem_file import changed, design_hash, load, resolved_toml, template
+from hopopt.problem import catalogue as actuators
+from hopopt.problem.catalogue import MARKS, PARTS, catalogue, names
+from hopopt.problem.load import changed, design_hash, load, resolved_toml, template
+from hopopt.problem.mass_law import fit, mass_law, weighed
 
 RPM, GCM2 = 2 * np.pi / 60, 1e-7
 GEARS = {  # ratio, repeated peak torque [N m], largest input speed [rpm], as the makers' tables have them

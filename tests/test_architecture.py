@@ -17,54 +17,64 @@ TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FIL
 
 # what the modules of a folder (or a file) may import of hopopt
 ALLOWED = {
-    "leg/": ("hopopt.errors", "hopopt.leg"),
-    "ocp/": ("hopopt.errors", "hopopt.leg", "hopopt.ocp", "hopopt.own_code"),
+    "leg/": ("hopopt.errors", "hopopt.fields", "hopopt.design", "hopopt.leg"),
+    "ocp/": ("hopopt.errors", "hopopt.design", "hopopt.leg", "hopopt.ocp", "hopopt.user_code"),
     "nlp/": ("hopopt.errors", "hopopt.nlp", "hopopt.ocp.problem", "hopopt.ocp.guess"),
-    "sim/machine.py": ("hopopt.leg",),
-    "verify.py": (
+    "sim/machine.py": (
+        "hopopt.design",
+        "hopopt.leg",
+    ),
+    "verify/plan.py": (
         "hopopt.errors",
+        "hopopt.design",
         "hopopt.leg",
         "hopopt.sim.machine",
-        "hopopt.measures",
-        "hopopt.verify_landing",
-        "hopopt.verify_limits",
+        "hopopt.verify.measures",
+        "hopopt.verify.landing",
+        "hopopt.verify.limits",
     ),
-    "verify_landing.py": ("hopopt.sim.machine",),
-    "verify_limits.py": ("hopopt.leg", "hopopt.sim.machine"),
-    "verify_worth.py": (
+    "verify/landing.py": ("hopopt.sim.machine",),
+    "verify/limits.py": ("hopopt.design", "hopopt.leg", "hopopt.sim.machine"),
+    "verify/whole_hop.py": (
+        "hopopt.design",
         "hopopt.leg",
         "hopopt.sim.machine",
-        "hopopt.measures",
-        "hopopt.verify",
-        "hopopt.verify_limits",
+        "hopopt.verify.measures",
+        "hopopt.verify.plan",
+        "hopopt.verify.limits",
     ),
-    "measures.py": ("hopopt.leg", "hopopt.sim.machine"),
+    "verify/measures.py": ("hopopt.design", "hopopt.leg", "hopopt.sim.machine"),
     "errors.py": (),
-    "own_code.py": ("hopopt.errors",),
+    "user_code.py": ("hopopt.errors",),
 }
 FORBIDDEN = {
     "sim/": ("hopopt.ocp", "hopopt.nlp"),
     "control/": ("hopopt.ocp", "hopopt.nlp"),
-    "problem_": ("hopopt.ocp", "hopopt.nlp", "hopopt.planner", "hopopt.solution", "hopopt.verify"),
-    "solution.py": ("hopopt.planner", "hopopt.storage", "hopopt.cli"),
-    "planner.py": ("hopopt.storage", "hopopt.cli", "hopopt.plots"),
-    "finishing.py": ("hopopt.planner", "hopopt.storage", "hopopt.cli", "hopopt.plots"),
+    "problem/": ("hopopt.ocp", "hopopt.nlp", "hopopt.planner.solve", "hopopt.planner.solution", "hopopt.verify.plan"),
+    "planner/solution.py": ("hopopt.planner.solve", "hopopt.storage.solution", "hopopt.cli.main"),
+    "planner/solve.py": ("hopopt.storage.solution", "hopopt.cli.main", "hopopt.plots.hop"),
+    "planner/refine_and_verify.py": (
+        "hopopt.planner.solve",
+        "hopopt.storage.solution",
+        "hopopt.cli.main",
+        "hopopt.plots.hop",
+    ),
 }
 ONLY = {  # libraries with one home
     "matplotlib": (
-        "plots.py",
-        "plots_stick.py",
-        "plots_style.py",
-        "plots_runs.py",
-        "plots_runs_stick.py",
-        "plots_runs_budget.py",
-        "plots_sweep.py",
-        "plots_sensitivity.py",
-        "plots_pareto.py",
+        "plots/hop.py",
+        "plots/stick.py",
+        "plots/style.py",
+        "plots/runs.py",
+        "plots/runs_stick.py",
+        "plots/runs_budget.py",
+        "plots/sweep.py",
+        "plots/sensitivity.py",
+        "plots/pareto.py",
     ),
-    "xarray": ("storage_runs.py", "sweep_store.py"),
-    "h5netcdf": ("storage_netcdf.py",),
-    "h5py": ("storage_netcdf.py",),
+    "xarray": ("storage/runs.py", "studies/sweep/store.py"),
+    "h5netcdf": ("storage/netcdf.py",),
+    "h5py": ("storage/netcdf.py",),
 }
 SLOW = ("matplotlib", "pandas", "xarray", "scipy.stats", "dask", "joblib")  # to import, and seldom needed
 UNSAFE_MODULES = ("pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve")
@@ -108,10 +118,10 @@ def files_of(prefix: str) -> list[str]:
 
 
 def test_there_is_something_to_check() -> None:
-    for prefix in (*ALLOWED, "problem_", "solution.py", "planner.py", "finishing.py"):
+    for prefix in (*ALLOWED, "problem/", "planner/solution.py", "planner/solve.py", "planner/refine_and_verify.py"):
         assert files_of(prefix), prefix
-    assert "hopopt.leg.design.Leg" in imports("leg/robot.py")
-    assert "matplotlib" in {i.split(".")[0] for i in imports("plots.py")}
+    assert "hopopt.design.Leg" in imports("leg/robot.py")
+    assert "matplotlib" in {i.split(".")[0] for i in imports("plots/hop.py")}
 
 
 @pytest.mark.parametrize("prefix", ALLOWED)
@@ -165,7 +175,11 @@ def test_modules_import_each_other_in_no_circle() -> None:
 
 
 @pytest.mark.parametrize(
-    "modules", ["hopopt.cli, hopopt.planner, hopopt.storage", "hopopt.ocp.starts, hopopt.multistart"]
+    "modules",
+    [
+        "hopopt.cli.main, hopopt.planner.solve, hopopt.storage.solution",
+        "hopopt.ocp.initial_guess, hopopt.planner.multistart",
+    ],
 )
 def test_what_every_solve_needs_imports_nothing_slow(modules: str) -> None:
     words = f"import sys, {modules}; print([name for name in {SLOW} if name in sys.modules])"

@@ -8,12 +8,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hopopt import load, solve
-from hopopt.bound import most_power, most_speed, upper_bound
+from hopopt.design import Design, physical_parameters
 from hopopt.errors import NotSolvedError
 from hopopt.leg.actuator import HalfPlane, OperatingRegion, operating_region
-from hopopt.leg.design import Design, physical_parameters
 from hopopt.leg.robot import BASE
 from hopopt.sim.machine import Machine
+from hopopt.verify.upper_bound import most_power, most_speed, upper_bound
 
 LAWS = (("paper",), ("four-quadrant",), ("paper", "four-quadrant"), ())
 

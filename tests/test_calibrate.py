@@ -10,8 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hopopt.calibrate import calibrate, identify
-from hopopt.calibration import (
+from hopopt.control.two_mass import PAPER
+from hopopt.design import Design
+from hopopt.errors import UsageError
+from hopopt.problem.load import load, template
+from hopopt.studies.calibration.experiment import Experiment, Free, parse_free, present
+from hopopt.studies.calibration.fit import calibrate, identify
+from hopopt.studies.calibration.problem_file import MARK, replace_checked, with_motor, write_motor
+from hopopt.studies.calibration.result import (
     EXPERIMENT,
     HEIGHT,
     SATURATION,
@@ -22,13 +28,7 @@ from hopopt.calibration import (
     Parameter,
     text,
 )
-from hopopt.calibration_file import MARK, replace_checked, with_motor, write_motor
-from hopopt.control.demand import point_masses, tracking_saturation
-from hopopt.control.two_mass import PAPER
-from hopopt.errors import UsageError
-from hopopt.experiment import Experiment, Free, parse_free, present
-from hopopt.leg.design import Design
-from hopopt.problem_file import load, template
+from hopopt.studies.calibration.tracking_demand import point_masses, tracking_saturation
 
 QUICK = {"simulation.control_rate": 1000.0, "simulation.encoder_bits": 0}  # coarser steps make C_avg jump
 TRUE = {"leg.motor.max_torque": 1.75, "leg.motor.max_speed": 1150.0}

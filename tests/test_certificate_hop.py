@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hopopt.certificate import Certificate, certify
-from hopopt.certificate_arcs import Activity
-from hopopt.cli import run
-from hopopt.finer import finer
+from hopopt.cli.main import run
 from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.recheck import recertified, stored_nlp
-from hopopt.solution import Solution
-from hopopt.storage import read, save
-from hopopt.structure import described, runs, sentences, stretches, structure
-from hopopt.structure_arcs import plan
+from hopopt.optimality.arcs import Activity
+from hopopt.optimality.certificate import Certificate, certify
+from hopopt.optimality.switch_times import plan
+from hopopt.optimality.switching_structure import described, runs, sentences, stretches, structure
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.planner.tighter_tolerances import finer
+from hopopt.problem.load import load
+from hopopt.storage.recheck import recertified, stored_nlp
+from hopopt.storage.solution import read, save
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_intervals": 8}
 
@@ -262,7 +262,7 @@ def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
 
 
 def test_a_hop_without_switches_that_may_move_says_so(coarse: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hopopt.structure_arcs.AWAY", 10.0)
+    monkeypatch.setattr("hopopt.optimality.switch_times.AWAY", 10.0)
     s = solve(load("paper", COARSE), starts=1, structure=True)
     assert s.summary["structure"]["solved_again"] is False
     assert "no switch" in s.summary["structure"]["note"]

@@ -14,12 +14,13 @@ import pytest
 import xarray as xr
 
 import hopopt as ho
-from hopopt import cli, load
+from hopopt import load
+from hopopt.cli import main as cli
+from hopopt.cli.screen.answer import print_answer
 from hopopt.errors import NotSolvedError, one_line
-from hopopt.screen_answer import print_answer
 
 ROOT = Path(__file__).parents[1]
-HOPOPT = [sys.executable, "-m", "hopopt.cli"]
+HOPOPT = [sys.executable, "-m", "hopopt.cli.main"]
 COARSE = ["--starts", "1", "--no-figures", "--set", "solver.refine=false"]
 
 
@@ -235,7 +236,7 @@ def test_new_never_overwrites(tmp_path: Path) -> None:
 
 def test_help_answers_at_once(tmp_path: Path) -> None:
     """Nothing heavy is imported for the help; the time itself is shown by the benchmark."""
-    code = "import sys, hopopt.cli as c; c.run(['--help']); print(sorted({'casadi','numpy','pinocchio','scipy'} & set(sys.modules)))"
+    code = "import sys, hopopt.cli.main as c; c.run(['--help']); print(sorted({'casadi','numpy','pinocchio','scipy'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.strip().endswith("[]")
     assert "hopopt solve --objective clearance" in done.stdout

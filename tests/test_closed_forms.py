@@ -15,11 +15,11 @@ from hopopt.leg.robot import build_robot
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import Scheme, radau
-from hopopt.nlp.transcribe import Guess, Transcription
+from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.hop import FLIGHT, Hop
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State, linkage
-from hopopt.problem_file import load
-from hopopt.solution import PlanEvaluator
+from hopopt.planner.solution import PlanEvaluator
+from hopopt.problem.load import load
 
 G = 9.81
 RELATIVE = 1e-6

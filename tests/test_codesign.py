@@ -12,27 +12,27 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import hopopt as ho
-from hopopt.cli import run
-from hopopt.codesign_catalogue import catalogue_coupling
-from hopopt.codesign_run import _from
+from hopopt.cli.main import run
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, start_angles
-from hopopt.mass_law import mass_law
-from hopopt.multistart import first_transcription
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
-from hopopt.nlp.transcribe import Transcription
-from hopopt.ocp.freedom import Coupling, Freedom, parse_coupling, parse_free
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.free_parameters import Coupling, Freedom, parse_coupling, parse_free
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.initial_guess import NAMED, make_guess
 from hopopt.ocp.objectives import find
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
-from hopopt.ocp.starts import NAMED, make_guess
-from hopopt.recheck import co_design_checks, recheck
-from hopopt.sensitivity import sensitivity
-from hopopt.solution import Solution
-from hopopt.storage import read, save
+from hopopt.planner.multistart import first_transcription
+from hopopt.planner.solution import Solution
+from hopopt.problem.mass_law import mass_law
+from hopopt.storage.recheck import co_design_checks, recheck
+from hopopt.storage.solution import read, save
+from hopopt.studies.codesign import _from
+from hopopt.studies.mass_coupling import catalogue_coupling
+from hopopt.studies.sensitivity import sensitivity
 
 G, STROKE = 9.81, 0.3  # m/s^2, m
 FORCE, SPEED = 40.0, 12.0  # of the motor at ratio 1 [N, m/s]: F <= R FORCE (1 - R v / SPEED)
@@ -321,7 +321,7 @@ def test_the_design_that_came_out_is_solved_from_the_whole_motion(monkeypatch: p
             asked.append(parameters)
             return super().__call__(guess, parameters, *more)
 
-    monkeypatch.setattr("hopopt.codesign_run.NlpSolver", Noting)
+    monkeypatch.setattr("hopopt.studies.codesign.NlpSolver", Noting)
     assert _from(hop, motion).objective == pytest.approx(motion.objective, rel=1e-7)
     assert asked[0]["clearance"] == motion.parameters["clearance"]
 

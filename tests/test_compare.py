@@ -8,9 +8,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hopopt.cli import run
-from hopopt.closed_loop import clearance_in_mujoco, make_plant, simulate
-from hopopt.compare import (
+from hopopt.cli.main import run
+from hopopt.cli.screen.answer import print_answer
+from hopopt.control.closed_loop import clearance_in_mujoco, make_plant, simulate
+from hopopt.control.strategies import BUILT_IN, find
+from hopopt.design import Design
+from hopopt.errors import UsageError
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.kinematics import start_angles
+from hopopt.planner.reserve import reserved
+from hopopt.planner.solution import Solution
+from hopopt.problem.load import changed, load
+from hopopt.storage.runs import save_runs
+from hopopt.storage.solution import save
+from hopopt.studies.compare import (
     OPTIMUM,
     Comparison,
     compare,
@@ -20,19 +31,8 @@ from hopopt.compare import (
     reference_of,
     suiting,
 )
-from hopopt.control.strategies import BUILT_IN, find
-from hopopt.errors import UsageError
-from hopopt.leg.actuator import operating_region
-from hopopt.leg.design import Design
-from hopopt.leg.kinematics import start_angles
-from hopopt.mismatch import mismatched, spread
-from hopopt.paper_results import is_the_papers
-from hopopt.problem_file import changed, load
-from hopopt.reserve import reserved
-from hopopt.screen_answer import print_answer
-from hopopt.solution import Solution
-from hopopt.storage import save
-from hopopt.storage_runs import save_runs
+from hopopt.studies.paper_results import is_the_papers
+from hopopt.studies.robustness import mismatched, spread
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_parts_gaps_and_shares_add_up(comparison):
 
 def test_the_papers_figures_stand_beside_its_leg_alone(comparison, monkeypatch):
     assert "paper" in comparison.row("force")
-    monkeypatch.setattr("hopopt.compare.is_the_papers", lambda leg: False)
+    monkeypatch.setattr("hopopt.studies.compare.is_the_papers", lambda leg: False)
     assert "paper" not in comparison.row("force")
     assert is_the_papers(load("paper", ["leg.gear.ratio=60"]).leg)  # it prints no figures of its motors
     mirrored = ["leg.knee.axis=[0, 1, 0]", "leg.knee.lower=0.15", "leg.knee.upper=2.4"]
@@ -85,7 +85,7 @@ def test_the_papers_figures_stand_beside_its_leg_alone(comparison, monkeypatch):
 @pytest.fixture
 def told(solution, monkeypatch, tmp_path, capsys):
     """Runs hopopt solve where the planner is done: exit code and what is printed."""
-    monkeypatch.setattr("hopopt.planner.solve", lambda *a, **k: solution)
+    monkeypatch.setattr("hopopt.planner.solve.solve", lambda *a, **k: solution)
 
     def told(*more):
         code = run(["solve", "--no-figures", "--results", str(tmp_path / "results"), *more])
@@ -112,7 +112,7 @@ def test_nothing_beside_the_answer_loses_it(fault, told, monkeypatch, tmp_path):
     def simulate(*a, **k):
         raise fault
 
-    monkeypatch.setattr("hopopt.compare.simulate", simulate)
+    monkeypatch.setattr("hopopt.studies.compare.simulate", simulate)
     code, shown = told()
     assert code == 0
     assert "verified" in shown
@@ -130,7 +130,7 @@ def test_a_control_that_passes_the_answer_is_an_alarm(solution, told, monkeypatc
 def test_a_hop_that_is_none_has_no_share(solution, told, monkeypatch):
     fast = load("paper", ["leg.gear.speed_cap=600"])  # 6 rad/s at the joints, which the control overruns
     monkeypatch.setattr(
-        "hopopt.compare.simulate", lambda design, *a, **k: simulate(fast, find("force"), past_apex=True)
+        "hopopt.studies.compare.simulate", lambda design, *a, **k: simulate(fast, find("force"), past_apex=True)
     )
     found = json.loads(told("--json")[1])["paper_strategy"]
     assert found["clearance_m"] is None
@@ -229,14 +229,14 @@ def test_a_reserve_is_taken_off_every_limit():
 
 
 def test_a_reserve_that_leaves_no_problem_is_said_before_the_work(monkeypatch):
-    monkeypatch.setattr("hopopt.planner.solve", lambda *_, **__: pytest.fail("solved"))
+    monkeypatch.setattr("hopopt.planner.solve.solve", lambda *_, **__: pytest.fail("solved"))
     design = load("paper", ["leg.gear.speed_cap=5", "reserve.speed=0.9"])
     with pytest.raises(UsageError, match=r"\[reserve\] leaves leg.gear.speed_cap = 0.4"):
         compare(design, ["force", "track"])
 
 
 def _parameters(design):
-    from hopopt.leg.design import physical_parameters
+    from hopopt.design import physical_parameters
 
     return physical_parameters(design.leg)
 
@@ -376,7 +376,7 @@ def test_a_stored_bound_is_verified_again(solution, tmp_path, capsys):
 
 
 def test_strategies_that_do_not_suit_the_leg_are_refused_before_the_work(monkeypatch):
-    monkeypatch.setattr("hopopt.planner.solve", lambda *_, **__: pytest.fail("solved in vain"))
+    monkeypatch.setattr("hopopt.planner.solve.solve", lambda *_, **__: pytest.fail("solved in vain"))
     data = load("paper").model_dump(exclude_none=True)
     data["leg"] |= {"joints": ("hip", "knee", "ankle"), "links": ("thigh", "shank", "toe")}
     data["leg"] |= {"ankle": {"lower": -1.0, "upper": 1.0}, "toe": {"length": 0.1, "mass": 0.2}}

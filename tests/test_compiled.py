@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from hopopt.errors import NotSolvedError
-from hopopt.multistart import run_chunk
 from hopopt.nlp.compiled import FOLDER, WORTH_IT, compiled, compiling
 from hopopt.ocp.hop import Hop
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.sweep_run import sweep
+from hopopt.planner.multistart import run_chunk
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from hopopt.studies.sweep.run import sweep
 
 
 @pytest.fixture

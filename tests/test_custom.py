@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import hopopt as ho
-from hopopt.cli import run
-from hopopt.custom_check import custom_checks
+from hopopt.cli.main import run
 from hopopt.errors import UsageError
-from hopopt.measures import positive_work
 from hopopt.ocp.custom import Moment, as_objective, custom
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import find
-from hopopt.recheck import with_functions
-from hopopt.solution import Solution
+from hopopt.planner.custom_check import custom_checks
+from hopopt.planner.solution import Solution
+from hopopt.storage.recheck import with_functions
+from hopopt.verify.measures import positive_work
 
 FORCE = 400.0  # N
 
@@ -113,7 +113,7 @@ def test_the_checks_leg_is_pinocchios(softly: Solution) -> None:
         points = [now.points[name] for name in ("hip", "knee", "foot", "com")]
         return ca.vertcat(now.t, now.q, now.v, now.a, now.tau, now.f, *points, now.com_v)
 
-    from hopopt.custom_check import _along
+    from hopopt.planner.custom_check import _along
 
     table = softly.tables["flight"]
     found = _along(softly.robot, "flight", table, custom(everything), np.array([0.5]))[:, 0]

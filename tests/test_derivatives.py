@@ -7,7 +7,7 @@ import pytest
 from hopopt.nlp.layout import PhaseLayout
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
-from hopopt.nlp.transcribe import Transcription
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import (
     BoundaryConstraint,
     Control,

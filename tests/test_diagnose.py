@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from hopopt.nlp import flat as nlp_flat
-from hopopt.nlp.conflict import PUSHES, Conflict, Part, conflict
-from hopopt.nlp.flat import FELT, CannotBeTold, Flat, felt, flat, longer_or_shorter
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
-from hopopt.nlp.transcribe import Transcription
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import (
     BoundaryConstraint,
     Control,
@@ -27,6 +24,9 @@ from hopopt.ocp.problem import (
     State,
     linkage,
 )
+from hopopt.optimality import flat_directions as nlp_flat
+from hopopt.optimality.flat_directions import FELT, CannotBeTold, Flat, felt, flat, longer_or_shorter
+from hopopt.optimality.infeasibility import PUSHES, Conflict, Part, conflict
 from known_problems import PROBLEMS, Known, double_integrator, growth, minimum_effort, moved, throw, two_prices
 from test_transcription import guesses, solve
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
-from hopopt import cli, upright
+from hopopt.cli import main as cli
 from hopopt.errors import ResultError
-from hopopt.evidence import Ended, families, finished, words
+from hopopt.studies import dynamic_programming as upright
+from hopopt.studies.local_optima import Ended, families, finished, words
 
 COARSE = ("solver.refine=false", "solver.stance_intervals=12", "solver.flight_intervals=5")
 SETTINGS = [word for entry in COARSE for word in ("--set", entry)]

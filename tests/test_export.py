@@ -10,10 +10,10 @@ import pinocchio as pin
 import pytest
 from hypothesis import assume, given
 
-from hopopt.leg.design import Leg
+from hopopt.design import Leg
 from hopopt.leg.export import to_mjcf, to_urdf
 from hopopt.leg.robot import BASE, Robot, build_robot
-from hopopt.problem_file import load
+from hopopt.problem.load import load
 from test_leg import legs_in_motion, mass_matrix, quick
 
 mujoco: Any = importlib.import_module("mujoco")  # compiled, without type information

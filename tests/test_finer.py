@@ -2,8 +2,8 @@
 
 import pytest
 
-from hopopt.finer import PRICE_TOLERANCE, TOLERANCE, finer
-from hopopt.problem_file import changed, load
+from hopopt.planner.tighter_tolerances import PRICE_TOLERANCE, TOLERANCE, finer
+from hopopt.problem.load import changed, load
 
 
 def test_defaults_become_smaller_and_nothing_else_changes() -> None:

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hopopt.closed_loop import simulate
-from hopopt.control.paper import PaperOptions
+from hopopt.control.closed_loop import simulate
+from hopopt.control.paper_pd import PaperOptions
 from hopopt.control.strategies import BUILT_IN
 from hopopt.errors import UsageError
-from hopopt.gain_study import GAINS, KINDS, POPULATION, PRICE, Search, Trial, Tuned, text, tune
-from hopopt.problem_file import load
+from hopopt.problem.load import load
+from hopopt.studies.gain_tuning import GAINS, KINDS, POPULATION, PRICE, Search, Trial, Tuned, text, tune
 
 QUICK = {"simulation.control_rate": 500.0, "simulation.encoder_bits": 0}  # eight times as fast
 DESIGN = load("paper", QUICK)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from hopopt.nlp.accuracy import interval_errors
-from hopopt.nlp.hull import bernstein, bernstein_at, centres, held_between
+from hopopt.nlp.continuous_limits import bernstein, bernstein_at, centres, held_between
+from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
-from hopopt.nlp.kkt import residuals
+from hopopt.nlp.kkt_residuals import residuals
 from hopopt.nlp.mesh import PhaseMesh, uniform
-from hopopt.nlp.prices import drawn_prices, price, switch_places
 from hopopt.nlp.schemes import Scheme, radau
+from hopopt.nlp.tightening_cost import drawn_prices, price, switch_places
 from hopopt.ocp.problem import Objective, PathConstraint, Problem
 from known_problems import SCHEMES, Known, moved
 from test_refine import first

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 import hopopt as ho
-from hopopt.cli import run
-from hopopt.diagnosis import diagnose
+from hopopt.cli.main import run
+from hopopt.design import Design
 from hopopt.errors import ResultError
-from hopopt.idle import idle_limits
-from hopopt.leg.design import Design
-from hopopt.nlp.flat import CannotBeTold
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.solution import Solution
-from hopopt.storage import save
-from hopopt.summary import FINE, active_limits
+from hopopt.optimality.flat_directions import CannotBeTold
+from hopopt.planner.limit_use import idle_limits
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.planner.summary import FINE, active_limits
+from hopopt.problem.load import load
+from hopopt.storage.solution import save
+from hopopt.studies.diagnosis import diagnose
 
 pytestmark = pytest.mark.filterwarnings("error")
 MARGIN = 1e-6
@@ -166,7 +166,7 @@ def test_diagnose_keeps_the_rest_where_matrices_are_singular(plan: Solution, tmp
         def raised(*_: object) -> None:
             raise error
 
-        monkeypatch.setattr("hopopt.diagnosis.flat", raised)
+        monkeypatch.setattr("hopopt.studies.diagnosis.flat", raised)
 
     saved = save(plan, tmp_path, None)
     fails(RuntimeError("Error in Function::call"))

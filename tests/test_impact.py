@@ -8,20 +8,20 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hopopt.design import Leg
 from hopopt.errors import UsageError
-from hopopt.leg.design import Leg
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE, Robot, build_robot
-from hopopt.measures import impact
-from hopopt.ocp.descent import energy_lost
-from hopopt.planner import solve
-from hopopt.plots import FIGURES
-from hopopt.problem_file import load
-from hopopt.recheck import recheck
+from hopopt.ocp.landing import energy_lost
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.plots.hop import FIGURES
+from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
-from hopopt.solution import Solution
-from hopopt.storage import read, save
-from hopopt.verify import DESCENT, FLIGHT, STANCE, Table, failed, verify_plan
+from hopopt.storage.recheck import recheck
+from hopopt.storage.solution import read, save
+from hopopt.verify.measures import impact
+from hopopt.verify.plan import DESCENT, FLIGHT, STANCE, Table, failed, verify_plan
 
 CLEARANCE = 0.3  # m
 G = 9.81

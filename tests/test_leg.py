@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hopopt.leg.design import Leg, physical_parameters
+from hopopt.design import Leg, physical_parameters
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.inertia import PAIRS
 from hopopt.leg.kinematics import TwoJoints, foot_offset, joint_positions, start_angles, within_limits
 from hopopt.leg.robot import BASE, Robot, build_robot
-from hopopt.problem_file import load
+from hopopt.problem.load import load
 
 EXACT = 1e-10  # relative to the largest term that enters
 quick = settings(max_examples=25, deadline=None)

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from hopopt.leg.design import Design
-from hopopt.limit_words import conflict_words, path_value, words_of
-from hopopt.nlp.conflict import Conflict, Part
-from hopopt.nlp.limits import Limit
+from hopopt.design import Design
 from hopopt.ocp.hop import Hop
-from hopopt.problem_file import load
+from hopopt.optimality.infeasibility import Conflict, Part
+from hopopt.optimality.limits import Limit
+from hopopt.planner.limit_names import conflict_words, path_value, words_of
+from hopopt.problem.load import load
 
 pytestmark = pytest.mark.filterwarnings("error")
 SET = {

@@ -3,7 +3,7 @@
 import pytest
 
 from hopopt.errors import ProblemFileError
-from hopopt.problem_file import load
+from hopopt.problem.load import load
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,11 @@ from scipy.integrate import solve_ivp
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
 from hopopt.leg.kinematics import foot_offset
 from hopopt.leg.robot import BASE, Robot, build_robot
-from hopopt.planner import solve
-from hopopt.problem_file import load
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
 from hopopt.sim.mujoco import GRIP, MujocoTrace, replay, simulate
-from hopopt.solution import Solution
 
 G = 9.81
 POSE = np.array([0.6, -1.2])  # rad: foot near the plumb line

@@ -9,27 +9,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hopopt.certificate_costates import sign
-from hopopt.finishing import aims_of, numerical_checks
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import build_robot
-from hopopt.nlp.accuracy import interval_errors
+from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, uniform
-from hopopt.nlp.refine import Refinement
+from hopopt.nlp.mesh_refinement import Refinement
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
-from hopopt.nlp.transcribe import Transcription
-from hopopt.objective_error import STATED, ObjectiveError, objective_error
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import Objective, Problem
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.recheck import recheck, stored_nlp
-from hopopt.solution import Solution
-from hopopt.storage import read, save
-from hopopt.verify import FLIGHT, STANCE, Table
-from hopopt.verify_worth import _clamp, not_simulated, worth
+from hopopt.optimality.costates import sign
+from hopopt.optimality.error_estimate import STATED, ObjectiveError, objective_error
+from hopopt.planner.refine_and_verify import aims_of, numerical_checks
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from hopopt.storage.recheck import recheck, stored_nlp
+from hopopt.storage.solution import read, save
+from hopopt.verify.plan import FLIGHT, STANCE, Table
+from hopopt.verify.whole_hop import _clamp, not_simulated, worth
 from known_problems import Known, brachistochrone, bryson_denham, timed, two_prices
 from test_closed_forms import G, lift_off_of_hopper, push
 

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hopopt.cli import run
+from hopopt.cli.main import run
+from hopopt.cli.screen.answer import starts_in_words
 from hopopt.errors import NotSolvedError, UsageError
-from hopopt.highest import HIGHEST, from_highest
 from hopopt.leg.robot import BASE
-from hopopt.measures import MEASURES
 from hopopt.ocp.hop import Hop
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.screen_answer import starts_in_words
+from hopopt.planner.required_clearance import HIGHEST, from_highest
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
-from hopopt.solution import Solution
-from hopopt.verify import FLIGHT, STANCE, failed, verify_plan
+from hopopt.verify.measures import MEASURES
+from hopopt.verify.plan import FLIGHT, STANCE, failed, verify_plan
 
 CLEARANCE = 0.3  # m
 WINDING = {"leg.motor.winding_resistance": 0.5, "leg.motor.torque_constant": 0.05}

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hopopt.cli import run
-from hopopt.closed_loop import simulate
+from hopopt.cli.main import run
+from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.leg.robot import BASE
-from hopopt.paper_results import NEAR, paper_results
-from hopopt.problem_file import load
-from hopopt.stiffness import mean_stiffness, secant_stiffness
+from hopopt.problem.load import load
+from hopopt.studies.paper_results import NEAR, paper_results
+from hopopt.studies.stiffness import mean_stiffness, secant_stiffness
 
 DOCS = Path(__file__).parent.parent / "docs" / "paper.md"
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import hopopt as ho
-from hopopt import pareto
-from hopopt.cli import run
+from hopopt.cli.main import run
 from hopopt.errors import UsageError
 from hopopt.leg.scales import weight
-from hopopt.pareto import Front, FrontPoint
 from hopopt.sim.machine import Machine
+from hopopt.studies import pareto
+from hopopt.studies.pareto import Front, FrontPoint
 
 POINTS = 4
 
@@ -83,7 +83,7 @@ def test_folder_holds_table_points_and_json(front: Front) -> None:
 
 @pytest.mark.slow
 def test_figure_shows_every_point(front: Front) -> None:
-    from hopopt.plots_pareto import figure
+    from hopopt.plots.pareto import figure
 
     lost = FrontPoint("point", 0.5, None, None, False, "not verified: stance replay")
     picture = figure(Front(front.design, front.against, None, [*front.points, lost], []))

@@ -6,19 +6,21 @@ from typing import Any, cast
 
 import pytest
 
-from hopopt import finishing, multistart, planner
-from hopopt.answer_notes import notes_on
 from hopopt.errors import UsageError
-from hopopt.finer import PRICE_TOLERANCE, TOLERANCE
-from hopopt.finishing import finish, with_smaller_tolerances
-from hopopt.multistart import run_starts
-from hopopt.nlp import refine
+from hopopt.nlp import mesh_refinement as refine
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.starts import starts
-from hopopt.planner import CALMER, LARGEST_TIE_BREAK, _calmer, solve
-from hopopt.problem_file import load
-from hopopt.solution import Solution
-from hopopt.stopwatch import Stopwatch
+from hopopt.ocp.initial_guess import starts
+from hopopt.planner import multistart
+from hopopt.planner import refine_and_verify as finishing
+from hopopt.planner import solve as planner
+from hopopt.planner.multistart import run_starts
+from hopopt.planner.notes import notes_on
+from hopopt.planner.refine_and_verify import finish, with_smaller_tolerances
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, _calmer, solve
+from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.tighter_tolerances import PRICE_TOLERANCE, TOLERANCE
+from hopopt.problem.load import load
 
 ONE_PUSH = {"hop.stance_duration": [0.03, 0.2]}
 

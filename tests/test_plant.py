@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hopopt.design import Design, Leg
 from hopopt.leg.actuator import HalfPlane, OperatingRegion, operating_region
-from hopopt.leg.design import Design, Leg
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.problem_file import load
+from hopopt.problem.load import load
+from hopopt.sim.controller import Measurement
 from hopopt.sim.drive import SLOW, Drive, Encoder, Gear
-from hopopt.sim.hop_figures import SLACK, HopFigures
+from hopopt.sim.hop_metrics import SLACK, HopFigures
 from hopopt.sim.machine import Machine
-from hopopt.sim.measurement import Measurement
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State, Timing
 from hopopt.sim.trace import Trace

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import hopopt as ho
-from hopopt.cli import run
+from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.standing import too_weak, unresisted
-from hopopt.problem_file import builtin_names, load, template
-from hopopt.problem_hints import hints
+from hopopt.ocp.feasibility import too_weak, unresisted
+from hopopt.problem.hints import hints
+from hopopt.problem.load import builtin_names, load, template
 
 pytestmark = pytest.mark.filterwarnings("error")
 Planted = Callable[..., Path]

@@ -12,14 +12,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from hopopt import plots
 from hopopt.errors import ResultError
 from hopopt.ocp.hop import FLIGHT, STANCE
-from hopopt.planner import solve
-from hopopt.plots import FIGURES, save_all
-from hopopt.plots_style import jumping_curve, legend, new_figure
-from hopopt.problem_file import load
-from hopopt.solution import Solution
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.plots import hop as plots
+from hopopt.plots.hop import FIGURES, save_all
+from hopopt.plots.style import jumping_curve, legend, new_figure
+from hopopt.problem.load import load
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 16, "solver.flight_intervals": 8}
 THREE = {

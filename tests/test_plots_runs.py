@@ -13,19 +13,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import Bbox
 
-from hopopt.closed_loop import simulate
-from hopopt.compare import OPTIMUM
+from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import BUILT_IN, find
+from hopopt.design import Design
 from hopopt.errors import ResultError
-from hopopt.leg.design import Design
 from hopopt.leg.scales import weight
-from hopopt.plots_runs import FIGURES, save_all
-from hopopt.plots_runs_style import by_stance, looks
-from hopopt.plots_style import BLACK
-from hopopt.problem_file import load
-from hopopt.sim.hop_figures import HopFigures
-from hopopt.sim.measurement import Measurement
-from hopopt.stiffness import MARGIN, NEUTRAL, secant_stiffness
+from hopopt.plots.runs import FIGURES, save_all
+from hopopt.plots.runs_style import by_stance, looks
+from hopopt.plots.style import BLACK
+from hopopt.problem.load import load
+from hopopt.sim.controller import Measurement
+from hopopt.sim.hop_metrics import HopFigures
+from hopopt.studies.compare import OPTIMUM
+from hopopt.studies.stiffness import MARGIN, NEUTRAL, secant_stiffness
 
 Runs = dict[str, HopFigures]
 COARSE = {"simulation.control_rate": 500.0, "simulation.encoder_bits": 0}

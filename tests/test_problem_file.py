@@ -9,10 +9,10 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from hopopt.design import Design, physical_parameters
 from hopopt.errors import HopoptError, ProblemFileError
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.design import Design, physical_parameters
-from hopopt.problem_file import as_json, builtin_names, design_hash, load, resolved_toml, rows, template
+from hopopt.problem.load import as_json, builtin_names, design_hash, load, resolved_toml, rows, template
 
 pytestmark = pytest.mark.filterwarnings("error")
 

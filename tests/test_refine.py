@@ -6,19 +6,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hopopt.nlp import refine
-from hopopt.nlp.accuracy import IntervalErrors, interval_errors, stage_values
-from hopopt.nlp.backoff import drawn_in, limit_nodes, passed, tightened
-from hopopt.nlp.carry import carried
-from hopopt.nlp.cuts import cut, equal
-from hopopt.nlp.hull import held_between
+from hopopt.nlp import mesh_refinement as refine
+from hopopt.nlp.continuous_limits import held_between
+from hopopt.nlp.interval_errors import IntervalErrors, interval_errors, stage_values
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
-from hopopt.nlp.prices import price
-from hopopt.nlp.refine import MET, NO_NEARER, NOT_ASKED, STUCK, TOO_FINE, UNSOLVED, USED_UP, WORSE, Aims, Refinement
-from hopopt.nlp.refine_drawn import DrawnRefinement, refinement_of
+from hopopt.nlp.mesh_refinement import (
+    MET,
+    NO_NEARER,
+    NOT_ASKED,
+    STUCK,
+    TOO_FINE,
+    UNSOLVED,
+    USED_UP,
+    WORSE,
+    Aims,
+    Refinement,
+)
+from hopopt.nlp.mesh_step import cut, equal
 from hopopt.nlp.schemes import Scheme, radau
-from hopopt.nlp.transcribe import Guess, Transcription
+from hopopt.nlp.tightened_refinement import DrawnRefinement, refinement_of
+from hopopt.nlp.tightening import drawn_in, limit_nodes, passed, tightened
+from hopopt.nlp.tightening_cost import price
+from hopopt.nlp.transcription import Guess, Transcription
+from hopopt.nlp.warm_start import carried
 from hopopt.ocp.problem import Objective, Problem
 from known_problems import SCHEMES, Known, brachistochrone, bryson_denham, moved
 

@@ -7,22 +7,22 @@ from pathlib import Path
 
 import pytest
 
-from hopopt.cli import run
-from hopopt.compare import compare
-from hopopt.problem_file import load
-from hopopt.screen import console, print_checks, print_lines
-from hopopt.screen_answer import checks_line
-from hopopt.screen_certificate import structure_lines
-from hopopt.screen_runs import PARTS, _gaps, _heights, print_comparison
-from hopopt.screen_sensitivity import print_sensitivity
-from hopopt.screen_sweep import print_study
-from hopopt.sensitivity import Influence
-from hopopt.solution import Solution
-from hopopt.study import define
-from hopopt.sweep_run import Study
-from hopopt.sweep_store import VERIFIED, Point
-from hopopt.verify import Check
-from hopopt.verify_worth import left_out
+from hopopt.cli.main import run
+from hopopt.cli.screen.answer import checks_line
+from hopopt.cli.screen.certificate import structure_lines
+from hopopt.cli.screen.console import console, print_checks, print_lines
+from hopopt.cli.screen.runs import PARTS, _gaps, _heights, print_comparison
+from hopopt.cli.screen.sensitivity import print_sensitivity
+from hopopt.cli.screen.sweep import print_study
+from hopopt.planner.solution import Solution
+from hopopt.problem.load import load
+from hopopt.studies.compare import compare
+from hopopt.studies.sensitivity import Influence
+from hopopt.studies.sweep.definition import define
+from hopopt.studies.sweep.run import Study
+from hopopt.studies.sweep.store import VERIFIED, Point
+from hopopt.verify.plan import Check
+from hopopt.verify.whole_hop import left_out
 
 LONG = "hip: " + ", then ".join(f"torque-speed line backward until 0.{k:03d} s" for k in range(100, 120))
 

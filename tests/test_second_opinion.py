@@ -9,18 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from hopopt import cli, second_opinion
-from hopopt.multistart import first_transcription
+from hopopt.cli import main as cli
+from hopopt.cli.screen.cross_check import opinion_lines
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.recheck import stored_nlp
-from hopopt.screen_opinions import opinion_lines
-from hopopt.second_opinion import Failed, Opinion, Said, affordable, by_uno, opinion, with_opinions
-from hopopt.solution import Solution
-from hopopt.stopwatch import Stopwatch
-from hopopt.storage import read, save
+from hopopt.planner import cross_check as second_opinion
+from hopopt.planner.cross_check import Failed, Opinion, Said, affordable, by_uno, opinion, with_opinions
+from hopopt.planner.multistart import first_transcription
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.planner.stopwatch import Stopwatch
+from hopopt.problem.load import load
+from hopopt.storage.recheck import stored_nlp
+from hopopt.storage.solution import read, save
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 5}
 UNREFINED = [word for entry, value in COARSE.items() for word in ("--set", f"{entry}={str(value).lower()}")]

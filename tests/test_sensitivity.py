@@ -13,22 +13,22 @@ import numpy as np
 import pytest
 
 import hopopt as ho
-from hopopt.cli import run
-from hopopt.leg.design import physical_parameters
+from hopopt.cli.main import run
+from hopopt.cli.screen.sensitivity import ROWS, left_out, sentences
+from hopopt.design import physical_parameters
 from hopopt.leg.kinematics import start_angles
-from hopopt.nlp.envelope import Slopes, slopes
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.schemes import Scheme, radau
-from hopopt.nlp.transcribe import Guess, Transcription
+from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.recheck import stored_nlp
-from hopopt.screen_sensitivity import ROWS, left_out, sentences
-from hopopt.sensitivity import Influence, pose_slopes, sensitivity, settled_within
-from hopopt.sensitivity_check import Difference, chosen, confirmed, solve_again, with_entry
-from hopopt.solution import Solution
+from hopopt.optimality.parametric_sensitivity import Slopes, slopes
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from hopopt.storage.recheck import stored_nlp
+from hopopt.studies.finite_differences import Difference, chosen, confirmed, solve_again, with_entry
+from hopopt.studies.sensitivity import Influence, pose_slopes, sensitivity, settled_within
 from known_problems import double_integrator, moved
 
 G = 9.81
@@ -386,7 +386,7 @@ def test_screen(paper: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[st
 
 
 def test_figure_shows_the_figures(paper: Solution) -> None:
-    from hopopt.plots_sensitivity import tornado
+    from hopopt.plots.sensitivity import tornado
 
     found = sensitivity(paper)
     (ax,) = tornado(paper, found).axes

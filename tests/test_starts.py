@@ -11,8 +11,8 @@ from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import foot_offset, tucked
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
-from hopopt.ocp.starts import NAMED, make_guess, saturated_push, starts
-from hopopt.problem_file import load
+from hopopt.ocp.initial_guess import NAMED, make_guess, saturated_push, starts
+from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
 
 G = 9.81

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from hopopt.errors import HopoptError, ResultError
-from hopopt.planner import solve
-from hopopt.problem_file import load
-from hopopt.recheck import recertified, recheck
-from hopopt.solution import Solution
-from hopopt.storage import read, save
-from hopopt.storage_folder import prepare
-from hopopt.storage_netcdf import Group, to_bytes
-from hopopt.storage_netcdf import read as read_netcdf
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from hopopt.storage.folder import prepare
+from hopopt.storage.netcdf import Group, to_bytes
+from hopopt.storage.netcdf import read as read_netcdf
+from hopopt.storage.recheck import recertified, recheck
+from hopopt.storage.solution import read, save
 
 QUICK = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
 DATA = {"solution.nc", "summary.json", "problem.toml", "manifest.json"}
@@ -132,7 +132,7 @@ def test_a_folder_that_cannot_be_written(solution: Solution, tmp_path: Path, mon
 def test_a_disk_that_fills_up_while_writing(solution: Solution, tmp_path: Path) -> None:
     """HDF5 itself crashes then; in a process of its own, where no file may grow beyond 20 kB."""
     code = (
-        "import resource, signal, sys; from pathlib import Path; from hopopt.storage import read, save\n"
+        "import resource, signal, sys; from pathlib import Path; from hopopt.storage.solution import read, save\n"
         "from hopopt.errors import ResultError\n"
         "s = read(sys.argv[1]); signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))\n"

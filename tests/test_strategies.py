@@ -10,17 +10,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hopopt.closed_loop import Run, make_plant, simulate
 from hopopt.control import strategies
-from hopopt.control.paper import Force, Position
+from hopopt.control.closed_loop import Run, make_plant, simulate
+from hopopt.control.paper_pd import Force, Position
+from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN, Strategy, find
-from hopopt.control.strategy import Setting
+from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.design import Design
 from hopopt.leg.robot import BASE
-from hopopt.problem_file import load
-from hopopt.sim.measurement import Measurement
+from hopopt.problem.load import load
+from hopopt.sim.controller import Measurement
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State
 from hopopt.sim.trace import Trace

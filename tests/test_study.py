@@ -9,9 +9,9 @@ import pytest
 
 import hopopt as ho
 from hopopt.errors import ProblemFileError, ResultError, UsageError
-from hopopt.study import Axis, Definition, define, parse
-from hopopt.sweep_order import doubtful, sources, tree
-from hopopt.sweep_store import (
+from hopopt.studies.sweep.definition import Axis, Definition, define, parse
+from hopopt.studies.sweep.order import doubtful, sources, tree
+from hopopt.studies.sweep.store import (
     IMPOSSIBLE,
     NOT_SOLVED,
     VERIFIED,

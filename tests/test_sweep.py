@@ -17,12 +17,12 @@ import pytest
 import xarray as xr
 
 import hopopt as ho
-from hopopt import sweep_point
-from hopopt.study import define
-from hopopt.sweep_point import Source, solve_again, solve_point
-from hopopt.sweep_store import IMPOSSIBLE, NOT_SOLVED
+from hopopt.studies.sweep import point as sweep_point
+from hopopt.studies.sweep.definition import define
+from hopopt.studies.sweep.point import Source, solve_again, solve_point
+from hopopt.studies.sweep.store import IMPOSSIBLE, NOT_SOLVED
 
-HOPOPT = [sys.executable, "-m", "hopopt.cli"]
+HOPOPT = [sys.executable, "-m", "hopopt.cli.main"]
 SHORT = "hop.stance_duration=[0.03, 0.2]"
 SWEEP = [
     "sweep",

@@ -54,7 +54,18 @@ def workers_of(parent: int) -> list[int]:
 def test_a_worker_killed_on_the_way_costs_nothing(tmp_path: Path, expected: list[dict[str, str]]) -> None:
     sets = [word for entry in CHEAP for word in ("--set", entry)]
     vary = [word for entry, values in VARY.items() for word in ("--vary", f"{entry}={','.join(map(str, values))}")]
-    command = [sys.executable, "-m", "hopopt.cli", "sweep", *sets, *vary, "--processes", "2", "--scheduler", "local"]
+    command = [
+        sys.executable,
+        "-m",
+        "hopopt.cli.main",
+        "sweep",
+        *sets,
+        *vary,
+        "--processes",
+        "2",
+        "--scheduler",
+        "local",
+    ]
     with subprocess.Popen([*command, "--no-figures"], cwd=tmp_path, stderr=subprocess.PIPE, text=True) as running:
         until, points = time.monotonic() + 600, Path("nowhere")
         while time.monotonic() < until and running.poll() is None and len(list(points.glob("*.npz"))) < 1:
@@ -78,6 +89,6 @@ def test_without_dask_it_is_said_in_a_sentence(monkeypatch: pytest.MonkeyPatch, 
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(importlib.import_module("hopopt.sweep_dask"), "PATIENCE", 0.5)
+    monkeypatch.setattr(importlib.import_module("hopopt.studies.sweep.dask_workers"), "PATIENCE", 0.5)
     with pytest.raises(UsageError, match="no Dask scheduler answers"):
         ho.sweep(ho.load("paper", CHEAP), VARY, scheduler="tcp://127.0.0.1:9", results=tmp_path)

@@ -6,23 +6,23 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hopopt.closed_loop import Run, make_plant, simulate
+from hopopt.control.closed_loop import Run, make_plant, simulate
 from hopopt.control.reference import PhaseReference, PlanReference
+from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN
-from hopopt.control.strategy import Setting
 from hopopt.control.tracking import Track, joint_acceleration, linearised
+from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.actuator import HalfPlane, OperatingRegion
-from hopopt.leg.design import Design
 from hopopt.leg.robot import BASE
-from hopopt.planner import solve
-from hopopt.problem_file import load
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from hopopt.sim.controller import Measurement
 from hopopt.sim.drive import Drive, Encoder
-from hopopt.sim.measurement import Measurement
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State, Timing
-from hopopt.solution import Solution
-from hopopt.verify import FLIGHT, PLACES, STANCE
+from hopopt.verify.plan import FLIGHT, PLACES, STANCE
 
 CHEAP = {  # an unrefined plan that keeps the foot pressed: its torques may pass their limits between the nodes
     "solver.refine": False, "solver.stance_intervals": 60, "solver.flight_intervals": 30, "contact.least_force": 60.0,

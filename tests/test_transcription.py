@@ -13,7 +13,7 @@ import pytest
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.schemes import TRAPEZOIDAL, Scheme, radau
-from hopopt.nlp.transcribe import Guess, Transcription
+from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import Control, Ends, Objective, Phase, Problem, State
 from known_problems import (
     PROBLEMS,
@@ -193,10 +193,10 @@ def test_maximize_changes_the_sign_only() -> None:
 def test_an_answer_as_a_guess_is_the_answer() -> None:
     """Its trajectories alone leave out the free parameters, the height among them."""
     import hopopt as ho
-    from hopopt.multistart import first_transcription
     from hopopt.nlp.ipopt import NlpSolver
     from hopopt.ocp.hop import Hop
-    from hopopt.ocp.starts import NAMED, make_guess
+    from hopopt.ocp.initial_guess import NAMED, make_guess
+    from hopopt.planner.multistart import first_transcription
 
     hop = Hop(ho.load("paper", ["solver.stance_intervals=16", "solver.flight_intervals=4"]))
     t = first_transcription(hop)

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from hopopt import load
+from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import dependent_joints
 from hopopt.leg.robot import build_robot
-from hopopt.upright import accelerations, by_dynamic_programming, by_transcription, reduced, upright
+from hopopt.studies.dynamic_programming import accelerations, by_dynamic_programming, by_transcription, reduced, upright
 
 CASES = {
     "paper": ["hop.stance_duration=[0.03,0.2]"],

@@ -11,16 +11,16 @@ import pytest
 
 import hopopt as ho
 from hopopt import load, solve
-from hopopt.closed_loop import make_plant
+from hopopt.control.closed_loop import make_plant
+from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
-from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.export import to_urdf
 from hopopt.leg.kinematics import joint_positions
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.urdf import read_leg
-from hopopt.leg.urdf_file import UrdfError
-from hopopt.problem_file import changed
+from hopopt.leg.urdf_xml import UrdfError
+from hopopt.problem.load import changed
 from hopopt.sim.machine import Machine
 
 PUBLIC = ("solo12_leg", "a1_leg", "go1_leg", "go2_leg", "b1_leg", "hyq_leg")
@@ -416,7 +416,7 @@ def test_entries_of_a_urdf_need_one(tmp_path: Path, entry: str) -> None:
 
 def test_a_result_holds_the_leg_and_not_the_path() -> None:
     """What is stored runs again without the URDF."""
-    from hopopt.problem_file import resolved_toml
+    from hopopt.problem.load import resolved_toml
 
     text = resolved_toml(load("three_joint"))
     assert "urdf" not in text

@@ -13,11 +13,11 @@ from scipy.interpolate import BarycentricInterpolator
 from hopopt.errors import NotSolvedError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.planner import solve
-from hopopt.problem_file import load
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
-from hopopt.solution import Solution
-from hopopt.verify import FLIGHT, PLACES, STANCE, Check, Table, failed, verify_plan
+from hopopt.verify.plan import FLIGHT, PLACES, STANCE, Check, Table, failed, verify_plan
 
 Tables = Mapping[str, Table]
 G = 9.81

@@ -12,7 +12,7 @@ from posed import Phase as PosedPhase
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
-from hopopt.nlp.transcribe import Transcription
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, Parameter, PathConstraint, Phase, Problem, State
 

@@ -8,15 +8,15 @@ s.plot()
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hopopt.codesign_run import codesign
-    from hopopt.compare import Comparison
     from hopopt.ocp.custom import constraint, objective
-    from hopopt.pareto import Front, front
-    from hopopt.planner import solve
-    from hopopt.problem_file import load
-    from hopopt.solution import Solution
-    from hopopt.storage import read, save
-    from hopopt.sweep_run import Study, sweep
+    from hopopt.planner.solution import Solution
+    from hopopt.planner.solve import solve
+    from hopopt.problem.load import load
+    from hopopt.storage.solution import read, save
+    from hopopt.studies.codesign import codesign
+    from hopopt.studies.compare import Comparison
+    from hopopt.studies.pareto import Front, front
+    from hopopt.studies.sweep.run import Study, sweep
 
 __all__ = [
     "Comparison",
@@ -34,9 +34,10 @@ __all__ = [
     "sweep",
 ]
 _HOME = {
-    "load": "problem_file", "solve": "planner", "Solution": "solution", "read": "storage", "save": "storage",
-    "sweep": "sweep_run", "Study": "sweep_run", "Comparison": "compare", "codesign": "codesign_run", "front": "pareto",
-    "Front": "pareto", "objective": "ocp.custom", "constraint": "ocp.custom",
+    "load": "problem.load", "solve": "planner.solve", "Solution": "planner.solution", "read": "storage.solution",
+    "save": "storage.solution", "sweep": "studies.sweep.run", "Study": "studies.sweep.run",
+    "Comparison": "studies.compare", "codesign": "studies.codesign", "front": "studies.pareto",
+    "Front": "studies.pareto", "objective": "ocp.custom", "constraint": "ocp.custom",
 }  # fmt: skip
 
 

@@ -1,5 +1,5 @@
 """`python -m hopopt`: the command line."""
 
-from hopopt.cli import main
+from hopopt.cli.main import main
 
 main()

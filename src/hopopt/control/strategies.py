@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from typing import Any
 
-from hopopt.control.paper import Force, Position
-from hopopt.control.strategy import Setting
+from hopopt.control.paper_pd import Force, Position
+from hopopt.control.setting import Setting
 from hopopt.control.tracking import Track
 from hopopt.errors import UsageError
-from hopopt.own_code import load
-from hopopt.sim.measurement import Controller
+from hopopt.sim.controller import Controller
+from hopopt.user_code import load
 
 SOFT = 180.0  # [N m/rad] the paper prints no gain for position control; `hopopt calibrate --free position.k_p=...`
 BEST = {  # found by `hopopt tune --evaluations 60` (seed 0) on problems/paper.toml
@@ -81,6 +81,6 @@ def _load(path: str) -> Any:
         raise UsageError(f"strategy {error}") from None
     if not callable(getattr(found, "torque", None)):
         raise UsageError(
-            f"strategy {path}: {path.partition(':')[2]} has no method torque(now): see hopopt.control.strategy"
+            f"strategy {path}: {path.partition(':')[2]} has no method torque(now): see hopopt.control.setting"
         )
     return found

@@ -13,11 +13,11 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.control.reference import PhaseReference
-from hopopt.control.strategy import Setting, one_of, read_options
+from hopopt.control.setting import Setting, one_of, read_options
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE
+from hopopt.sim.controller import Measurement
 from hopopt.sim.machine import Machine
-from hopopt.sim.measurement import Measurement
 
 EARLY = 0.9  # of the planned stance: a foot that comes off before is taken to bounce
 SERIES = 6  # terms of the matrix exponential

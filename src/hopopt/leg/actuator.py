@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hopopt.leg.design import Leg
+from hopopt.design import Leg
 
 Entry = tuple[Literal["motor", "gear"], str]
 CAPS: dict[str, tuple[Entry, ...]] = {  # half-planes that a cap draws -> its entry, then what carries it to the joint

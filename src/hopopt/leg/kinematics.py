@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.optimize import minimize
 
-from hopopt.leg.design import Design, Leg, unit
+from hopopt.design import Design, Leg, unit
 
 PLANE, SPACE = (0, 2), (0, 1, 2)  # world axes
 POSES = 1024  # among which the tucked pose is looked for

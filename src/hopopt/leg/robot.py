@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hopopt.leg.design import Leg, physical_parameters, unit
+from hopopt.design import Leg, physical_parameters, unit
 from hopopt.leg.inertia import PAIRS, tensor
 
 BASE = 2  # coordinates of the body: x and z; on a vertical slider x keeps its value

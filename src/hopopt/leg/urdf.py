@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.leg.inertia import PAIRS, obeys_triangle, principal_moments
-from hopopt.leg.urdf_file import Tree, UrdfError, numbers, quoted, root_of
+from hopopt.leg.urdf_xml import Tree, UrdfError, numbers, quoted, root_of
 
 ROUND = 1e-10  # what rotations by a rounded half turn leave of a zero
 

@@ -21,7 +21,7 @@ import casadi as ca
 FOLDER = "HOPOPT_CACHE"  # environment variable: a folder in place of the user's cache, or "off"
 FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 WORTH_IT = 400  # steps of a function, below which calling it costs as much as computing it
-_making = False  # by this process; whoever makes libraries solves one problem at a time (sweep_point.py)
+_making = False  # by this process; whoever makes libraries solves one problem at a time (studies/sweep/point.py)
 _failed: set[str] = set()  # what this process could not make
 
 

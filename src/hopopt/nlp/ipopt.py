@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.nlp.trajectory import PhaseTrajectory
-from hopopt.nlp.transcribe import Transcription
+from hopopt.nlp.transcription import Transcription
 
 OPTIONS = {
     "print_time": False,

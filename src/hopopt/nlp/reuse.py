@@ -2,7 +2,7 @@
 
 from copy import copy
 
-from hopopt.nlp.transcribe import Transcription
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import Problem
 
 

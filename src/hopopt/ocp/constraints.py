@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import numpy as np
 
+from hopopt.design import Leg, physical_parameters
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.design import Leg, physical_parameters
 from hopopt.leg.dynamics import LegDynamics, Motion
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE

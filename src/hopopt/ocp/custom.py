@@ -14,9 +14,9 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.goal import HopObjective, demand, lowest_point, no_demand
+from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
-from hopopt.own_code import last_line, load
+from hopopt.user_code import last_line, load
 
 if TYPE_CHECKING:
     from hopopt.ocp.hop import Hop

@@ -12,9 +12,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.design import Design
 from hopopt.leg.dynamics import LegDynamics, Motion
 from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_place
 from hopopt.leg.robot import BASE, build_robot
@@ -29,8 +29,8 @@ from hopopt.ocp.constraints import (
 )
 from hopopt.ocp.custom import Custom, checked
 from hopopt.ocp.custom import path as custom_path
-from hopopt.ocp.freedom import Freedom
-from hopopt.ocp.goal import HopObjective
+from hopopt.ocp.free_parameters import Freedom
+from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import find
 from hopopt.ocp.problem import (
     INF,

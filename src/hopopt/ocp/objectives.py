@@ -4,9 +4,9 @@ from typing import Any
 
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import as_objective
-from hopopt.ocp.descent import IMPACT
-from hopopt.ocp.efforts import EFFORTS
-from hopopt.ocp.goal import HopObjective, lowest_point
+from hopopt.ocp.effort import EFFORTS
+from hopopt.ocp.landing import IMPACT
+from hopopt.ocp.objective import HopObjective, lowest_point
 from hopopt.ocp.problem import Parameter
 
 OBJECTIVES = {

@@ -15,9 +15,9 @@ from scipy.optimize import brentq
 
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE, Robot
+from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.drive import Drive, Encoder, Stops
 from hopopt.sim.machine import Machine
-from hopopt.sim.measurement import Controller, Measurement
 from hopopt.sim.state import BOUNCE, Command, State, Timing, Torque
 from hopopt.sim.trace import Event, Trace, TraceWriter
 

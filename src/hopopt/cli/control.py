@@ -1,0 +1,247 @@
+"""Commands that simulate controllers on the leg: simulate and compare."""
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from hopopt.cli.options import AsJson, Overrides, progress, repeated, write_new
+from hopopt.errors import UsageError
+
+if TYPE_CHECKING:
+    from hopopt.design import Design
+
+Options = Annotated[
+    list[str] | None,
+    repeated("--option", "A setting of the strategy: --option k_p=6000 (repeat)."),
+]
+TrueLeg = Annotated[
+    list[str] | None,
+    repeated(
+        "--plant", "How the true leg differs from what the strategy believes: --plant leg.body.mass=5.9 (repeat)."
+    ),
+]
+
+
+def simulate(
+    problem: str = "paper",
+    *,
+    strategy: str = "force",
+    set_: Overrides = None,
+    plant: TrueLeg = None,
+    option: Options = None,
+    hops: int = 1,
+    plan: Path | None = None,
+    results: Path = Path("results"),
+    figures: bool = True,
+    json_: AsJson = False,
+) -> int:
+    """Hop the simulated leg with a controller: 4 kHz, encoders, saturated motors, impacts.
+
+    Parameters
+    ----------
+    problem
+        A problem file, or the name of a built-in one.
+    strategy
+        force, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the paper's), track,
+        track_pd (follow the optimum), an entry point of the group hopopt.strategies, or your own class as package.module:Class.
+    hops
+        How many hops one after the other.
+    plan
+        A results folder of hopopt solve to follow; without it, track solves for its own plan.
+    results
+        Folder for the results; each run gets a new folder inside it.
+    figures
+        Draw the figures.
+    """
+    from hopopt.problem.load import load
+
+    design = load(problem, set_ or ())
+    if hops < 1:
+        raise UsageError("--hops must be at least 1")
+    truth, options = load(problem, [*(set_ or ()), *plant]) if plant else None, _options(option or ())
+    from hopopt.control import closed_loop
+    from hopopt.control.strategies import find
+    from hopopt.storage.folder import as_json, prepare
+
+    chosen = find(strategy)
+    closed_loop.make_plant(truth or design)  # what cannot be simulated is said before the work
+    prepare(results)
+    with progress(quiet=json_) as say:
+        reference = _plan(design, plan, chosen.needs_plan, say)
+        say(f"simulating {strategy}")
+        run = closed_loop.simulate(design, chosen, plan=reference, plant=truth, hops=hops, options=options)
+        row = {
+            "problem": design.name,
+            "strategy": strategy,
+            "meaning": chosen.meaning,
+            "options": options,
+            "hops": hops,
+            **run.figures.as_dict(),
+            "lift_offs": run.trace.times_of("lift-off"),
+            "touchdowns": run.trace.times_of("touchdown"),
+        }
+        where = _saved("simulation", design, row, {strategy: run.trace}, results, figures, {strategy: run.figures})
+    if json_:
+        print(as_json({**row, "exit_code": 0, "result_dir": str(where)}))
+        return 0
+    from hopopt.cli.screen.runs import print_run
+
+    print_run(row, str(where))
+    return 0
+
+
+def compare(
+    problem: str | None = None,
+    *,
+    set_: Overrides = None,
+    strategies: str | None = None,
+    bound: Path | None = None,
+    tune: int = 0,
+    mujoco: bool = False,
+    draws: int = 0,
+    mass: float = 0.05,
+    torque: float = 0.1,
+    seed: int = 0,
+    results: Path = Path("results"),
+    figures: bool = True,
+    json_: AsJson = False,
+) -> int:
+    """Set the optimum beside its tracked simulation and the paper's strategies: how near, and what is missing.
+
+    Exit code: 0 the bound is verified and holds, 1 not solved, 2 wrong usage, 3 not verified or passed by a strategy.
+
+    Parameters
+    ----------
+    problem
+        A problem file, or the name of a built-in one (default: the bound's problem, or paper).
+    strategies
+        Which to simulate, separated by commas (default: all that suit the leg): track, track_pd, force, force_tuck,
+        force_tuned, position, position_soft, position_tuck, position_tuned; also your own as package.module:Class.
+    bound
+        A results folder of hopopt solve for the same problem, to save solving again.
+    tune
+        Tune the gains of force and position for this leg on so many simulated hops each (24 or more; half a minute),
+        in place of those tuned for the paper's leg.
+    mujoco
+        Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
+    draws
+        Also track the optimum on this many legs whose masses and torque constants differ from the believed ones.
+    mass
+        Masses are drawn within this share of the believed ones.
+    torque
+        Torque constants are drawn within this share of the believed ones.
+    seed
+        Seed of the draws.
+    results
+        Folder for the results; each run gets a new folder inside it.
+    figures
+        Draw the figures.
+    """
+    began = time.perf_counter()
+    from hopopt.problem.load import load
+
+    names = None if strategies is None else [name.strip() for name in strategies.split(",") if name.strip()]
+    if names == []:
+        raise UsageError("--strategies names none: give one or more, separated by commas, such as track,force")
+    if tune and tune < 24:
+        raise UsageError("--tune must be 0 or at least 24")
+    if draws < 0 or not (0 <= mass < 1 and 0 <= torque < 1):
+        raise UsageError("--draws must be 0 or more; --mass and --torque are shares from 0 to below 1")
+    from hopopt.storage.folder import as_json, prepare
+    from hopopt.storage.recheck import reverified
+    from hopopt.storage.solution import read, save
+    from hopopt.studies import compare as comparing
+    from hopopt.studies.robustness import spread
+
+    given = reverified(read(bound)) if bound else None
+    design = load(problem or (bound / "problem.toml" if bound else "paper"), set_ or ())
+    prepare(results)
+    with progress(quiet=json_) as say:
+        found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
+        data = found.as_dict()
+        if draws:
+            say(f"tracking on {draws} drawn legs")
+            data["mismatch"] = spread(found, draws, seed, mass, torque, os.cpu_count() or 1)
+        data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
+        traces = {name: f.trace for name, f in found.figures.items()}
+        where = _saved("comparison", design, data, traces, results, figures, found.figures)
+        for solution in (found.solution, found.plan):
+            if solution is not None and solution.result_dir is None:  # what the figures stand on
+                save(solution, where)
+    if json_:
+        print(as_json({**data, "result_dir": str(where)}))
+        return found.exit_code
+    from hopopt.cli.screen.runs import print_comparison
+
+    print_comparison(data, f"{where}   ({data['wall_s']:.1f} s)")
+    return found.exit_code
+
+
+def export(
+    problem: str = "paper", *, set_: Overrides = None, urdf: Path | None = None, mjcf: Path | None = None
+) -> int:
+    """Write the leg as URDF or MJCF, for other simulators. An existing file is never overwritten.
+
+    Parameters
+    ----------
+    problem
+        A problem file, or the name of a built-in one.
+    urdf
+        The URDF file to write.
+    mjcf
+        The MuJoCo file to write.
+    """
+    from hopopt.leg.export import to_mjcf, to_urdf
+    from hopopt.leg.robot import build_robot
+    from hopopt.problem.load import load
+
+    robot = build_robot(load(problem, set_ or ()).leg)
+    if urdf is None and mjcf is None:
+        raise UsageError("say what to write: --urdf leg.urdf or --mjcf leg.xml")
+    for path, write in ((urdf, to_urdf), (mjcf, to_mjcf)):
+        if path is not None:
+            write_new(path, write(robot))
+            print(f"{path} written")
+    return 0
+
+
+def _options(given: "list[str] | tuple[str, ...]") -> dict[str, Any]:
+    """key=value pairs; values are JSON where they can be, else text."""
+    options = {}
+    for pair in given:
+        key, equals, text = pair.partition("=")
+        if not (key and equals):
+            raise UsageError(f"--option {pair}: write it as name=value, such as k_p=6000")
+        try:
+            options[key] = json.loads(text)
+        except ValueError:
+            options[key] = text
+    return options
+
+
+def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
+    """What the strategy is to follow: the plan given, or one of its own."""
+    if not needed:
+        if folder:
+            raise UsageError("--plan is for strategies that follow one, such as track")
+        return None
+    from hopopt.planner.reserve import plan_to_track
+    from hopopt.storage.solution import read
+    from hopopt.studies.compare import reference_of
+
+    plan = read(folder) if folder else plan_to_track(design, say)
+    if plan.design.leg.joints != design.leg.joints:
+        raise UsageError(f"--plan {folder}: it moves other joints than those of {design.name}")
+    return reference_of(plan)
+
+
+def _saved(what: str, design: "Design", data: Any, traces: Any, results: Path, draw: bool, figures: Any) -> Path:
+    from hopopt.storage.runs import save_runs
+
+    if not draw:
+        return save_runs(what, design, data, traces, results)
+    from hopopt.plots.runs import save_all
+
+    return save_runs(what, design, data, traces, results, lambda folder: save_all(figures, folder))

@@ -1,0 +1,323 @@
+"""The command line. Heavy imports happen inside the commands, so that ``--help`` answers at once."""
+
+import gc
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING, Any
+
+from cyclopts import CycloptsError
+
+from hopopt.cli import catalogue as cli_actuators
+from hopopt.cli import control as cli_runs
+from hopopt.cli import diagnose as cli_diagnose
+from hopopt.cli import evidence as cli_evidence
+from hopopt.cli import paper as cli_paper
+from hopopt.cli import pareto as cli_pareto
+from hopopt.cli import sensitivity as cli_studies
+from hopopt.cli import sweep as cli_sweep
+from hopopt.cli.options import AsJson, Constraints, Couple, Free, Overrides, app, progress, write_new
+from hopopt.errors import HopoptError, NotSolvedError, UsageError
+
+if TYPE_CHECKING:
+    from hopopt.design import Design
+    from hopopt.planner.solution import Solution
+
+
+@app.command
+def solve(
+    problem: str = "paper",
+    *,
+    objective: str = "clearance",
+    set_: Overrides = None,
+    constraint: Constraints = None,
+    free: Free = None,
+    couple: Couple = None,
+    starts: int | None = None,
+    processes: int | None = None,
+    structure: bool = False,
+    second_opinion: bool = False,
+    control: bool = True,
+    results: Path = Path("results"),
+    figures: bool = True,
+    json_: AsJson = False,
+) -> int:
+    """Find the highest hop of a leg (or another best one), verify it, and save it with its figures.
+
+    Exit code: 0 solved and verified, 1 not solved, 2 wrong usage, 3 solved but not verified, or a second
+    opinion, or the paper's control, found a better hop.
+
+    Parameters
+    ----------
+    problem
+        A problem file, or the name of a built-in one: paper and its variants, three_joint, a1_leg, go2_leg and others
+        (README.md lists them).
+    objective
+        What to make as large as possible: clearance (of the leg's lowest point) or apex (height of the body). Or as
+        small as possible, with the clearance to reach as --set hop.clearance=0.4: energy, absolute_work,
+        electrical_energy, time, saturation, peak_torque, peak_force or impact. Or a Python function of your own as
+        module:function (docs/objectives.md).
+    starts
+        How many different starting points to solve from (default: the problem's solver.starts).
+    processes
+        How many of them side by side (default: one for each core).
+    structure
+        Solve the best once more with the switches of its drives at free times, so that torques jump exactly there.
+    second_opinion
+        Also ask another NLP solver (Uno) and two other transcription schemes; half a minute or more (docs/certificate.md).
+    control
+        Also simulate the paper's force control on the same leg (hopopt compare has more); a few seconds.
+    results
+        Folder for the results; each run gets a new folder inside it.
+    figures
+        Draw the figures.
+    """
+    began = time.perf_counter()
+    from hopopt.problem.load import load
+
+    design = load(problem, set_ or ())
+    if (starts is not None and starts < 1) or (processes is not None and processes < 1):
+        raise UsageError("--starts and --processes must be at least 1")
+    if couple and not free:
+        raise UsageError("--couple relates numbers that are free: give them as --free leg.thigh.length=0.3:0.45")
+    from hopopt.problem.hints import hints
+    from hopopt.storage.folder import prepare
+
+    prepare(results)
+    for words in hints(design):
+        print(f"hopopt: {words}", file=sys.stderr)  # before what may take long
+
+    draw: Callable[[Solution, Path], Any] | None = None
+    with progress(quiet=json_) as say:
+        more = {"constraints": constraint or (), "starts": starts, "processes": processes, "progress": say}
+        once = {"structure": structure, "second_opinion": second_opinion}
+        later = {"hopopt.storage.solution": True, "hopopt.plots.hop": figures, "hopopt.studies.compare": control}
+        _import_beside(*(name for name, wanted in later.items() if wanted))
+        solution = _solved(design, objective, free, couple, once, more)
+        from hopopt.storage.solution import save
+
+        if figures:
+            from hopopt.plots.hop import save_all as draw
+
+            say("drawing")
+        solution.summary["overrides"] = list(set_ or ())
+        solution.summary["wall_s"] = time.perf_counter() - began  # all but drawing and writing
+        solution = save(solution, results, draw)
+        if control:
+            say("simulating the paper's force control")
+            with suppress(KeyboardInterrupt):  # the answer is there
+                solution = _beside(solution)
+    _answer(solution, json_)
+    return int(solution.summary["exit_code"])
+
+
+def _import_beside(*later: str) -> None:
+    """Import what comes after the solve while it runs: Ipopt, and waiting for other processes, leave Python's time free.
+
+    What the solve itself needs is imported before, for modules that import each other must not do so in two threads.
+    """
+    import_module("hopopt.planner.solve")
+
+    def load() -> None:
+        with suppress(ImportError):  # whoever needs it says so
+            for name in later:
+                import_module(name)
+
+    Thread(target=load).start()
+
+
+def _beside(solution: "Solution") -> "Solution":
+    """The answer with what the paper's force control makes of the same leg; exit code 3 if that passes it."""
+    from hopopt.storage.solution import with_more
+    from hopopt.studies.compare import paper_strategy
+
+    if (found := paper_strategy(solution)) is None:
+        return solution
+    code = 3 if found["beyond_bound"] else solution.summary["exit_code"]
+    return with_more(solution, {"paper_strategy": found, "exit_code": code})
+
+
+def _solved(
+    design: "Design",
+    objective: str,
+    free: list[str] | None,
+    couple: list[str] | None,
+    once: dict[str, bool],
+    more: dict[str, Any],
+) -> "Solution":
+    """The best hop of the design, or of the best design if numbers of it are free."""
+    if not free:
+        from hopopt.planner.solve import solve as run
+
+        return run(design, objective, **once, **more)
+    for asked in (name.replace("_", "-") for name, wanted in once.items() if wanted):
+        raise UsageError(f"--{asked} goes with a design that is given: use it on the problem.toml that --free finds")
+    from hopopt.ocp.free_parameters import parse_free
+    from hopopt.studies.codesign import codesign
+
+    return codesign(design, parse_free(free), objective, couple=couple or (), **more)
+
+
+@app.command
+def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:
+    """Print a stored answer with all that is known of it, or a problem with every entry, its value, unit and meaning.
+
+    Parameters
+    ----------
+    what
+        A folder that hopopt solve wrote; or a problem file, or the name of a built-in problem.
+    """
+    if Path(what).is_dir():
+        from hopopt.storage.folder import fitting
+        from hopopt.storage.solution import read
+
+        if set_:
+            raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
+        with fitting(Path(what)):
+            _answer(read(what), json_, whole=True)
+        return 0
+    from hopopt.problem.load import as_json, load, rows
+
+    design = load(what, set_ or ())
+    if json_:
+        print(json.dumps(as_json(design)))
+        return 0
+    from hopopt.cli.screen.console import print_rows
+
+    print_rows(design.title or design.name, rows(design))
+    return 0
+
+
+@app.command
+def new(name: str) -> int:
+    """Write NAME.toml: a commented problem file to start from. An existing file is never overwritten.
+
+    Parameters
+    ----------
+    name
+        Name of the problem, with or without .toml; may lie in a folder: legs/mine.
+    """
+    from hopopt.problem.load import template
+
+    if name.endswith(("/", os.sep)) or Path(name).name in ("", "..", ".toml"):
+        raise UsageError(f'"{name}" names no file: give a name such as mine, or legs/mine')
+    path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    write_new(path, template(path.stem))
+    print(f"{path} written. Change it, then: hopopt solve {path}")
+    return 0
+
+
+@app.command
+def verify(result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False) -> int:
+    """Check a stored result again, from its files alone. Exit code 0 if it is verified, 3 if not.
+
+    The certificate of first-order optimality (docs/certificate.md) is recomputed too, and said to hold or not.
+
+    Parameters
+    ----------
+    result
+        A folder that hopopt solve wrote.
+    objective
+        The function of your own that it was found with, if it was: module:function.
+    """
+    from hopopt.storage.folder import as_json
+    from hopopt.storage.recheck import recertified, recheck, with_functions
+    from hopopt.storage.solution import read
+
+    solution = with_functions(read(result), objective, constraint or ())
+    checks, certificate = recheck(solution), recertified(solution)
+    verified = all(c.passed for c in checks)
+    code = 0 if verified else 3
+    if json_:
+        found = {
+            "certified": certificate.passed if certificate else None,
+            "certificate": certificate.as_dict() if certificate else None,
+        }
+        listed = [c.as_dict() for c in checks]
+        print(as_json({"verified": verified, "exit_code": code, "checks": listed, **found}))
+    else:
+        from hopopt.cli.screen.certificate import print_certificate
+        from hopopt.cli.screen.console import print_checks
+
+        print_checks(str(result), checks)
+        print_certificate(certificate)
+        height = solution.summary["clearance_m"]  # one of the claims that are checked
+        print(f"{result}: {f'verified, clearance {height:.4f} m' if verified else 'NOT verified'}")
+    return code
+
+
+def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
+    """Print an answer: as one object, or for a person short or ``whole``; one that is not verified is never short."""
+    if as_object:
+        from hopopt.storage.folder import as_json
+        from hopopt.storage.solution import stated
+
+        print(as_json(stated(solution.summary)))
+        return
+    from hopopt.cli.screen.answer import print_answer
+    from hopopt.cli.screen.details import print_details
+
+    show_it = print_details if whole or not solution.verified else print_answer
+    show_it(solution)
+    if "codesign" in solution.summary:
+        from hopopt.cli.screen.codesign import print_codesign
+
+        print_codesign(solution.summary["codesign"])
+    if "second_opinions" in solution.summary:
+        from hopopt.cli.screen.cross_check import print_opinions
+
+        print_opinions(solution.summary)
+
+
+for command in (
+    cli_runs.simulate, cli_runs.compare, cli_runs.export, cli_studies.sensitivity, cli_paper.calibrate,
+    cli_paper.tune, cli_paper.reproduce, cli_sweep.sweep, cli_pareto.pareto, cli_actuators.actuators,
+    cli_evidence.evidence, cli_diagnose.diagnose,
+):  # fmt: skip
+    app.command(command)
+for each in app.subapps:
+    each.help_epilogue = ""  # where to start is said once, on the first page
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Entry point: runs a command and exits with its code; every expected fault is a sentence on standard error."""
+    gc.set_threshold(100_000)  # imports leave no garbage in cycles: less search for it is a tenth of a cold answer
+    code = run(arguments)
+    gc.freeze()  # nor is there any to look for on the way out
+    sys.exit(code)
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run one command line and return its exit code."""
+    words = sys.argv[1:] if arguments is None else arguments
+    try:
+        result = app(
+            arguments, exit_on_error=False, print_error=False, result_action="return_value", help_on_error=False
+        )
+        return result if isinstance(result, int) else 0
+    except CycloptsError as error:
+        print(f"hopopt: {error}", file=sys.stderr)
+        command = f"{words[0]} " if words and words[0] in app else ""
+        print(f"Try: hopopt {command}--help", file=sys.stderr)
+        return 2
+    except HopoptError as error:
+        print(f"hopopt: {error}", file=sys.stderr)
+        if isinstance(error, NotSolvedError) and "--json" in words:
+            failure = {"status": "not solved", "verified": False, "exit_code": 1, "clearance_m": None}
+            print(json.dumps({**failure, "message": str(error), "diagnosis": error.diagnosis}))
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("hopopt: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        return 0
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""What all commands of the command line share."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from hopopt.errors import UsageError
+
+app = App(
+    name="hopopt",
+    help="How high can a leg possibly lift its foot in a hop with the motors it has?",
+    help_epilogue="Start with: hopopt solve --objective clearance",
+    version_flags=["--version"],
+    suppress_keyboard_interrupt=False,  # cli.run says what became of the work
+)
+
+
+def repeated(name: str, text: str) -> Parameter:
+    """An option that may be given several times, one value each."""
+    return Parameter(name=name, negative=(), consume_multiple=False, help=text)
+
+
+Overrides = Annotated[
+    list[str] | None,
+    repeated("--set", "Override an entry: --set leg.gear.ratio=80 (repeat)."),
+]
+Constraints = Annotated[
+    list[str] | None,
+    repeated(
+        "--constraint",
+        "A path constraint of your own, a Python function as module:function (repeat; docs/objectives.md).",
+    ),
+]
+Free = Annotated[
+    list[str] | None,
+    repeated(
+        "--free", "Let the optimum choose a number of the leg: --free leg.gear.ratio=50:200 (repeat; docs/codesign.md)."
+    ),
+]
+Couple = Annotated[
+    list[str] | None,
+    repeated(
+        "--couple",
+        'A relation of free numbers, "leg.thigh.length + leg.shank.length = 0.741", powers too, or "catalogue: MASS by TORQUE" (repeat).',
+    ),
+]
+AsJson = Annotated[
+    bool, Parameter(name="--json", negative=(), help="Print one JSON object on standard output, nothing else.")
+]
+
+
+def progress(quiet: bool) -> AbstractContextManager[Callable[[str], None]]:
+    """A function that shows progress on standard error; silent when piped or ``quiet``."""
+    from hopopt.cli.screen import console as screen
+
+    return screen.progress(quiet)
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that must not exist yet, in a folder that may not; UsageError in a sentence if that cannot be."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise UsageError(f"{path} exists already and is not overwritten: choose another name") from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written ({error.strerror}): choose another name or folder") from None

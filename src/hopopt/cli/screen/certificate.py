@@ -1,0 +1,73 @@
+"""What the command line shows of the certificate of first-order optimality and of the switching structure."""
+
+from typing import TYPE_CHECKING, Any
+
+from hopopt.cli.screen.console import console, print_residuals
+
+if TYPE_CHECKING:
+    from hopopt.optimality.certificate import Certificate
+
+THEN = ", then "  # between stretches
+FIRST, FEW = 4, 4  # so many stretches of a long line are told before its last, where more than FEW are left out
+
+
+def certificate_line(s: dict[str, Any]) -> list[str]:
+    """One line for the answer: whether the first-order conditions hold along the whole hop, and how well."""
+    checks = s.get("certificate")
+    if not checks:
+        return []
+    bad = [name.replace("_", " ") for name, c in checks.items() if not c["passed"]]
+    if bad:
+        return [f"first-order optimality NOT certified: {', '.join(bad)} (hopopt verify lists all conditions)"]
+    costates = max(c["residual"] for name, c in checks.items() if name.endswith("_costates"))
+    gain = sum(c["residual"] for c in checks.values() if c["unit"] == "of the objective")
+    return [
+        f"first-order optimality certified: {len(checks)} conditions, costates within {costates:.0e}, what they leave "
+        f"open is {gain:.0e} of the objective"
+    ]
+
+
+def certified_words(s: dict[str, Any]) -> str:
+    """Whether the first-order conditions hold, to end a line."""
+    checks = s.get("certificate", {})
+    bad = sum(not c["passed"] for c in checks.values())
+    words = (
+        f"NOT certified ({bad} of {len(checks)} conditions fail)" if bad else f"certified ({len(checks)} conditions)"
+    )
+    return f"; first-order optimality {words}" if checks else ""
+
+
+def _shortened(line: str) -> str:
+    """A line of very many stretches, as of torques that chatter, by its first ones and its last."""
+    parts = line.split(THEN)
+    left = len(parts) - FIRST - 1
+    return line if left <= FEW else THEN.join([*parts[:FIRST], f"{left} more (--json tells all)", parts[-1]])
+
+
+def structure_lines(s: dict[str, Any]) -> list[str]:
+    """The switching structure of stance, a line for each joint and whatever else has limits that act."""
+    found = s.get("structure", {})
+    words = [line for line in found.get("words", []) if line.startswith("stance, ")]
+    lines = [_shortened(line.removeprefix("stance, ")) for line in words]
+    if found.get("solved_again"):
+        times = ", ".join(f"{t:.5f} s" for t in found["jumps_s"]["stance"])
+        lines.append(
+            "solved again with free switching times: "
+            + (f"torques jump at {times}; " if times else "")
+            + f"the optimum is within {found['difference']:.0e} of the one before"
+        )
+    elif "solved_again" in found:
+        lines.append(f"not solved with free switching times: {found['note']}")
+    return lines
+
+
+def print_certificate(certificate: "Certificate | None") -> None:
+    """Every condition with its residual and tolerance, and whether all hold."""
+    out = console()
+    if certificate is None:
+        out.print("no certificate: this result was stored without multipliers (solve it again for one)")
+        return
+    print_residuals("first-order optimality", "condition", certificate.checks)
+    bad = sum(not c.passed for c in certificate.checks)
+    total = len(certificate.checks)
+    out.print(f"first-order optimality {'NOT ' if bad else ''}certified: {total - bad} of {total} conditions hold")

@@ -1,0 +1,175 @@
+"""What the command line shows of simulated strategies: one table, the gaps, and what was not kept."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.table import Table
+
+from hopopt.cli.screen.console import console, print_table
+
+ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
+PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
+
+
+def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
+    """The bound, the table, where the centimetres are lost, the paper's figures, and warnings."""
+    rows, out = comparison["strategies"], console()
+    out.print(_headline(comparison))
+    print_table(out, _heights(rows))
+    print_table(out, _efforts(rows))
+    out.print(
+        "C_avg: mean saturation ratio in stance, 1 where a drive always gives all that its speed allows; work: of the motors, "
+        "net, until the clearance counts; ground: largest force, along and up together"
+    )
+    if comparison["verified"]:
+        print_table(out, _gaps(rows))
+    for name, row in rows.items():
+        if "paper" in row:
+            out.print(_paper(name, row))
+    for name, row in rows.items():
+        if row["limits_exceeded"]:
+            out.print(f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}")
+        if row["left_early"]:
+            out.print(f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/simulation.md)")
+        if row["cut_short"]:
+            out.print(f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}")
+    for name, spread in comparison.get("mismatch", {}).items():
+        out.print(_spread(name, spread))
+    elsewhere = {name: row["mujoco_clearance_m"] for name, row in rows.items() if "mujoco_clearance_m" in row}
+    if elsewhere:
+        out.print("in MuJoCo: " + ", ".join(f"{name} {clearance:.3f} m" for name, clearance in elsewhere.items()))
+    if comparison["tracked_plan_m"]:
+        doubt = "" if comparison["tracked_plan_verified"] else "; it was NOT verified"
+        plan = f"a plan of {comparison['tracked_plan_m']:.4f} m, which holds the problem's [reserve] back"
+        out.print(f"tracked: {plan}{doubt}")
+    for note in comparison["notes"]:
+        out.print(note)
+    out.print(f"results {where}")
+
+
+def print_run(row: Mapping[str, Any], where: str) -> None:
+    """One strategy's hop."""
+    out = console()
+    p, lift = row["parts"], row["lift_off"]
+    out.print(f"[bold]{row['strategy']}[/bold]: {row['meaning']}", markup=True)
+    if not row["lift_offs"]:
+        out.print(f"  the foot never left the ground; the run ended: {row['outcome']}\n  results {where}")
+        return
+    out.print(
+        f"  clearance {row['clearance_m']:.4f} m = COM height at lift-off {p[PARTS[0]]:.4f} + ballistic rise {p[PARTS[1]]:.4f} "
+        f"- COM height over the lowest point {-p[PARTS[2]]:.4f} m; foot at most {row['foot_height_m']:.3f} m"
+    )
+    out.print(
+        f"  lift-off at {lift['time_s']:.4f} s, body at {lift['body_height_m']:.3f} m, {lift['vertical_m_s']:.2f} m/s up and "
+        f"{lift['horizontal_m_s']:+.2f} m/s along"
+    )
+    means = ", ".join(f"{joint} {mean:.0%}" for joint, mean in row["saturation_mean"].items())
+    e = row["energy"]
+    out.print(
+        f"  mean saturation in stance: {means}; work of the motors {e['motors_J']:.1f} J, gained {e['gained_J']:.1f} J, "
+        f"gears {e['gears_J']:.1f} J, end stops {e['stops_J']:.1f} J (balance closes to {row['energy_error']:.0e})"
+    )
+    out.print(f"  peak ground force {row['peaks']['ground_force_N']:.0f} N; the run ended: {row['outcome']}")
+    if row["limits_exceeded"]:
+        out.print(f"  limits of the problem not kept: {', '.join(row['limits_exceeded'])}")
+    if row["cut_short"]:
+        out.print(f"  {row['cut_short']}")
+    if row.get("hops", 1) > 1:
+        out.print(f"  hops: {_hops(row['touchdowns'])}")
+    out.print(f"  results {where}")
+
+
+def _hops(times: Sequence[float]) -> str:
+    periods = [b - a for a, b in itertools.pairwise(times)]
+    span = f", {min(periods):.3f} to {max(periods):.3f} s apart" if periods else ""
+    return f"{len(times)} landings{span}"
+
+
+def _headline(c: Mapping[str, Any]) -> str:
+    if not c["verified"]:
+        return "The optimum was NOT verified: no bound is stated, and no shares of it count."
+    if c["beaten_by"]:
+        return (
+            f"The bound of {c['bound_m']:.4f} m is WRONG: {', '.join(c['beaten_by'])} passed it within the same limits."
+        )
+    return f"{c['problem']}: the bound is {c['bound_m']:.4f} m, the highest hop found, verified"
+
+
+def _heights(rows: Mapping[str, Any]) -> Table:
+    """Clearances with their parts."""
+    table = _by_strategy("clearance m", "of bound", "= lift-off", "+ rise", "- posture", "foot max m")
+    for name, r in rows.items():
+        table.add_row(
+            name,
+            f"{r['clearance_m']:.3f}",
+            "-" if r["share_of_bound"] is None else f"{r['share_of_bound']:.0%}",
+            *(
+                f"{sign * r['parts'][key]:.3f}" if _cleared(r) else "-"
+                for sign, key in zip((1, 1, -1), PARTS, strict=True)
+            ),
+            f"{r['foot_height_m']:.3f}",
+        )
+    return table
+
+
+def _efforts(rows: Mapping[str, Any]) -> Table:
+    """What the hops ask of the drives and of the ground."""
+    joints = next(iter(rows.values()))["saturation_mean"]
+    means = [f"C_avg\n{joint}" for joint in joints]
+    table = _by_strategy(
+        *means, "lift-off\ns", "at\nm/s", "work\nJ", "stops\nJ", "peak\nN m", "peak\nrad/s", "ground\nN"
+    )
+    for name, r in rows.items():
+        peaks, energy = r["peaks"], r["energy"]
+        table.add_row(
+            name,
+            *(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
+            f"{r['lift_off']['time_s']:.3f}",
+            f"{r['lift_off']['vertical_m_s']:.2f}",
+            f"{energy['motors_J']:.0f}",
+            f"{energy['stops_J']:.0f}",
+            f"{max(peaks['torque_Nm'].values()):.0f}",
+            f"{max(peaks['speed_rad_s'].values()):.1f}",
+            f"{peaks['ground_force_N']:.0f}",
+        )
+    return table
+
+
+def _by_strategy(*heads: str, title: str | None = None) -> Table:
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("strategy", style="bold", no_wrap=True)
+    for head in heads:
+        table.add_column(head, justify="right")
+    return table
+
+
+def _gaps(rows: Mapping[str, Any]) -> Table:
+    title = "Where the centimetres are lost (+) or gained (-)"
+    table = _by_strategy("push cm", "timing cm", "retraction cm", "together cm", title=title)
+    for name, r in list(rows.items())[1:]:
+        gaps = [100 * r["gap"][part] for part in ("push_m", "timing_m", "retraction_m")]
+        each = [f"{round(gap, 1) or 0:+.1f}" for gap in (*gaps, sum(gaps))]
+        table.add_row(name, *(each if _cleared(r) else ["-", "-", "-", each[-1]]))
+    return table
+
+
+def _cleared(r: Mapping[str, Any]) -> bool:
+    """Whether the leg was ever in flight with its foot in the window: else its clearance has no parts."""
+    return any(r["parts"].values())
+
+
+def _paper(name: str, r: Mapping[str, Any]) -> str:
+    (simulated, measured), (c_simulated, c_measured) = r["paper"]["foot_height_m"], r["paper"]["knee_saturation"]
+    knee = list(r["saturation_mean"].values())[1]
+    return (
+        f"paper, {name}: foot {simulated:.2f} m simulated, {measured:.2f} m measured (here {r['foot_height_m']:.2f}); "
+        f"knee C_avg {c_simulated:g} simulated, {c_measured:g} measured (here {knee:.2f})"
+    )
+
+
+def _spread(name: str, s: Mapping[str, Any]) -> str:
+    return (
+        f"{name}, {s['draws']} legs with masses within {s['mass']:.0%} and torque constants within {s['torque']:.0%}: "
+        f"clearance {s['median_m']:.3f} m median, {s['lowest_m']:.3f} to {s['highest_m']:.3f}; {s['failed']} failed{ROOM if s['failed'] else ''}"
+    )

@@ -1,0 +1,52 @@
+"""What the command line shows of a design study."""
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from hopopt.cli.screen.console import console, print_table
+from hopopt.ocp.objectives import find
+from hopopt.studies.sweep.workers import duration
+
+if TYPE_CHECKING:
+    from hopopt.studies.sweep.run import Study
+    from hopopt.studies.sweep.store import Point
+
+SHOWN = 60  # points; the rest is in the table's file
+
+
+def print_study(study: "Study") -> None:
+    """Every point with its outcome, the best, what failed and why, and where it lies."""
+    out, entries = console(), [axis.entry for axis in study.definition.axes]
+    table = Table(box=None, pad_edge=False)
+    goal = find(study.definition.objective)
+    other = [] if goal.figure == "clearance_m" else [f"{goal.name} {goal.unit}"]
+    for column in (*entries, *other, "clearance m", "outcome"):
+        table.add_column(column)
+    best = study.best
+    for p in study.points[:SHOWN]:
+        height = "" if p.clearance_m is None else f"{p.clearance_m:.4f}"
+        what = " best" if best is p else f": {p.sentence}" if p.sentence else ""
+        value = [f"{p.objective_value:.5g}" if p.verified else ""] if other else []
+        table.add_row(*(f"{x:g}" for x in p.values.values()), *value, height, f"{p.outcome}{what}")
+    print_table(out, table)
+    if len(study.points) > SHOWN:
+        out.print(f"… and {len(study.points) - SHOWN} more in {study.folder / 'table.csv'}")
+    verified = sum(p.verified for p in study.points)
+    corrected = f", {study.corrected} improved from other neighbours" if study.corrected else ""
+    out.print(f"{verified} of {len(study.points)} points verified{corrected}, in {duration(study.seconds)}")
+    if best:
+        where = ", ".join(f"{entry} = {x:g}" for entry, x in best.values.items())
+        out.print(f"best: {where}: clearance {best.clearance_m:.4f} m{_at_the_edge(study, best)}")
+    out.print(f"results {study.folder}")
+
+
+def _at_the_edge(study: "Study", best: "Point") -> str:
+    """Which entries of the best point are at the edge of what was tried: beyond it may be better."""
+    tried = study.definition.points.T
+    ends = [
+        f"{entry} at the {'least' if x == values.min() else 'most'}"
+        for (entry, x), values in zip(best.values.items(), tried, strict=True)
+        if x in (values.min(), values.max()) and values.min() < values.max()
+    ]
+    return f"; {' and '.join(ends)} that was tried: better may lie beyond" if ends else ""

@@ -1,0 +1,197 @@
+"""The paper's strategies: force control up to motor saturation, and position control (arXiv 2107.13717, section III).
+
+Both follow the two-mass reference y_des(t) (eq. kin_ydes) with the foot under the hip. What the paper leaves open:
+
+- The hip in stance. With both joints saturated it throws the leg over, so in force control the knee is driven and
+  clamped (eq. con_tdyn, con_tdes), and the hip is given the torque that keeps the body on the plumb line.
+- The servo in flight, the "swing motion (position control)". With the printed k_d the leg swings about y_f(t) without
+  end, so it is damped critically.
+- The landing. The reference jumps at touchdown (docs/paper.md), then runs ahead of the leg and pulls the foot off the
+  ground. So the leg brakes evenly down to the height at which it once started, and there the push begins anew.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopopt.control.setting import Setting, one_of, read_options
+from hopopt.control.two_mass import TwoMass
+from hopopt.errors import UsageError
+from hopopt.leg.kinematics import TwoJoints, foot_offset, reach, tucked, two_joints
+from hopopt.leg.robot import BASE
+from hopopt.sim.controller import Measurement
+from hopopt.sim.machine import StanceTerms
+
+RATE = 1e-5  # [m] step of the reference's own derivative
+MARGIN = 0.03  # [rad] that references keep from the joint limits
+SHORTEST = 1e-3  # [m] over which a landing brakes at least
+
+
+@dataclass(frozen=True)
+class PaperOptions:
+    """Settings of the paper's tables (tabF, tabP), and what they leave open.
+
+    k_p [N m/rad], k_d [N m s/rad]; k_s [N/m], the printed 17 read as N/cm; retraction: "reference" (y_f goes on in
+    flight) or "tuck" (the pose that lifts the foot highest); stance: "reference" (y_s) or "step" (a step to the
+    stretched leg); plumb_k [1/s^2] and plumb_d [1/s] bring the body back to the plumb line.
+    """
+
+    k_p: float = 5424.0
+    k_d: float = 9.0
+    k_s: float = 1700.0
+    y_neu: float = 0.45
+    C_amp: float = 0.12
+    C_max: float = 0.11
+    retraction: str = one_of("reference", "tuck")
+    stance: str = one_of("reference", "step")
+    plumb_k: float = 400.0
+    plumb_d: float = 40.0
+
+    def two_mass(self, setting: Setting) -> TwoMass:
+        """The reference model, with the body's and the last link's mass for m and m_e."""
+        leg = setting.design.leg
+        g = float(-setting.robot.model.gravity.linear[2])
+        masses = {"m": leg.body.mass, "m_e": leg.link[leg.links[-1]].mass}
+        try:
+            model = TwoMass(**masses, k=self.k_s, l0=self.y_neu, C_amp=self.C_amp, C_max=self.C_max, g=g)
+            model.t_lo  # noqa: B018  it has to lift off
+            return model
+        except ValueError as error:
+            raise UsageError(str(error)) from None
+
+
+class _Paper:
+    """What both strategies share: the reference, the servo towards it in flight, and the landing."""
+
+    def __init__(self, setting: Setting):
+        self.leg = setting.design.leg
+        if not two_joints(self.leg):
+            has = f"has {len(self.leg.joints)}" if len(self.leg.joints) != 2 else "leaves the x-z plane"
+            raise UsageError(
+                f"{setting.design.name}: the paper's strategies need a leg of two joints, this one {has}: "
+                "simulate track or a strategy of your own (compare --strategies track)"
+            )
+        self.geometry = TwoJoints.of(self.leg)
+        self.options = read_options(PaperOptions, setting.options)
+        self.two_mass = self.options.two_mass(setting)
+        self.machine, self.drive = setting.machine(), setting.drive()
+        self.side = np.sign(self.geometry.bend(setting.start[1])) or 1.0
+        self.lower, self.upper = (
+            np.array([getattr(self.leg.joint[j], side) for j in self.leg.joints]) for side in ("lower", "upper")
+        )
+        self.tuck = tucked(self.leg, setting.design.hop.foot_window, MARGIN)
+        self.quick = setting.no_load_speed / 2
+        self.settled = (setting.design.simulation.speed_window + 1) * setting.period
+        self.lowest = float(-foot_offset(self.leg, setting.start)[1])
+        self.pushed: float | None = 0.0  # when the push began [s]; None in flight and while landing
+        self.left = 0.0  # when the last push ended [s]; a bounce on landing is no lift-off
+        self.begin = self._begin(self.lowest)
+        self.rise = 0.0  # [s] from lift-off to the apex, from the speed when the foot was last down
+
+    def _begin(self, height: float) -> float:
+        """Time since mid-stance [s] at which the reference has this height [m] of the body, on its way up."""
+        times = np.linspace(0.0, self.two_mass.t_lo, 2001)
+        return float(times[int(np.argmin(np.abs(self.two_mass.stance_reference(times)[0] - height)))])
+
+    def torque(self, now: Measurement) -> np.ndarray:
+        """Torques (n) [N m] to ask for: the servo in flight, the landing, or the strategy's push."""
+        if not now.contact:
+            if self.pushed is not None:
+                self.pushed, self.left = None, now.t - now.since
+            return self.swing(now)
+        s = self.machine.stance_terms(now.q, now.v)
+        self.rise = self.machine.com_velocity(s.q, s.v)[1] / self.two_mass.g
+        if self.pushed is None and now.since > self.settled and s.v[1] >= 0:
+            self.pushed, self.begin = now.t, self._begin(s.q[1])
+        return self.land(now, s) if self.pushed is None else self.push(now, s)
+
+    def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
+        """Torques (n) [N m] in stance."""
+        raise NotImplementedError
+
+    def swing(self, now: Measurement) -> np.ndarray:
+        """k_p (theta_des - theta) + d (theta_des' - theta'), critically damped at every joint's own inertia.
+
+        Large errors are made good at half the no-load speed at most: from there the drive can still brake.
+        """
+        angles, rates = self.desired(now)
+        inertia = np.diag(self.machine.mass_matrix(np.concatenate([np.zeros(BASE), now.q])))[BASE:]
+        damping = 2 * np.sqrt(self.options.k_p * inertia)
+        approach = np.clip(self.options.k_p / damping * (angles - now.q), -self.quick, self.quick)
+        return damping * (approach + rates - now.v)
+
+    def land(self, now: Measurement, s: StanceTerms) -> np.ndarray:
+        """Torques (n) [N m] that brake the body evenly, to stand at the height of the start."""
+        distance = max(s.q[1] - self.lowest, SHORTEST)
+        wanted = np.array([self._plumb(s), min(s.v[1], 0.0) ** 2 / (2 * distance)])
+        a_j = -np.linalg.solve(s.jacobian, wanted + s.drift)
+        return self.upright(now, s, (s.mass_matrix @ a_j + s.joint_bias)[1])
+
+    def upright(self, now: Measurement, s: StanceTerms, knee: float) -> np.ndarray:
+        """The knee's torque [N m], clamped, and that of the hip under which the body keeps to the plumb line."""
+        knee = self.drive.clamp(now.v, np.array([0.0, knee]))[1]
+        # x'' = row (tau - bias) / mass matrix - drift, linear in the hip's torque
+        row = np.linalg.solve(s.mass_matrix, -s.jacobian[0])
+        still = row @ (np.array([0.0, knee]) - s.joint_bias) - s.drift[0]
+        return np.array([(self._plumb(s) - still) / row[0], knee])
+
+    def _plumb(self, s: StanceTerms) -> float:
+        """Wanted x'' = -plumb_k x - plumb_d x' of the body [m/s^2]."""
+        return float(-self.options.plumb_k * s.q[0] - self.options.plumb_d * s.v[0])
+
+    def length(self, now: Measurement) -> tuple[float, float]:
+        """y_des [m] and its rate [m/s] now; the phase is reset at lift-off and where the push begins."""
+        if not now.contact:
+            if now.t - self.left > self.two_mass.t_f:  # the plant flies longer than the model
+                return self.landing_length, 0.0
+            y, rate = self.two_mass.flight_reference(now.t - self.left)
+        elif self.options.stance == "step":
+            y, rate = np.inf, 0.0
+        else:
+            y, rate = self.two_mass.stance_reference(self.begin + now.t - (self.pushed or 0.0))
+        return float(y), float(rate)
+
+    @property
+    def landing_length(self) -> float:
+        """y_des [m] at touchdown."""
+        return float(self.two_mass.touchdown_reference(0.0)[0])
+
+    def desired(self, now: Measurement) -> tuple[np.ndarray, np.ndarray]:
+        """Joint angles [rad] and speeds [rad/s] to strive for (eq. con_angdes); tucked up to the apex if so asked."""
+        if not now.contact and self.options.retraction == "tuck":
+            return self.tuck if now.t - self.left < self.rise else self.angles(self.landing_length), np.zeros(2)
+        return self.with_rates(*self.length(now))
+
+    def with_rates(self, y: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+        """Joint angles [rad] and speeds [rad/s] with the foot y [m] under the hip, going away at rate [m/s]."""
+        angles = self.angles(y)
+        return angles, (self.angles(y + RATE) - angles) / RATE * rate
+
+    def angles(self, y: float) -> np.ndarray:
+        """Joint angles [rad] that put the foot y [m] under the hip, or as far as limits and reach allow."""
+        y = min(y, 0.999999 * reach(self.leg))
+        for q in self.geometry.angles(np.array([0.0, -y])):
+            if self.geometry.bend(q[1]) * self.side > 0:
+                return np.clip(q, self.lower, self.upper)
+        folded = np.inf * self.side * self.geometry.signs[1]
+        return np.clip(np.array([self.geometry.middle[0], folded]), self.lower, self.upper)
+
+
+class Force(_Paper):
+    """Force control with motor saturation: a PD law on the joint angles, clamped to the operating region."""
+
+    def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
+        """tau_dyn = -k_p (theta - theta_des) - k_d theta' at the knee (eq. con_tdyn, con_tdes)."""
+        angles, _ = self.desired(now)
+        return self.upright(now, s, (-self.options.k_p * (now.q - angles) - self.options.k_d * now.v)[1])
+
+
+class Position(_Paper):
+    """Position control: a stiff servo of the knee on y_des(t) and its rate, and of the hip to the angle at which the
+    foot is under it, whatever length the leg has: where the knee saturates, it must not throw the leg over."""
+
+    def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
+        """k_p (theta_des - theta) + k_d (theta_des' - theta')."""
+        (here, rates_here), (wanted, rates) = self.with_rates(s.q[1], s.v[1]), self.desired(now)
+        angles, rates = np.array([here[0], wanted[1]]), np.array([rates_here[0], rates[1]])
+        return self.options.k_p * (angles - now.q) + self.options.k_d * (rates - now.v)

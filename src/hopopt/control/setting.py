@@ -1,0 +1,85 @@
+"""What a strategy is made from.
+
+A strategy is a class that is made from a ``Setting`` and has ``torque(now: Measurement) -> (n,) [N m]``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+from hopopt.control.reference import PlanReference
+from hopopt.design import Design
+from hopopt.errors import UsageError
+from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.leg.kinematics import start_angles
+from hopopt.leg.robot import Robot, build_robot
+from hopopt.sim.drive import Drive
+from hopopt.sim.machine import Machine
+
+Options = TypeVar("Options")
+
+
+def one_of(*choices: str) -> Any:
+    """A field of options that takes one of these words, the first by default."""
+    return field(default=choices[0], metadata={"choices": choices})
+
+
+def read_options(kind: type[Options], given: Mapping[str, Any]) -> Options:
+    """A dataclass of numbers and words from settings by name; UsageError for a name or value it does not have."""
+    known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    for name, value in given.items():
+        if name not in known:
+            raise UsageError(f"there is no option {name!r}: choose one of {', '.join(known)}")
+        choices = known[name].metadata.get("choices", ())
+        if choices and value not in choices:
+            raise UsageError(f"{name} = {value!r}: choose one of {', '.join(choices)}")
+        if not choices and (isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value)):
+            raise UsageError(f"{name} = {value!r}: a number is needed")
+    return kind(**given)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a strategy may know: the leg it believes in, the plan if there is one, the control period [s], and
+    settings of its own by name."""
+
+    design: Design
+    period: float
+    plan: PlanReference | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def robot(self) -> Robot:
+        return build_robot(self.design.leg)
+
+    def machine(self) -> Machine:
+        """The believed leg in Pinocchio, with data of its own."""
+        return Machine(self.robot)
+
+    def regions(self) -> list[OperatingRegion]:
+        """The believed operating region of every joint."""
+        robot = self.robot
+        return [operating_region(self.design.leg, joint, robot.parameters) for joint in robot.joints]
+
+    def drive(self) -> Drive:
+        """The believed drives."""
+        return Drive(self.regions())
+
+    @property
+    def no_load_speed(self) -> np.ndarray:
+        """Joint speed [rad/s] at which each drive has no torque left in the direction of motion, (n,)."""
+        speeds = [[1 / h.b for h in region.planes if h.b > 0] for region in self.regions()]
+        return np.array([min(of_joint, default=np.inf) for of_joint in speeds])
+
+    @property
+    def angle_noise(self) -> float:
+        """Standard error [rad] of an encoder's reading; perfect encoders are taken as very good ones."""
+        bits = self.design.simulation.encoder_bits or 24
+        return 2 * np.pi / 2**bits / np.sqrt(12)
+
+    @property
+    def start(self) -> np.ndarray:
+        """Joint angles [rad] at the start."""
+        return start_angles(self.design)

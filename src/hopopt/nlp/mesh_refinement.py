@@ -1,0 +1,316 @@
+"""Mesh refinement: accurate states, limits that hold between the nodes too, at a price that does not matter.
+
+An interval is cut at once into as many pieces as its error and its price ask for by their orders: the local error falls
+with its length to the power of the nodes and one, the price of a switch with its square. Where limits are passed they
+are held between the nodes on the next mesh (nlp/continuous_limits.py); what still passes them is drawn in, and an interval that does
+not answer to that on the same mesh is cut.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from hopopt.nlp.continuous_limits import Chosen, Held, coming_close, held_between, nothing_held
+from hopopt.nlp.interval_errors import interval_errors
+from hopopt.nlp.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.mesh_step import Cuts, about, any_cut, cut, equal, pieces_of
+from hopopt.nlp.tightening import passed, tightened
+from hopopt.nlp.tightening_cost import drawn_prices, excess_prices, switch_places
+from hopopt.nlp.transcription import Transcription
+from hopopt.nlp.warm_start import carried
+
+BUDGET = 0.5  # share of the allowed price that a refinement is content with
+AIM = 0.3  # share of the allowed local error, and of the price, that a cut aims at
+NEARLY = 0.3  # share of what is allowed, above which an interval is cut where others must be
+PIECES = 8  # into which an interval is cut at most
+STUBBORN = 4  # pieces for an interval that does not answer
+SLOW = 2  # order to which an error falls that is still there on the second mesh
+GRADED = 4.0  # times shorter: intervals of switches that should be that are cut about them
+ANSWERS = 0.5  # share of its last excess, above which an interval does not answer to holding its limits
+EARLY = 2  # meshes before an error that wanders is suspected
+COARSE = 0.01  # share of the phase: longer intervals may harbour one
+FINEST = 1000  # intervals: a solution that asks for more will not be accurate
+LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
+AGREED = 1e-4  # relative
+PATIENCE = 60  # iterations from carried multipliers, before starting without
+RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
+STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
+# How a refinement ends:
+MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its meshes are used up"
+TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
+NO_NEARER = f"its last {STUCK} meshes brought it no nearer to its aims"
+UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
+Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are drawn in, (2, N, limits)
+
+
+@dataclass(frozen=True)
+class Aims:
+    """Local error (scaled), relative change of the objective, excess over the limits, their price relative to the
+    objective; at most so many meshes and iterations of each; ``restarts``: so many times ``iterations`` may go, over all
+    meshes, into solving again without the last one's multipliers (those that only a doubt asks
+    for are counted, but never refused)."""
+
+    local_error: float
+    change: float
+    excess: float
+    price: float
+    meshes: int
+    iterations: int
+    restarts: float = 5.0
+
+
+@dataclass(frozen=True)
+class MeshStep:
+    """One solve: intervals by phase, in how many of them limits are held, objective, largest errors, effort; how often
+    limits were drawn in on this mesh before."""
+
+    intervals: dict[str, int]
+    held: int
+    objective: float
+    local_error: float
+    excess: float
+    iterations: int
+    build_seconds: float
+    solve_seconds: float
+    seconds: float
+    drawn_in: int = 0
+
+
+Report = Callable[[MeshStep], None]
+
+
+class Refinement:
+    """From a solution on a first mesh to an accurate one that keeps its limits: ``solution``, ``history`` and how it
+    ``ended``; ``held``: those that the first one holds between the nodes already."""
+
+    def __init__(
+        self,
+        solution: NlpSolution,
+        aims: Aims,
+        report: Report = lambda step: None,
+        held: Chosen | None = None,
+    ):
+        self.aims, self.report, self.history = aims, report, list[MeshStep]()
+        self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
+        self._held = held or nothing_held(solution.transcription)
+        self._program: Held | None = None  # of the last mesh
+        self._restarts_left = round(aims.restarts * aims.iterations)
+        self._accept(solution, 0.0, 0.0)
+        limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
+        self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
+        self._before = {name: np.full(N, np.inf) for name, (N, _) in limits.items()}  # excess that was answered to
+
+    def run(self) -> None:
+        """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
+        meshes, solved = 0, True
+        while solved:
+            cuts = self._cuts()
+            accurate = not any_cut(cuts) and self._kept
+            if accurate and self.change <= self.aims.change:
+                self.ended = MET
+                return
+            if meshes == self.aims.meshes or len(self.history) > 2 * self.aims.meshes:
+                return
+            if self._stuck:
+                self.ended = NO_NEARER
+                return
+            if accurate:
+                cuts = {name: equal(np.full(len(places), 2)) for name, places in cuts.items()}
+            self._prepare(cuts)
+            meshes += any_cut(cuts)
+            solved = self._solve(cuts)
+
+    @property
+    def change(self) -> float:
+        """Relative change of the objective with the last mesh; infinite after one."""
+        sizes = [step.intervals for step in self.history]
+        first = [k for k, size in enumerate(sizes) if k == 0 or size != sizes[k - 1]]
+        if len(first) < 2:
+            return float("inf")
+        return relative(self.history[-1].objective, self.history[first[-1] - 1].objective, self.solution.least)
+
+    @property
+    def _kept(self) -> bool:
+        """Whether all limits are."""
+        return all(e.excess.max() <= self.aims.excess for e in self.errors.values())
+
+    @property
+    def _stuck(self) -> bool:
+        """Whether errors and excess are far from their aims and no longer fall, as where an optimum is an impulse."""
+        far = [self._far(step) for step in self.history]
+        return len(far) > STUCK and min(far[-STUCK:]) > max(1.0, NEARER * min(far[:-STUCK]))
+
+    def _far(self, step: MeshStep) -> float:
+        """How far a mesh is from its aims: at most 1 where it meets them."""
+        return max(step.local_error / self.aims.local_error, step.excess / self.aims.excess)
+
+    # ---- what is to be done ----------------------------------------------------------------------------
+
+    def _cuts(self) -> Cuts:
+        """Where each interval is to be cut: if something asks for it, what nearly does is cut too."""
+        cost, allowed = self._costs(), self.aims
+        stubborn = {
+            n: (e.excess > allowed.excess) & (e.excess > ANSWERS * self._before[n]) for n, e in self.errors.items()
+        }
+        inaccurate = any((e.local > allowed.local_error).any() for e in self.errors.values())
+        asked = inaccurate or any(any(on) for on in stubborn.values())
+        if not asked and sum(each.sum() for each in cost.values()) <= self._budget:
+            return {name: equal(np.ones(len(on), dtype=int)) for name, on in stubborn.items()}
+        finer = {name: np.maximum(self._inaccurate(name), np.where(on, STUBBORN, 1)) for name, on in stubborn.items()}
+        return self._dear(cost, finer)
+
+    def _inaccurate(self, name: str) -> np.ndarray:
+        """Pieces for each interval by its local error; late in the refinement what the error may move to is halved."""
+        local = self.errors[name].local
+        allowed = NEARLY * self.aims.local_error
+        order = len(self.solution.transcription.scheme.c) + 1 if len(self.history) == 1 else SLOW
+        over = local > allowed
+        asked = np.clip(np.ceil((local / (AIM * self.aims.local_error)) ** (1 / order)), 2, PIECES)
+        moves = moves_to(over, self.solution.phases[name].lengths) & (len(self.history) > EARLY)
+        return np.where(over, asked, np.where(moves, 2, 1)).astype(int)
+
+    @property
+    def _budget(self) -> float:
+        """What all limits may cost [objective's unit]."""
+        return BUDGET * self.aims.price * self.solution.magnitude
+
+    def _costs(self) -> dict[str, np.ndarray]:
+        """What the limits of each interval cost, or would cost [objective's unit]."""
+        drawn, over = drawn_prices(self.solution), excess_prices(self.solution, self.errors)
+        return {name: drawn[name] + over[name] for name in drawn}
+
+    def _dear(self, cost: Mapping[str, np.ndarray], others: Mapping[str, np.ndarray]) -> Cuts:
+        """The dearest intervals cut until the rest is well within the budget, about their switch if that is known well
+        enough (not on the first mesh); the others into so many pieces."""
+        total = np.sort(np.concatenate(list(cost.values())))
+        dear = total[np.searchsorted(np.cumsum(total), NEARLY * self._budget, side="right") :]
+        share, least = AIM * self._budget / max(1, len(dear)), dear.min(initial=np.inf)
+        switch, found = switch_places(self.solution), {}
+        for name, each in cost.items():
+            shorter = np.where(each >= least, np.sqrt(each / share), 1.0)  # by which share they should be
+            pieces = np.maximum(others[name], np.clip(np.ceil(shorter), 1, PIECES)).astype(int)
+            found[name] = equal(pieces)
+            if len(self.history) > 1:
+                for k in np.flatnonzero((shorter > GRADED) & np.isfinite(switch[name])):
+                    found[name][k] = about(float(switch[name][k]), 1.0 / float(shorter[k]))
+        return found
+
+    def _prepare(self, cuts: Cuts) -> None:
+        """What is held and drawn in on the next mesh, and the excess it answers to."""
+        close, finer = coming_close(self.solution, self.errors, self.aims.excess), any_cut(cuts)
+        for name, e in self.errors.items():
+            n, held, over = pieces_of(cuts[name]), self._held[name], passed(e, self.aims.excess)
+            free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
+            free[:, : held.shape[1]] = ~held
+            whole = (n == 1)[:, None] & ~free
+            self._drawn[name] = np.repeat(np.where(whole, self._drawn[name] + over, 0.0), n, axis=1)
+            answers = (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
+            answers &= not finer  # on a finer mesh the excess is another
+            self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
+            self._held = {**self._held, name: np.repeat(held | close[name], n, axis=0)}
+
+    # ---- doing it ----------------------------------------------------------------------------------------
+
+    def _solve(self, cuts: Cuts) -> bool:
+        """Solve on the next mesh, which may be the same, with limits held and drawn in."""
+        began, old, finer = time.perf_counter(), self.solution, any_cut(cuts)
+        if sum(int(pieces_of(places).sum()) for places in cuts.values()) > FINEST:
+            self.ended = TOO_FINE
+            return False
+        t = old.transcription
+        if finer:
+            t = Transcription(t.problem, t.scheme, {name: cut(old, name, places) for name, places in cuts.items()})
+        if self._program is None or not self._program.is_of(t, self._held):
+            self._program = held_between(t, self._held)
+        held = self._program
+        guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
+        bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._drawn)
+        lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
+        solver = self._solver(held.transcription, CARRIED if finer else NEAR)
+        built = time.perf_counter()
+        solved = self._attempts(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
+        found = self._believable(solved)
+        if found is None:
+            self.ended = WORSE if solved else UNSOLVED
+            return False
+        self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
+        return True
+
+    def _attempts(
+        self,
+        warm: NlpSolver,
+        guess: Any,
+        free: Mapping[str, Any],
+        multipliers: Multipliers,
+        bounds: Bounds | None = None,
+    ) -> list[NlpSolution]:
+        """What was solved from the last mesh's point and multipliers and then, until a solution is no worse than that
+        mesh's, from the point alone."""
+        tried = [warm(guess, free, multipliers, bounds)]
+        for strategy in RESTARTS:
+            most = self.aims.iterations
+            if not tried[0].success:
+                most = min(most, self._restarts_left)
+            if most == 0 or (tried[-1].success and not self._worse(tried[-1])):
+                break
+            options = GENTLE | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
+            tried.append(NlpSolver(warm.transcription, options)(guess, free, None, bounds))
+            self._restarts_left = max(0, self._restarts_left - tried[-1].iterations)
+        return [s for s in tried if s.success]
+
+    def _believable(self, solved: Sequence[NlpSolution]) -> NlpSolution | None:
+        """The last, if it is no worse than the last mesh's solution; else what two agree on, if that mesh was inaccurate
+        and may have claimed too much."""
+        if solved and not self._worse(solved[-1]):
+            return solved[-1]
+        aims = self.aims
+        if all(e.local.max() <= aims.local_error and e.excess.max() <= aims.excess for e in self.errors.values()):
+            return None
+        pairs = combinations(solved, 2)
+        return next((b for a, b in pairs if relative(a.objective, b.objective, a.least) <= AGREED), None)
+
+    def _worse(self, solution: NlpSolution) -> bool:
+        """Whether it may be another, worse optimum than the last mesh's."""
+        sign = -1.0 if solution.transcription.problem.objective.maximize else 1.0
+        return sign * (solution.objective - self.solution.objective) > LOST * self.solution.magnitude
+
+    def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
+        return NlpSolver(t, {**known, "ipopt.max_iter": min(PATIENCE, self.aims.iterations)})
+
+    def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:
+        self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}
+        sizes = {name: m.intervals for name, m in s.transcription.mesh.items()}
+        local, excess = (max(float(getattr(e, w).max()) for e in self.errors.values()) for w in ("local", "excess"))
+        now = time.perf_counter()
+        self.history.append(
+            MeshStep(
+                sizes,
+                sum(int(on.any(axis=1).sum()) for on in self._held.values()),
+                s.objective,
+                local,
+                excess,
+                s.iterations,
+                build_seconds,
+                solve_seconds,
+                now - self.clock,
+                drawn_in,
+            )
+        )
+        self.clock = now
+        self.report(self.history[-1])
+
+
+def moves_to(over: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Where errors of the intervals that are ``over`` may move to: those of a switch to its neighbours, those that live on
+    coarse intervals to any other of them, (N,)."""
+    coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
+    return (np.convolve(over, [1, 1, 1])[1:-1] > 0) | (coarse & (over & coarse).any())
+
+
+def relative(a: float, b: float, least: float = 1e-9) -> float:
+    """|a - b| relative to |a|, or to what that is at least."""
+    return abs(a - b) / max(abs(a), least)

@@ -1,0 +1,320 @@
+"""A multi-phase problem on a mesh as one nonlinear program, for any collocation scheme.
+
+Variables (all scaled to order 1): the states at every node, the controls at every abscissa, the duration of
+every arc, the free parameters. Constraints: the collocation defects, the path constraints at every abscissa,
+the boundary constraints. Each phase's right-hand sides are one SX function, mapped over its abscissae.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hopopt.nlp.layout import PhaseLayout, PhaseVariables, row_labels, stage_of
+from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.program import Program
+from hopopt.nlp.schemes import Scheme
+from hopopt.nlp.terms import Local, Matrix, Term, Triplets, blocks, csc, entries, stacked, together
+from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.ocp.guess import Guess as Guess
+from hopopt.ocp.problem import Ends, Instant, Problem, split, stack, symbols
+
+SHORTEST_ARC = 1e-4  # of the phase's guessed duration: an arc that shrinks to this is spurious
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Which rows of the NLP a constraint became: kind, phase, name, component labels and where in the phase.
+
+    Rows are component-major within a place: row = start + place * len(labels) + component. ``interval`` and
+    ``place`` (0 to 1 within it) tell where; both are empty for boundary constraints.
+    """
+
+    kind: str
+    phase: str
+    name: str
+    labels: tuple[str, ...]
+    start: int
+    interval: np.ndarray
+    place: np.ndarray
+    scale: np.ndarray
+    unit: str = ""
+
+    @property
+    def stop(self) -> int:
+        return self.start + len(self.labels) * max(1, len(self.interval))
+
+
+@dataclass(frozen=True)
+class FromTrajectory:
+    """An earlier solution of a phase as a guess, sampled by its own interpolant."""
+
+    trajectory: PhaseTrajectory
+
+    @property
+    def duration(self) -> float:
+        return self.trajectory.duration
+
+    def sample(self, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States and controls at fractions of the phase."""
+        return self.trajectory.sample(np.asarray(fraction) * self.trajectory.duration)
+
+
+class Transcription:
+    """The nonlinear program of a problem on a mesh: ``nlp`` (CasADi x, p, f, g), bounds, scales and names."""
+
+    def __init__(self, problem: Problem, scheme: Scheme, mesh: Mapping[str, PhaseMesh]):
+        self.problem, self.scheme, self.mesh = problem, scheme, dict(mesh)
+        self.free = tuple(p for p in problem.parameters if p.free)
+        self.fixed = tuple(p for p in problem.parameters if not p.free)
+        self.layouts = {
+            phase.name: PhaseLayout(stage_of(problem, phase), scheme, mesh[phase.name]) for phase in problem.phases
+        }
+        self._rows: list[Rows] = []
+        self._linear: list[Triplets] = []  # what the variables add to the rows
+        self._scattered: dict[str, list[Triplets]] = {
+            "": [],
+            **{name: [] for name in self.layouts},
+        }  # outputs, by owner
+        self._lbg: list[np.ndarray] = []
+        self._ubg: list[np.ndarray] = []
+        self._place_variables()
+        self._build()
+
+    @property
+    def nlp(self) -> dict[str, ca.MX]:
+        """x, p, f, g for CasADi's nlpsol."""
+        return self.program.nlp
+
+    # ---- variables -------------------------------------------------------------------------------------
+
+    def _place_variables(self) -> None:
+        self.variables: dict[str, PhaseVariables] = {}
+        scales, at = [], 0
+        for name, layout in self.layouts.items():
+            phase, pieces = layout.phase, []
+            nodes = ((phase.states, layout.state_nodes), (phase.controls, layout.control_nodes))
+            for group, count in nodes:
+                scales.append(np.tile(phase.columns(group, "scale"), count))
+            scales.append(np.full(layout.mesh.arcs, min(phase.duration[1], 1.0)))
+            for block in scales[-3:]:
+                pieces.append(slice(at, at + len(block)))
+                at += len(block)
+            self.variables[name] = PhaseVariables(*pieces)
+        scales.append(np.concatenate([p.column("scale") for p in self.free]) if self.free else np.zeros(0))
+        self.parameters = slice(at, at + len(scales[-1]))
+        self.scale = np.concatenate(scales)
+
+    def bounds(self, guess: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds of the scaled variables; arcs may not shrink to nothing."""
+        low, high = np.zeros(len(self.scale)), np.zeros(len(self.scale))
+        for name, layout in self.layouts.items():
+            phase, where = layout.phase, self.variables[name]
+            for side, out in (("lower", low), ("upper", high)):
+                x = np.tile(phase.columns(phase.states, side), (layout.state_nodes, 1))
+                for node, end in ((0, "initial"), (-1, "final")):
+                    ends = [s.end_bounds(end)[side == "upper"] for s in phase.states]
+                    x[node] = np.concatenate(ends)
+                out[where.x] = x.ravel()
+                out[where.u] = np.tile(phase.columns(phase.controls, side), layout.control_nodes)
+            one_arc = layout.mesh.arcs == 1
+            low[where.durations] = phase.duration[0] if one_arc else SHORTEST_ARC * guess[name].duration
+            high[where.durations] = phase.duration[1]
+        if self.free:
+            low[self.parameters] = np.concatenate([p.column("lower") for p in self.free])
+            high[self.parameters] = np.concatenate([p.column("upper") for p in self.free])
+        return low / self.scale, high / self.scale
+
+    # ---- constraints -----------------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        for layout in self.layouts.values():
+            self._add_phase(layout)
+        ends = self._add_boundary()
+        self.lbg, self.ubg = np.concatenate(self._lbg), np.concatenate(self._ubg)
+        self.rows = tuple(self._rows)
+        self.row_scale = np.concatenate([np.tile(r.scale, max(1, len(r.interval))) for r in self.rows])
+        linear = self._by_variables(stacked(self._linear), self._count)
+        terms = tuple(self._phase_term(layout) for layout in self.layouts.values())
+        rows = tuple(layout.stage.row_outputs for layout in self.layouts.values())
+        integrals = sum(len(phase.integrands) for phase in self.problem.phases)
+        self.program = Program(linear, terms, rows, ends, integrals)
+
+    def _add_phase(self, layout: PhaseLayout) -> None:
+        phase, where = layout.phase, self.variables[layout.phase.name]
+        self._add_defects(layout, where.x.start)
+        self._add_path(layout)
+        if layout.mesh.arcs > 1:
+            scale = np.array([min(phase.duration[1], 1.0)])
+            linear = blocks(np.ones((1, layout.mesh.arcs)) / scale, np.ones((1, 1)), 1, 1, 0, where.durations.start)
+            self._add("duration", phase.name, "duration", ("duration",), phase.duration, scale, linear, unit="s")
+
+    def _add_defects(self, layout: PhaseLayout, start: int) -> None:
+        """X S - (X' times arc duration) Q = 0."""
+        phase, steps, N = layout.phase, self.scheme.steps, layout.mesh.intervals
+        labels = tuple(name for s in phase.states for name in s.component_names())
+        scale = phase.columns(phase.states, "scale")
+        S, Q = layout.defect_matrices()
+        linear = blocks(S, np.diag(1 / scale), len(scale), len(scale), 0, start)
+        scatter = blocks(Q, np.diag(-1 / scale), len(scale), layout.stage.outputs)
+        interval, place = np.repeat(np.arange(N), steps), np.tile(np.array(self.scheme.c)[-steps:], N)
+        self._add("defect", phase.name, "defect", labels, (0.0, 0.0), scale, linear, scatter, interval, place)
+
+    def _add_path(self, layout: PhaseLayout) -> None:
+        phase, output = layout.phase, layout.stage.function.size1_in(0)
+        at = np.flatnonzero(layout.constrained)
+        chosen = np.ones(len(at)), np.arange(len(at)), at
+        for constraint, labels in zip(phase.path, layout.stage.path_labels, strict=True):
+            scale = np.broadcast_to(np.asarray(constraint.scale, dtype=float), (len(labels),))
+            scatter = blocks(chosen, np.diag(1 / scale), len(scale), layout.stage.outputs, 0, output)
+            self._add(
+                "path", phase.name, constraint.name, labels, (constraint.lower, constraint.upper), scale, None,
+                scatter, layout.interval[at], layout.place[at], constraint.unit,
+            )  # fmt: skip
+            output += len(labels)
+
+    def _phase_term(self, layout: PhaseLayout) -> Term:
+        """The phase's right-hand sides at its points, times the duration of their arc if they are integrated."""
+        stage, name = layout.stage, layout.phase.name
+        local = self.problem.once(("term", name), lambda: Local(name, *stage.over_arc(self.problem.parameters)))
+        gather = self._by_variables(
+            layout.gather(self.variables[name], self.parameters), layout.points * local.y.numel()
+        )
+        counts = [len(p.integrands) for p in self.problem.phases]
+        own, w = self.problem.phases.index(layout.phase), layout.quadrature()
+        places, first = (w, np.zeros(len(w), dtype=int), np.arange(len(w))), self._count + sum(counts[:own])
+        integrals = blocks(places, np.eye(counts[own]), 0, stage.outputs, first, stage.row_outputs)
+        shape = self._count + sum(counts), layout.points * stage.outputs
+        return Term(local, gather, together([*self._scattered[name], integrals], shape))
+
+    def _by_variables(self, found: Triplets, rows: int) -> Matrix:
+        """A matrix of the physical variables as one of the scaled ones."""
+        value, row, column = found
+        return csc((value * self.scale[column], (row, column)), (rows, len(self.scale)))
+
+    @property
+    def _count(self) -> int:
+        """Rows so far."""
+        return self._rows[-1].stop if self._rows else 0
+
+    def _add_boundary(self) -> Term:
+        """The objective and the boundary constraints: functions of the ends of all phases."""
+        local, sizes = self.problem.once("ends", self._ends_term)
+        output, width = 1, local.outputs.numel()
+        for constraint, size in zip(self.problem.boundary, sizes, strict=True):
+            scale = np.broadcast_to(np.asarray(constraint.scale, dtype=float), (size,))
+            bounds, labels = (constraint.lower, constraint.upper), row_labels(constraint, size)
+            scatter = blocks(np.ones((1, 1)), np.diag(1 / scale), 0, 0, 0, output)
+            self._add("boundary", "", constraint.name, labels, bounds, scale, None, scatter, unit=constraint.unit)
+            output += size
+        value, row, column = stacked([entries(np.ones((1, 1))), *self._scattered[""]])
+        row[1:] += 1  # the objective comes first
+        return Term(local, self._gather_ends(), csc((value, (row, column)), (1 + self._count, width)))
+
+    def _ends_term(self) -> tuple[Local, list[int]]:
+        """The objective (less is better) and the boundary constraints, and how many values each of these has."""
+        goal, (at, y, extra) = self.problem.objective, self._ends()
+        values = [ca.vec(ca.SX(c.value(at))) for c in self.problem.boundary]
+        outputs = ca.vertcat((-1.0 if goal.maximize else 1.0) * ca.SX(goal.value(at)), *values)
+        return Local("ends", y, extra, outputs), [int(v.numel()) for v in values]
+
+    def _ends(self) -> tuple[Ends, ca.SX, ca.SX]:
+        """Symbols for the ends of all phases; which of them are variables, and the rest (integrals first)."""
+        p = symbols(self.problem.parameters)
+        y, integrals, initial, final, duration, integral = [], [], {}, {}, {}, {}
+        for phase in self.problem.phases:
+            first, last = symbols(phase.states), symbols(phase.states)
+            T, integral_symbols = ca.SX.sym("T"), ca.SX.sym("I", len(phase.integrands))
+            initial[phase.name], final[phase.name] = Instant(t=ca.SX(0), p=p, **first), Instant(t=T, p=p, **last)
+            duration[phase.name] = T
+            integral[phase.name] = {n: integral_symbols[k] for k, n in enumerate(phase.integrands)}
+            y += [stack(first, phase.states), stack(last, phase.states), T]
+            integrals.append(integral_symbols)
+        y, extra = ca.vertcat(*y, stack(p, self.free)), ca.vertcat(*integrals, stack(p, self.fixed))
+        return Ends(initial, final, duration, integral, p), y, extra
+
+    def _gather_ends(self) -> Matrix:
+        """Initial states, final states and duration of each phase, then the free parameters, from the variables."""
+        found, row, one = list[Triplets](), 0, np.ones((1, 1))
+        for name, where in self.variables.items():
+            nx, arcs = self.layouts[name].stage.function.size1_in(0), self.layouts[name].mesh.arcs
+            for start in (where.x.start, where.x.stop - nx):
+                found.append(blocks(one, np.eye(nx), 0, 0, row, start))
+                row += nx
+            found.append(blocks(one, np.ones((1, arcs)), 0, 0, row, where.durations.start))
+            row += 1
+        free = self.parameters.stop - self.parameters.start
+        found.append(blocks(one, np.eye(free), 0, 0, row, self.parameters.start))
+        return self._by_variables(stacked(found), row + free)
+
+    def _add(
+        self, kind: str, phase: str, name: str, labels: tuple[str, ...], bounds: tuple[Any, Any], scale: np.ndarray,
+        linear: Triplets | None, scatter: Triplets | None = None, interval: np.ndarray | None = None,
+        place: np.ndarray | None = None, unit: str = "",
+    ) -> None:  # fmt: skip
+        start, empty = self._count, np.zeros(0)
+        interval = empty.astype(int) if interval is None else interval
+        rows = Rows(kind, phase, name, labels, start, interval, empty if place is None else place, scale, unit)
+        self._rows.append(rows)
+        for given, out in ((linear, self._linear), (scatter, self._scattered[phase])):
+            if given is not None:
+                value, row, column = given
+                out.append((value, row + start, column))
+        for side, out in zip(bounds, (self._lbg, self._ubg), strict=True):
+            column = np.broadcast_to(np.asarray(side, dtype=float), (len(labels),)) / scale
+            out.append(np.tile(column, max(1, len(interval))))
+
+    # ---- values ----------------------------------------------------------------------------------------
+
+    def pack(self, guess: Mapping[str, Any], parameters: Mapping[str, Any] | None = None) -> np.ndarray:
+        """The scaled NLP vector of a guess (phase name -> ``Guess`` or anything with duration and sample)."""
+        z = np.zeros(len(self.scale))
+        for name, layout in self.layouts.items():
+            g, where = guess[name], self.variables[name]
+            interval, place = layout.control_place
+            edges, inner = np.array(layout.mesh.edges), np.clip(place, 1e-9, 1 - 1e-9)  # keep to the interval's side
+            z[where.x] = g.sample(layout.node_fraction)[0].ravel()
+            z[where.u] = g.sample(edges[interval] + inner * np.diff(edges)[interval])[1].ravel()
+            z[where.durations] = layout.mesh.spans * g.duration
+        values = {q.name: q.value for q in self.free} | dict(parameters or {})
+        if self.free:
+            z[self.parameters] = np.concatenate([np.broadcast_to(values[q.name], (q.size,)) for q in self.free])
+        return z / self.scale
+
+    def guess_from(self, phases: Mapping[str, PhaseTrajectory]) -> dict[str, "FromTrajectory"]:
+        """Trajectories of an earlier solve as a guess."""
+        return {name: FromTrajectory(trajectory) for name, trajectory in phases.items()}
+
+    def free_from(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """The free ones among the parameters of an earlier solve: without them its trajectories are half a guess."""
+        return {q.name: parameters[q.name] for q in self.free if q.name in parameters}
+
+    def parameter_values(self, parameters: Mapping[str, Any] | None = None) -> np.ndarray:
+        """The NLP's fixed parameters, from their own values and the overrides given."""
+        values = {q.name: q.value for q in self.fixed} | dict(parameters or {})
+        return np.concatenate([np.broadcast_to(values[q.name], (q.size,)) for q in self.fixed] or [np.zeros(0)])
+
+    def unpack(self, z: np.ndarray, p: np.ndarray) -> tuple[dict[str, PhaseTrajectory], dict[str, np.ndarray]]:
+        """Trajectories by phase and the values of all parameters from a scaled NLP vector."""
+        physical = z * self.scale
+        values = {**split(self.fixed, p), **split(self.free, physical[self.parameters])}
+        stacked = np.concatenate([values[q.name] for q in self.problem.parameters] or [np.zeros(0)])
+        phases = {name: self._trajectory(layout, physical, stacked) for name, layout in self.layouts.items()}
+        return phases, values
+
+    def _trajectory(self, layout: PhaseLayout, physical: np.ndarray, p: np.ndarray) -> PhaseTrajectory:
+        where, function = self.variables[layout.phase.name], layout.stage.function
+        X = physical[where.x].reshape(layout.state_nodes, -1)
+        U = physical[where.u].reshape(layout.control_nodes, -1)
+        durations = physical[where.durations]
+        t, controls = layout.time_matrix @ durations, layout.control_matrix.T @ U
+        xdot = np.array(function.map(layout.points)(X[layout.state_at].T, controls.T, t[None], p)[0]).T
+        intervals = np.arange(layout.mesh.intervals)
+        edges = np.append(layout.times_of(intervals, np.zeros(len(intervals))) @ durations, durations.sum())
+        starts = X[intervals * self.scheme.steps]
+        by_interval = (len(intervals), len(self.scheme.c), -1)
+        return PhaseTrajectory(
+            self.scheme, edges, starts, xdot.reshape(by_interval), controls.reshape(by_interval), layout.mesh.arc
+        )

@@ -1,0 +1,204 @@
+"""Objectives of an economical hop: the least work, time, share of the drives, torque or ground force for a clearance.
+
+All reach the clearance that the problem asks for (``hop.clearance``) and make something as small as possible until then.
+Positive parts and peaks are not smooth: a power gets a control of its own that is at least the power and at least zero,
+a peak a parameter that no value passes.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+
+from hopopt.design import Design
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.robot import BASE
+from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
+from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
+
+if TYPE_CHECKING:
+    from hopopt.ocp.hop import Hop
+
+FLAT = 2e5  # times the usual tie-break: work without heat hardly depends on when it is done (docs/objectives.md)
+SPEED = 10.0  # [rad/s]: joint speed of a push, for the scale of power
+SHARP = 0.1  # a peak may be passed by a smaller share of its range than a limit: it is the answer
+ELECTRICAL = ("winding_resistance", "torque_constant")
+
+
+def _economical(name: str, meaning: str, unit: str, figure: str, value: Any, **more: Any) -> HopObjective:
+    """An objective to be made small at the clearance that the problem asks for."""
+    own = more.pop("parameters", lambda hop: ())
+    fault = more.pop("fault", lambda design: None)
+    return HopObjective(
+        name, meaning, unit, value, figure, "demand",
+        maximize=False,
+        parameters=lambda hop: (demand(hop), *own(hop)),
+        boundary=lambda hop: lowest_point(hop, "hop.clearance"),
+        fault=lambda design: no_demand(design) or fault(design),
+        **more,
+    )  # fmt: skip
+
+
+def total(e: Ends, what: str) -> ca.SX:
+    """An integral over all phases."""
+    return sum((integrals[what] for integrals in e.integral.values()), ca.SX(0))
+
+
+# ---- work ---------------------------------------------------------------------------------------------------
+
+
+def work_scale(hop: "Hop") -> float:
+    """What it takes to lift the leg by its length [J]."""
+    return hop.weight * hop.reach
+
+
+def power_scale(hop: "Hop") -> float:
+    """Power of the leg's weight at the length of the leg and a push's joint speed [W]."""
+    return hop.weight * hop.reach * SPEED
+
+
+def _power(hop: "Hop", motion: MotionAt, s: Instant) -> ca.SX:
+    """tau w of every joint [W], (n,)."""
+    m = motion(s)
+    return m.tau * m.v[BASE:]
+
+
+def _losses(hop: "Hop", motion: MotionAt, s: Instant) -> ca.SX:
+    """Joule heat in every motor's winding [W], (n,): resistance times (motor torque / torque constant)^2."""
+    heat = []
+    for k, joint in enumerate(hop.leg.joints):
+        resistance, constant = (s.p[hop.leg.drive(joint, "motor", entry)[0]] for entry in ELECTRICAL)
+        ratio = s.p[hop.leg.drive(joint, "gear", "ratio")[0]]
+        heat.append(resistance * (motion(s).tau[k] / (ratio * constant)) ** 2)
+    return ca.vertcat(*heat)
+
+
+def _drawn(power: Callable[["Hop", MotionAt, Instant], ca.SX], tie_break: float = 1.0) -> dict[str, Any]:
+    """A control for every joint that is at least its power and at least zero: at the optimum the positive part."""
+
+    def controls(hop: "Hop") -> tuple[Control, ...]:
+        return (Control("drawn", hop.n, lower=0.0, scale=power_scale(hop), unit="W", labels=hop.leg.joints),)
+
+    def path(hop: "Hop", phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+        return (
+            PathConstraint(
+                "power drawn", lambda s: s.drawn - power(hop, motion, s), lower=0.0, scale=SHARP * power_scale(hop),
+                unit="W", labels=hop.leg.joints,
+            ),
+        )  # fmt: skip
+
+    return {"controls": controls, "path": path, "scale": work_scale, "tie_break": tie_break}
+
+
+def _drawn_work(hop: "Hop", motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:
+    return {"work": lambda s: ca.sum1(s.drawn)}
+
+
+def _work_both_ways(hop: "Hop", motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:
+    """|p| = 2 max(p, 0) - p."""
+    return {"work": lambda s: 2 * ca.sum1(s.drawn) - ca.sum1(_power(hop, motion, s))}
+
+
+def _no_winding(design: Design) -> str | None:
+    """What to say if a motor's electrical figures are missing."""
+    for joint in design.leg.joints:
+        for entry in ELECTRICAL:
+            path, value = design.leg.drive(joint, "motor", entry)
+            if value is None:
+                return (
+                    f"it needs {path} (of the {joint}'s motor): give winding_resistance [ohm], torque_constant [N m/A]"
+                )
+    return None
+
+
+# ---- peaks --------------------------------------------------------------------------------------------------
+
+
+def _peak(name: str, unit: str, scale: Callable[["Hop"], float], upper: float = 100.0) -> Any:
+    """A free parameter that nothing may pass, up to ``upper`` times its scale."""
+    return lambda hop: (
+        Parameter(name, lower=0.0, upper=upper * scale(hop), scale=scale(hop), unit=unit, value=scale(hop), free=True),
+    )
+
+
+def _region_share(hop: "Hop", phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+    """-share <= a tau + b w <= share for every pair of half-planes of every joint."""
+
+    def value(joint: str, k: int) -> Callable[[Instant], ca.SX]:
+        def both(s: Instant) -> ca.SX:
+            m, share = motion(s), s.p["share"]
+            used = ca.vertcat(*operating_region(hop.leg, joint, s.p).use(m.v[BASE + k], m.tau[k])[::2])
+            return ca.vertcat(share - used, share + used)
+
+        return both
+
+    return tuple(
+        PathConstraint(f"share used by the {joint}", value(joint, k), lower=0.0, scale=SHARP)
+        for k, joint in enumerate(hop.leg.joints)
+    )
+
+
+def largest_stall(hop: "Hop") -> float:
+    """The largest stall torque of any joint [N m]."""
+    p = hop.robot.parameters
+    return max(
+        p[hop.leg.drive(j, "gear", "ratio")[0]] * p[hop.leg.drive(j, "motor", "max_torque")[0]] for j in hop.leg.joints
+    )
+
+
+def _torque_peak(hop: "Hop", phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+    def both(s: Instant) -> ca.SX:
+        return ca.vertcat(s.p["peak torque"] - motion(s).tau, s.p["peak torque"] + motion(s).tau)
+
+    labels = tuple(f"{j} {side}" for side in ("forward", "backward") for j in hop.leg.joints)
+    return (
+        PathConstraint("peak torque", both, lower=0.0, scale=SHARP * largest_stall(hop), unit="N m", labels=labels),
+    )
+
+
+def _force_peak(hop: "Hop", phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+    """peak - f^2 / peak >= 0: the force's magnitude without its root, which is not smooth at zero."""
+    if phase != "stance":
+        return ()
+
+    def value(s: Instant) -> ca.SX:
+        peak = s.p["peak force"]
+        return peak - ca.sumsqr(motion(s).f) / peak
+
+    return (PathConstraint("peak ground force", value, lower=0.0, scale=SHARP * hop.force_range, unit="N"),)
+
+
+EFFORTS = (
+    _economical(
+        "energy", "positive mechanical work of the joints up to the end of flight, nothing recovered", "J", "energy_J",
+        lambda hop, e: total(e, "work"), integrands=_drawn_work, **_drawn(_power, FLAT),
+    ),
+    _economical(
+        "absolute_work", "mechanical work of the joints up to the end of flight, braking counted like driving", "J",
+        "absolute_work_J", lambda hop, e: total(e, "work"), integrands=_work_both_ways, **_drawn(_power, FLAT),
+    ),
+    _economical(
+        "electrical_energy", "electrical energy drawn up to the end of flight: Joule heat and mechanical power, nothing fed back",
+        "J", "electrical_energy_J", lambda hop, e: total(e, "work"), integrands=_drawn_work, fault=_no_winding,
+        **_drawn(lambda hop, motion, s: _power(hop, motion, s) + _losses(hop, motion, s)),
+    ),
+    _economical(
+        "time", "time from the start of stance to the end of flight", "s", "time_s",
+        lambda hop, e: sum(e.duration.values(), ca.SX(0)),
+    ),
+    _economical(
+        "saturation", "largest share of its operating region that any joint uses: by as much could torque and speed of "
+        "all motors be smaller", "1", "saturation", lambda hop, e: e.p["share"],
+        parameters=_peak("share", "1", lambda hop: 1.0), path=_region_share,
+    ),
+    _economical(
+        "peak_torque", "largest torque of any joint", "N m", "peak_torque_Nm", lambda hop, e: e.p["peak torque"],
+        parameters=_peak("peak torque", "N m", largest_stall), path=_torque_peak, scale=largest_stall,
+    ),
+    _economical(
+        "peak_force", "largest ground force, its magnitude", "N", "peak_force_N", lambda hop, e: e.p["peak force"],
+        parameters=_peak("peak force", "N", lambda hop: hop.force_range), path=_force_peak,
+        scale=lambda hop: hop.force_range,
+    ),
+)  # fmt: skip

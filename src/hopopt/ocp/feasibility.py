@@ -1,0 +1,59 @@
+"""Whether a leg can move, and stand, where its hop starts: the one is asked before anything is solved, the other of a leg
+for which no hop was found (a leg that cannot stand may still hop: it falls into a pose in which it is stronger)."""
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from hopopt.design import Design
+from hopopt.leg.actuator import CAPS, LINES, operating_region
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.kinematics import loop_axes, reach, start_angles
+from hopopt.leg.robot import BASE, Robot
+from hopopt.leg.scales import weight
+
+SINGULAR = 1e-14  # of the largest eigenvalue of the mass matrix, scaled by mass and reach: what rounding leaves of none
+
+
+def unresisted(design: Design, robot: Robot) -> list[str]:
+    """A sentence if joints turn without inertia in the start pose: no force moves such a leg in a way that is known."""
+    q = np.concatenate([np.zeros(BASE), start_angles(design)])
+    M = pin.crba(robot.model, robot.model.createData(), q)  # its upper triangle
+    scale = np.array([1.0] * BASE + [reach(design.leg)] * len(design.leg.joints))
+    values, motions = np.linalg.eigh(M / np.outer(scale, scale), UPLO="U")
+    free = np.abs(motions[BASE:, values <= SINGULAR * values[-1]]).max(axis=1, initial=0.0)
+    joints = [joint for joint, part in zip(design.leg.joints, free, strict=True) if part > 0.5 * free.max()]
+    if not joints:
+        return []
+    rotors = dict(design.leg.drive(joint, "motor", "rotor_inertia") for joint in joints)
+    stated = " and ".join(f"{path} = {rotor:g} kg m^2" for path, rotor in rotors.items())
+    return [
+        f"nothing resists the {' and the '.join(joints)} in the start pose at 0 s, as a thin rod that turns about itself, "
+        f"with {stated}: give a rotor's inertia, or the inertia_tensor of the links"
+    ]
+
+
+def too_weak(design: Design, robot: Robot) -> list[str]:
+    """A sentence for each joint whose drive cannot hold the start pose, the foot on the ground."""
+    if loop_axes(design.leg):  # joints can press against the guides
+        return []
+    leg, q = design.leg, start_angles(design)
+    symbols = [ca.SX.sym(name, len(leg.joints)) for name in "qva"]
+    tau = LegDynamics(robot, robot.parameters).stance(*symbols).tau
+    hold = np.array(ca.Function("hold", symbols, [tau])(q, 0, 0)).ravel()
+    faults = []
+    for k, joint in enumerate(leg.joints):
+        region = operating_region(leg, joint, robot.parameters)
+        lower, upper = region.torque_bounds(0.0)
+        if not lower <= hold[k] <= upper:
+            cap = CAPS.get(region.binding(0.0, hold[k]), ())
+            given = [leg.drive(joint, *entry) for entry in cap or LINES if entry[1] != "max_speed"]
+            stated = " and ".join(f"{path} = {value:g}" for path, value in given)
+            stronger = f"a higher {given[0][0]}" if cap else "a stronger motor"
+            geared = ", a higher gear ratio" if given[1:] else ""
+            faults.append(
+                f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose in stance at 0 s; "
+                f"its drive gives {float(upper):.1f} N m ({stated}, for {weight(robot.model):.0f} N): {stronger}{geared}, "
+                "a lighter leg.body.mass or a higher start"
+            )
+    return faults

@@ -1,0 +1,86 @@
+"""What an objective of a hop consists of, and the clearance that an economical hop must reach."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import casadi as ca
+
+from hopopt.design import Design
+from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint, Phase
+
+if TYPE_CHECKING:
+    from hopopt.ocp.hop import Hop
+
+HEIGHTS = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
+DEMAND = "hop.clearance"  # the parameter (and the problem's entry) that an economical hop must reach [m]
+
+
+@dataclass(frozen=True)
+class HopObjective:
+    """value(hop, ends) [unit] is made as large as possible, or as small without ``maximize``.
+
+    ends: whether the foot must end within its window, must reach hop.clearance too, or is free.
+    figure: what the value is called among the printed figures; scale(hop): its magnitude [unit]; parameters, boundary,
+    controls, path (by phase name), integrands and phases (after the apex) are the objective's own additions to the
+    problem; fault(design) says in a sentence what the problem lacks for it.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    value: Callable[["Hop", Ends], ca.SX]
+    figure: str
+    ends: Literal["window", "demand", "free"] = "window"
+    maximize: bool = True
+    scale: Callable[["Hop"], float] = lambda hop: 1.0
+    parameters: Callable[["Hop"], tuple[Parameter, ...]] = lambda hop: ()
+    boundary: Callable[["Hop"], tuple[BoundaryConstraint, ...]] = lambda hop: ()
+    controls: Callable[["Hop"], tuple[Control, ...]] = lambda hop: ()
+    path: Callable[["Hop", str, MotionAt], tuple[PathConstraint, ...]] = lambda hop, phase, motion: ()
+    integrands: Callable[["Hop", MotionAt], Mapping[str, Callable[[Instant], ca.SX]]] = lambda hop, motion: {}
+    phases: Callable[["Hop"], tuple[Phase, ...]] = lambda hop: ()
+    fault: Callable[[Design], str | None] = lambda design: None
+    custom: Any = None  # the function of one's own that it is made of (ocp/custom.py)
+    tie_break: float = 1.0  # times the problem's own, where optima are flat
+
+    @property
+    def sign(self) -> float:
+        """What turns the value into a merit: more is better."""
+        return 1.0 if self.maximize else -1.0
+
+    def merit(self, value: float) -> float:
+        """More is better."""
+        return self.sign * value
+
+
+def lowest_point(hop: "Hop", name: str) -> tuple[BoundaryConstraint, ...]:
+    """When flight ends every point of the leg is at least as high as the parameter ``name`` [m], the foot within
+    its window."""
+
+    def heights(e: Ends) -> ca.SX:
+        points = hop.points_at_end(e)
+        return ca.vertcat(*[points[point][1] - e.p[name] for point in hop.point_names])
+
+    def foot_offset(e: Ends) -> ca.SX:
+        points = hop.points_at_end(e)
+        return points["foot"][0] - points[hop.leg.joints[0]][0]
+
+    window = hop.design.hop.foot_window
+    return (
+        BoundaryConstraint("clearance", heights, 0.0, INF, unit="m", labels=hop.point_names),
+        BoundaryConstraint("foot window", foot_offset, -window, window, unit="m"),
+    )
+
+
+def demand(hop: "Hop") -> Parameter:
+    """The clearance that the problem asks for, a number of the program: it changes without building it again."""
+    return Parameter(DEMAND, value=hop.design.hop.clearance or 0.0, unit="m")
+
+
+def no_demand(design: Design) -> str | None:
+    """What to say if the problem does not say how high the hop must be."""
+    if design.hop.clearance is None:
+        return "it needs a clearance to reach: give hop.clearance [m], such as --set hop.clearance=0.4"
+    return None

@@ -1,0 +1,96 @@
+"""Certificate of first-order optimality: Pontryagin's conditions along a solution, checked one by one.
+
+Costates and limits' multipliers come from the program's multipliers (optimality/costates.py). What they must satisfy
+in continuous time is evaluated along the trajectory (optimality/pontryagin.py), between the nodes too and by an
+integration of its own, with derivatives of the phases' functions and not the program's. Signs: docs/certificate.md.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.optimality.arcs import activity, arcs
+from hopopt.optimality.bounds import duration_bounds_residual, free_parameters_residual, initial_state_residual
+from hopopt.optimality.costates import phase_multipliers, sign
+from hopopt.optimality.phase_functions import Along, PhaseFunctions
+from hopopt.optimality.pontryagin import FINE, PhaseCertificate, missed
+from hopopt.optimality.transversality import EndSlopes, end_slopes
+from hopopt.verify.plan import Check
+
+COSTATE, HAMILTONIAN, ENDS, WORTH = 1e-4, 5e-4, 1e-5, 1e-3  # tolerances, all relative
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Every check, and by phase what it was evaluated on."""
+
+    checks: tuple[Check, ...]
+    phases: Mapping[str, PhaseCertificate]
+    ends: EndSlopes
+
+    @property
+    def passed(self) -> bool:
+        """Whether every condition holds."""
+        return all(check.passed for check in self.checks)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the summary: check -> residual, tolerance, unit, where, passed."""
+        entries = ({k: v for k, v in c.as_dict().items() if k != "name"} for c in self.checks)
+        return {c.name.replace(" ", "_"): entry for c, entry in zip(self.checks, entries, strict=True)}
+
+
+def certify(solution: NlpSolution) -> Certificate:
+    """Pontryagin's conditions of a solution with its multipliers."""
+    fine, nodes, integrals = dict[str, Along](), dict[str, Along](), dict[str, np.ndarray]()
+    for name, layout in solution.transcription.layouts.items():
+        functions = PhaseFunctions(layout, solution.transcription.problem.parameters)
+        fine[name] = functions.along(solution, name, np.array(FINE.c))
+        nodes[name] = functions.along(solution, name, np.array(layout.scheme.c))
+        integrals[name] = np.einsum("i,k,ikl->l", solution.phases[name].lengths, FINE.b, fine[name].l)
+    ends, phases = end_slopes(solution, integrals), {}
+    for name in fine:
+        m = phase_multipliers(solution, name)
+        phases[name] = PhaseCertificate(solution, name, ends.phases[name], fine[name], nodes[name], m)
+    checks = [check for phase in phases.values() for check in phase_checks(phase)]
+    return Certificate((*checks, *_shared(solution, phases, ends)), phases, ends)
+
+
+def phase_checks(c: PhaseCertificate) -> list[Check]:
+    """The conditions along one phase and at its ends."""
+    found, name = arcs(activity(c.solution, c.name)), c.name
+    costate, when = c.costate_residual(found)
+    within, at = c.hamiltonian_within(found)
+    across, edge = c.hamiltonian_across()
+    limits, limit = c.limits_residual()
+    start, state = initial_state_residual(c.solution, name)
+    duration = duration_bounds_residual(c.solution, name)
+    return [
+        Check(f"{name} costates", costate, COSTATE, "relative", when),
+        Check(f"{name} controls stationary", c.stationarity(), WORTH, "of the objective"),
+        Check(f"{name} limits push where they hold", limits, WORTH, "of the objective", limit),
+        Check(f"{name} Hamiltonian along arcs", within, HAMILTONIAN, "relative", at),
+        Check(f"{name} Hamiltonian across switches", across, WORTH, "of the objective", edge),
+        Check(f"{name} transversality at its start", c.start_residual(), ENDS, "relative"),
+        Check(f"{name} transversality at its end", c.end_residual(), COSTATE, "relative"),
+        Check(f"{name} transversality of its duration", c.duration_residual(), ENDS, "relative"),
+        Check(f"{name} limits of its initial state", start, ENDS, "of the objective", state),
+        Check(f"{name} limits of its duration", duration, ENDS, "of the objective"),
+    ]
+
+
+def _shared(solution: NlpSolution, phases: Mapping[str, PhaseCertificate], ends: EndSlopes) -> list[Check]:
+    """Boundary constraints' complementarity, and stationarity and complementarity of the free parameters."""
+    objective = solution.magnitude
+    pushed = np.abs(ends.multiplier) * missed(ends.multiplier, ends.value, ends.lower, ends.upper, sign(solution), 1.0)
+    checks = [Check("limits of the ends", float(pushed.sum()) / objective, ENDS, "of the objective")]
+    if ends.free.size:
+        along = sum(c.by_free() for c in phases.values())
+        size = solution.transcription.scale[solution.transcription.parameters]
+        wrong = np.abs(ends.free + along - ends.free_multiplier) * size / objective
+        bounds, parameter = free_parameters_residual(solution)
+        checks.append(Check("free parameters", float(wrong.max()), ENDS, "of the objective"))
+        checks.append(Check("limits of the free parameters", bounds, ENDS, "of the objective", parameter))
+    return checks

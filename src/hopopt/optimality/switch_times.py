@@ -1,0 +1,105 @@
+"""Which switches of the drives may be moved, and which limits hold between them: what a re-solve begins from.
+
+A drive that saturates sits on a line of its operating region; where it changes from one to another its torque jumps
+(or, where the lines meet at standstill, has a kink). Such a time may be a decision of the program, with the line
+held as an equation on either side. Not so where a height or an angle rides on its limit nearby: there the torques
+follow from that limit, and a time that is free is used to pass it between the nodes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hopopt.optimality.arcs import Activity
+from hopopt.optimality.switching_structure import GAP, REGION, Stretch, runs
+
+SAME = 0.005  # share of the phase: switches of several drives that are closer are one
+AWAY = 0.03  # share of the phase: how far a moving switch keeps from limits of heights and angles
+WORTH = 1e-3  # of the objective: what one range of a line must be worth to be held
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A line of a drive (limit and side) that is held from begin to end [s]."""
+
+    limit: str
+    side: str
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Times [s] of the switches of a phase, which of them may move, and the lines held between them."""
+
+    switches: tuple[float, ...]
+    free: tuple[bool, ...]
+    pins: tuple[Pin, ...]
+
+
+def plan(act: Activity, duration: float, objective: float) -> Plan:
+    """What is to be re-solved of a phase that lasts ``duration`` [s]."""
+    lines = [stretch for name in _drives(act.limits) for stretch in _lines(act, name, duration)]
+    lines = [s for s in lines if _worth(act, s) > WORTH * abs(objective)]
+    times = sorted({t for s in lines for t in (s.begin, s.end) if 0 < t < duration})
+    merged = _merged(times, SAME * duration)
+    near = {t: min(merged, key=lambda m: abs(m - t)) for t in times} | {0.0: 0.0, duration: duration}
+    pins = [
+        Pin(limit, side, near[s.begin], near[s.end]) for s in lines for limit, side in map(_split, s.limit.split(" & "))
+    ]
+    corners = {near[t] for s in lines if " & " in s.limit for t in (s.begin, s.end)}
+    held = _state_limits(act)
+    free = [m not in corners and bool((np.abs(held - m) > AWAY * duration).all()) for m in merged]
+    return Plan(tuple(merged), tuple(free), tuple(pins))
+
+
+def _split(part: str) -> tuple[str, str]:
+    limit, _, side = part.partition("|")
+    return limit, side
+
+
+def _drives(limits: Sequence[str]) -> list[str]:
+    """The operating regions among the limits."""
+    return list(dict.fromkeys(name.partition("[")[0] for name in limits if name.partition("[")[0].endswith(REGION)))
+
+
+def _lines(act: Activity, drive: str, duration: float) -> list[Stretch]:
+    """When a drive is on which line(s), as "limit|side & limit|side"; short free stretches between two are closed."""
+    m, t = len(act.limits), act.t.ravel()
+    sides = act.sides.reshape(len(t), -1)
+    own = [k for k in range(2 * m) if act.limits[k % m].partition("[")[0] == drive]
+    says = [" & ".join(f"{act.limits[k % m]}|{'upper' if k < m else 'lower'}" for k in own if row[k]) for row in sides]
+    found = [s for s in runs(says, t, (0.0, duration)) if s.limit]
+    for k in range(1, len(found)):
+        a, b = found[k - 1], found[k]
+        if b.begin - a.end < GAP * duration:
+            middle = (a.end + b.begin) / 2
+            found[k - 1], found[k] = replace(a, end=middle), replace(b, begin=middle)
+    return found
+
+
+def _worth(act: Activity, s: Stretch) -> float:
+    """What one range of the line(s) is worth over a stretch, by the multipliers."""
+    m, inside = len(act.limits), (act.t > s.begin) & (act.t < s.end)
+    columns = [act.limits.index(limit) + m * (side == "lower") for limit, side in map(_split, s.limit.split(" & "))]
+    return float(act.push[inside][:, columns].sum())
+
+
+def _merged(times: Sequence[float], gap: float) -> list[float]:
+    """Times closer than ``gap`` as one, their mean."""
+    groups: list[list[float]] = []
+    for t in times:
+        if groups and t - groups[-1][-1] < gap:
+            groups[-1].append(t)
+        else:
+            groups.append([t])
+    return [float(np.mean(group)) for group in groups]
+
+
+def _state_limits(act: Activity) -> np.ndarray:
+    """Times at which a limit of the state alone acts (heights, angles), but for the phase's end."""
+    t, alone = act.t.ravel(), ~np.tile(act.on_controls, 2)
+    acting = np.asarray(act.sides.reshape(len(t), -1)[:, alone].any(axis=1))
+    acting[-1] = False
+    return t[acting]

@@ -1,0 +1,141 @@
+"""What a diagnosis of the program means for a hop: limits, conflicts and flat directions in words, with the entries of
+the problem file behind them."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.leg.actuator import CAPS, LINES
+from hopopt.optimality.flat_directions import Flat
+from hopopt.optimality.infeasibility import Conflict, Part
+from hopopt.optimality.limits import Limit
+from hopopt.problem.render import toml_value
+
+NAMED = 5  # limits of a conflict that are named, and parameters that would help
+MATTERS = 0.05  # least share of a conflict that a parameter of twice its size would settle, to first order
+COMPONENT = re.compile(r"(.*)\[(.*)\]")
+CONTROLS = {
+    "a": "torque of the {}",
+    "loop_force": "force along {} in the closed loop",
+    "drawn": "drawn power of the {}",
+}
+ENTRIES = {  # kind and name of a constraint -> what it says, and the entry behind it
+    ("path", "ground force"): ("the least vertical ground force", "contact.least_force"),
+    ("path", "friction cone"): ("the foot does not slip", "contact.friction"),
+    ("path", "body never descends"): ("the body never descends", "hop.counter_movement"),
+    ("boundary", "clearance"): ("the clearance asked for", "hop.clearance"),
+    ("boundary", "foot window"): ("the foot within its window at the apex", "hop.foot_window"),
+    ("boundary", "landing foot window"): ("the foot within its window at touchdown", "hop.foot_window"),
+}
+
+
+def words_of(design: Design, limit: Limit) -> tuple[str, str]:
+    """What a limit says, and the entry that sets it with its value; the entry is empty if none does."""
+    leg, where = design.leg, f" in {limit.phase}" if limit.phase else ""
+    name, inner = (found[1], found[2]) if (found := COMPONENT.fullmatch(limit.name)) else (limit.name, "")
+    if limit.kind == "duration":
+        phase = "flight" if limit.phase == "descent" else limit.phase
+        return f"{'longest' if limit.upper else 'shortest'} {limit.phase}", _stated(design, f"hop.{phase}_duration")
+    if limit.kind in ("state", "final") and name == "q" and inner in leg.joints:
+        side = "upper" if limit.upper else "lower"
+        return f"{side} limit of the {inner}{where}", _stated(design, f"leg.{inner}.{side}")
+    if name.endswith(" operating region"):
+        joint = name.removesuffix(" operating region")
+        paths = [leg.drive(joint, *entry)[0] for entry in CAPS.get(inner, LINES)]
+        part = inner if inner in CAPS else "drive"
+        return f"the {joint}'s {part}{where}", ", ".join(_stated(design, path) for path in paths)
+    if name == "height above ground":
+        entry = "hop.above_ground" if inner == "foot" else "hop.least_height"
+        return f"the {inner} above the ground{where}", _stated(design, entry)
+    said, entry = ENTRIES.get((limit.kind, name), (limit.name, ""))
+    return said + where, _stated(design, entry) if entry else ""
+
+
+def _stated(design: Design, path: str) -> str:
+    """An entry with its value, if it has one."""
+    value = path_value(design, path)
+    return path if value is None or value == () else f"{path} = {_shown(value)}"
+
+
+def _shown(value: object) -> str:
+    """A value as a file writes it, numbers shortened."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(_shown(x) for x in value)}]"
+    if isinstance(value, (bool, str)):
+        return toml_value(value)
+    return f"{value:g}"
+
+
+def path_value(design: Design, path: str) -> object:
+    """The value of the entry at a path such as leg.hip.upper."""
+    found: object = design
+    for key in path.split("."):
+        tables = [getattr(found, name, {}) for name in ("joint", "link")]
+        found = next((table[key] for table in tables if key in table), None) or getattr(found, key, None)
+    return found
+
+
+def conflict_words(design: Design, found: Conflict | None) -> list[str]:
+    """A conflict in a few sentences: what cannot hold together, the loosest way out, and what would help most."""
+    if found is None:
+        return []
+    if not found.parts:
+        return [
+            "All limits can hold together (a motion that meets them was found): try more starts, or more iterations."
+        ]
+    said: dict[str, str] = {}
+    for part in found.parts:
+        said.setdefault(*words_of(design, part.limit))
+    named = [f"{words} ({entry})" if entry else words for words, entry in list(said.items())[:NAMED]]
+    more = ", and what the leg's motion demands" if len(named) == 1 else ""
+    sentences = [f"These cannot hold together: {'; '.join(named)}{more}."]
+    ways: dict[str, str] = {}
+    for part in sorted((p for p in found.parts if p.gives), key=lambda p: -p.gives):
+        ways.setdefault(words_of(design, part.limit)[0], _way_out(part))
+    sentences.append(f"Loosest way out: {'; '.join(words + way for words, way in ways.items())}.")
+    if helps := [_help(*pair) for pair in list(found.helps.items())[:NAMED] if abs(pair[1]) > MATTERS]:
+        sentences.append(f"What would help most: {', '.join(helps)}.")
+    return sentences
+
+
+def _way_out(part: Part) -> str:
+    limit = part.limit
+    if " operating region[" in limit.name:
+        return f" {'higher' if any(f'[{cap}]' in limit.name for cap in CAPS) else 'stronger'} by {_percent(part.gives / abs(limit.bound))}{_when(part.when)}"
+    return f", loosened by {part.gives:.3g} {limit.unit}".rstrip() + _when(part.when)
+
+
+def _percent(share: float) -> str:
+    return f"{share:.0%}" if share >= 0.095 else f"{100 * share:.2g}%"
+
+
+def _when(when: tuple[float, float]) -> str:
+    first, last = when
+    if np.isnan(first):
+        return ""
+    return f" (at {first:.3f} s)" if f"{first:.3f}" == f"{last:.3f}" else f" (from {first:.3f} to {last:.3f} s)"
+
+
+def _help(path: str, share: float) -> str:
+    return f"{'more' if share > 0 else 'less'} {path}"
+
+
+def flat_words(found: Sequence[Flat]) -> list[str]:
+    """A sentence for what the objective does not feel, by phase and time; none if it feels everything."""
+    together: dict[tuple[str, str], list[str]] = {}
+    for f in found:
+        when = f" from {f.when[0]:.3f} to {f.when[1]:.3f} s" if f.when else ""
+        together.setdefault((f" in {f.phase}" if f.kind == "control" else "", when), []).append(_what(f))
+    return [
+        f"flat: the objective does not feel the {' and the '.join(names)}{phase}{when}; other motions are as good"
+        for (phase, when), names in together.items()
+    ]
+
+
+def _what(f: Flat) -> str:
+    if f.kind == "duration":
+        return f"duration of {f.phase}"
+    named = COMPONENT.fullmatch(f.name)
+    return CONTROLS.get(named[1], f.name).format(named[2]) if named else f.name

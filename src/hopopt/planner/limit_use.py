@@ -1,0 +1,118 @@
+"""Limits that never act: how much of each a plan uses, and to what it could be tightened without effect on the plan."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from typing import Any
+
+import numpy as np
+
+from hopopt.leg.actuator import CAPS
+from hopopt.leg.robot import BASE
+from hopopt.leg.scales import force_range
+from hopopt.ocp.constraints import steepness
+from hopopt.ocp.hop import FLIGHT
+from hopopt.ocp.landing import DESCENT
+from hopopt.ocp.objectives import find
+from hopopt.planner.solution import Samples, Solution
+
+IDLE = 0.999  # largest share of a limit that may be used if it is to count as idle
+LOADED = 1e-3  # of the force's range: a foot with less is not loaded
+FIGURES = 4  # significant ones of a value that would do
+
+
+@dataclass(frozen=True)
+class Use:
+    """A limit's use in one ``place`` (joint or phase): ``name`` with {} for the places, ``entry`` and its value ``limit``,
+    the share ``used``, the value ``enough``; ``least``: the entry is a lower bound."""
+
+    name: str
+    place: str
+    entry: str
+    limit: float
+    used: float
+    enough: float
+    least: bool = False
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What uses of one entry have in common; a limit that no entry sets has its place to itself."""
+        return self.entry, "" if self.entry else self.name.format(self.place)
+
+    def rounded(self) -> float:
+        """``enough`` with few figures, away from the plan and no further than the limit."""
+        context = Context(prec=FIGURES, rounding=ROUND_FLOOR if self.least else ROUND_CEILING)
+        value = float(context.create_decimal_from_float(self.enough))
+        return max(value, self.limit) if self.least else min(value, self.limit)
+
+
+def idle_limits(plan: Solution, fine: Mapping[str, Samples]) -> dict[str, dict[str, Any]]:
+    """Limits that no instant of the plan touches, by name, the least used first, durations last: ``used`` (largest share
+    of the range), ``entry`` of the problem, its value ``limit`` and what it could be (``enough``, rounded to the loose
+    side), both in the entry's unit (SI). An entry that several joints or phases share is one limit.
+
+    fine: the plan's samples by phase. The plan stays what it is if such a limit is dropped or tightened to ``enough``.
+    """
+    together: dict[tuple[str, str], list[Use]] = {}
+    shares = plan.objective == "saturation"  # the share of its region that a drive uses is the objective there
+    for use in (*_joints(plan, fine), *(() if shares else _regions(plan, fine)), *_whole(plan, fine)):
+        together.setdefault(use.key, []).append(use)
+    found = [_of_entry(uses) for uses in together.values()]
+    return {
+        use.name: {"used": use.used, "entry": use.entry, "limit": use.limit, "enough": use.rounded()}
+        for use in sorted(found, key=lambda use: ("duration" in use.entry, use.used))
+        if use.used < IDLE
+    }
+
+
+def _of_entry(uses: list[Use]) -> Use:
+    """The largest use of an entry, with the names of all places that share it."""
+    places = " and ".join(dict.fromkeys(use.place for use in uses))
+    return replace(max(uses, key=lambda use: use.used), name=uses[0].name.format(places))
+
+
+def _joints(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
+    """Angles, over all phases."""
+    leg, q = plan.design.leg, np.concatenate([s.q[:, BASE:] for s in fine.values()])
+    for k, joint in enumerate(plan.robot.joints):
+        (low, high), (least, most) = (leg.joint[joint].lower, leg.joint[joint].upper), (q[:, k].min(), q[:, k].max())
+        shares = float((high - least) / (high - low)), float((most - low) / (high - low))
+        yield Use("{} lower angle", joint, f"leg.{joint}.lower", low, shares[0], float(least), least=True)
+        yield Use("{} upper angle", joint, f"leg.{joint}.upper", high, shares[1], float(most))
+
+
+def _regions(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
+    """Operating regions, over all phases."""
+    leg, v = plan.design.leg, np.concatenate([s.v[:, BASE:] for s in fine.values()])
+    tau = np.concatenate([s.tau for s in fine.values()])
+    for k, joint in enumerate(plan.robot.joints):
+        region, used = plan.region(joint), dict[str, float]()
+        for plane, use in zip(region.planes, region.use(v[:, k], tau[:, k]), strict=True):
+            used[plane.line] = max(used.get(plane.line, 0.0), float(np.max(use)))
+        for name, share in used.items():
+            if name in CAPS:
+                path, cap = leg.drive(joint, *CAPS[name][0])
+                yield Use(f"{{}} {name}", joint, path, cap, share, share * cap)
+            else:
+                yield Use(f"{{}} {name}", joint, "", 1.0, share, share)
+
+
+def _whole(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
+    """Durations, friction, and the window of the foot at the apex and at touchdown."""
+    hop, goal = plan.design.hop, plan.own[0] or find(plan.objective)
+    for phase in fine:
+        (shortest, longest), lasted = getattr(hop, f"{phase}_duration"), plan.phases[phase].duration
+        entry = f"hop.{'flight' if phase == 'descent' else phase}_duration"
+        yield Use("shortest {}", phase, f"{entry}[0]", shortest, shortest / lasted, lasted, least=True)
+        yield Use("longest {}", phase, f"{entry}[1]", longest, lasted / longest, lasted)
+    friction, f = plan.design.contact.friction, fine["stance"].f
+    if friction:
+        loaded = f[:, -1] >= LOADED * force_range(plan.robot.model)
+        needed = float((np.abs(f[loaded, :-1]).max(axis=1) / f[loaded, -1]).max(initial=0.0) / steepness(f.shape[1]))
+        yield Use("friction cone", "", "contact.friction", friction, needed / friction, needed)
+    if goal.ends != "free":
+        ends = [
+            plan.sample_phase(p, np.array([plan.phases[p].duration])) for p in (FLIGHT, DESCENT) if p in plan.phases
+        ]
+        off = max(float(abs(s.points["foot"][0, 0] - s.points[plan.robot.joints[0]][0, 0])) for s in ends)
+        yield Use("foot window", "", "hop.foot_window", hop.foot_window, off / hop.foot_window, off)

@@ -1,0 +1,201 @@
+"""Every starting point solved on the first mesh, side by side, and what they led to."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.errors import NotSolvedError
+from hopopt.nlp.ipopt import GENTLE, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.mesh import uniform
+from hopopt.nlp.schemes import scheme
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.custom import Custom
+from hopopt.ocp.feasibility import too_weak
+from hopopt.ocp.free_parameters import Freedom
+from hopopt.ocp.hop import STANCE, Hop
+from hopopt.ocp.initial_guess import Start, make_guess, starts
+from hopopt.ocp.objective import HopObjective
+from hopopt.optimality.infeasibility import conflict
+from hopopt.optimality.violations import violations
+from hopopt.planner.limit_names import conflict_words
+from hopopt.problem.hints import hints
+
+Progress = Callable[[str], None]
+SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
+PATIENCE = 200  # iterations of a start where another is known to lead to a hop
+CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
+WORKER = 1.5  # s that a process takes to begin, and more: what takes less in one is not divided
+
+
+class _Ended(Protocol):
+    @property
+    def success(self) -> bool: ...
+    @property
+    def objective(self) -> float: ...
+
+
+Ended = TypeVar("Ended", bound=_Ended)
+
+
+@dataclass(frozen=True)
+class StartOutcome:
+    """How one start ended on the first mesh: in words and figures, and the NLP's vectors (as in ``NlpSolution``)."""
+
+    name: str
+    status: str
+    success: bool
+    objective: float
+    iterations: int
+    seconds: float
+    vectors: dict[str, np.ndarray] = field(repr=False)
+    sign: float = 1.0  # of the objective in the merit
+
+    @property
+    def merit(self) -> float:
+        """More is better."""
+        return self.sign * self.objective
+
+
+def first_transcription(hop: Hop) -> Transcription:
+    """The program that every start is solved on, built once for a hop."""
+    s = hop.design.solver
+    counts = {phase.name: s.flight_intervals for phase in hop.problem.phases} | {STANCE: s.stance_intervals}
+    mesh = {name: uniform(count) for name, count in counts.items()}
+    return hop.problem.once("first mesh", lambda: Transcription(hop.problem, scheme(s.scheme, s.degree), mesh))
+
+
+def first_solver(hop: Hop, known: bool = False) -> NlpSolver:
+    """That program, ready to be solved from any start; not for long if a hop is ``known`` already."""
+    return NlpSolver(first_transcription(hop), _options(hop, known))
+
+
+def _options(hop: Hop, known: bool) -> dict[str, Any]:
+    most = hop.design.solver.max_iterations
+    if not known:
+        return {"ipopt.max_iter": most}
+    return {"ipopt.max_iter": min(most, PATIENCE)} | GENTLE
+
+
+def run_starts(
+    hop: Hop, count: int, processes: int, say: Progress, besides: Sequence[StartOutcome] = ()
+) -> list[StartOutcome]:
+    """Solve every start on the first mesh, in chunks side by side where that pays; in the order of the starts, then those
+    ``besides``, of which any that leads to a hop says that no start need be followed for long."""
+    return [*_run_all(hop, count, processes, say, any(o.success for o in besides)), *besides]
+
+
+def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -> list[StartOutcome]:
+    say(f"solving from {count} starting point{'s' if count > 1 else ''}")
+    began, solver = time.perf_counter(), first_solver(hop, known)
+    first = run_chunk(hop, [0], solver, known)
+    each, others = time.perf_counter() - began, range(1, count)
+    if not first[0].success and too_weak(hop.design, hop.robot):  # seldom does another start help such a leg
+        return first
+    processes = min(processes, len(others))
+    if processes < 2 or each * len(others) * (1 - 1 / processes) < WORKER:
+        return first + (run_chunk(hop, others, solver, known) if others else [])
+    from joblib import Parallel, delayed
+
+    data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
+    jobs = (delayed(_chunk_in_worker)(data, hop.asked, hop.freedom, hop.constraints, chunk, known) for chunk in chunks)
+    parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
+    return first + [parts[k % processes][k // processes] for k in range(len(others))]
+
+
+def _chunk_in_worker(
+    data: dict[str, Any],
+    objective: str | HopObjective,
+    freedom: Freedom,
+    constraints: tuple[Custom, ...],
+    chunk: Sequence[int],
+    known: bool,
+) -> list[StartOutcome]:
+    return run_chunk(Hop(Design.model_validate(data), objective, freedom, constraints), chunk, known=known)
+
+
+def run_chunk(
+    hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None, known: bool = False
+) -> list[StartOutcome]:
+    """Some of the starts, by number, on the first mesh; ``solver``: its program, if it is built already."""
+    solver = solver or first_solver(hop, known)
+    chosen = starts(max(chunk) + 1, hop.design.solver.seed)
+    return [_run_start(hop, solver, chosen[k], known) for k in chunk]
+
+
+def _run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOutcome:
+    began = time.perf_counter()
+    guess = make_guess(hop, start)
+    s = solver(guess)
+    if not s.success and not violations(s):  # a hop, but no optimum: the adaptive barrier can lose its way to one
+        s = NlpSolver(s.transcription, _options(hop, known) | {"ipopt.mu_strategy": "monotone"})(guess)
+    return outcome_of(start.name, s, time.perf_counter() - began)
+
+
+def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
+    """How a solve on the first mesh ended; ``name`` says from where it began."""
+    vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
+    sign = 1.0 if s.transcription.problem.objective.maximize else -1.0
+    return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign)
+
+
+def solution_of(outcome: StartOutcome, t: Transcription) -> NlpSolution:
+    """The outcome as a solution of the first mesh's program."""
+    phases, values = t.unpack(outcome.vectors["z"], outcome.vectors["p"])
+    bounds = Bounds(*t.bounds(t.guess_from(phases)), t.lbg, t.ubg)
+    return NlpSolution(
+        t, phases, values, outcome.objective, outcome.status, outcome.success, outcome.iterations,
+        **outcome.vectors, bounds=bounds,
+    )  # fmt: skip
+
+
+def distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
+    """The best representative of each local optimum that was found, best first."""
+    return [group[0] for group in grouped(sorted(outcomes, key=lambda o: -o.merit))]
+
+
+def grouped(ranked: Sequence[Ended]) -> list[list[Ended]]:
+    """The successful ones of ``ranked``, best first, gathered by the local optimum that they ended in."""
+    groups: list[list[Ended]] = []
+    for outcome in ranked:
+        if outcome.success:
+            group = next((g for g in groups if same(g[0].objective, outcome.objective)), None)
+            if group is None:
+                groups.append([outcome])
+            else:
+                group.append(outcome)
+    return groups
+
+
+def contenders(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
+    """The distinct optima that may prove the best once refined."""
+    found = distinct(outcomes)
+    return [o for o in found if abs(o.objective - found[0].objective) <= CLOSE * abs(found[0].objective)]
+
+
+def same(a: float, b: float) -> bool:
+    """Whether two coarse objectives belong to the same local optimum."""
+    return abs(a - b) <= SAME * max(abs(a), abs(b), 1e-3)
+
+
+def not_solved(hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = False) -> NotSolvedError:
+    """What went wrong, from the start that came closest to meeting the constraints; ``thorough``: which of them cannot
+    hold together too, which takes seconds."""
+    transcription = first_transcription(hop)
+    closest = min((solution_of(o, transcription) for o in outcomes), key=_infeasibility)
+    statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
+    worst = violations(closest)
+    reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
+    message = f"{hop.design.name}: {reason} ({statuses})."
+    weak = too_weak(hop.design, hop.robot)
+    found = [*weak, *hints(hop.design), *(conflict_words(hop.design, conflict(closest)) if thorough and worst else [])]
+    if worst:
+        return NotSolvedError(message, [*found, "Worst constraints of the closest start:", *worst])
+    return NotSolvedError(f"{message} Try a larger solver.max_iterations or more starts.", found)
+
+
+def _infeasibility(s: NlpSolution) -> float:
+    return float(np.maximum(0.0, np.maximum(s.bounds.low_g - s.g, s.g - s.bounds.high_g)).sum())

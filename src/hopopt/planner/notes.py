@@ -1,0 +1,67 @@
+"""What an answer does not say by itself."""
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.ocp.hop import Hop
+from hopopt.optimality.flat_directions import CannotBeTold, Flat, flat
+from hopopt.planner.solution import Solution
+from hopopt.planner.tighter_tolerances import AT_MOST
+from hopopt.problem.hints import hints
+
+LOUD = 0.01  # share of the answer that the tie-break may weigh without a word
+
+
+def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: Solution | None) -> list[str]:
+    """What the answer does not say by itself: ``best`` of a ``hop`` whose solver may differ from what was ``asked``."""
+    notes, goal, leg = hints(hop.design), hop.objective, hop.leg
+    notes += _tolerances(best.design, asked, structure)
+    if hop.design.solver.tie_break != asked.solver.tie_break:
+        notes.append(
+            f"with solver.tie_break = {asked.solver.tie_break:g} torques that hardly matter may chatter, and the hop was not verified: "
+            f"this is the hop with {hop.design.solver.tie_break:g}"
+        )
+    if better is not None:
+        value = f"{better.summary['objective_value']:.4f} {goal.unit}, {'higher' if goal.maximize else 'lower'}"
+        notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
+    if goal.ends != "demand" and (asked_for := best.design.hop.clearance) is not None:
+        notes.append(f"hop.clearance = {asked_for:g} plays no part: the objective {goal.name} asks for no height")
+    over = float(best.apex.points["foot"][0, 1] - best.apex.q[0, 1])
+    if over > 0:
+        notes.append(
+            f"the foot ends {over:.2f} m above the hip: the body is a point here, and no link is in its way (limits of the "
+            "joints' angles can forbid it)"
+        )
+    weighs = best.summary["tie_break_weighs"]
+    if best.summary.get("impact_J", np.inf) < 1e-3 * weighs:
+        notes.append("the foot can land at rest, as in many hops: of these, this is one with gentle torques")
+    elif not goal.maximize and weighs > LOUD * abs(best.summary[goal.figure]):
+        notes.append(
+            f"gentle torques are preferred, which weighs {weighs:.2g} {goal.unit}: the least may be lower by a part of that "
+            f"(a smaller solver.tie_break than {best.design.solver.tie_break:g} tells, and takes longer)"
+        )
+    shares = {path: e for path, e in (leg.drive(j, "gear", "efficiency") for j in leg.joints) if e}
+    if any(e < 1 for e in shares.values()):
+        stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())
+        notes.append(f"the gears of this plan lose nothing; {stated} counts in hopopt simulate and hopopt compare")
+    return notes
+
+
+def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
+    """That the plan was made with smaller tolerances than the problem's, and why."""
+    names = [name for name in AT_MOST if getattr(used.solver, name) != getattr(asked.solver, name)]
+    if not names:
+        return []
+    stated = " and ".join(f"solver.{name} = {getattr(used.solver, name):g}" for name in names)
+    why = "as --structure needs" if structure else "as the hop was not verified with the problem's own"
+    return [f"solved with {stated}, {why}"]
+
+
+def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
+    """What the objective does not feel; None if that cannot be told."""
+    from hopopt.studies.diagnosis import without_tie_break
+
+    try:
+        return flat(without_tie_break(best, hop))
+    except (CannotBeTold, RuntimeError):  # of CasADi too: no reason to lose the answer
+        return None

@@ -1,0 +1,58 @@
+"""The problem with a reserve held back from its limits, and the plan that a controller can follow for it."""
+
+from collections.abc import Callable
+from typing import Any
+
+from pydantic import ValidationError
+
+from hopopt.design import Design, Reserve
+from hopopt.errors import UsageError
+from hopopt.planner.solution import Solution
+
+SMOOTH = 1e-4  # [m/s] tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
+
+
+def plan_to_track(design: Design, say: Callable[[str], None]) -> Solution:
+    """The optimum that keeps the problem's reserve from every limit."""
+    from hopopt.planner.solve import solve
+
+    say("planning with a reserve")
+    return solve(reserved(design), starts=2, progress=say)
+
+
+def reserved(design: Design) -> Design:
+    """The problem with its [reserve] taken off every limit, as far as the start itself allows; UsageError if that leaves
+    a limit that no problem may have."""
+    from hopopt.leg.kinematics import start_angles
+
+    r, data = design.reserve, design.model_dump(exclude_none=True)
+    data["contact"]["least_force"] += r.ground_force
+    data["hop"]["least_height"] += r.height
+    for name, angle in zip(design.leg.joints, start_angles(design), strict=True):
+        joint = data["leg"][name]
+        joint["lower"] = max(joint["lower"], min(joint["lower"] + r.angle, float(angle) - 1e-6))
+        joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
+        _hold_back(joint, r)
+    _hold_back(data["leg"], r)
+    data["solver"]["tie_break"] = max(design.solver.tie_break, SMOOTH)
+    try:
+        return Design.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        entry = ".".join(str(part) for part in first["loc"])
+        raise UsageError(
+            f"{design.name}: [reserve] leaves {entry} = {first['input']!r}, which no problem may have: hold less back, or "
+            "leave out the strategies that track a plan"
+        ) from error
+
+
+def _hold_back(drive: dict[str, Any], reserve: Reserve) -> None:
+    for part, key, share in (
+        ("motor", "max_torque", reserve.torque),
+        ("motor", "torque_cap", reserve.torque),
+        ("gear", "torque_cap", reserve.torque),
+        ("motor", "max_speed", reserve.speed),
+        ("gear", "speed_cap", reserve.speed),
+    ):
+        if key in drive.get(part, {}):
+            drive[part][key] *= 1 - share

@@ -1,0 +1,258 @@
+"""A solved hop as the user holds it: the plan as functions of time, and every figure that is printed of it."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.errors import UsageError
+from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.kinematics import dependent_joints, start_place
+from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.ocp.custom import Custom
+from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.ocp.landing import DESCENT
+from hopopt.ocp.objective import HopObjective
+from hopopt.verify.measures import MEASURES
+from hopopt.verify.plan import PLACES, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hopopt.studies.compare import Comparison
+    from hopopt.studies.sensitivity import Influence
+
+Multipliers = dict[str, np.ndarray]  # of one phase, or of the ends, by name
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The whole leg at k times: t (k,) [s] since stance began, phase (k,) names; q, v, a (k, 2 + n) of body x, z
+    [m] and joints [rad]; tau (k, n) [N m]; contact force f (k, 2) [N] (x and z; with y
+    between them where the leg leaves the plane); points: name -> (k, 2) x, z [m], with
+    every joint, "foot" and "com"; com_v (k, 2) [m/s]."""
+
+    t: np.ndarray
+    phase: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    tau: np.ndarray
+    f: np.ndarray
+    points: dict[str, np.ndarray]
+    com_v: np.ndarray
+
+    def __getitem__(self, rows: Any) -> "Samples":
+        """The samples at some rows (an index array, mask or slice)."""
+        points = {name: p[rows] for name, p in self.points.items()}
+        arrays = {name: getattr(self, name)[rows] for name in ("t", "phase", "q", "v", "a", "tau", "f", "com_v")}
+        return Samples(**arrays, points=points)
+
+
+class PlanEvaluator:
+    """Turns states and controls of the phases into the motion of the whole leg, by the planner's own dynamics."""
+
+    def __init__(self, design: Design, robot: Robot):
+        self.robot, n = robot, len(robot.joints)
+        dynamics, dependent = LegDynamics(robot, robot.parameters), dependent_joints(design)
+        loops = len(dependent)
+        q, v, a, free, force = (ca.SX.sym(s, m) for s, m in zip("qvauf", (n, n, n, n - loops, loops), strict=True))
+        closed = dynamics.closed(q, v, free, dependent)
+        com, com_v = ca.SX.sym("com", BASE), ca.SX.sym("com_v", BASE)
+        rows = slice(BASE - 1 if dynamics.slider else 0, BASE)
+        stands = start_place(design)[: rows.start]
+        place, speed = ca.vertcat(stands, com[rows]), ca.vertcat(np.zeros(rows.start), com_v[rows])
+        self.names = [*robot.points, "com"]
+        self.functions = {}
+        for phase, x, u, m in (
+            (STANCE, ca.vertcat(q, v), ca.vertcat(free, force), dynamics.stance(q, v, closed, force)),
+            (FLIGHT, ca.vertcat(com[rows], com_v[rows], q, v), a, dynamics.flight(place, speed, q, v, a)),
+        ):
+            points = dynamics.points(m.q)
+            com_speed = ca.jtimes(points["com"], q, v)
+            if phase == FLIGHT:
+                com_speed += ca.jtimes(points["com"], com, com_v)
+            outputs = [m.q, m.v, m.a, m.tau, m.f, com_speed, *(points[name] for name in self.names)]
+            self.functions[phase] = ca.Function(phase, [x, u], [ca.densify(o) for o in outputs])
+        self.functions[DESCENT] = self.functions[FLIGHT]
+
+    def __call__(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Samples:
+        """Samples from states x (k, nx) and controls u (k, n or more) of one phase at times t (k,)."""
+        moving = self.functions[phase].size1_in(1)  # what an objective adds moves nothing
+        results = self.functions[phase].map(len(t))(np.ascontiguousarray(x.T), np.ascontiguousarray(u.T[:moving]))
+        q, v, a, tau, f, com_v, *points = (np.array(r).T for r in results)
+        return Samples(t, np.full(len(t), phase), q, v, a, tau, f, dict(zip(self.names, points, strict=True)), com_v)
+
+
+@dataclass(frozen=True, repr=False)
+class Solution:
+    """The best hop found: its problem, its trajectories by phase, its figures (``summary``) and where it lies."""
+
+    design: Design
+    objective: str
+    phases: dict[str, PhaseTrajectory]
+    summary: dict[str, Any]
+    kkt: dict[str, np.ndarray] = field(default_factory=dict)
+    result_dir: Path | None = None
+    multipliers: dict[str, Multipliers] = field(default_factory=dict)  # see certificate_result.stored
+    own: tuple[HopObjective | None, tuple[Custom, ...]] = (None, ())  # the user's functions, which are not stored
+
+    def __repr__(self) -> str:
+        s, figure = self.summary, self.summary.get("objective_figure", "")
+        reached = f"{figure} {s.get(figure)} {s.get('objective_unit')}, {s.get('status')}"
+        return f"<Solution of {self.design.name}, objective {self.objective}: {reached}>"
+
+    @cached_property
+    def robot(self) -> Robot:
+        return build_robot(self.design.leg)
+
+    @cached_property
+    def _evaluate(self) -> PlanEvaluator:
+        return PlanEvaluator(self.design, self.robot)
+
+    def noted(self, **changes: Any) -> "Solution":
+        """The same hop with another summary, folder or multipliers; what was derived of its motion is kept."""
+        other = replace(self, **changes)
+        kept = self.__dict__.keys() & {"robot", "_evaluate", "tables"}
+        other.__dict__.update({name: self.__dict__[name] for name in kept})
+        return other
+
+    @property
+    def clearance(self) -> float:
+        """Height of the leg's lowest point at the end of flight [m]."""
+        return float(self.summary["clearance_m"])
+
+    @property
+    def verified(self) -> bool:
+        """Whether every check of the verification passed."""
+        return bool(self.summary["verified"])
+
+    @property
+    def duration(self) -> float:
+        """From the start of stance to the apex [s]."""
+        return self.phases[STANCE].duration + self.phases[FLIGHT].duration
+
+    @property
+    def end(self) -> float:
+        """When the last phase ends [s]: at the apex, or at the touchdown of a hop that lands."""
+        return max(self._begin(phase) + p.duration for phase, p in self.phases.items())
+
+    def _begin(self, phase: str) -> float:
+        return {STANCE: 0.0, FLIGHT: self.lift_off, DESCENT: self.duration}[phase]
+
+    @property
+    def lift_off(self) -> float:
+        """Time of lift-off [s]."""
+        return self.phases[STANCE].duration
+
+    def region(self, joint: str) -> OperatingRegion:
+        """The admissible operating region of a joint, in numbers."""
+        return operating_region(self.design.leg, joint, self.robot.parameters)
+
+    def sample(self, t: Any) -> Samples:
+        """The whole leg at times t [s] since stance began (clipped to the hop); at lift-off and apex, flight."""
+        t = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), 0.0, self.end)
+        parts, order = [], []
+        stance, descent = t < self.lift_off, t > self.duration
+        for phase, rows in ((STANCE, stance), (FLIGHT, ~stance & ~descent), (DESCENT, descent)):
+            if rows.any():
+                parts.append(self.sample_phase(phase, t[rows] - self._begin(phase)))
+                order.append(np.flatnonzero(rows))
+        return _join(parts)[np.argsort(np.concatenate(order), kind="stable")]
+
+    def sample_phase(self, phase: str, t: np.ndarray) -> Samples:
+        """The whole leg at times t [s] since the phase began; both ends belong to the phase."""
+        x, u = self.phases[phase].sample(t)
+        return self._evaluate(phase, np.asarray(t) + self._begin(phase), x, u)
+
+    def everywhere(self, phase: str, places: np.ndarray) -> Samples:
+        """The whole leg at the same places (0 to 1) of every interval of a phase, interval by interval."""
+        t, x, u = self.phases[phase].everywhere(places)
+        return self._evaluate(phase, t.ravel() + self._begin(phase), x.reshape(t.size, -1), u.reshape(t.size, -1))
+
+    @cached_property
+    def tables(self) -> dict[str, Table]:
+        """The plan at Chebyshev points of every interval: what is stored and verified."""
+        return {phase: self.fresh_table(phase) for phase in self.phases}
+
+    def fresh_table(self, phase: str) -> Table:
+        """The table of one phase, computed from its trajectory."""
+        samples, N = self.everywhere(phase, PLACES), len(self.phases[phase].x_start)
+        return Table(
+            *(
+                getattr(samples, s).reshape(N, len(PLACES), *getattr(samples, s).shape[1:])
+                for s in ("t", "q", "v", "a", "tau", "f")
+            )
+        )
+
+    @property
+    def apex(self) -> Samples:
+        """The whole leg at the end of flight (one sample)."""
+        return self.sample_phase(FLIGHT, np.array([self.phases[FLIGHT].duration]))
+
+    @property
+    def end_of_flight(self) -> str:
+        """What a figure calls that instant: "apex", or "end" where the centre of mass still rises or falls again."""
+        return "apex" if at_apex(float(self.apex.com_v[0, 1])) else "end"
+
+    def claims(self) -> dict[str, float]:
+        """What verification is to confirm: the height of the lowest point at the apex [m]; what else the hop was made
+        for, the body's height there [m] or what ``summary`` states."""
+        end = self.apex
+        claims = {"clearance_m": float(min(end.points[name][0, 1] for name in self.robot.points))}
+        if self.objective == "apex":
+            claims["apex_m"] = float(end.q[0, 1])
+        claims |= {name: float(self.summary[name]) for name in MEASURES.keys() & self.summary.keys()}
+        return claims
+
+    def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
+        """All figures by name, or the one called ``name``: heights, joints, operating_region, stick, ground_force, or
+        tornado, which is drawn only if asked for. Raises UsageError for another name."""
+        from hopopt.plots.hop import FIGURES
+
+        if name == "tornado":
+            from hopopt.plots.sensitivity import tornado
+
+            return tornado(self, self.sensitivity())
+        if name is not None and name not in FIGURES:
+            raise UsageError(f"there is no figure {name!r}; there are {', '.join([*FIGURES, 'tornado'])}")
+        if name is not None:
+            return FIGURES[name](self)
+        return {key: draw(self) for key, draw in FIGURES.items()}
+
+    def sensitivity(self) -> "list[Influence]":
+        """What one more of every number of the problem changes in the height, the most rewarding per cent first; see
+        ``hopopt.studies.sensitivity``. Raises UsageError where the start pose has no derivative."""
+        from hopopt.studies.sensitivity import sensitivity
+
+        return sensitivity(self)
+
+    def compare(self, *strategies: str, tune: int = 0) -> "Comparison":
+        """This hop as the bound, beside what controllers make of the same leg; all that suit the leg if none is named.
+
+        tune: hops on which the gains of "force" and "position" are tuned. Raises UsageError for unknown strategies,
+        NotSolvedError if there is no plan to track.
+        """
+        from hopopt.studies.compare import compare
+
+        return compare(self.design, strategies or None, bound=self, tune=tune)
+
+
+def at_apex(vertical: float) -> bool:
+    """Whether the centre of mass, at this vertical speed [m/s], is within a millimetre of its highest (on earth)."""
+    return abs(vertical) < 0.14
+
+
+def _join(parts: list[Samples]) -> Samples:
+    if len(parts) == 1:
+        return parts[0]
+    names = ("t", "phase", "q", "v", "a", "tau", "f", "com_v")
+    arrays = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
+    points = {name: np.concatenate([p.points[name] for p in parts]) for name in parts[0].points}
+    return Samples(**arrays, points=points)

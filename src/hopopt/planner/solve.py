@@ -1,0 +1,172 @@
+"""From a problem to a verified answer: several starts, the best of them finished, what is doubtful solved once more."""
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from hopopt.design import Design
+from hopopt.errors import NotSolvedError, UsageError
+from hopopt.nlp.mesh_refinement import UNSOLVED, relative
+from hopopt.ocp.custom import custom
+from hopopt.ocp.feasibility import unresisted
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.objective import HopObjective
+from hopopt.ocp.objectives import given
+from hopopt.planner.limit_names import flat_words
+from hopopt.planner.multistart import (
+    CLOSE,
+    Progress,
+    StartOutcome,
+    contenders,
+    first_solver,
+    not_solved,
+    outcome_of,
+    run_chunk,
+    run_starts,
+)
+from hopopt.planner.notes import flat_directions, notes_on
+from hopopt.planner.refine_and_verify import finish
+from hopopt.planner.required_clearance import HIGHEST, from_highest
+from hopopt.planner.solution import Solution
+from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.tighter_tolerances import finer
+from hopopt.problem.hints import hints
+
+CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
+
+
+def solve(
+    design: Design,
+    objective: str | Callable[..., Any] | HopObjective = "clearance",
+    *,
+    constraints: Sequence[str | Callable[..., Any]] = (),
+    starts: int | None = None,
+    processes: int | None = None,
+    structure: bool = False,
+    second_opinion: bool = False,
+    progress: Progress | None = None,
+) -> Solution:
+    """The best hop of a leg: solved from several starts, refined, verified.
+
+    objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
+    constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
+    solve them side by side; structure: the best is solved once more with the switches of its drives at free times
+    (optimality/free_switches.py), with smaller tolerances (planner/tighter_tolerances.py); second_opinion: asked of another solver and other schemes,
+    in the summary's ``second_opinions`` (planner/cross_check.py); progress is called with a line of text now and then. Raises
+    NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
+    returned with ``verified`` False. UsageError for what is no problem.
+    """
+    if not isinstance(design, Design):
+        raise UsageError(f"solve needs a problem, not {design!r:.80}: load it first, ho.solve(ho.load('paper'))")
+    say, clock = progress or (lambda text: None), Stopwatch()
+    asked, design = design, finer(design) if structure else design
+    hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
+    if faults := unresisted(hop.design, hop.robot):
+        raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
+    clock.mark("model")
+    count = starts or design.solver.starts
+    economical = from_highest(hop, count, say)
+    outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say, economical)
+    clock.mark("starts")
+    finished = [finish(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)]
+    if not finished:
+        say("looking for the limits that cannot hold together")
+        raise not_solved(hop, outcomes, thorough=True)
+    hop, best, better = _settled(hop, finished, outcomes, say, clock)
+    if structure:
+        from hopopt.planner.with_free_switches import with_free_switches
+
+        best = with_free_switches(hop, best, outcomes, say, clock)
+    found = flat_directions(hop, best)
+    if notes := [*notes_on(hop, asked, structure, best, better), *flat_words(found or [])]:
+        best.summary["notes"] = notes
+    if found is not None:
+        best.summary["flat"] = [asdict(f) for f in found]
+    if second_opinion:
+        from hopopt.planner.cross_check import with_opinions
+
+        best = with_opinions(hop, best, clock, say)
+    return best
+
+
+def solve_from(design: Design, objective: str, index: int, say: Progress = lambda text: None) -> Solution:
+    """One start's hop, refined and verified; NotSolvedError if the start leads to none."""
+    hop, clock = Hop(design, objective), Stopwatch()
+    outcomes = run_chunk(hop, [index])
+    if not outcomes[0].success:
+        raise not_solved(hop, outcomes)
+    return finish(hop, outcomes[0], outcomes, say, clock)
+
+
+def best_of(goal: HopObjective, finished: Sequence[Solution]) -> Solution:
+    """The best of the verified solutions, or of all if none is."""
+    return max(finished, key=lambda s: (s.verified, goal.merit(s.summary["objective_value"])))
+
+
+def _settled(
+    hop: Hop, finished: Sequence[Solution], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> tuple[Hop, Solution, Solution | None]:
+    """The best hop with its problem, and a better one that is not verified, if any, after those that claim more than the
+    best of the verified were solved again."""
+
+    def merit(s: Solution) -> float:
+        return hop.objective.merit(s.summary["objective_value"])
+
+    chosen, best, better = hop, best_of(hop.objective, finished), None
+    for doubtful in sorted((s for s in finished if not s.verified), key=merit, reverse=True):
+        if best.verified and merit(doubtful) <= merit(best):
+            break
+        where, again = _once_more(hop, doubtful, outcomes, say, clock)
+        if again.verified and (not best.verified or merit(again) > merit(best)):
+            chosen, best = where, again
+        elif not again.verified:
+            best, better = again if doubtful is best else best, better or again
+    return chosen, best, better if best.verified and better and merit(better) > merit(best) else None
+
+
+def _once_more(
+    hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> tuple[Hop, Solution]:
+    """A hop that is not verified with a larger tie-break or, if that does not help, with restarts."""
+    if again := _calmer(hop, doubtful, outcomes, say, clock):
+        return again
+    if doubtful.summary["refinement_ended"] != UNSOLVED:
+        return hop, doubtful
+    say("not verified: refining again, with restarts")
+    return hop, finish(hop, outcomes[_chosen(doubtful, outcomes)], outcomes, say, clock)
+
+
+def _calmer(
+    hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> tuple[Hop, Solution] | None:
+    """A hop that is not verified again with a larger tie-break, where torques that hardly matter may have chattered: with
+    its problem if it is verified and as good, else nothing."""
+    s = hop.design.solver
+    if not (s.refine and s.max_refinements and 0 < s.tie_break <= LARGEST_TIE_BREAK):
+        return None
+    say(f"not verified: solving again with solver.tie_break = {CALMER * s.tie_break:g}")
+    data = hop.design.model_dump(exclude_none=True)
+    data["solver"]["tie_break"] = CALMER * s.tie_break
+    other = Hop(Design.model_validate(data), hop.asked, hop.freedom, hop.constraints)
+    outcome = _same_start(other, _chosen(doubtful, outcomes), outcomes)
+    if not outcome.success:
+        return None
+    again = finish(other, outcome, outcomes, say, clock)
+    as_good = relative(again.summary["objective_value"], doubtful.summary["objective_value"]) < CLOSE
+    return (other, again) if again.verified and as_good else None
+
+
+def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutcome:
+    """What the start of outcome k leads to in a problem of the same form; from the outcome itself if it was the highest
+    hop's."""
+    if outcomes[k].name != HIGHEST:
+        return run_chunk(hop, [k])[0]
+    began, s = time.perf_counter(), first_solver(hop).from_vector(outcomes[k].vectors["z"])
+    return outcome_of(HIGHEST, s, time.perf_counter() - began)
+
+
+def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:
+    """Which start led to it."""
+    return [o.name for o in outcomes].index(found.summary["starts"]["chosen"])

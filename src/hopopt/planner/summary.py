@@ -1,0 +1,286 @@
+"""Every figure that is printed of a solution, computed once."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopopt.leg.kinematics import reach
+from hopopt.leg.robot import BASE
+from hopopt.leg.scales import DESCENT_RANGE, force_range
+from hopopt.nlp.continuous_limits import of_limits
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.transcription import Rows, Transcription
+from hopopt.ocp.constraints import steepness
+from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.planner.limit_use import idle_limits
+from hopopt.planner.solution import Samples, Solution
+from hopopt.verify.plan import Check, failed
+from hopopt.verify.upper_bound import upper_bound
+
+if TYPE_CHECKING:
+    from hopopt.nlp.mesh_refinement import Refinement
+    from hopopt.optimality.free_switches import Resolved
+    from hopopt.planner.multistart import StartOutcome
+    from hopopt.planner.stopwatch import Stopwatch
+
+ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
+FINE = np.linspace(0.0, 1.0, 9)
+
+
+def summarize(
+    hop: Hop,
+    plan: Solution,
+    solution: NlpSolution,
+    checks: Sequence[Check],
+    outcomes: "Sequence[StartOutcome]",
+    chosen: "StartOutcome",
+    refinement: "Refinement | Resolved",
+    clock: "Stopwatch",
+) -> Solution:
+    """The plan with its summary: what ``--json`` prints and ``summary.json`` keeps."""
+    fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
+    stance = fine[STANCE]
+    bad, goal = failed(list(checks)), hop.objective
+    of_unit, own = "_m" if goal.unit == "m" else "", [c.name for c in hop.constraints]
+    summary: dict[str, Any] = {
+        "problem": plan.design.name,
+        "title": plan.design.title,
+        "objective": plan.objective,
+        "objective_meaning": goal.meaning,
+        "objective_unit": goal.unit,
+        "objective_figure": goal.figure,
+        "maximized": goal.maximize,
+        "functions": {
+            "objective": goal.name if goal.custom else None,
+            "constraints": [c.name for c in hop.constraints],
+        },
+        "clearance_asked_for_m": plan.design.hop.clearance if goal.ends == "demand" else None,
+        "status": "verified" if not bad else "solved, not verified",
+        "verified": not bad,
+        "exit_code": 0 if not bad else 3,
+        **plan.claims(),
+        **plan.summary,
+        "objective_value": solution.objective,
+        f"tie_break_bias{of_unit}": hop.tie_break_bias,
+        "tie_break_weighs": abs(solution.objective - plan.summary.get(goal.figure, solution.objective)),
+        "upper_bound": upper_bound(plan.design).figures(),
+        "parts": parts(plan),
+        "lowest_point": _lowest(plan),
+        "phases": {name: phase_figures(plan, name, s) for name, s in fine.items()},
+        "lift_off": lift_off(plan),
+        "vertical_at_end_of_flight_m_s": float(plan.apex.com_v[0, 1]),
+        "peak_ground_force_N": float(np.linalg.norm(stance.f, axis=1).max()),
+        "peak_vertical_force_N": float(stance.f[:, -1].max()),
+        "friction": plan.design.contact.friction,
+        "grip_without_load_N": float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0)),
+        "saturation_mean": saturation_mean(plan, stance),
+        "energy": energy(plan, fine),
+        "active_limits": most_first({**active_limits(plan, stance), **own_active(solution, own)}),
+        "idle_limits": idle_limits(plan, fine),
+        f"gain_per_percent{of_unit}": limit_gains(solution, plan.design.contact.friction, own),
+        "verification": [c.as_dict() for c in checks],
+        "failed_checks": [c.name for c in bad],
+        "mesh": [asdict(step) for step in refinement.history],
+        "refinement_ended": refinement.ended,
+        "scheme": solution.transcription.scheme.name,
+        "starts": start_figures(outcomes, chosen),
+        "seed": plan.design.solver.seed,
+        "timings_s": clock.stages,
+        "wall_s": clock.last - clock.begin,
+        "result_dir": None,
+    }
+    kkt = {name: getattr(solution, name) for name in ("z", "p", "g", "lam_g", "lam_x")} | asdict(solution.bounds)
+    return plan.noted(summary=summary, kkt=kkt)
+
+
+def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FINE)) -> float:
+    """Mean over time [values' unit] of values at FINE places of every interval (trapezoids)."""
+    t, y = samples.t.reshape(-1, per_interval), values.reshape(-1, per_interval)
+    return float(np.trapezoid(y, t, axis=1).sum() / (t[-1, -1] - t[0, 0]))
+
+
+def parts(plan: Solution) -> dict[str, float]:
+    """The three exact, signed parts [m] that sum to the clearance (COM is the whole leg's centre of mass)."""
+    start, end = plan.sample_phase(FLIGHT, np.array([0.0])), plan.apex
+    low, high = float(start.points["com"][0, 1]), float(end.points["com"][0, 1])
+    return {
+        "com_height_at_lift_off_m": low,
+        "ballistic_rise_m": high - low,
+        "com_height_over_lowest_point_m": plan.claims()["clearance_m"] - high,
+    }
+
+
+def _lowest(plan: Solution) -> str:
+    end = plan.apex
+    heights = {name: round(float(end.points[name][0, 1]), 9) for name in ("foot", *plan.robot.joints)}
+    return min(heights, key=lambda name: heights[name])
+
+
+def phase_figures(plan: Solution, phase: str, samples: Samples) -> dict[str, Any]:
+    """Duration, mesh and the extremes of one phase."""
+    joints = plan.robot.joints
+    return {
+        "duration_s": plan.phases[phase].duration,
+        "intervals": len(plan.phases[phase].x_start),
+        "peak_torque_Nm": {j: float(np.abs(samples.tau[:, k]).max()) for k, j in enumerate(joints)},
+        "peak_speed_rad_s": {j: float(np.abs(samples.v[:, BASE + k]).max()) for k, j in enumerate(joints)},
+    }
+
+
+def lift_off(plan: Solution) -> dict[str, float]:
+    """Time [s], speed of the centre of mass [m/s] and its direction at lift-off."""
+    s = plan.sample_phase(FLIGHT, np.array([0.0]))
+    vx, vz = (float(x) for x in s.com_v[0])
+    return {"time_s": plan.lift_off, "speed_m_s": float(np.hypot(vx, vz)), "vertical_m_s": vz, "horizontal_m_s": vx}
+
+
+def saturation_mean(plan: Solution, stance: Samples) -> dict[str, float]:
+    """C_avg of every joint in stance (eq. sim_cactavg), capped at 1 between the nodes."""
+    means = {}
+    for k, joint in enumerate(plan.robot.joints):
+        ratio = plan.region(joint).saturation(stance.v[:, BASE + k], stance.tau[:, k])
+        means[joint] = _time_mean(stance, np.minimum(ratio, 1.0))
+    return means
+
+
+def energy(plan: Solution, fine: Mapping[str, Samples]) -> dict[str, float]:
+    """Mechanical work of the joints [J]: net and positive, in every phase."""
+    figures = {}
+    for name, s in fine.items():
+        power, T = s.tau * s.v[:, BASE:], plan.phases[name].duration
+        figures[f"{name}_net_J"] = _time_mean(s, power.sum(axis=1)) * T
+        figures[f"{name}_positive_J"] = sum(_time_mean(s, np.maximum(column, 0.0)) * T for column in power.T)
+    return figures
+
+
+def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
+    """Share of stance in which each limit is active, largest first; a limit of its duration is active in all of it."""
+    shares: dict[str, np.ndarray | bool] = {}
+    leg, size = plan.design.leg, reach(plan.design.leg)
+    for k, joint in enumerate(plan.robot.joints):
+        region, angle = plan.region(joint), stance.q[:, BASE + k]
+        use = np.array(region.use(stance.v[:, BASE + k], stance.tau[:, k]))
+        shares[f"{joint} operating region"] = use.max(axis=0) > 1 - ACTIVE
+        margin = ACTIVE * (leg.joint[joint].upper - leg.joint[joint].lower)
+        near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)
+        shares[f"{joint} angle"] = near < margin
+    shares |= _active_at_the_ground(plan, stance)
+    for name in plan.design.hop.above_ground:
+        if name != "foot":
+            shares[f"{name} on the ground"] = stance.points[name][:, 1] < ACTIVE * size
+    (shortest, longest), lasted = plan.design.hop.stance_duration, plan.phases[STANCE].duration
+    shares["longest stance"] = lasted >= longest - ACTIVE * longest
+    shares["shortest stance"] = lasted <= shortest + ACTIVE * shortest
+    means = {name: _time_mean(stance, np.broadcast_to(active, stance.t.shape) + 0.0) for name, active in shares.items()}
+    return most_first({name: share for name, share in means.items() if share > 1e-3})
+
+
+def most_first(amounts: Mapping[str, float]) -> dict[str, float]:
+    """Sorted, the largest first."""
+    return dict(sorted(amounts.items(), key=lambda pair: -pair[1]))
+
+
+def own_active(solution: NlpSolution, own: Sequence[str]) -> dict[str, float]:
+    """Share of stance in which sides of constraints of one's own, by name, are active, at the nodes."""
+    t, b, shares = solution.transcription, solution.bounds, dict[str, float]()
+    h, weights = solution.phases[STANCE].lengths, t.layouts[STANCE].scheme.b
+    for rows in (r for r in t.rows if r.phase == STANCE and r.kind == "path" and r.name in own):
+        at, size = slice(rows.start, rows.stop), _own_range(t, rows)
+        for side, left in (("upper", b.high_g[at] - solution.g[at]), ("lower", solution.g[at] - b.low_g[at])):
+            active = (left < ACTIVE * size).reshape(len(h), len(weights), -1).any(axis=2)
+            shares[f"{rows.name} ({side})"] = float(h @ active @ weights / h.sum())
+    return {name: share for name, share in shares.items() if share > 1e-3}
+
+
+def _own_range(t: Transcription, rows: Rows) -> np.ndarray:
+    """What one per cent of a limit of one's own is of: the distance of its two sides, or the size of its only one."""
+    lower, upper = t.lbg[rows.start : rows.stop], t.ubg[rows.start : rows.stop]
+    both = np.isfinite(lower) & np.isfinite(upper)
+    one = np.abs(np.where(np.isfinite(upper), upper, lower))
+    return np.where(both, np.subtract(upper, lower, out=np.zeros_like(one), where=both), one)
+
+
+def _active_at_the_ground(plan: Solution, stance: Samples) -> dict[str, np.ndarray]:
+    """Where the ground's limits are active: it cannot pull, a loaded foot may not slip, the body may not descend."""
+    margin, friction = ACTIVE * force_range(plan.robot.model), plan.design.contact.friction
+    along, up = np.abs(stance.f[:, :-1]).max(axis=1) / steepness(stance.f.shape[1]), stance.f[:, -1]
+    active = {"ground cannot pull": up < margin}
+    if friction is not None:
+        active["friction cone"] = (along > friction * up - margin) & (up >= margin)
+    if not plan.design.hop.counter_movement:
+        active["body never descends"] = stance.v[:, 1] < ACTIVE * DESCENT_RANGE
+    return active
+
+
+def by_friction(solution: NlpSolution) -> np.ndarray:
+    """Change of each row of the friction cone with the coefficient [N], (places, sides)."""
+    rows = {r.name: r for r in solution.transcription.rows if r.phase == STANCE}
+    ground, sides = rows["ground force"], rows["friction cone"].labels
+    force = solution.g[ground.start : ground.stop] * ground.scale
+    return np.outer(force, np.full(len(sides), steepness(1 + len(sides) // 2)))
+
+
+def limit_gains(solution: NlpSolution, friction: float | None, own: Sequence[str] = ()) -> dict[str, float]:
+    """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers: more
+    of what is maximised, less of what is minimised. The friction cone's range is its coefficient; ``own``: the names of
+    constraints of one's own."""
+    t, gains, lam_g = solution.transcription, {}, of_limits(solution)
+    for rows in t.rows:
+        if rows.kind in ("path", "boundary") and rows.name.endswith(("operating region", "foot window")):
+            bound = np.abs(t.ubg[rows.start : rows.stop])
+            gains[rows.name] = gains.get(rows.name, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
+        elif rows.kind == "path" and rows.name in own:
+            for side, way in (("upper", 1.0), ("lower", -1.0)):
+                pushed = np.maximum(way * lam_g[rows.start : rows.stop], 0.0) @ _own_range(t, rows)
+                name = f"{rows.name} ({side})"
+                gains[name] = gains.get(name, 0.0) + 0.01 * float(pushed)
+        elif rows.name == "friction cone" and friction is not None:
+            lam = solution.lam_g[rows.start : rows.stop].reshape(-1, len(rows.labels)) / rows.scale
+            gains[rows.name] = -0.01 * friction * float((lam * by_friction(solution)).sum())
+    for name, where in t.variables.items():
+        phase = t.problem.phase(name)
+        gains[f"longest {name}"] = (
+            0.01
+            * phase.duration[1]
+            / t.scale[where.durations][0]
+            * float(np.maximum(solution.lam_x[where.durations], 0).sum())
+        )
+        q = next(s for s in phase.states if s.name == "q")
+        at = sum(s.size for s in phase.states[: phase.states.index(q)])
+        size = sum(s.size for s in phase.states)
+        lam = solution.lam_x[where.x].reshape(-1, size)[1:, at : at + q.size]  # the start itself is given
+        span = q.column("upper") - q.column("lower")
+        for k, joint in enumerate(q.labels):
+            gains[f"{joint} angle"] = gains.get(f"{joint} angle", 0.0) + 0.01 * float(
+                np.abs(lam[:, k]).sum() * span[k] / q.column("scale")[k]
+            )
+    return most_first({name: gain for name, gain in gains.items() if gain > 1e-6})
+
+
+def start_figures(outcomes: "Sequence[StartOutcome]", chosen: "StartOutcome") -> dict[str, Any]:
+    """How many starts ended where, on the first mesh."""
+    from hopopt.planner.multistart import distinct, same
+
+    ends: list[Mapping[str, Any]] = []
+    for optimum in distinct(outcomes):
+        members = [o.name for o in outcomes if o.success and same(o.objective, optimum.objective)]
+        ends.append({"objective": optimum.objective, "count": len(members), "starts": members})
+    return {
+        "count": len(outcomes),
+        "agreeing": sum(o.success and same(o.objective, chosen.objective) for o in outcomes),
+        "failed": [o.name for o in outcomes if not o.success],
+        "chosen": chosen.name,
+        "optima": ends,
+        "each": [
+            {
+                "name": o.name,
+                "status": o.status,
+                "objective": o.objective,
+                "iterations": o.iterations,
+                "seconds": o.seconds,
+            }
+            for o in outcomes
+        ],
+    }

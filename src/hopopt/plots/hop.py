@@ -1,0 +1,235 @@
+"""The figures of a solved hop, as matplotlib objects: the same headless and in notebooks."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hopopt.errors import ResultError
+from hopopt.leg.scales import weight
+from hopopt.ocp.constraints import steepness
+from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.ocp.landing import DESCENT
+from hopopt.planner.solution import Samples, Solution
+from hopopt.plots.stick import stick
+from hopopt.plots.style import (
+    BAND,
+    BLACK,
+    COLOR,
+    DPI,
+    GREEN,
+    GREY,
+    JOINT_COLORS,
+    JOINT_STYLES,
+    LIMIT,
+    PALE,
+    PLACES,
+    SIZE,
+    TEXT,
+    Motion,
+    by_phase,
+    describe,
+    headline,
+    height_arrow,
+    joined,
+    jumping_curve,
+    legend,
+    mark_lift_off,
+    motion_of,
+    solution_figure,
+)
+
+FORMATS = ("png", "svg")
+
+
+# ---- heights ---------------------------------------------------------------------------------------------
+
+
+def heights(solution: Solution) -> Figure:
+    """Heights [m] of foot, joints, body and centre of mass over time [s], with the height reached at the apex."""
+    figure = solution_figure(solution, "heights of the hop")
+    ax, motion = figure.subplots(), motion_of(solution)
+    t = joined(motion, lambda s: s.t)
+    for name, label, look in _height_curves(solution):
+        ax.plot(t, joined(motion, lambda s, name=name: s.points[name][:, 1]), label=label, **look)
+    ax.axhline(0, color=GREY, lw=3, zorder=1, label="ground")
+    mark_lift_off(ax, solution)
+    describe(ax, "time [s]", "height [m]")
+    _annotate_height(ax, solution)
+    legend(figure)
+    return figure
+
+
+def _height_curves(solution: Solution) -> Iterable[tuple[str, str, dict[str, Any]]]:
+    """Point, label and look of every curve."""
+    body, *joints = solution.robot.joints
+    yield "foot", "foot", {"color": BLACK, "lw": 3, "zorder": 3}
+    for k, name in enumerate(joints):
+        yield name, name, {"color": JOINT_COLORS[k % 3], "ls": JOINT_STYLES[k // 3 % 3], "lw": 2}
+    yield body, f"body ({body})", {"color": GREEN, "lw": 2}
+    yield "com", "centre of mass", {"color": GREY, "lw": 2, "ls": "--"}
+
+
+def _annotate_height(ax: Axes, solution: Solution) -> None:
+    """What the hop was made for [m], to the right of the last instant, where no curve is."""
+    end, top, (name, height) = solution.end, ax.get_ylim()[1], headline(solution)
+    ax.set(xlim=(0, 1.18 * end), ylim=(-0.05 * top, top))
+    ax.set_xticks([t for t in ax.get_xticks() if 0 <= t <= end])
+    height_arrow(ax, 1.02 * end, height)
+    y = max(0.5 * height, 0.08 * top)  # two lines of text stay above the ground
+    ax.text(1.035 * end, y, f"{name}\n{height:.3f} m", fontsize=TEXT, va="center")
+
+
+# ---- joints ----------------------------------------------------------------------------------------------
+
+
+def joints(solution: Solution) -> Figure:
+    """Angle [rad], speed [rad/s] and torque [N m] of every joint over time [s], with what they may be."""
+    names, motion = solution.robot.joints, motion_of(solution)
+    figure = solution_figure(solution, "joint angles, speeds and torques", (max(SIZE[0], 3.4 * len(names)), 7.2))
+    grid = figure.subplots(3, len(names), squeeze=False, sharex=True)
+    for k, name in enumerate(names):
+        _angle(grid[0, k], solution, motion, k)
+        by_phase(grid[1, k], motion, lambda s: s.t, lambda s, k=k: s.v[:, k - len(names)])
+        _torque(grid[2, k], solution, motion, k)
+        for ax, label in zip(grid[:, k], ("angle [rad]", "speed [rad/s]", "torque [N m]"), strict=True):
+            mark_lift_off(ax, solution)
+            describe(ax, "time [s]" if ax is grid[2, k] else "", label, name if ax is grid[0, k] else "")
+            ax.set_xlim(0, solution.end)
+    figure.align_ylabels(grid)
+    legend(figure)
+    return figure
+
+
+def _angle(ax: Axes, solution: Solution, motion: Motion, k: int) -> None:
+    """Angle [rad] of joint k and its limits."""
+    names = solution.robot.joints
+    limits = solution.design.leg.joint[names[k]]
+    for limit in (limits.lower, limits.upper):
+        ax.axhline(limit, label="angle limit", **LIMIT)
+    by_phase(ax, motion, lambda s: s.t, lambda s: s.q[:, k - len(names)])
+
+
+def _torque(ax: Axes, solution: Solution, motion: Motion, k: int) -> None:
+    """Torque [N m] of joint k over the band that its speed allows."""
+    names = solution.robot.joints
+    bounds = solution.region(names[k]).torque_bounds(joined(motion, lambda s: s.v[:, k - len(names)]))
+    t = joined(motion, lambda s: s.t)
+    ax.fill_between(t, *bounds, label="what the drive can give", **BAND)
+    for bound in bounds:
+        ax.plot(t, bound, color=GREY, lw=0.8, gid="torque bound")
+    by_phase(ax, motion, lambda s: s.t, lambda s: s.tau[:, k])
+
+
+# ---- operating region ------------------------------------------------------------------------------------
+
+
+def operating_region(solution: Solution) -> Figure:
+    """Each joint's way through its drive's admissible speeds [rad/s] and torques [N m]."""
+    names, motion = solution.robot.joints, motion_of(solution)
+    columns = min(len(names), 4)
+    rows = math.ceil(len(names) / columns)
+    figure = solution_figure(solution, "operating regions", (max(SIZE[0], 3.8 * columns), max(SIZE[1], 4.2 * rows)))
+    for k, name in enumerate(names):
+        ax = figure.add_subplot(rows, columns, k + 1)
+        ax.fill(*solution.region(name).corners().T, fc=PALE, ec=GREY, lw=1.2, label="what the drive can give")
+        by_phase(ax, motion, lambda s, k=k: s.v[:, k - len(names)], lambda s, k=k: s.tau[:, k])
+        _mark_instants(ax, motion, k, k - len(names), solution.end_of_flight)
+        describe(ax, "speed [rad/s]", "torque [N m]", name)
+    legend(figure)
+    return figure
+
+
+def _mark_instants(ax: Axes, motion: Motion, k: int, column: int, end: str) -> None:
+    """Start, lift-off (on both sides: the torque may jump), the ``end`` of flight and touchdown of joint k."""
+    for phase, row, marker, size, label in (
+        (STANCE, 0, "o", 9, "start"),
+        (STANCE, -1, "s", 9, "lift-off, end of stance"),
+        (FLIGHT, 0, "D", 8, "lift-off, start of flight"),
+        (FLIGHT, -1, "*", 15, end),
+        (DESCENT, -1, "v", 10, "touchdown"),
+    ):
+        if phase not in motion:
+            continue
+        s, look = motion[phase], {"mfc": COLOR[phase], "mec": BLACK, "ms": size, "zorder": 4}
+        ax.plot(s.v[row, column], s.tau[row, k], marker, label=label, **look)
+
+
+# ---- ground force ----------------------------------------------------------------------------------------
+
+
+def ground_force(solution: Solution) -> Figure:
+    """Contact force [N] of the ground on the foot in stance, with the leg's weight and the peak."""
+    s = solution.everywhere(STANCE, PLACES)
+    largest = float(np.linalg.norm(s.f, axis=1).max())
+    figure = solution_figure(solution, f"ground force in stance, at most {largest:.0f} N")
+    ax, heavy, friction = figure.subplots(), weight(solution.robot.model), solution.design.contact.friction
+    if friction is not None:
+        band = friction * steepness(s.f.shape[1]) * np.maximum(s.f[:, -1], 0.0)
+        ax.fill_between(s.t, -band, band, label="horizontal force that friction can hold", **BAND)
+    ax.axhline(heavy, color=GREY, lw=1.5, ls="--", label=f"weight, {heavy:.0f} N")
+    jumping_curve(ax, s.t, s.t, s.f[:, -1], color=COLOR[STANCE], lw=2.5, label="vertical")
+    jumping_curve(ax, s.t, s.t, s.f[:, 0], color=JOINT_COLORS[0], lw=2, label="horizontal (forward +)")
+    if s.f.shape[1] > 2:
+        jumping_curve(ax, s.t, s.t, s.f[:, 1], color=JOINT_COLORS[2], lw=2, label="sideways (left +)")
+    mark_lift_off(ax, solution)
+    describe(ax, "time [s]", "force [N]")
+    _annotate_peak(ax, solution, s, max(heavy, float(s.f.max())))
+    legend(figure)
+    return figure
+
+
+def _annotate_peak(ax: Axes, solution: Solution, s: Samples, highest: float) -> None:
+    """The largest vertical force [N], written above everything drawn, and what thin lines are."""
+    k = int(s.f[:, -1].argmax())
+    t, peak = float(s.t[k]), float(s.f[k, -1])
+    lowest = min(0.0, float(s.f.min()))
+    span = highest - lowest
+    ax.set(xlim=(0, 1.02 * solution.lift_off), ylim=(lowest - 0.05 * span, highest + 0.18 * span))
+    ax.plot(t, peak, "o", color=COLOR[STANCE], ms=8, zorder=4)
+    side = {"x": min(max(t, 0.12 * solution.lift_off), 0.88 * solution.lift_off), "y": highest + 0.1 * span}
+    look = {"arrowstyle": "-", "color": GREY, "shrinkB": 5}
+    ax.plot([], [], color=COLOR[STANCE], lw=0.6, label="jump at a switch")
+    ax.annotate(
+        f"vertical peak {peak:.0f} N", (t, peak), (side["x"], side["y"]), fontsize=TEXT, ha="center", arrowprops=look
+    )
+
+
+FIGURES: dict[str, Callable[[Solution], Figure]] = {
+    "heights": heights,
+    "joints": joints,
+    "operating_region": operating_region,
+    "stick": stick,
+    "ground_force": ground_force,
+}
+
+
+def save_all(solution: Solution, folder: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
+    """Write every figure in every format to a folder, which is made if need be; the files written.
+
+    Raises ResultError, naming the figures that failed and why, when the others are written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    paths, faults = [], []
+    for name, draw in FIGURES.items():
+        try:
+            paths += save_figure(draw(solution), folder / name, formats)
+        except Exception as error:  # whatever is wrong with one figure, the others are drawn
+            faults.append(f"{name}: {type(error).__name__}: {error}")
+    if faults:
+        raise ResultError("; ".join(faults))
+    return paths
+
+
+def save_figure(figure: Figure, path: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
+    """Write a figure to ``path`` with the ending of each format; the files written."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine(None)  # the layout costs most and is the same for every format
+    paths = [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
+    for file in paths:
+        figure.savefig(file, dpi=DPI)
+    return paths

@@ -1,0 +1,51 @@
+"""The figure of a Pareto front: what a clearance costs at least, with the highest hop (whose cost is what it happens
+to be) and the points that failed marked."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from hopopt.plots.style import BLACK, COLOR, DPI, GREEN, describe, legend, new_figure
+
+if TYPE_CHECKING:
+    from hopopt.studies.pareto import Front
+
+BLUE, ORANGE = list(COLOR.values())[:2]
+HIGHEST = "highest, with what it happens to cost"
+
+
+def figure(front: "Front") -> Figure:
+    """The other objective [its unit] over the clearance [m]."""
+    name, unit = front.against.name.replace("_", " "), front.against.unit
+    picture = new_figure(f"{front.design.name}: clearance against {name}")
+    ax, good = picture.subplots(), [(p.clearance_m or 0.0, p.value or 0.0) for p in front.verified]
+    ax.plot(
+        [x for x, _ in good],
+        [y for _, y in good],
+        "o--",
+        color=BLUE,
+        lw=1.2,
+        ms=8,
+        clip_on=False,
+        label="verified hops (joined to guide the eye)",
+    )
+    ends = [p for p in front.verified if p.least][:1], [p for p in front.verified if not p.least]
+    for point, label, marker, color in zip(ends, ("least", HIGHEST), "s*", (ORANGE, GREEN), strict=True):
+        for x, y in ((p.clearance_m or 0.0, p.value or 0.0) for p in point):
+            text = f"{label}: {y:.4g}{'' if unit == '1' else f' {unit}'} at {x:.3f} m"
+            ax.plot(x, y, marker, color=color, ms=14, mec=BLACK, label=text, zorder=4, clip_on=False)
+    for p in front.points:
+        if not p.verified:
+            ax.axvline(p.asked_m, color=BLACK, lw=1.5, ls=":", label="no verified hop at this clearance")
+    describe(ax, "clearance [m]", f"{name} [{unit}]" if unit != "1" else name)
+    ax.set_ylim(bottom=0)
+    legend(picture)
+    return picture
+
+
+def save(front: "Front", folder: Path) -> None:
+    """The figure as PNG and SVG."""
+    folder.mkdir(exist_ok=True)
+    for kind in ("png", "svg"):
+        figure(front).savefig(folder / f"front.{kind}", dpi=DPI)

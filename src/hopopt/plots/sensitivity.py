@@ -1,0 +1,57 @@
+"""What to change first, as a tornado: a bar for each entry, the longest on top."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hopopt.planner.solution import Solution
+from hopopt.plots.hop import FORMATS, save_figure
+from hopopt.plots.style import BLACK, SMALL, describe, headline, legend, solution_figure
+from hopopt.studies.sensitivity import CM, PERCENT, Influence
+
+BARS = 18
+LEAST = 2e-3  # share of the longest bar, below which one is not drawn
+COLORS = {"the leg": "#0072B2", "one joint's part of it": "#56B4E9", "what the hop is asked to be": "#E69F00"}
+
+
+def tornado(solution: Solution, influences: Sequence[Influence]) -> Figure:
+    """What 1 % more of each entry changes in the height [cm], the largest on top; diamonds: solved again."""
+    least = LEAST * max((abs(i.cm_per_percent) for i in influences), default=0.0)
+    shown = [i for i in influences if abs(i.cm_per_percent) > least][:BARS]
+    what, height = headline(solution)
+    figure = solution_figure(
+        solution, f"what 1 % more changes of {height:.3f} m {what}", (11.0, 2.4 + 0.36 * len(shown))
+    )
+    ax = figure.subplots()
+    for row, i in enumerate(shown):
+        _bar(ax, row, i)
+    ax.axvline(0, color=BLACK, lw=1.2)
+    describe(ax, f"change of the {what} [cm] for 1 % more of the entry", "")
+    ax.set_yticks(range(len(shown)), [f"{i.name} = {i.value:g} {i.unit}".removesuffix(" 1") for i in shown])
+    ax.set_ylim(len(shown) - 0.4, -0.6)
+    ax.margins(x=0.14)
+    ax.grid(False, axis="y")
+    legend(figure)
+    return figure
+
+
+def _bar(ax: Axes, row: int, i: Influence) -> None:
+    kind = "one joint's part of it" if i.part_of else ("the leg" if i.of_leg else "what the hop is asked to be")
+    ax.barh(row, i.cm_per_percent, 0.5 if i.part_of else 0.74, label=kind, color=COLORS[kind])
+    side = 1 if i.cm_per_percent > 0 else -1
+    ax.annotate(
+        f"{i.cm_per_percent:+#.2g}".rstrip("."), (i.cm_per_percent, row), xytext=(9 * side, 0), textcoords="offset points",
+        ha="left" if side > 0 else "right", va="center", fontsize=SMALL,
+    )  # fmt: skip
+    if i.difference is not None and not i.difference.fault:
+        gained = CM * PERCENT * i.value * i.difference.central
+        ax.plot(gained, row, "D", ms=6, mfc="white", mec=BLACK, label="solved again, a little more and less", zorder=4)
+
+
+def save_all(
+    solution: Solution, influences: Sequence[Influence], folder: Path, formats: Sequence[str] = FORMATS
+) -> list[Path]:
+    """Write the figure in every format to a folder; the files written."""
+    return save_figure(tornado(solution, influences), folder / "tornado", formats)

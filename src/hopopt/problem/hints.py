@@ -1,0 +1,103 @@
+"""Values that a problem may have but that are probably slips: a unit, a decimal point, a zero for "none".
+
+Nothing here refuses a problem. Each hint is a sentence; it is shown before a solve, and beside whatever came of it.
+"""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from hopopt.design import Design, Leg
+from hopopt.fields import LOOKALIKES
+from hopopt.leg.kinematics import reach
+
+FASTEST, SLOWEST = 2700.0, 0.5  # rad/s: no-load speed of small motors at 26 000 rpm, of a joint
+FURTHEST = 1.1 * np.pi  # rad: a joint turned by more than half a turn either way
+HEAVY = 3.0  # masses of the body in one link
+DENSE = 500.0  # kg / m^3, mass of body and leg over the cube of the leg's reach; robots and animals have 10 to 100
+SLIPPERY = 0.05  # less than ice
+SHORT = 0.01  # s, of the longest stance
+
+
+def hints(design: Design) -> list[str]:
+    """A sentence for each value that is probably not meant as it stands."""
+    leg = design.leg
+    found = [*_motors(leg), *_ranges(leg), *_links(leg), *_whole(design)]
+    return list(dict.fromkeys(f"hint: {words}" for words in found))
+
+
+def _motors(leg: Leg) -> Iterator[str]:
+    most = _mass(leg) * reach(leg) ** 2
+    for joint, (path, speed, ratio) in _drives(leg, "max_speed"):
+        if speed > FASTEST:
+            yield f"{path} = {speed:g} rad/s is {speed * 30 / np.pi:.0f} rpm{_meant(speed, 'rad/s', 'rpm')}"
+        if speed / ratio < SLOWEST:
+            yield (
+                f"{path} = {speed:g} rad/s behind a gear of {ratio:g} turns the {joint} at {speed / ratio:.2g} rad/s at most: "
+                "the motor's own speed is needed, in rad/s"
+            )
+    for joint, (path, rotor, ratio) in _drives(leg, "rotor_inertia"):
+        if ratio**2 * rotor > most:
+            yield (
+                f"{path} = {rotor:g} kg m^2 is {ratio**2 * rotor:.3g} kg m^2 at the {joint} behind its gear of {ratio:g}, "
+                f"more than the whole machine on the end of the leg has ({most:.3g} kg m^2): 1 g cm^2 is 1e-7 kg m^2"
+            )
+
+
+def _drives(leg: Leg, entry: str) -> Iterable[tuple[str, tuple[str, float, float]]]:
+    """(joint, (path of the motor's entry, its value, gear ratio)), each path once."""
+    found = {}
+    for joint in leg.joints:
+        (path, value), (_, ratio) = leg.drive(joint, "motor", entry), leg.drive(joint, "gear", "ratio")
+        found.setdefault(path, (joint, (path, value or 0.0, ratio)))
+    return found.values()
+
+
+def _ranges(leg: Leg) -> Iterator[str]:
+    for name in leg.joints:
+        for side in ("lower", "upper"):
+            value = getattr(leg.joint[name], side)
+            if abs(value) > FURTHEST:
+                words = f"is {np.degrees(value):.0f} degrees{_meant(value, 'rad', 'degrees')}"
+                yield f"leg.{name}.{side} = {value:g} rad {words}"
+
+
+def _links(leg: Leg) -> Iterator[str]:
+    for name in leg.links:
+        link = leg.link[name]
+        if link.mass > HEAVY * leg.body.mass:
+            times = link.mass / leg.body.mass
+            yield (
+                f"leg.{name}.mass = {link.mass:g} kg is {times:.3g} times leg.body.mass = {leg.body.mass:g} kg"
+                f"{_meant(link.mass, 'kg', 'grams')}"
+            )
+        if link.inertia is not None and link.inertia > link.mass * link.length**2:
+            yield (
+                f"leg.{name}.inertia = {link.inertia:g} kg m^2 is more than all its mass has at the length of the link "
+                f"({link.mass * link.length**2:.3g} kg m^2){_meant(link.inertia, 'kg m^2', 'kg cm^2')}"
+            )
+
+
+def _whole(design: Design) -> Iterator[str]:
+    leg, friction, (_, longest) = design.leg, design.contact.friction, design.hop.stance_duration
+    mass, size = _mass(leg), reach(leg)
+    if mass > DENSE * size**3:
+        yield (
+            f"leg.body.mass = {leg.body.mass:g} kg on a leg that reaches {size:.3g} m: is it in kg, and are the lengths in m?"
+        )
+    if friction is not None and friction < SLIPPERY:
+        yield (
+            f"contact.friction = {friction:g} is slipperier than ice (0.05): leave the line out for a foot that never slips, "
+            "or give 0.5 to 1 for rubber on a floor"
+        )
+    if longest < SHORT:
+        yield f"hop.stance_duration allows {longest:g} s at most: a push-off takes 0.05 to 0.5 s"
+
+
+def _mass(leg: Leg) -> float:
+    return leg.body.mass + sum(leg.link[name].mass for name in leg.links)
+
+
+def _meant(value: float, unit: str, other: str) -> str:
+    si = dict(LOOKALIKES[unit])[other]
+    return f"; if {other} were meant, write {value * si:.4g}"

@@ -1,0 +1,110 @@
+"""A design as text: the resolved problem file, its table of entries, its hash, and values as a file writes them."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pydantic import BaseModel
+
+from hopopt.design import Design
+
+
+@dataclass(frozen=True)
+class Row:
+    """One entry of a problem: its path, its value (None: not set) in ``unit``, what it means."""
+
+    path: str
+    value: Any
+    unit: str
+    meaning: str
+
+
+def rows(design: Design) -> list[Row]:
+    """Every entry of the problem with the value it has, in the order of the file."""
+    found = list(_rows("", design))
+    return sorted(found, key=lambda row: "." in row.path)  # TOML wants the top entries before the tables
+
+
+def as_json(design: Design) -> dict[str, dict[str, Any]]:
+    """{path: {"value", "unit", "meaning"}} of every entry."""
+    return {row.path: {k: v for k, v in asdict(row).items() if k != "path"} for row in rows(design)}
+
+
+def resolved_toml(design: Design) -> str:
+    """The problem with all defaults filled in, as a file that ``load`` reads back to an equal design."""
+    notes = {row.path: f"[{row.unit}] {row.meaning}" if row.unit else row.meaning for row in rows(design)}
+    head = "# All entries of this problem, defaults included; entries that are not set are left out. SI units.\n\n"
+    return head + _toml(design.model_dump(exclude_none=True), notes)
+
+
+def design_hash(design: Design) -> str:
+    """8 hexadecimal digits that change with every entry but the title."""
+    text = _toml(design.model_dump(exclude_none=True, exclude={"title"}), {})
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML writes it; TypeError if a problem file cannot hold it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
+    raise TypeError(f"{type(value).__name__} has no place in a problem file")
+
+
+def shown(value: Any, width: int = 60) -> str:
+    """A value in a sentence: as the file has it, shortened, safe to print whatever it is."""
+    if isinstance(value, Mapping):
+        return "a table"
+    try:
+        text = toml_value(value)
+    except TypeError:
+        text = f"(a {type(value).__name__})"  # TOML's dates and times
+    except ValueError:
+        text = "(a very long number)"  # thousands of digits, which Python does not print
+    text = printable(text)
+    return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def printable(text: str) -> str:
+    """``text`` with control characters and the like escaped, so that no file can command a terminal."""
+    return "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text)
+
+
+def shown_path(path: str) -> str:
+    """A key path in a sentence, quoted only if it has to be."""
+    return path if re.fullmatch(r"[A-Za-z0-9_./\[\]-]{1,200}", path) else shown(path)
+
+
+def _rows(path: str, section: BaseModel) -> Iterator[Row]:
+    for name, info in type(section).model_fields.items():
+        value, extra = getattr(section, name), info.json_schema_extra
+        here = f"{path}.{name}" if path else name
+        if isinstance(value, BaseModel):
+            yield from _rows(here, value)
+        elif isinstance(value, dict):  # leg.joint and leg.link: their tables sit in [leg] itself
+            for key, item in value.items():
+                yield from _rows(f"{path}.{key}", item)
+        elif value is not None or not (name in ("motor", "gear") or "Overrides" in type(section).__name__):
+            unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+            yield Row(here, value, unit, info.description or "")
+
+
+def _toml(table: Mapping[str, Any], notes: Mapping[str, str], path: str = "") -> str:
+    """A table and all within it; ``notes`` become comments."""
+    lines, tables = [], []
+    for key, value in table.items():
+        here = f"{path}.{key}" if path else key
+        if isinstance(value, Mapping):
+            tables.append(f"\n[{here}]\n" + _toml(value, notes, here))
+        else:
+            entry = f"{key} = {toml_value(value)}"
+            lines.append(f"{entry:<33} # {notes[here]}\n" if here in notes else f"{entry}\n")
+    return "".join([*lines, *tables])

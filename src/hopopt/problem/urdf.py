@@ -1,0 +1,201 @@
+"""``leg.urdf`` in a problem: the leg's tables filled from a robot's URDF, what the file itself states on top.
+
+The file is read once, where the problem is; everything behind sees numbers only, and so does a stored result.
+"""
+
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hopopt.leg.urdf_xml import MAX_BYTES
+from hopopt.problem.render import shown, shown_path
+
+if TYPE_CHECKING:
+    from hopopt.problem.check import Report
+
+ENTRIES = ("urdf", "foot_frame", "locked")  # of [leg], besides what a leg without a URDF has
+ROBOTS = "example-robot-data"  # package of public robots; a path that begins with its name lies in it
+ROBOTS_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
+
+
+def located(layer: Mapping[str, Any], folder: Path, label: str, report: "Report") -> dict[str, Any]:
+    """The layer of a problem file in ``folder`` with leg.urdf as a path from where we are; faults are reported."""
+    leg = layer.get("leg")
+    name = leg.get("urdf") if isinstance(leg, Mapping) else None
+    if not isinstance(leg, Mapping) or not isinstance(name, str):
+        return dict(layer)
+    where = f"{label}: leg.urdf = {shown(name)}"
+    if name.startswith(f"{ROBOTS}/"):
+        inside, folder = name.removeprefix(f"{ROBOTS}/"), _robots() or Path()
+    else:
+        inside = name
+    try:
+        found = (folder / inside).resolve()
+    except (OSError, ValueError):  # a null byte, a loop of links
+        report.unusable(f"{where} is not the path of a file")
+        return dict(layer)
+    if folder == Path() and name.startswith(f"{ROBOTS}/"):
+        report.unusable(f'{where} is in the package {ROBOTS}, which is not installed: pip install "hopopt[robots]"')
+    elif os.path.isabs(inside) or not found.is_relative_to(folder.resolve()):
+        report.unusable(f"{where} leads out of the folder of the problem: put the URDF beside it, or below")
+    elif not found.is_file():
+        report.unusable(f"{where}: there is no such file{_beside(found)}")
+    return {**layer, "leg": {**leg, "urdf": str(found)}}
+
+
+def _robots() -> Path | None:
+    """Folder of the package of public robots, if it is installed."""
+    try:
+        folder = Path(str(distribution(ROBOTS).locate_file(ROBOTS_FOLDER)))
+    except PackageNotFoundError:
+        return None
+    return folder if folder.is_dir() else None
+
+
+def _beside(path: Path) -> str:
+    names = sorted(p.name for p in path.parent.glob("*.urdf"))[:12] if path.parent.is_dir() else []
+    return f"; there is {', '.join(map(shown_path, names))}" if names else ""
+
+
+def with_leg(data: dict[str, Any], report: "Report") -> dict[str, Any]:
+    """The problem with the leg of its URDF, if it names one; faults are reported."""
+    leg = data.get("leg")
+    if not isinstance(leg, dict):
+        return data
+    given = {name: leg[name] for name in ENTRIES if name in leg}
+    rest = {name: value for name, value in leg.items() if name not in ENTRIES}
+    if "urdf" not in given:
+        for name in given:
+            report.add(f"leg.{name}", "has a meaning only beside leg.urdf: give the URDF too, or take it out")
+        return {**data, "leg": rest}
+    if not _usable(given, rest, report):
+        return {**data, "leg": rest}
+    from hopopt.leg.urdf import read_leg
+    from hopopt.leg.urdf_xml import UrdfError
+
+    path = Path(given["urdf"])
+    try:
+        found = read_leg(_read(path), rest["joints"], given["foot_frame"], given.get("locked", {}))
+    except OSError as error:
+        report.unusable(f"{shown_path(path.name)} cannot be read: {error.strerror}")
+    except UrdfError as error:
+        report.unusable(f"{shown_path(path.name)} {error}")
+    else:
+        tables = _tables(found, rest, report)
+        report.urdf = path.name
+        report.origins = dict.fromkeys(_entries(tables, "leg"), path.name) | report.origins
+        return {**data, "leg": _merged(tables, rest)}
+    return {**data, "leg": rest}
+
+
+def _entries(tables: Mapping[str, Any], path: str) -> Iterator[str]:
+    """Paths of all entries of nested tables."""
+    for name, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from _entries(value, f"{path}.{name}")
+        else:
+            yield f"{path}.{name}"
+
+
+def _read(path: Path) -> bytes:
+    """The file, or one byte more than a URDF may have; OSError if it is no file."""
+    if not path.is_file():
+        raise OSError(0, "it is not a file")
+    with path.open("rb") as file:
+        return file.read(MAX_BYTES + 1)
+
+
+def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: "Report") -> bool:
+    """Whether the entries say what to read; if not, that is reported."""
+    joints, foot, locked = leg.get("joints"), given.get("foot_frame"), given.get("locked", {})
+    if not isinstance(given["urdf"], str):
+        report.add("leg.urdf", f"= {shown(given['urdf'])} is not allowed: the path of a URDF in quotes is needed")
+    elif not isinstance(joints, tuple) or not joints or not all(isinstance(name, str) for name in joints):
+        report.add("leg.joints", "has to name the joints of the URDF that move, from the body to the foot")
+    elif not isinstance(foot, str):
+        report.add("leg.foot_frame", "has to name the link of the URDF whose origin touches the ground")
+    elif not isinstance(locked, Mapping) or not all(_is_angle(value) for value in locked.values()):
+        report.add(
+            "leg.locked", "takes names of joints with the angle [rad] they are held at: locked = {hip_yaw = 0.0}"
+        )
+    else:
+        return True
+    report.unreadable = True  # what is missing then would only be said again
+    return False
+
+
+def _is_angle(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e3
+
+
+def _tables(found: Any, leg: Mapping[str, Any], report: "Report") -> dict[str, Any]:
+    """Tables of the leg as a problem file has them."""
+    links, tables = [], {}
+    for item in found.links:
+        name = _name(item.link, (*leg["joints"], *links))
+        links.append(name)
+        limits = {"lower": item.lower, "upper": item.upper}
+        tables[item.joint] = {k: v for k, v in limits.items() if math.isfinite(v)} | {"axis": item.axis}
+        length = math.hypot(*item.vector)
+        tables[name] = {
+            "length": length, "direction": tuple(x / (length or 1.0) for x in item.vector), "mass": item.mass,
+            "com_position": item.com, "inertia_tensor": item.inertia,
+        }  # fmt: skip
+    body = {"links": tuple(links), "body": {"mass": found.body_mass}, "gear": {"ratio": 1.0}}
+    return _merged(body | tables, {} if "motor" in leg else _drives(found, leg, report))
+
+
+def _name(link: str, taken: tuple[str, ...]) -> str:
+    """The link's name as a problem file may have it, unlike all others."""
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", link)[:32]
+    others = (f"{name[:24]}_link{number}" for number in ("", *range(2, len(taken) + 2)))
+    return next(candidate for candidate in (name, *others) if candidate not in taken)
+
+
+def _drives(found: Any, leg: Mapping[str, Any], report: "Report") -> dict[str, Any]:
+    """Motors from effort and velocity, taken for torque at standstill and speed at no torque: the conservative
+    reading, for the region then lies inside both limits. Joints without are reported."""
+    drives: dict[str, Any] = {}
+    for item in found.links:
+        own = leg.get(item.joint)
+        ratio = next((t["ratio"] for t in _gears(own, leg) if _is_ratio(t.get("ratio"))), 1.0)
+        values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
+        stated = {k: v for k, v in values.items() if math.isfinite(v)}
+        given = own.get("motor", {}) if isinstance(own, Mapping) else {}
+        drives[item.joint] = {"motor": stated}
+        if isinstance(given, Mapping) and not values.keys() <= stated.keys() | given.keys():
+            report.add(
+                f"leg.{item.joint}.motor",
+                f"is missing, and the URDF states no usable effort and velocity of {shown_path(item.joint)}: add it, or "
+                "[leg.motor] for all joints",
+            )
+            report.unreadable = True  # what is missing then would only be said again
+    common = next((d["motor"] for d in drives.values() if len(d["motor"]) == 2), None)
+    return {"motor": common, **drives} if common else drives
+
+
+def _is_ratio(value: Any) -> bool:
+    return _is_angle(value) and value > 0
+
+
+def _gears(own: Any, leg: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    tables = [own.get("gear") if isinstance(own, Mapping) else None, leg.get("gear")]
+    return [table for table in tables if isinstance(table, Mapping)]
+
+
+def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """``over`` laid over ``base``, table by table; a link's own com or inertia takes the URDF's away."""
+    result = dict(base)
+    for key, value in over.items():
+        old = result.get(key)
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            replaced = {"com": "com_position", "inertia": "inertia_tensor"}
+            gone = [there for here, there in replaced.items() if here in value]
+            result[key] = _merged({k: v for k, v in old.items() if k not in gone}, value)
+        else:
+            result[key] = value
+    return result

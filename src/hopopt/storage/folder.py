@@ -1,0 +1,72 @@
+"""Folders of results and the JSON in them: what every kind of result has in common."""
+
+import json
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hopopt.errors import ResultError
+from hopopt.problem.render import printable
+
+
+def prepare(results: Path) -> None:
+    """Make sure that results can be written, before the work; ResultError if not."""
+    try:
+        new = not results.exists()
+        results.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=results):
+            pass
+        if new:
+            results.rmdir()  # nothing is left behind if nothing is solved
+    except OSError as error:
+        raise ResultError(
+            f"{results}: results cannot be written ({reason_of(error)}): choose another folder"
+        ) from error
+
+
+def reason_of(error: BaseException) -> str:
+    """Why something failed, on one line of at most 200 characters."""
+    words = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return printable(" ".join((words or type(error).__name__).split()))[:200]
+
+
+def unused(folder: Path) -> Path:
+    """The folder, or the first of folder-2, folder-3, … that does not exist."""
+    candidate, number = folder, 2
+    while candidate.exists():
+        candidate, number = folder.with_name(f"{folder.name}-{number}"), number + 1
+    return candidate
+
+
+def write_json(data: Mapping[str, Any], path: Path) -> None:
+    """Write a mapping as a JSON file (infinities become null)."""
+    path.write_text(json.dumps(_finite(data), indent=2) + "\n", encoding="utf-8")
+
+
+def as_json(summary: Mapping[str, Any]) -> str:
+    """A summary as one JSON object (infinities become null)."""
+    return json.dumps(_finite(summary))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+@contextmanager
+def fitting(folder: Path | None) -> Iterator[None]:
+    """ResultError in a sentence for whatever stored files that are incomplete or do not belong together lead to."""
+    try:
+        yield
+    except (KeyError, ValueError, IndexError, TypeError, AttributeError, StopIteration, RuntimeError) as error:
+        raise ResultError(
+            f"{folder}: the result is incomplete or its files do not fit together "
+            f"({type(error).__name__}: {str(error)[:200]}): solve it again"
+        ) from error

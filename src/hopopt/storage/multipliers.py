@@ -1,0 +1,35 @@
+"""Costates, Hamiltonian and multipliers in a result's netCDF file: groups certificate/<phase> and certificate/ends.
+
+Signs and units: docs/certificate.md. Every multiplier is the objective's derivative by what it belongs to.
+"""
+
+from collections.abc import Mapping
+
+from hopopt.planner.solution import Multipliers
+from hopopt.storage.netcdf import Group
+
+GROUP = "certificate"
+LAYOUT = {  # dimensions and meaning of every array
+    "costate": (("edge", "state"), "derivative of the objective by the state, at the interval edges"),
+    "hamiltonian": (("interval",), "Hamiltonian, mean of each interval [objective's unit per second]"),
+    "limit_multiplier": (("interval", "abscissa", "limit"), "derivative by the limit, per second, at the abscissae"),
+    "limit_at_end": (("limit",), "derivative by the limit at the end of the phase: an atom"),
+    "multiplier": (("constraint",), "derivative by the boundary constraint's bound"),
+}
+LABELS = ("state", "limit", "constraint")
+
+
+def groups(kept: Mapping[str, Multipliers]) -> dict[str, Group]:
+    """A group for each phase and for the ends, by its path in the file."""
+    return {f"{GROUP}/{name}": _group(arrays) for name, arrays in kept.items()}
+
+
+def _group(arrays: Multipliers) -> Group:
+    variables = {n: (d, arrays[n], {"long_name": text}) for n, (d, text) in LAYOUT.items() if n in arrays}
+    return Group(variables | {name: ((name,), arrays[name], {}) for name in LABELS if name in arrays})
+
+
+def multipliers(stored: Mapping[str, Group]) -> dict[str, Multipliers]:
+    """What ``groups`` wrote; nothing if the file has no such groups."""
+    own = {path.removeprefix(f"{GROUP}/"): group for path, group in stored.items() if path.startswith(f"{GROUP}/")}
+    return {path: {name: group[name] for name in group.variables} for path, group in own.items()}

@@ -1,0 +1,92 @@
+"""Folders of simulated runs: written whole or not at all, never overwritten, like those of solutions.
+
+results/<problem>-<what>-<hash8>/
+    runs.nc        netCDF: a group for each run, with units        comparison.json, simulation.json, sensitivity.json
+    problem.toml   all defaults filled in                          figures/       PNG and SVG
+"""
+
+import hashlib
+import logging
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from hopopt.design import Design
+from hopopt.errors import ResultError
+from hopopt.problem.load import design_hash, resolved_toml
+from hopopt.sim.trace import Trace
+from hopopt.storage.folder import reason_of, unused, write_json
+
+UNITS = {"q": "m or rad", "v": "m/s or rad/s", "command": "N m", "motor": "N m", "tau": "N m", "f": "N", "work": "J"}
+DIMENSIONS = {"q": "coordinate", "v": "coordinate", "command": "joint", "motor": "joint", "tau": "joint"}
+DIMENSIONS |= {"f": "direction", "work": "account"}
+
+
+def save_runs(
+    what: str,
+    design: Design,
+    data: Mapping[str, Any],
+    traces: Mapping[str, Trace],
+    results: Path,
+    figures: Callable[[Path], Any] | None = None,
+) -> Path:
+    """Write runs into a new folder below ``results``, the folder; ResultError if it cannot be written.
+
+    The figures come last, when the data are safe: those that fail are logged, nothing else.
+    """
+    folder = _save_data(what, design, data, traces, results)
+    if figures is not None:
+        try:
+            (folder / "figures").mkdir()
+            figures(folder / "figures")
+        except (Exception, KeyboardInterrupt) as error:  # the data are what took the time
+            words = f"figures are missing ({reason_of(error)}); the data in {folder} are complete"
+            logging.getLogger(__name__).warning(words)
+    return folder
+
+
+def _save_data(what: str, design: Design, data: Mapping[str, Any], traces: Mapping[str, Trace], results: Path) -> Path:
+    work = None
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
+        write_json(data, work / f"{what}.json")
+        (work / "problem.toml").write_text(resolved_toml(design), encoding="utf-8")
+        if traces:  # a study of the optimum itself has none
+            (work / "runs.nc").write_bytes(_netcdf(design, traces))
+        os.chmod(work, 0o755)
+        key = hashlib.sha256(f"{design_hash(design)} {sorted(traces)}".encode()).hexdigest()[:8]
+        return work.rename(unused(results / f"{design.name}-{what}-{key}"))
+    except BaseException as error:
+        if work is not None:
+            shutil.rmtree(work, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise ResultError(f"{results}: the runs cannot be written ({reason_of(error)})") from error
+        raise
+
+
+def _netcdf(design: Design, traces: Mapping[str, Trace]) -> Any:
+    groups = {"/": xr.Dataset(attrs={"problem": design.name})}
+    groups |= {f"/{name.replace(':', '.')}": _dataset(trace) for name, trace in traces.items()}
+    return xr.DataTree.from_dict(groups).to_netcdf(engine="h5netcdf")
+
+
+def _dataset(trace: Trace) -> xr.Dataset:
+    variables: dict[str, Any] = {
+        name: (("sample", DIMENSIONS[name]), getattr(trace, name), {"units": unit}) for name, unit in UNITS.items()
+    }
+    variables["t"] = ("sample", trace.t, {"units": "s"})
+    variables["contact"] = ("sample", trace.contact.astype(np.int8), {"long_name": "1: foot on the ground"})
+    variables["event_t"] = ("event", np.array([e.t for e in trace.events]), {"units": "s"})
+    kinds = np.array([e.kind == "lift-off" for e in trace.events], dtype=np.int8)
+    variables["event_kind"] = ("event", kinds, {"long_name": "1: lift-off, 0: touchdown"})
+    joints = list(trace.robot.joints)
+    coordinates = {"coordinate": ["x", "z", *joints], "joint": joints, "direction": ["x", "z"]}
+    coordinates["account"] = ["motors", "gears", "stops"]
+    return xr.Dataset(variables, coords=coordinates, attrs={"outcome": trace.outcome})

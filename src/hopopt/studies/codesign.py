@@ -1,0 +1,233 @@
+"""Co-design: the hop and the leg's own numbers optimised together, then confirmed on the leg that comes out.
+
+The free parameters are variables of the same nonlinear program. Its optimum is not what is stated: the design with the
+optimal numbers is solved and verified as any other problem, from its own starts and from the co-design's motion, and
+must reach the same objective.
+"""
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hopopt.design import Design, Leg, physical_parameters
+from hopopt.errors import ProblemFileError, UsageError
+from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.ocp.custom import custom
+from hopopt.ocp.free_parameters import Coupling, Freedom, parse_coupling
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.objectives import given
+from hopopt.optimality.parametric_sensitivity import slopes
+from hopopt.planner.multistart import Progress, contenders, first_transcription, not_solved, outcome_of, run_starts
+from hopopt.planner.refine_and_verify import finish, refine_outcome
+from hopopt.planner.required_clearance import from_highest
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import best_of
+from hopopt.planner.stopwatch import Stopwatch
+from hopopt.problem.load import changed
+from hopopt.problem.render import rows
+from hopopt.problem.wording import did_you_mean
+from hopopt.storage.recheck import CONFIRMED, co_design_checks
+from hopopt.studies.mass_coupling import asks_catalogue, beyond, catalogue_coupling, laws
+
+AT_BOUND = 1e-6  # share of its range within which a parameter sits on a bound
+
+
+def codesign(
+    design: Design,
+    free: Mapping[str, tuple[float, float]],
+    objective: Any = "clearance",
+    *,
+    couple: Sequence[str] = (),
+    constraints: Sequence[Any] = (),
+    starts: int | None = None,
+    processes: int | None = None,
+    progress: Progress | None = None,
+) -> Solution:
+    """The best hop with the best design parameters: ``free`` maps entries to their (lowest, highest) values.
+
+    couple: equations or inequalities between entries, such as "leg.thigh.length + leg.shank.length = 0.741"; or the law
+    of mass that the catalogue's motors follow, "catalogue: leg.body.mass by leg.motor.max_torque".
+    The solution's ``design`` has the optimal numbers; its summary's ``codesign`` says what was free and what is at
+    its bound. Raises UsageError for entries or bounds that no problem can have, NotSolvedError as ``solve`` does.
+    """
+    say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
+    side_by_side = processes or os.cpu_count() or 1
+    freedom = checked(design, free, couple)
+    own = tuple(custom(c) for c in constraints)
+    hop = Hop(design, given(objective), freedom, own)
+
+    def told(text: str) -> None:
+        say(f"co-design: {text}")
+
+    outcomes = run_starts(hop, count, side_by_side, told, from_highest(hop, count, told))
+    refined = [refine_outcome(hop, o, told).solution for o in contenders(outcomes)]
+    if not refined:
+        raise not_solved(hop, outcomes)
+    best = max(refined, key=lambda s: hop.objective.merit(s.objective))
+    clock.mark("co-design")
+    fixed = Hop(changed(design, optimal(freedom, best)), hop.asked, constraints=own)
+    say("solving the design that came out")
+    again = run_starts(fixed, count, side_by_side, say, [_from(fixed, best)])
+    clock.mark("starts")
+    finished = [finish(fixed, o, again, say, clock) for o in contenders(again)]
+    if not finished:
+        raise not_solved(fixed, again)
+    answer = best_of(fixed.objective, finished)
+    return _described(answer, hop, best)
+
+
+def _from(hop: Hop, motion: NlpSolution) -> Any:
+    """The fixed design solved from the co-design's motion."""
+    began, t = time.perf_counter(), first_transcription(hop)
+    solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
+    return outcome_of(
+        "co-design", solver(t.guess_from(motion.phases), t.free_from(motion.parameters)), time.perf_counter() - began
+    )
+
+
+def optimal(freedom: Freedom, solution: NlpSolution) -> dict[str, float]:
+    """The free parameters' values, those on a bound exactly there."""
+    found = {}
+    for path, (low, high) in freedom.bounds.items():
+        value = float(solution.parameters[path][0])
+        side = next((x for x in (low, high) if abs(value - x) < AT_BOUND * (high - low)), value)
+        found[path] = side
+    return found
+
+
+def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
+    """The answer with what was free, and the check that the fixed design confirms the co-design."""
+    found = {
+        "objective_value": best.objective,
+        "parameters": _parameters(hop, best),
+        "couplings": [_coupling(c, hop, best) for c in hop.freedom.couplings],
+        "mass_laws": laws(hop.freedom),
+    }
+    (check,) = co_design_checks(hop.objective, {**answer.summary, "codesign": found})
+    verified = answer.verified and check.passed
+    summary = {
+        **answer.summary,
+        "verified": verified,
+        "status": "verified" if verified else "solved, not verified",
+        "exit_code": 0 if verified else 3,
+        "verification": [*answer.summary["verification"], check.as_dict()],
+        "failed_checks": [*answer.summary["failed_checks"], *([] if check.passed else [check.name])],
+        "codesign": found,
+    }
+    notes = beyond(hop.freedom)
+    value = answer.summary["objective_value"]
+    if hop.objective.sign * (value - best.objective) > CONFIRMED * abs(value):
+        notes.append("the fixed design has a better hop than the co-design found: try more starts")
+    if notes:
+        summary["notes"] = [*summary.get("notes", ()), *notes]
+    return replace(answer, summary=summary)
+
+
+def _parameters(hop: Hop, best: NlpSolution) -> list[dict[str, Any]]:
+    """For each free entry: value before and now, bounds, whether it is at one and what moving that would gain."""
+    t, by = best.transcription, slopes(best)
+    entries = {row.path: row for row in rows(hop.design)}
+    values, found = optimal(hop.freedom, best), []
+    for k, p in enumerate(t.free):
+        if p.name not in values:
+            continue
+        low, high = hop.freedom.bounds[p.name]
+        at = t.parameters.start + sum(q.size for q in t.free[:k])
+        bound = "lower" if values[p.name] == low else "upper" if values[p.name] == high else None
+        slope = float((by.low_z if bound == "lower" else by.high_z)[at]) if bound else 0.0
+        found.append(
+            {"entry": p.name, "unit": entries[p.name].unit, "was": float(entries[p.name].value), "lower": low,
+             "upper": high, "optimal": values[p.name], "at_bound": bound, "gain_per_unit_of_the_bound": slope}
+        )  # fmt: skip
+    return found
+
+
+def _coupling(c: Coupling, hop: Hop, best: NlpSolution) -> dict[str, Any]:
+    values = {**physical_parameters(hop.leg), **{k: float(v[0]) for k, v in best.parameters.items()}}
+    total = c.value(values)
+    active = bool(np.isclose(total, c.lower) or np.isclose(total, c.upper))
+    return {"coupling": c.text, "equation": c.equation(), "active": active}
+
+
+# ---- what may be free ---------------------------------------------------------------------------------------
+
+
+def _unknown(leg: Leg, entry: str, known: Mapping[str, float]) -> str:
+    """Why an entry cannot be free: a joint's own number that it shares with the others, or none of the leg's."""
+    for joint in leg.joints:
+        for part in ("motor", "gear"):
+            name = entry.removeprefix(f"leg.{joint}.{part}.")
+            if name != entry and (shared := f"leg.{part}.{name}") in known:
+                return f"the {joint} has no number of its own there but {shared}: add --set {entry}={known[shared]:g}"
+    near = did_you_mean(entry, known) or f"; it has {', '.join(known)}"
+    return f"there is no such number of the leg that is set{near}"
+
+
+def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Sequence[str] = ()) -> Freedom:
+    """The freedom that is asked for, if the problem can have it; UsageError in a sentence if not."""
+    known = physical_parameters(design.leg)
+    if not free:
+        raise UsageError("nothing is free: give --free leg.gear.ratio=50:200, say")
+    bounds = Freedom(dict(free))
+    for entry, (low, high) in free.items():
+        if entry not in known:
+            raise UsageError(f"--free {entry}: {_unknown(design.leg, entry, known)}")
+        if not low < high:
+            raise UsageError(f"--free {entry}: its bounds {low:g} and {high:g} leave it no room")
+        for value in (low, high):
+            _possible(design, entry, value)
+        _holds_com(entry, low, bounds, known)
+    couplings = tuple(
+        catalogue_coupling(text, design.leg, free) if asks_catalogue(text) else parse_coupling(text) for text in couple
+    )
+    own_mass = [next(iter(c.factors)) for c in couplings if asks_catalogue(c.text)]
+    if repeated := next((mass for k, mass in enumerate(own_mass) if mass in own_mass[:k]), None):
+        raise UsageError(f'--couple: two laws of the catalogue say {repeated}: name their torques in one, with "and"')
+    for c in couplings:
+        _meets(c, free, known)
+    return Freedom(dict(free), couplings)
+
+
+def _meets(c: Coupling, free: Mapping[str, tuple[float, float]], known: Mapping[str, float]) -> None:
+    """That a coupling is one of entries that are set, at least one of them free, and can be met within the bounds."""
+    for entry in c.entries:
+        if entry not in known:
+            raise UsageError(f"--couple {c.text}: there is no entry {entry}{did_you_mean(entry, known)}")
+    if not free.keys() & set(c.entries):
+        raise UsageError(f"--couple {c.text}: none of its entries is free")
+    ends = np.zeros(2)
+    for factor, entry, exponent in c.terms:
+        low, high = free.get(entry, (known[entry], known[entry]))
+        if exponent != 1 and low <= 0:
+            raise UsageError(f"--couple {c.text}: {entry} can be {low:g}, and a power of it needs it above 0")
+        ends += sorted(factor * x**exponent for x in (low, high))
+    slack = 1e-9 * max(1.0, float(np.abs(ends).max()))
+    if ends[1] < c.lower - slack or ends[0] > c.upper + slack:
+        raise UsageError(f"--couple {c.text}: no values within the bounds of --free meet it")
+
+
+def _possible(design: Design, entry: str, value: float) -> None:
+    """That a bound is a value the entry may have; whether the leg can start so is left to the optimum."""
+    try:
+        changed(design, {entry: value})
+    except ProblemFileError as error:
+        wrong = [s.removeprefix("override ") for s in error.problems if s.startswith(f"override {entry} ")]
+        if wrong:
+            raise UsageError(f"--free: {wrong[0]}") from None
+
+
+def _holds_com(entry: str, shortest: float, freedom: Freedom, known: Mapping[str, float]) -> None:
+    """That a link cannot get shorter than its centre of mass is far, where that is set."""
+    com = f"{entry.removesuffix('.length')}.com"
+    if not entry.endswith(".length") or com not in known:
+        return
+    far = freedom.bounds.get(com, (known[com], known[com]))[1]
+    if shortest < far:
+        reach = f"{com} can be {far:g} m" if com in freedom.bounds else f"{com} = {far:g} m is set"
+        raise UsageError(
+            f"--free {entry}: {reach}, beyond the end of a link of {shortest:g} m: begin its range at {far:g} m or above"
+        )

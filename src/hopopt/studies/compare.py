@@ -1,0 +1,262 @@
+"""The optimum beside what controllers make of it: how near they come to the bound, and what is missing.
+
+The bound is the verified optimum of the problem. ``track`` follows a second optimum that holds something back
+from every limit (the problem's [reserve]), because on the limits themselves feedback has no room.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopopt.control.closed_loop import Run, clearance_in_mujoco, make_controller, make_plant, simulate
+from hopopt.control.reference import PlanReference
+from hopopt.control.strategies import BUILT_IN, Strategy, find
+from hopopt.design import Design
+from hopopt.errors import NotSolvedError, UsageError
+from hopopt.leg.kinematics import two_joints
+from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.planner.reserve import plan_to_track, reserved
+from hopopt.planner.solution import Solution
+from hopopt.problem.load import design_hash
+from hopopt.sim.hop_metrics import HopFigures
+from hopopt.sim.mujoco import library
+from hopopt.sim.plant import PAST_APEX
+from hopopt.sim.trace import Event, Trace
+from hopopt.studies.paper_results import PAPER, is_the_papers
+from hopopt.verify.plan import PLACES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TUNED = ("force", "position")  # strategies whose gains can be tuned
+BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
+EARLY = 0.9  # share of the planned stance, before which a foot should not leave
+OPTIMUM = "optimum"
+PAPERS = "force"  # of the paper's two the one that saturates its drives
+OBJECTIVE = "clearance"  # by which strategies are compared
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The bound, the runs of every strategy by name, and the plan that ``track`` followed."""
+
+    solution: Solution
+    plan: Solution | None
+    runs: Mapping[str, Run]
+    mujoco: Mapping[str, float] = field(default_factory=dict)  # clearances [m] there, where asked for
+    notes: tuple[str, ...] = ()
+
+    @cached_property
+    def figures(self) -> dict[str, HopFigures]:
+        """The figures of every row by name, the optimum first."""
+        optimum = HopFigures(self.solution.design, planned_trace(self.solution))
+        return {OPTIMUM: optimum, **{name: run.figures for name, run in self.runs.items()}}
+
+    @property
+    def bound(self) -> float:
+        """The verified optimum's clearance [m]."""
+        return self.solution.clearance
+
+    @property
+    def beaten_by(self) -> list[str]:
+        """Strategies that keep every limit and yet pass the bound: then the bound is wrong."""
+        return [
+            name
+            for name, f in self.figures.items()
+            if name != OPTIMUM and not f.limits_exceeded and f.clearance > self.bound + BEATEN
+        ]
+
+    @property
+    def exit_code(self) -> int:
+        """0 if the bound is verified and holds, else 3."""
+        return 0 if self.solution.verified and not self.beaten_by else 3
+
+    def gap(self, name: str) -> dict[str, float]:
+        """What a strategy misses of the bound [m], as push, timing and retraction; they sum to the gap."""
+        best, own = self.figures[OPTIMUM].budget, self.figures[name].budget
+        return {part: best[part] - own[part] for part in best}
+
+    def left_early(self, name: str) -> str:
+        """When a foot that should have stayed left the ground, in words; empty where it did not, or no plan says."""
+        if name == OPTIMUM or not self.runs[name].strategy.needs_plan or self.plan is None:
+            return ""
+        left, planned = self.figures[name].lift_off["time_s"], self.plan.lift_off
+        return (
+            ""
+            if left > EARLY * planned
+            else f"the foot left the ground at {left:.3f} s, not at {planned:.3f} s as planned"
+        )
+
+    def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
+        """All figures by name, or the one called ``name``: foot_height, saturation, speed_torque, stiffness, stick,
+        budget."""
+        from hopopt.plots.runs import FIGURES
+
+        if name is not None:
+            return FIGURES[name](self.figures)
+        return {key: draw(self.figures) for key, draw in FIGURES.items()}
+
+    def row(self, name: str) -> dict[str, Any]:
+        """Everything known of one strategy, for ``--json``."""
+        f = self.figures[name]
+        found = "the verified optimum" if self.solution.verified else "an optimum that was not verified"
+        row: dict[str, Any] = {"meaning": found if name == OPTIMUM else self.runs[name].strategy.meaning}
+        row |= f.as_dict() | {"options": {} if name == OPTIMUM else dict(self.runs[name].strategy.options)}
+        row |= {"share_of_bound": f.clearance / self.bound if self.solution.verified else None, "gap": self.gap(name)}
+        row["left_early"] = self.left_early(name)
+        if name in self.mujoco:
+            row["mujoco_clearance_m"] = self.mujoco[name]
+        if name in PAPER and is_the_papers(self.solution.design.leg):
+            row["paper"] = {key: list(values) for key, values in PAPER[name].items()}
+        return row
+
+    def as_dict(self) -> dict[str, Any]:
+        """One object with the bound and every strategy."""
+        return {
+            "problem": self.solution.design.name,
+            "objective": self.solution.objective,
+            "bound_m": self.bound if self.solution.verified else None,
+            "verified": self.solution.verified,
+            "exit_code": self.exit_code,
+            "beaten_by": self.beaten_by,
+            "notes": list(self.notes),
+            "tracked_plan_m": self.plan.clearance if self.plan else None,
+            "tracked_plan_verified": self.plan.verified if self.plan else None,
+            "strategies": {name: self.row(name) for name in self.figures},
+        }
+
+
+def compare(
+    design: Design,
+    strategies: Sequence[str] | None = None,
+    *,
+    bound: Solution | None = None,
+    mujoco: bool = False,
+    tune: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Comparison:
+    """Solve for the bound (or take one that was solved), simulate every strategy (by default all that suit the leg), and
+    set them side by side.
+
+    tune: the tuned ones of the paper's strategies get the best gains among so many hops of this leg. mujoco: run all in
+    MuJoCo too. Raises MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg and
+    for a bound of another problem, NotSolvedError if there is none.
+    """
+    from hopopt.planner.solve import solve
+
+    if mujoco:
+        library()
+        if design.simulation.torque_delay:
+            raise UsageError("runs in MuJoCo have no delay: leave out --mujoco, or set simulation.torque_delay=0")
+    say, (names, notes) = progress or (lambda text: None), suiting(design) if strategies is None else (strategies, [])
+    chosen = [find(name) for name in names]
+    make_plant(design)  # what cannot be simulated, or does not suit the leg, is said before the work
+    for strategy in chosen:
+        if not strategy.needs_plan:
+            make_controller(design, strategy)
+    tracked = any(s.needs_plan for s in chosen)
+    if tracked:
+        reserved(design)
+    solution = solve(design, progress=say) if bound is None else answering(design, bound)
+    plan = None
+    if tracked:
+        try:
+            plan = plan_to_track(design, say)
+        except NotSolvedError as error:  # the bound is solved: the other strategies can still be compared
+            chosen = [s for s in chosen if not s.needs_plan]
+            notes.append(f"nothing is tracked, as no plan keeps the problem's [reserve] back: {error}")
+    reference = None if plan is None else reference_of(plan)
+    again = [tuned(design, name, tune, say) for name in TUNED if tune and name in names]
+    chosen = [s for s in chosen if s.name not in [t.name for t in again]] + again
+    runs, elsewhere = {}, {}
+    for strategy in chosen:
+        say(f"simulating {strategy.name}")
+        runs[strategy.name] = simulate(design, strategy, plan=reference)
+        if mujoco:
+            elsewhere[strategy.name] = clearance_in_mujoco(design, strategy, reference)
+    return Comparison(solution, plan, runs, elsewhere, tuple(notes))
+
+
+def suiting(design: Design) -> tuple[list[str], list[str]]:
+    """Names of the strategies that suit a leg, those that track the optimum first; and a note of what does not."""
+    tracking = [name for name, s in BUILT_IN.items() if s.needs_plan]
+    if not two_joints(design.leg):
+        return tracking, ["the paper's strategies are left out: they need a leg of two joints in the x-z plane"]
+    return [*tracking, *(name for name in BUILT_IN if name not in tracking)], []
+
+
+def paper_strategy(solution: Solution) -> dict[str, Any] | None:
+    """The paper's force control, a PD law clamped to what the drives can give (eq. con_tdyn, con_tdes) with the paper's
+    gains, on the leg of a verified optimum.
+
+    ``clearance_m`` and ``share_of_bound``, None where it does not hop within the problem's limits; why not (``fault``,
+    in words, or empty); whether it is ``beyond_bound``, which then is wrong. None in all where the optimum is no bound on
+    clearance (another objective, constraints of one's own), or the leg is not of two joints or cannot be simulated.
+    """
+    if not solution.verified or solution.objective != OBJECTIVE or solution.summary["functions"]["constraints"]:
+        return None
+    try:
+        run = simulate(solution.design, find(PAPERS), past_apex=True)
+        f = run.figures
+    except (UsageError, ArithmeticError, ValueError):  # nothing that the answer needs
+        return None
+    fault = "" if f.trace.outcome == PAST_APEX else f.trace.outcome
+    fault = "; ".join(f.limits_exceeded) or fault
+    reached = None if fault else f.clearance
+    return {
+        "name": PAPERS,
+        "clearance_m": reached,
+        "share_of_bound": None if reached is None else reached / solution.clearance,
+        "fault": fault,
+        "beyond_bound": not fault and bool(Comparison(solution, None, {PAPERS: run}).beaten_by),
+    }
+
+
+def answering(design: Design, bound: Solution) -> Solution:
+    """A bound for this problem's simulations: [reserve], [simulation] and [solver] may differ, which are no part of what
+    is asked. UsageError if it answers another question."""
+    if bound.objective != OBJECTIVE:
+        raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
+    others = {name: getattr(design, name) for name in ("reserve", "simulation", "solver")}
+    same = bound.design.model_copy(update=others)
+    if design_hash(same) != design_hash(design):
+        raise UsageError("the bound given: it was solved for another problem; leave out the problem or the bound")
+    return replace(bound, design=design)
+
+
+def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None]) -> Strategy:
+    """A strategy of the paper with the best gains that so many simulated hops find."""
+    from hopopt.studies.gain_tuning import tune
+
+    say(f"tuning {name}")
+    best, strategy = tune(design, name, evaluations=evaluations, progress=say).best, find(name)
+    return Strategy(f"{name}_tuned", f"{strategy.meaning}, best of {evaluations} tries", strategy.make, best.options)
+
+
+def reference_of(plan: Solution) -> PlanReference:
+    """A plan as a controller follows it."""
+    return PlanReference.from_tables(PLACES, plan.tables, plan.clearance)
+
+
+def planned_trace(solution: Solution) -> Trace:
+    """The optimum as if it had been simulated: samples of its own interpolant, inside every interval."""
+    inside = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    parts = [solution.everywhere(phase, inside) for phase in (STANCE, FLIGHT)]
+    t, q, v, tau, f = (np.concatenate([getattr(p, name) for p in parts]) for name in ("t", "q", "v", "tau", "f"))
+    contact = np.concatenate([np.full(len(p.t), p.phase[0] == STANCE) for p in parts])
+    power = np.sum(tau * v[:, -tau.shape[1] :], axis=1).reshape(-1, len(inside))
+    spans = np.ptp(t.reshape(power.shape), axis=1)[:, None]
+    each = spans * (power @ integrals_to(inside).T)  # since each interval began
+    work = (each + np.concatenate([[0.0], np.cumsum(each[:-1, -1])])[:, None]).ravel()
+    works = np.stack([work, np.zeros_like(work), np.zeros_like(work)], axis=1)
+    events = (Event("lift-off", solution.lift_off, 0.0),)
+    return Trace(solution.robot, t, q, v, tau, tau, tau, f, contact, works, events, "the clearance is reached")
+
+
+def integrals_to(places: np.ndarray) -> np.ndarray:
+    """W with W @ values = integrals from 0 to each place of the polynomial through the values, (k, k)."""
+    powers = np.arange(1, len(places) + 1)
+    return (places[:, None] ** powers / powers) @ np.linalg.inv(np.vander(places, increasing=True))

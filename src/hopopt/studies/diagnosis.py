@@ -1,0 +1,71 @@
+"""What a stored hop leaves open: flat directions, durations that may change, limits that never act."""
+
+from dataclasses import asdict, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hopopt.errors import ResultError
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.ocp.hop import Hop
+from hopopt.optimality.flat_directions import FELT, STRETCH, CannotBeTold, flat, longer_or_shorter
+from hopopt.planner.limit_names import flat_words
+from hopopt.planner.limit_use import idle_limits
+from hopopt.planner.solution import Solution
+from hopopt.problem.render import rows
+from hopopt.storage.folder import fitting
+from hopopt.storage.recheck import has_multipliers, hop_of, stored_nlp
+
+PLACES = np.linspace(0.0, 1.0, 9)
+
+
+def diagnose(solution: Solution) -> dict[str, Any]:
+    """flat: what the objective does not feel (optimality/flat_directions.py), the tie-break left out, None if that cannot be told;
+    durations: by which share of itself it gets worse if a phase lasts 10 % shorter or longer and the whole hop is solved
+    anew, None where that is not possible; idle_limits (planner/limit_use.py); words: the same in sentences. Takes seconds. Raises
+    ResultError without stored multipliers."""
+    if not has_multipliers(solution):
+        raise ResultError(f"{solution.result_dir}: the file holds no multipliers: solve it again")
+    with fitting(solution.result_dir):
+        nlp = without_tie_break(solution)
+        durations = {phase: longer_or_shorter(nlp, phase) for phase in nlp.phases}
+        try:
+            found = flat(nlp)
+            words = flat_words(found)
+        except CannotBeTold as error:  # no reason to lose the rest
+            found, words = None, [f"what the objective does not feel cannot be told: {error}"]
+    idle = idle_limits(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
+    words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
+    units = {row.path: row.unit for row in rows(solution.design)}
+    words += [_idle(name, **use, unit=units.get(use["entry"].partition("[")[0], "")) for name, use in idle.items()]
+    flat_ones = None if found is None else [asdict(f) for f in found]
+    return {"flat": flat_ones, "durations": durations, "idle_limits": idle, "words": words}
+
+
+def without_tie_break(solution: Solution, hop: Hop | None = None) -> NlpSolution:
+    """The program of a hop and its solution, the tie-break taken off the objective; ``hop``: it, if it is made already."""
+    nlp = stored_nlp(solution, (hop or hop_of(solution)).untied)
+    goal = nlp.transcription.problem.objective
+    cost = ca.Function("f", [nlp.transcription.nlp[k] for k in "xp"], [nlp.transcription.nlp["f"]])(nlp.z, nlp.p)
+    return replace(nlp, objective=-float(cost) if goal.maximize else float(cost))
+
+
+def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> str:
+    lasts = nlp.phases[phase].duration
+    what = f"{phase} {STRETCH:.0%} {way} ({lasts * (1 + (STRETCH if way == 'longer' else -STRETCH)):.3f} s)"
+    if change is None:
+        return f"{what}: the limits do not allow it, or no hop was found"
+    if abs(change) < FELT:
+        return f"flat: {what} is as good, all else following"
+    return (
+        f"{what} costs {change:.2%} of the objective" if change > 0 else f"{what} gains {-change:.2%} of the objective"
+    )
+
+
+def _idle(name: str, used: float, entry: str, limit: float, enough: float, unit: str) -> str:
+    could = ""
+    if entry:
+        unit = f" {unit}".removesuffix(" 1").rstrip()
+        could = f": {entry} = {limit:g}{unit} could be tightened to {enough:.4g}{unit} without effect on this hop"
+    return f"idle: {name}, at most {used:.0%} used{could}"

@@ -1,0 +1,169 @@
+"""How high the paper's PD strategies hop with the best gains: tuned by differential evolution on the simulator.
+
+A hop counts with its clearance, less PRICE for every limit of the problem that it does not keep: an end stop that is
+hit softly is no reason to throw a hop away, but no reason to prefer it either. The printed gains are among the first
+that are tried, with every kind of push and retraction, so the answer is never worse than they are.
+"""
+
+import itertools
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from scipy.optimize import differential_evolution
+from scipy.stats import qmc
+
+from hopopt.control.closed_loop import simulate
+from hopopt.control.paper_pd import PaperOptions
+from hopopt.control.strategies import BUILT_IN
+from hopopt.design import Design
+from hopopt.errors import UsageError
+from hopopt.sim.hop_metrics import HopFigures
+
+PRICE = 0.05  # [m] that a hop counts less for every limit it does not keep
+GAINS = {"k_p": (100.0, 20000.0), "k_d": (1.0, 200.0), "k_s": (600.0, 6000.0)}  # bounds, searched in their logarithms
+KINDS = {  # what else each strategy may choose
+    "force": {"retraction": ("reference", "tuck"), "stance": ("reference", "step")},
+    "position": {"retraction": ("reference", "tuck")},
+}
+POPULATION = 12  # trials in each generation
+NEARBY = 0.02  # motors so much weaker or stronger show whether a clearance is a lucky one
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Options of a strategy and what its hop came to: clearance [m], limits not kept, and what it counts for [m]."""
+
+    options: dict[str, Any]
+    clearance: float
+    limits_exceeded: tuple[str, ...]
+
+    @property
+    def merit(self) -> float:
+        """Clearance less the price of the limits that were not kept [m]."""
+        return self.clearance - PRICE * len(self.limits_exceeded)
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A strategy's best trial beside that of the printed gains, and how many hops were simulated to find it.
+
+    nearby is the clearance [m] of the best with motors NEARBY weaker and stronger than it believes: heights of these
+    strategies jump where the leg swings once more in flight, and a search finds such heights first.
+    """
+
+    strategy: str
+    best: Trial
+    printed: Trial
+    nearby: tuple[float, float]
+    evaluations: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything in numbers, for ``--json``."""
+        return {**asdict(self), "price_of_a_limit_m": PRICE}
+
+
+def tune(
+    design: Design,
+    strategy: str,
+    *,
+    evaluations: int = 60,
+    seed: int = 0,
+    processes: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Tuned:
+    """The best options of ``force`` or ``position`` among about ``evaluations`` simulated hops, the same for the same
+    seed. Raises UsageError for another strategy, or too few evaluations."""
+    if strategy not in KINDS:
+        raise UsageError(f"strategy {strategy} has no gains to tune: choose {' or '.join(KINDS)}")
+    if evaluations < 2 * POPULATION:
+        raise UsageError(f"tuning takes at least {2 * POPULATION} evaluations")
+    search, say = Search(design.model_dump(exclude_none=True), strategy), progress or (lambda line: None)
+    with Parallel(n_jobs=processes or os.cpu_count() or 1, backend="loky") as run:
+
+        def side_by_side(function: Any, places: Any) -> Any:
+            return run(delayed(function)(x) for x in places)
+
+        found = differential_evolution(
+            search.cost, search.bounds, init=search.first(seed), rng=seed, integrality=search.discrete,  # type: ignore
+            maxiter=evaluations // POPULATION - 1, tol=0.0, polish=False, updating="deferred", workers=side_by_side,  # type: ignore
+            callback=lambda intermediate_result: say(f"{strategy}: best so far counts {-intermediate_result.fun:.3f} m"),
+        )  # fmt: skip
+        gains = np.array([1 - NEARBY, 1 + NEARBY])
+        best, printed = search.options(found.x), search.options(search.printed()[0])
+        jobs = [(best, 1.0), (printed, 1.0), *((best, gain) for gain in gains)]
+        hops: Any = run(delayed(search.trial)(*job) for job in jobs)
+    return Tuned(strategy, hops[0], hops[1], (hops[2].clearance, hops[3].clearance), int(found.nfev))
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search space of a strategy: logarithms of the gains, then a number for each kind of push and retraction."""
+
+    problem: dict[str, Any]
+    strategy: str
+
+    @property
+    def kinds(self) -> dict[str, tuple[str, ...]]:
+        """Choices by option."""
+        return KINDS[self.strategy]
+
+    @property
+    def bounds(self) -> list[tuple[float, float]]:
+        """Of every coordinate."""
+        return [*(tuple(np.log(b)) for b in GAINS.values()), *((0, len(c) - 1) for c in self.kinds.values())]
+
+    @property
+    def discrete(self) -> np.ndarray:
+        """Which coordinates are whole numbers."""
+        return np.array([False] * len(GAINS) + [True] * len(self.kinds))
+
+    def options(self, x: np.ndarray) -> dict[str, Any]:
+        """The strategy's options at a point."""
+        gains = dict(zip(GAINS, np.exp(x[: len(GAINS)]).tolist(), strict=True))
+        choices = zip(self.kinds.items(), x[len(GAINS) :], strict=True)
+        return gains | {name: among[round(k)] for (name, among), k in choices}
+
+    def printed(self) -> np.ndarray:
+        """The printed gains with every combination of kinds, the paper's own first; a row each."""
+        gains = [np.log(getattr(PaperOptions(), name)) for name in GAINS]
+        return np.array([[*gains, *kind] for kind in itertools.product(*(range(len(c)) for c in self.kinds.values()))])
+
+    def first(self, seed: int) -> np.ndarray:
+        """The first generation: the printed gains, and others spread out evenly."""
+        printed, (lower, upper) = self.printed(), np.array(self.bounds).T
+        spread = qmc.LatinHypercube(len(lower), rng=seed).random(POPULATION - len(printed))
+        return np.vstack([printed, lower + spread * (upper - lower)])
+
+    def trial(self, options: dict[str, Any], torque_gain: float = 1.0) -> Trial:
+        """A hop with these options, its motors as strong as believed times torque_gain."""
+        design = Design.model_validate(self.problem)
+        gains = np.full(len(design.leg.joints), torque_gain)
+        hop: HopFigures = simulate(
+            design, BUILT_IN[self.strategy], options=options, torque_gain=gains, past_apex=True
+        ).figures
+        return Trial(options, hop.clearance, tuple(hop.limits_exceeded))
+
+    def cost(self, x: np.ndarray) -> float:
+        """What the search makes small: minus the merit [m]."""
+        return -self.trial(self.options(x)).merit
+
+
+def text(tuned: Sequence[Tuned]) -> str:
+    """What the screen shows, in plain lines."""
+    lines = []
+    for t in tuned:
+        options = ", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in t.best.options.items())
+        lines += [
+            f"{t.strategy}: {t.best.clearance:.3f} m{_limits(t.best)} with {options} ({t.evaluations} hops tried)",
+            f"  printed gains: {t.printed.clearance:.3f} m{_limits(t.printed)}",
+            f"  the best with motors {NEARBY:.0%} weaker and stronger: {t.nearby[0]:.3f} and {t.nearby[1]:.3f} m",
+        ]
+    return "\n".join([*lines, f"every limit not kept counted as {PRICE:g} m less"])
+
+
+def _limits(trial: Trial) -> str:
+    return f" ({'; '.join(trial.limits_exceeded)})" if trial.limits_exceeded else ""

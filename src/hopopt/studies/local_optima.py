@@ -1,0 +1,179 @@
+"""Global evidence: where many different starting points lead, kept start by start, and gathered into families.
+
+A family is a local optimum on the first mesh: the starts that end at the same height. What it does is told by how the
+body moves over the foot. The best family's optimum is refined and verified like any other.
+
+<results>/<problem>-evidence-<hash8>/
+    evidence.json, problem.toml     what is asked for, written first
+    starts/NNNN.json                how start N ended
+    summary.json                    everything together, at the end
+"""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.errors import ResultError
+from hopopt.leg.kinematics import reach
+from hopopt.nlp.ipopt import NlpSolver
+from hopopt.ocp.hop import STANCE, Hop
+from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
+from hopopt.planner.solution import Solution
+from hopopt.problem.load import design_hash, load, resolved_toml
+from hopopt.storage.folder import as_json, unused, write_json
+from hopopt.studies.sweep.store import write_whole
+
+LEANING, DIPPING = 0.05, 0.03  # share of the reach from which a lean or a dip is worth a word
+FAST = 0.3  # m/s along the ground from which a hop drifts
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How one start ended on the first mesh: objective in its unit, and the motion: stance [s]; the body's place over
+    the foot when it is lowest and at lift-off [share of the reach], its dip [share of the reach], its drift [m/s]."""
+
+    index: int
+    name: str
+    success: bool
+    status: str
+    objective: float
+    iterations: int
+    seconds: float
+    stance: float = 0.0
+    sway: float = 0.0
+    lean: float = 0.0
+    dip: float = 0.0
+    drift: float = 0.0
+
+
+@dataclass(frozen=True)
+class Family:
+    """Starts that end in the same local optimum: the best of them, how many, and what it does in words."""
+
+    best: Ended
+    count: int
+    words: str
+
+
+def open_study(design: Design, objective: str, results: Path) -> Path:
+    """A new folder for a study of a problem's starts."""
+    folder = unused(results / f"{design.name}-evidence-{design_hash(design)}")
+    (folder / "starts").mkdir(parents=True)
+    (folder / "problem.toml").write_text(resolved_toml(design), encoding="utf-8")
+    write_json({"objective": objective, "hash": design_hash(design)}, folder / "evidence.json")
+    return folder
+
+
+def reopen_study(folder: Path) -> tuple[Design, str]:
+    """Problem and objective of a study that was begun; ResultError if the folder is none."""
+    try:
+        asked = json.loads((folder / "evidence.json").read_text(encoding="utf-8"))
+        design, objective, begun = load(folder / "problem.toml"), str(asked["objective"]), asked["hash"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise ResultError(
+            f"{folder} is not a folder that hopopt evidence began: give one, or leave out --resume"
+        ) from None
+    if begun != design_hash(design):
+        raise ResultError(f"{folder / 'problem.toml'} was changed since the study began: begin a new one with it")
+    return design, objective
+
+
+def finished(folder: Path) -> list[Ended]:
+    """The starts that have ended so far, by number; ResultError if a file was changed."""
+    found = []
+    for path in sorted((folder / "starts").glob("*.json")):
+        try:
+            ended = Ended(**json.loads(path.read_text(encoding="utf-8")))
+            kinds: dict[Any, tuple[type, ...]] = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
+            whole = all(isinstance(getattr(ended, f.name), kinds[f.type]) for f in fields(Ended))
+            if not whole or ended.index != int(path.stem):
+                raise ValueError
+        except (OSError, ValueError, TypeError):
+            raise ResultError(f"{path} is not what hopopt wrote: remove it, and it is computed again") from None
+        found.append(ended)
+    return found
+
+
+def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended]:
+    """The first ``count`` starts of a study's problem; those that have ended before are kept."""
+    done = {e.index: e for e in finished(folder)}
+    missing = [k for k in range(count) if k not in done]
+    say(f"{len(done)} of {count} starts")
+    for ended in _each(folder, missing, processes):
+        done[ended.index] = ended
+        write_whole(folder / "starts" / f"{ended.index:04d}.json", as_json(asdict(ended)).encode())
+        best = max((e.objective for e in done.values() if e.success), default=float("nan"))
+        say(f"{len(done)} of {count} starts, best {best:.4f}")
+    return [done[k] for k in sorted(done) if k < count]
+
+
+def _each(folder: Path, indices: Sequence[int], processes: int) -> Iterator[Ended]:
+    if processes == 1 or len(indices) < 2:
+        yield from (_ended(folder.absolute(), k) for k in indices)
+        return
+    from joblib import Parallel, delayed
+
+    jobs = (delayed(_ended)(folder.absolute(), k) for k in indices)
+    yield from Parallel(n_jobs=processes, backend="loky", return_as="generator_unordered")(jobs)  # type: ignore[misc]
+
+
+@cache
+def _program(folder: Path) -> tuple[Hop, NlpSolver]:
+    """The program of the first mesh, built once in each process."""
+    hop = Hop(*reopen_study(folder))
+    return hop, first_solver(hop)
+
+
+def _ended(folder: Path, index: int) -> Ended:
+    hop, solver = _program(folder)
+    (outcome,) = run_chunk(hop, [index], solver)
+    figures = _motion(
+        hop, Solution(hop.design, hop.objective.name, solution_of(outcome, solver.transcription).phases, {})
+    )
+    return Ended(
+        index, outcome.name, outcome.success, outcome.status, outcome.objective, outcome.iterations, outcome.seconds,
+        **(figures if outcome.success else {}),
+    )  # fmt: skip
+
+
+def _motion(hop: Hop, plan: Solution) -> dict[str, float]:
+    """What the body does in stance, for ``Ended``."""
+    stance, size = plan.everywhere(STANCE, np.linspace(0, 1, 5)), reach(hop.leg)
+    x, z = stance.q[:, 0], stance.q[:, 1]
+    lowest = int(np.argmin(z))
+    return {
+        "stance": plan.lift_off, "sway": float(x[lowest] / size), "lean": float(x[-1] / size),
+        "dip": float((z[0] - z[lowest]) / size), "drift": float(stance.com_v[-1, 0]),
+    }  # fmt: skip
+
+
+def families(ended: Sequence[Ended], *, maximize: bool = True) -> list[Family]:
+    """The local optima that were found, best first."""
+    ranked = sorted(ended, key=lambda e: e.objective, reverse=maximize)
+    return [Family(group[0], len(group), words(group[0])) for group in grouped(ranked)]
+
+
+def words(e: Ended) -> str:
+    """What a hop does: where it dips, where it leans at lift-off, where it drifts."""
+    dip = f"dips by {e.dip:.0%} of the leg" if e.dip > DIPPING else "pushes without a dip"
+    if e.dip > DIPPING and abs(e.sway) > LEANING:
+        dip += f" {_side(e.sway)}"
+    lean = f"leaves {_side(e.lean)}" if abs(e.lean) > LEANING else "leaves upright"
+    drift = f", drifting {'forward' if e.drift > 0 else 'backward'}" if abs(e.drift) > FAST else ""
+    return f"{dip}; {lean}{drift}; stance {e.stance:.2f} s"
+
+
+def _side(place: float) -> str:
+    return "in front of the foot" if place > 0 else "behind the foot"
+
+
+def as_dicts(found: Sequence[Family]) -> list[dict[str, Any]]:
+    """Families for ``--json``."""
+    return [{**asdict(f.best), "count": f.count, "words": f.words} for f in found]

@@ -1,0 +1,131 @@
+"""Couplings that the catalogue's laws of mass make: a torque that is free has its price in kilograms.
+
+The coupled mass changes by what the fitted motors or gears differ, so that at the problem's own torque nothing changes:
+its masses count its own motors already.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from itertools import combinations
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from hopopt.design import Leg, physical_parameters
+from hopopt.errors import UsageError
+from hopopt.ocp.free_parameters import Coupling, Freedom
+from hopopt.problem.mass_law import TORQUES, mass_law
+from hopopt.problem.wording import did_you_mean
+
+ASKED = re.compile(r"\s*catalogue\s*:\s*([\w.-]+)\s+by\s+([\w.-]+(?:\s+and\s+[\w.-]+)*)\s*")
+HOW = 'write "catalogue: leg.body.mass by leg.motor.max_torque", further torques after "and"'
+
+
+def asks_catalogue(text: str) -> bool:
+    """Whether a coupling is one of the catalogue's."""
+    return re.match(r"\s*catalogue\b\s*:?", text) is not None
+
+
+def catalogue_coupling(text: str, leg: Leg, bounds: Mapping[str, tuple[float, float]]) -> Coupling:
+    """The coupling "catalogue: leg.body.mass by leg.motor.max_torque", written out with the laws' numbers.
+
+    The mass is the leg's own and, for every torque that is named, the number of joints that it drives times what the
+    fitted mass differs from the fitted mass at the leg's own torque. UsageError in a sentence for what cannot be.
+    """
+    mass, torques = _asked(text, leg)
+    known = physical_parameters(leg)
+    own, powers, ends = known[mass], {}, np.full(2, known[mass])
+    driven = {entry: _driven(text, entry, leg) for entry in torques}
+    _each_once(text, driven)
+    for entry in torques:
+        law, joints = mass_law(_part(text, entry)), len(driven[entry])
+        own -= joints * law.mass(known[entry])
+        powers[entry, law.exponent] = -joints * law.coefficient
+        if entry not in bounds:
+            raise UsageError(f"--couple {text}: {entry} is not free: add --free {entry}=lower:upper")
+        ends += joints * (np.array([law.mass(x) for x in bounds[entry]]) - law.mass(known[entry]))
+    if mass not in bounds:
+        low, high = max(0.9 * ends[0], 0.01), 1.1 * ends[1]
+        raise UsageError(f"--couple {text}: {mass} is not free: add --free {mass}={low:.2g}:{high:.2g}")
+    return Coupling(" ".join(text.split()), {mass: 1.0}, own, own, powers)
+
+
+def laws(freedom: Freedom) -> dict[str, Any]:
+    """{"motor" or "gear": its law's numbers} of what the catalogue's couplings use."""
+    return {part: asdict(mass_law(part)) for part in dict.fromkeys(entry.split(".")[-2] for entry in _torques(freedom))}
+
+
+def beyond(freedom: Freedom) -> list[str]:
+    """A sentence for every torque whose bounds lie outside what its law was fitted to."""
+    said = []
+    for entry in _torques(freedom):
+        part = entry.split(".")[-2]
+        law, (low, high) = mass_law(part), freedom.bounds[entry]
+        if low < law.lowest or high > law.highest:
+            said.append(
+                f"the catalogue's masses of {part}s are fitted from {law.lowest:g} to {law.highest:g} N m; "
+                f"{entry} may be {low:g} to {high:g}"
+            )
+    return said
+
+
+def _torques(freedom: Freedom) -> list[str]:
+    """The torques in the catalogue's couplings."""
+    return [entry for c in freedom.couplings if asks_catalogue(c.text) for entry, _ in c.powers]
+
+
+def _asked(text: str, leg: Leg) -> tuple[str, list[str]]:
+    """The mass and the torques that a coupling names, all of them set in the leg."""
+    found, known = ASKED.fullmatch(text), physical_parameters(leg)
+    if not found:
+        raise UsageError(f"--couple {text}: {HOW}")
+    mass, torques = found[1], re.split(r"\s+and\s+", found[2])
+    for entry in (mass, *torques):
+        if entry not in known:
+            raise UsageError(f"--couple {text}: there is no entry {entry} that is set{did_you_mean(entry, known)}")
+    if not mass.endswith(".mass"):
+        raise UsageError(
+            f"--couple {text}: {mass} is not a mass: name leg.body.mass or a link's, such as leg.thigh.mass"
+        )
+    if repeated := [t for k, t in enumerate(torques) if t in torques[:k]]:
+        raise UsageError(f"--couple {text}: {repeated[0]} is named twice: once is enough")
+    return mass, torques
+
+
+def _part(text: str, entry: str) -> Literal["motor", "gear"]:
+    """Whether an entry is a motor's or a gear's torque."""
+    *_, part, key = entry.split(".")
+    if part not in TORQUES or key not in TORQUES[part]:
+        raise UsageError(
+            f"--couple {text}: the catalogue has no law of mass by {entry}: "
+            "name a motor's max_torque or torque_cap, or a gear's torque_cap"
+        )
+    return cast(Literal["motor", "gear"], part)
+
+
+def _each_once(text: str, driven: Mapping[str, list[str]]) -> None:
+    """UsageError where two torques are of one motor or gear, which has one mass."""
+    for (a, of_a), (b, of_b) in combinations(driven.items(), 2):
+        shared = [joint for joint in of_a if joint in of_b and _part(text, a) == _part(text, b)]
+        if shared:
+            raise UsageError(
+                f"--couple {text}: {a} and {b} are both of the {shared[0]}'s {_part(text, a)}, "
+                "whose mass would count twice: name one of them"
+            )
+
+
+def _driven(text: str, entry: str, leg: Leg) -> list[str]:
+    """The joints that have the motor or gear of this torque; UsageError where another number of it is what it gives."""
+    part, key = _part(text, entry), entry.split(".")[-1]
+    joints = [joint for joint in leg.joints if leg.drive(joint, part, key)[0] == entry]
+    if not joints:
+        raise UsageError(f"--couple {text}: no joint has {entry}: every joint has its own {part}")
+    for joint in joints:
+        for other in TORQUES[part]:
+            path, value = leg.drive(joint, part, other)
+            if value is not None and value < leg.drive(joint, part, key)[1]:
+                raise UsageError(
+                    f"--couple {text}: {path} = {value:g} N m is less and what the {joint}'s {part} gives: name that"
+                )
+    return joints

@@ -1,0 +1,263 @@
+"""Pareto fronts of the clearance against what it costs, by the epsilon-constraint method.
+
+The front's points are hops that reach a given clearance with the least of the other objective (hop.clearance is the
+epsilon), between that objective's own optimum and the highest hop. Each is refined and verified as any other, and can be
+solved again alone. Neighbours begin from each other on one compiled program, upwards and downwards, so that a local
+optimum at one end does not stay unnoticed. (Miettinen, Nonlinear Multiobjective Optimization, 1999, section 3.2.)
+"""
+
+import csv
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.errors import NotSolvedError, UsageError
+from hopopt.nlp.ipopt import CARRIED, NlpSolver
+from hopopt.nlp.reuse import with_numbers_of
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.objective import HopObjective
+from hopopt.ocp.objectives import OBJECTIVES, find
+from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, outcome_of, run_starts
+from hopopt.planner.refine_and_verify import finish
+from hopopt.planner.required_clearance import begun_from, highest_hop, reaches
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.planner.stopwatch import Stopwatch
+from hopopt.problem.load import changed
+from hopopt.storage.folder import unused, write_json
+from hopopt.storage.solution import save
+from hopopt.verify.measures import MEASURES
+
+CLOSER = 1.5  # exponent that brings points closer to the highest hop
+PATIENCE = 150  # iterations from a neighbour
+MOST = 1000  # points of a front
+TOP, LEAST = "highest hop", "least {}"
+
+
+@dataclass(frozen=True)
+class FrontPoint:
+    """One hop of the front: clearance [m] and the other figure [its unit], None where it is not verified; ``least``:
+    whether that figure was minimised, not what the highest hop happens to have."""
+
+    kind: str
+    asked_m: float
+    clearance_m: float | None
+    value: float | None
+    verified: bool
+    sentence: str = ""
+    result_dir: str | None = None
+    seconds: float = 0.0
+    least: bool = True
+
+
+@dataclass
+class Front:
+    """What is known of a front so far; ``folder`` holds it, point by point."""
+
+    design: Design
+    against: HopObjective
+    folder: Path | None = None
+    points: list[FrontPoint] = field(default_factory=list)
+    solutions: list[Solution | None] = field(default_factory=list)
+    complete: bool = False
+
+    @property
+    def verified(self) -> list[FrontPoint]:
+        """The verified points, by clearance."""
+        return sorted((p for p in self.points if p.verified), key=lambda p: p.clearance_m or 0.0)
+
+    @property
+    def exit_code(self) -> int:
+        """0 every point verified, 1 none, 3 some not."""
+        return 1 if not self.verified else 0 if all(p.verified for p in self.points) else 3
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "problem": self.design.name, "against": self.against.name, "unit": self.against.unit,
+            "meaning": self.against.meaning, "complete": self.complete, "exit_code": self.exit_code,
+            "points": [asdict(p) for p in sorted(self.points, key=lambda p: p.asked_m)],
+            "result_dir": str(self.folder) if self.folder else None,
+        }  # fmt: skip
+
+    def add(self, point: FrontPoint, solution: Solution | None) -> None:
+        """Keep a finished point, in the folder too."""
+        self.points.append(point)
+        self.solutions.append(solution)
+        self.write()
+
+    def write(self) -> None:
+        """front.json and table.csv as they are now."""
+        if self.folder is None:
+            return
+        write_json(self.as_dict(), self.folder / "front.json")
+        with (self.folder / "table.csv").open("w", newline="", encoding="utf-8") as file:
+            table = csv.writer(file)
+            table.writerow(["clearance_m", self.against.figure, "least", "verified", "point", "sentence", "result_dir"])
+            for p in sorted(self.points, key=lambda p: p.asked_m):
+                table.writerow([p.clearance_m, p.value, p.least, p.verified, p.kind, p.sentence, p.result_dir])
+
+
+def front(
+    design: Design,
+    against: str = "energy",
+    *,
+    points: int = 8,
+    lowest: float = 0.0,
+    starts: int | None = None,
+    processes: int | None = None,
+    results: Path | None = None,
+    progress: Progress | None = None,
+    begun: Any = None,
+) -> Front:
+    """The front of the clearance against an economical objective: ``points`` hops from the least of that objective
+    (at a clearance of at least ``lowest`` [m]) to the highest hop.
+
+    results: the folder in which a new folder keeps every point as it is finished (none: nothing is written); begun is
+    called with the front before the first point. Raises UsageError for what is no front, NotSolvedError if an end
+    cannot be solved.
+    """
+    goal = _goal(design, against, points)
+    say, found = progress or (lambda text: None), Front(design, goal, _folder(design, against, results))
+    if begun:
+        begun(found)
+    say("the highest hop")
+    top = solve(design, "clearance", starts=starts, processes=processes, progress=say)
+    if lowest >= top.clearance:
+        raise UsageError(f"the leg clears {top.clearance:.4f} m at most: give a lowest clearance below that")
+    _keep(found, TOP, top, top.clearance, MEASURES[goal.figure](top.robot, top.tables), 0.0)
+    chain = Chain(design, goal, lowest, starts or design.solver.starts, processes or os.cpu_count() or 1, say)
+    least = _refined(found, chain, 0, LEAST.format(goal.name.replace("_", " ")), say)
+    reached = least.clearance if least is not None and least.verified else lowest
+    chain.between(reached, top.clearance, points)
+    for k in range(1, len(chain.clearances)):
+        _refined(found, chain, k, f"point {k + 1} of {points}", say)
+    found.complete = True
+    found.write()
+    return found
+
+
+def _goal(design: Design, against: str, points: int) -> HopObjective:
+    choices = [o.name for o in OBJECTIVES.values() if o.ends == "demand" and o.name != "impact"]  # the top: no landing
+    if against not in choices:
+        raise UsageError(f"there is no front against {against!r}: choose one of {', '.join(choices)}")
+    if not 3 <= points <= MOST:
+        raise UsageError(f"a front has at least 3 points and at most {MOST}")
+    goal = find(against)
+    if fault := goal.fault(changed(design, {"hop.clearance": 0.0})):
+        raise UsageError(f"objective {against}: {fault}")
+    return goal
+
+
+def _folder(design: Design, against: str, results: Path | None) -> Path | None:
+    if results is None:
+        return None
+    folder = unused(results / f"{design.name}-pareto-{against}")
+    (folder / "points").mkdir(parents=True)
+    return folder
+
+
+class Chain:
+    """First-mesh optima at rising clearances, each begun from its neighbours, on one compiled program."""
+
+    def __init__(self, design: Design, goal: HopObjective, lowest: float, starts: int, processes: int, say: Progress):
+        self.design, self.goal, self.starts, self.processes, self.say = design, goal, starts, processes, say
+        self.clearances, self.outcomes = [lowest], list[list[StartOutcome]]()
+        hop = self.hop(0)
+        self.program = first_transcription(hop)
+        self.warm = NlpSolver(self.program, CARRIED | {"ipopt.max_iter": PATIENCE})
+        self.cold = NlpSolver(self.program, {"ipopt.max_iter": design.solver.max_iterations})
+        self.outcomes.append(self._from_starts(hop))
+
+    def _from_starts(self, hop: Hop) -> list[StartOutcome]:
+        highest = highest_hop(hop, self.starts)
+        besides = [begun_from(hop, highest)] if highest and reaches(hop, highest) else []
+        return run_starts(hop, self.starts, self.processes, self.say, besides)
+
+    def hop(self, k: int) -> Hop:
+        """The problem of point k."""
+        return Hop(changed(self.design, {"hop.clearance": float(self.clearances[k])}), self.goal)
+
+    def transcription(self, k: int) -> Transcription:
+        """The compiled program with the numbers of point k."""
+        return with_numbers_of(self.program, self.hop(k).problem)
+
+    def between(self, low: float, high: float, points: int) -> None:
+        """All points: from starts at the upper end, then up from the least and down from the upper end."""
+        share = 1 - (1 - np.linspace(0, 1, points)[1:-1]) ** CLOSER  # the cost rises most at the upper end
+        self.clearances = [self.clearances[0], *(low + (high - low) * share)]
+        last = len(self.clearances) - 1
+        self.outcomes += [[] for _ in range(last)]
+        self.outcomes[last] += self._from_starts(self.hop(last))
+        for order in (range(1, last + 1), range(last - 1, -1, -1)):
+            for k in order:
+                self._step(k, k - 1 if order.step > 0 else k + 1)
+
+    def _step(self, k: int, neighbour: int) -> None:
+        """Solve point k from the best of a neighbour."""
+        self.say(f"clearance {self.clearances[k]:.3f} m from {self.clearances[neighbour]:.3f} m")
+        begin, began, t = best(self.outcomes[neighbour]), time.perf_counter(), self.transcription(k)
+        if begin is None:
+            return
+        v = begin.vectors
+        s = self.warm.on(t).from_vector(v["z"], (v["lam_g"], v["lam_x"]))
+        if not s.success:
+            s = self.cold.on(t).from_vector(v["z"])
+        name = f"from {self.clearances[neighbour]:.3f} m"
+        self.outcomes[k].append(outcome_of(name, s, time.perf_counter() - began))
+
+
+def best(outcomes: Sequence[StartOutcome]) -> StartOutcome | None:
+    """The best that was solved, if any."""
+    return max((o for o in outcomes if o.success), key=lambda o: o.merit, default=None)
+
+
+def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> Solution | None:
+    """Refine, verify and keep point k, its best first-mesh optimum or, if that is not verified, the next."""
+    began, hop, clock = time.perf_counter(), chain.hop(k), Stopwatch()
+    asked, outcomes = float(chain.clearances[k]), chain.outcomes[k]
+    ranked = sorted((o for o in outcomes if o.success), key=lambda o: -o.merit)
+    if not ranked:
+        found.add(FrontPoint(kind, asked, None, None, False, "not solved: no start led to a hop"), None)
+        return None
+    solution: Solution | None = None
+    for outcome in _distinct(ranked)[:2]:
+        try:
+            solution = finish(
+                hop, outcome, outcomes, lambda text: say(f"{kind}: {text}"), clock, chain.transcription(k)
+            )
+        except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:
+            say(f"{kind}: stopped by a {type(error).__name__}")
+        if solution is not None and solution.verified:
+            break
+    if solution is None:
+        found.add(FrontPoint(kind, asked, None, None, False, "refinement stopped"), None)
+        return None
+    value = float(solution.summary[found.against.figure])
+    return _keep(found, kind, solution, asked, value, time.perf_counter() - began)
+
+
+def _distinct(ranked: Sequence[StartOutcome]) -> list[StartOutcome]:
+    kept: list[StartOutcome] = []
+    for o in ranked:
+        if all(abs(o.objective - other.objective) > 2e-3 * abs(other.objective) for other in kept):
+            kept.append(o)
+    return kept
+
+
+def _keep(found: Front, kind: str, s: Solution, asked: float, value: float, seconds: float) -> Solution:
+    if found.folder is not None:
+        s.summary.setdefault("wall_s", seconds)
+        s = save(s, found.folder / "points")
+    place = str(s.result_dir) if s.result_dir else None
+    figures = (s.clearance, value) if s.verified else (None, None)
+    sentence = "" if s.verified else f"not verified: {', '.join(s.summary['failed_checks'])}"
+    found.add(FrontPoint(kind, asked, *figures, s.verified, sentence, place, seconds, kind != TOP), s)
+    return s

@@ -1,0 +1,196 @@
+"""What to change first: the derivative of the best hop's height by every number of its problem, from the multipliers.
+
+The leg's masses, lengths and drives are parameters of the nonlinear program (optimality/parametric_sensitivity.py); limits of joints,
+durations and heights are its bounds. The start pose is both: its angles are given values, which follow from the
+lengths and the hip's height by inverse kinematics, so they enter by the chain rule.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopopt.design import Design, Leg, physical_parameters
+from hopopt.errors import UsageError
+from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
+from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.optimality.parametric_sensitivity import Slopes, slopes
+from hopopt.planner.solution import Solution
+from hopopt.planner.summary import by_friction
+from hopopt.problem.render import rows
+from hopopt.storage.recheck import stored_nlp
+
+if TYPE_CHECKING:
+    from hopopt.studies.finite_differences import Difference
+
+PERCENT = 0.01
+CM = 100.0  # [cm/m]
+STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretched
+
+
+@dataclass(frozen=True)
+class Influence:
+    """d height / d one entry of the problem [m per its unit], at its value; ``part_of`` names the entry of the whole
+    leg that a single joint's drive takes its value from."""
+
+    name: str
+    value: float
+    unit: str
+    m_per_unit: float
+    part_of: str | None = None
+    difference: "Difference | None" = None
+
+    @property
+    def cm_per_percent(self) -> float:
+        """What one per cent more of it gains [cm]; 0 for an entry that is 0."""
+        return CM * PERCENT * self.value * self.m_per_unit or 0.0  # no -0
+
+    @property
+    def of_leg(self) -> bool:
+        """Whether it is a number of the machine, not of what it is asked to do."""
+        return self.name.startswith("leg.")
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        figures = {name: getattr(self, name) for name in ("name", "value", "unit", "cm_per_percent", "m_per_unit")}
+        if self.part_of:
+            figures["part_of"] = self.part_of
+        if d := self.difference:
+            figures |= {"finite_difference_m_per_unit": d.central, "step": d.step, "noise_m_per_unit": d.noise}
+            figures |= {"forward_m_per_unit": d.forward, "backward_m_per_unit": d.backward}
+            agrees = None if d.fault else d.agrees(self.m_per_unit)
+            figures |= {"confirmed": agrees, "verdict": d.verdict(self.m_per_unit)}
+        return figures
+
+
+def sensitivity(solution: Solution) -> list[Influence]:
+    """Every entry that the height depends on, the most rewarding per cent first (entries at 0 last, per unit).
+
+    solution is what ``solve`` or ``read`` returned; the height is its objective's. Raises UsageError where the start
+    pose has no derivative.
+    """
+    design = solution.design
+    if solution.summary.get("objective_unit", "m") != "m" or solution.own != (None, ()):
+        raise UsageError(f"what to change first is said of heights, not of {solution.objective}")
+    found = derivatives(design, slopes(stored_nlp(with_own_drives(solution))))
+    entries, influences = {row.path: row for row in rows(design)}, []
+    for name, (slope, part_of) in found.items():
+        path, _, index = (part_of or name).partition("[")
+        value = entries[path].value[int(index[:-1])] if index else entries[path].value
+        influences.append(Influence(name, float(value), entries[path].unit, slope, part_of))
+    return sorted(influences, key=lambda i: (-abs(i.cm_per_percent), -abs(i.m_per_unit)))
+
+
+def as_dict(solution: Solution, influences: Sequence[Influence], failed: Sequence[str]) -> dict[str, Any]:
+    """For JSON: the optimum, every influence on it, and what its height is known to; nothing of the first two if
+    it ``failed`` checks."""
+    height = {k: None if failed else solution.summary[k] for k in ("clearance_m", "apex_m") if k in solution.summary}
+    return {
+        "problem": solution.design.name,
+        "objective": solution.objective,
+        **height,
+        "verified": not failed,
+        "exit_code": 3 if failed else 0,
+        "failed_checks": list(failed),
+        "optimum": str(solution.result_dir) if solution.result_dir else None,
+        "tie_break_bias_m": solution.summary["tie_break_bias_m"],
+        "settled_within_m": settled_within(solution),
+        "parameters": [i.as_dict() for i in influences],
+    }
+
+
+def settled_within(solution: Solution) -> float:
+    """How far the optimal height depends on the mesh [m]: the last change with it, and the price of its limits."""
+    residuals = {c["name"]: c["residual"] for c in solution.summary["verification"]}
+    share = sum(residuals[what] or 0.0 for what in ("change of the objective", "price of drawing in the limits"))
+    return share * abs(solution.summary["objective_value"])
+
+
+def with_own_drives(solution: Solution) -> Solution:
+    """The same optimum of the same leg, the drive of every joint written out: each has parameters of its own."""
+    leg, data = solution.design.leg, solution.design.model_dump(exclude_none=True)
+    for _, joint, part, entry in drive_entries(leg):
+        data["leg"][joint].setdefault(part, {})[entry] = leg.drive(joint, part, entry)[1]
+    design = Design.model_validate(data)
+    p = np.array(list(physical_parameters(design.leg).values()))
+    return replace(solution, design=design, kkt={**solution.kkt, "p": p})
+
+
+def drive_entries(leg: Leg) -> Iterator[tuple[str, str, Any, str]]:
+    """Where each figure of each joint's drive stands: path, joint, part ("motor" or "gear"), entry."""
+    for part in ("motor", "gear"):
+        for entry in dict.fromkeys(p.split(".")[-1] for p in physical_parameters(leg) if f".{part}." in p):
+            for joint in leg.joints:
+                path, value = leg.drive(joint, part, entry)
+                if value is not None:
+                    yield path, joint, part, entry
+
+
+def derivatives(design: Design, by: Slopes) -> dict[str, tuple[float, str | None]]:
+    """Path of each entry -> derivative [m per unit], and the entry it is one joint's part of, if it is.
+
+    ``by`` belongs to the program of ``with_own_drives``.
+    """
+    own: dict[str, float] = {}
+    for path, slope in _contributions(design, by):
+        own[path] = own.get(path, 0.0) + slope
+    users: dict[str, list[str]] = {}
+    for path, joint, part, entry in drive_entries(design.leg):
+        users.setdefault(path, []).append(f"leg.{joint}.{part}.{entry}")
+    found: dict[str, tuple[float, str | None]] = {}
+    for path, names in users.items():
+        found[path] = (sum(own[name] for name in names), None)
+        found |= {name: (own[name], path) for name in names if len(names) > 1}
+    parts = {name for names in users.values() for name in names}
+    return found | {path: (slope, None) for path, slope in own.items() if path not in parts | found.keys()}
+
+
+def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
+    """Paths and derivatives, to be summed by path."""
+    yield from ((path, float(slope[0])) for path, slope in by.parameters.items())
+    low, high = by.of_state(STANCE, "q")
+    yield from ((path, float((low + high)[0] @ dq)) for path, dq in pose_slopes(design))
+    for phase, first in ((STANCE, 1), (FLIGHT, 0)):  # stance begins with given angles, which no limit moves
+        low, high = by.of_state(phase, "q")
+        for k, joint in enumerate(design.leg.joints):
+            yield f"leg.{joint}.lower", float(low[first:, k].sum())
+            yield f"leg.{joint}.upper", float(high[first:, k].sum())
+        yield from zip((f"hop.{phase}_duration[{k}]" for k in (0, 1)), by.of_duration(phase), strict=True)
+    yield from _rows(by)
+
+
+def _rows(by: Slopes) -> Iterator[tuple[str, float]]:
+    """Entries that are limits of path and boundary constraints, or the factor of one: |f_x| <= mu f_z.
+
+    Where a limit is held between the nodes, multipliers at the nodes have both signs (nlp/continuous_limits.py): both are of its side.
+    """
+    for r in by.solution.transcription.rows:
+        low, high = by.of_rows(r)
+        if r.name == "ground force":
+            yield "contact.least_force", float((low + high).sum())
+        elif r.name == "friction cone":
+            yield "contact.friction", -float(((low + high) * by_friction(by.solution)).sum())
+        elif r.name == "height above ground":
+            yield "hop.least_height", float((low + high)[:, [label != "foot" for label in r.labels]].sum())
+        elif r.name == "foot window":
+            yield "hop.foot_window", float(high.sum() - low.sum())
+
+
+def pose_slopes(design: Design) -> Iterator[tuple[str, np.ndarray]]:
+    """Entries that the joint angles of the start follow from, and d angles / d each, (n,) [rad per unit].
+
+    From foot_offset(q, lengths) = (foot_x, -hip_height), differentiated; UsageError where the leg is stretched.
+    """
+    start, leg, q = design.start, design.leg, start_angles(design)
+    if start.joint_angles is not None:
+        yield from ((f"start.joint_angles[{k}]", column) for k, column in enumerate(np.eye(len(q))))
+        return
+    length = np.array([leg.link[name].length for name in leg.links])
+    along = (np.diff(joint_positions(leg, q), axis=0) / length[:, None]).T[[0, 2]]  # d foot / d each length, (2, n)
+    jacobian = foot_jacobian(leg, q)[[0, 2]]
+    if abs(np.linalg.det(jacobian)) < STRAIGHT * length.prod():
+        raise UsageError("start.hip_height: the leg starts stretched, where its pose has no derivative: start lower")
+    inverse = np.linalg.inv(jacobian)
+    yield from ((f"leg.{name}.length", -inverse @ along[:, k]) for k, name in enumerate(leg.links))
+    yield from (("start.foot_x", inverse[:, 0]), ("start.hip_height", -inverse[:, 1]))

@@ -1,0 +1,234 @@
+"""A design study: which entries of a problem are varied, and the points that follow from it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc
+
+from hopopt.design import Design
+from hopopt.errors import ProblemFileError, UsageError
+from hopopt.ocp.objectives import OBJECTIVES
+from hopopt.problem.load import changed
+from hopopt.problem.render import design_hash, rows, shown, shown_path
+
+MOST = 100_000  # points of a study
+SAMPLINGS = "lhs:40 (Latin hypercube) or sobol:64"
+HOW = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100"
+FORMAT = 2  # of the study's folder
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An entry that is varied: over ``values``, or between ``lower`` and ``upper`` if points are to be sampled."""
+
+    entry: str
+    values: tuple[float, ...] = ()
+    lower: float = 0.0
+    upper: float = 0.0
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+        return (min(self.values), max(self.values)) if self.values else (self.lower, self.upper)
+
+
+@dataclass(frozen=True)
+class Definition:
+    """Everything that decides a study's results; the points follow from it."""
+
+    design: Design
+    objective: str
+    axes: tuple[Axis, ...]
+    sample: str | None = None
+    seed: int = 0
+    starts: int | None = None
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """The values of the varied entries at every point, (points, axes), in the entries' units."""
+        if self.sample is None:
+            return np.array(list(product(*(axis.values for axis in self.axes))), dtype=float)
+        kind, count = sampling(self.sample)
+        engine = (qmc.LatinHypercube if kind == "lhs" else qmc.Sobol)(len(self.axes), rng=self.seed)
+        low, high = np.array([axis.range for axis in self.axes]).T
+        points = low + (high - low) * engine.random(count)
+        whole = [whole_number(self.design, axis.entry) for axis in self.axes]
+        return np.where(whole, np.round(points), points)
+
+    @property
+    def shape(self) -> tuple[int, ...] | None:
+        """Counts along the axes of a grid; None for a sample."""
+        return None if self.sample else tuple(len(axis.values) for axis in self.axes)
+
+    def values(self, k: int) -> dict[str, float]:
+        """The varied entries at point k."""
+        return {axis.entry: float(x) for axis, x in zip(self.axes, self.points[k], strict=True)}
+
+    def design_at(self, k: int) -> Design:
+        """The problem of point k; ProblemFileError, with a sentence for each fault, if there is no such problem."""
+        return self.design_with(self.values(k))
+
+    def design_with(self, values: Mapping[str, float]) -> Design:
+        """The problem with other values of some entries; ProblemFileError if there is none."""
+        entries: dict[str, Any] = {}
+        for entry, x in values.items():
+            path, index = place(entry)
+            if index is None:
+                entries[path] = round(x) if whole_number(self.design, path) else x
+            else:
+                listed = list(entries.get(path, _rows(self.design)[path]))
+                listed[index] = x
+                entries[path] = listed
+        return changed(self.design, entries)
+
+    @cached_property
+    def normalized(self) -> np.ndarray:
+        """The points with every axis from 0 to 1, (points, axes): what counts as near."""
+        low, high = np.array([axis.range for axis in self.axes]).T
+        return (self.points - low) / np.where(high > low, high - low, 1.0)
+
+    @cached_property
+    def spaced(self) -> np.ndarray:
+        """The points with a step of one from each value of a grid to the next, (points, axes): who is next to whom."""
+        if self.shape is None:
+            return self.normalized
+        return np.column_stack([np.unique(column, return_inverse=True)[1] for column in self.points.T]).astype(float)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON, and to tell two studies apart."""
+        axes = [
+            {"entry": a.entry, "values": list(a.values)} if a.values else {"entry": a.entry, "range": list(a.range)}
+            for a in self.axes
+        ]
+        return {
+            "format": FORMAT, "problem": self.design.name, "problem_hash": design_hash(self.design),
+            "objective": self.objective, "axes": axes, "sample": self.sample, "seed": self.seed,
+            "starts": self.starts, "points": len(self.points),
+        }  # fmt: skip
+
+
+def define(
+    design: Design,
+    vary: Mapping[str, Any],
+    *,
+    objective: str = "clearance",
+    sample: str | None = None,
+    seed: int = 0,
+    starts: int | None = None,
+) -> Definition:
+    """The study of ``design`` with the entries of ``vary`` varied: a text (60:160:11 or 60,80,100), a list of
+    values, or, with a sample, (lower, upper). UsageError in a sentence if that makes no study."""
+    if objective not in OBJECTIVES:
+        raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
+    if not vary:
+        raise UsageError(f"nothing is varied: {HOW}")
+    if seed < 0 or (starts is not None and starts < 1):
+        raise UsageError("the seed must be at least 0, the number of starts at least 1")
+    count = sampling(sample)[1] if sample else 1
+    axes = tuple(axis(entry, given, bool(sample)) for entry, given in vary.items())
+    for a in axes:
+        _check_entry(design, a)
+        count *= 1 if sample else len(a.values)
+    if count > MOST:
+        raise UsageError(f"these are {count} points: a study has {MOST} at most")
+    return Definition(design, objective, axes, sample, seed, starts)
+
+
+def parse(texts: Sequence[str]) -> dict[str, str]:
+    """{"leg.gear.ratio": "60:160:11"} from "leg.gear.ratio=60:160:11"."""
+    vary: dict[str, str] = {}
+    for text in texts:
+        entry, equals, given = (part.strip() for part in text.partition("="))
+        if not (entry and equals and given):
+            raise UsageError(f"--vary {text}: {HOW}")
+        if entry in vary:
+            raise UsageError(f"--vary {entry} is given twice: give all its values at once")
+        vary[entry] = given
+    return vary
+
+
+def axis(entry: str, given: Any, sampled: bool) -> Axis:
+    """One varied entry from what was given for it."""
+    if isinstance(given, Mapping):
+        raise UsageError(f"--vary {shown_path(entry)}: {HOW}")
+    ranged = isinstance(given, str) and ":" in given
+    parts = (given.split(":") if ranged else given.split(",")) if isinstance(given, str) else np.ravel(given).tolist()
+    numbers = [_number(entry, part) for part in parts]
+    if sampled:
+        if len(numbers) != 2 or not numbers[0] < numbers[1]:
+            raise UsageError(f"--vary {shown_path(entry)}: with a sample write lower:upper, the lower first")
+        return Axis(entry, (), *numbers)
+    if ranged:
+        numbers = _spaced(entry, numbers)
+    if len(set(numbers)) < len(numbers) or not numbers:
+        raise UsageError(f"--vary {shown_path(entry)}: each value once, please; {HOW}")
+    return Axis(entry, tuple(numbers))
+
+
+def _spaced(entry: str, numbers: list[float]) -> list[float]:
+    if len(numbers) != 3 or not numbers[0] < numbers[1] or numbers[2] != int(numbers[2]) or not 2 <= numbers[2] <= MOST:
+        words = f"lower:upper:count needs lower < upper and a count from 2 to {MOST}"
+        raise UsageError(f"--vary {shown_path(entry)}: {words}")
+    return [float(x) for x in np.linspace(numbers[0], numbers[1], int(numbers[2]))]
+
+
+def _number(entry: str, part: Any) -> float:
+    try:
+        value = float(part)
+    except (TypeError, ValueError):
+        value = math.nan
+    if isinstance(part, bool) or not math.isfinite(value):
+        raise UsageError(f"--vary {shown_path(entry)}: {shown(part)} is not a number; {HOW}")
+    return value
+
+
+def sampling(text: str) -> tuple[str, int]:
+    """("lhs", 40) from "lhs:40"."""
+    kind, _, count = text.partition(":")
+    if kind not in ("lhs", "sobol") or not count.isdecimal() or int(count) < 1:
+        raise UsageError(f"--sample {text}: write {SAMPLINGS}")
+    if int(count) > MOST:
+        raise UsageError(f"--sample {text}: a study has {MOST} points at most")
+    if kind == "sobol" and int(count) & (int(count) - 1):
+        raise UsageError(f"--sample {text}: a Sobol sample has a power of two of points, such as 32, 64 or 128")
+    return kind, int(count)
+
+
+def place(entry: str) -> tuple[str, int | None]:
+    """("hop.stance_duration", 1) from "hop.stance_duration[1]": an entry's path, and which of its values."""
+    path, bracket, index = entry.partition("[")
+    if not bracket:
+        return entry, None
+    if not index.endswith("]") or not index[:-1].isdecimal():
+        raise UsageError(f"--vary {shown_path(entry)}: write a value of a list as hop.stance_duration[1]")
+    return path, int(index[:-1])
+
+
+def whole_number(design: Design, entry: str) -> bool:
+    """Whether an entry takes whole numbers only."""
+    return type(_rows(design).get(entry)) is int
+
+
+def _rows(design: Design) -> dict[str, Any]:
+    return {row.path: row.value for row in rows(design)}
+
+
+def _check_entry(design: Design, a: Axis) -> None:
+    """That there is such an entry, and that it is a number."""
+    path, index = place(a.entry)
+    value = _rows(design).get(path)
+    if index is not None and (not isinstance(value, (tuple, list)) or index >= len(value)):
+        raise UsageError(f"--vary {shown_path(a.entry)}: there is no such value in {shown_path(path)}")
+    if isinstance(value, (bool, str)) or (index is None and isinstance(value, (tuple, list))):
+        raise UsageError(f"--vary {shown_path(a.entry)}: {shown(value)} is not a number, so it cannot be varied")
+    if type(value) is int and any(x != round(x) for x in a.values):
+        raise UsageError(f"--vary {a.entry}: it takes whole numbers only")
+    try:
+        changed(design, {path: None} if index is not None else {path: value if value is not None else a.range[0]})
+    except ProblemFileError as error:
+        raise UsageError(f"--vary: {error.problems[0].removeprefix('override ')}") from None

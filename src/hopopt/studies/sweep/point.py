@@ -1,0 +1,272 @@
+"""One point of a study: solved from a neighbour's solution or from the problem's starts, refined, verified.
+
+Every point is solved on the problem's first mesh, from a neighbour's optimum and multipliers there; points that differ
+in numbers of the leg and its start alone share one compiled program of it. Refinement and
+checks are those of a single solve.
+"""
+
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hopopt.design import Leg, physical_parameters
+from hopopt.errors import NotSolvedError, ProblemFileError, one_line
+from hopopt.nlp.compiled import compiling
+from hopopt.nlp.ipopt import CARRIED, NlpSolver
+from hopopt.nlp.reuse import with_numbers_of
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.feasibility import unresisted
+from hopopt.ocp.hop import Hop
+from hopopt.planner.multistart import (
+    StartOutcome,
+    contenders,
+    first_transcription,
+    not_solved,
+    outcome_of,
+    run_starts,
+)
+from hopopt.planner.refine_and_verify import refine_outcome, with_smaller_tolerances
+from hopopt.planner.refined_answer import Answer, answer
+from hopopt.planner.required_clearance import from_highest
+from hopopt.studies.sweep.definition import Definition
+from hopopt.studies.sweep.order import unlike
+from hopopt.studies.sweep.store import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
+
+PATIENCE = 60  # iterations from a neighbour's multipliers
+BETTER = 1e-5  # relative: less is noise of the tolerances
+CORRECTED = 1e-4  # relative: more than the same optimum on other meshes can differ
+CLOSE = 3e-3  # relative: what the first mesh may be wrong by between two different optima
+STOPS = (ArithmeticError, RuntimeError, ValueError)  # what one neighbour's optimum may stop with, without the others'
+FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
+
+Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
+Kept = tuple[Point, Begin]
+_compiled: dict[str, tuple[Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
+_one_at_a_time = threading.Lock()  # a worker of a scheduler may have several threads, a compiled program may not
+
+
+@dataclass(frozen=True)
+class Source:
+    """A neighbour to begin from: its index, the pass its solution is of, and that solution."""
+
+    index: int
+    solved_in: int
+    begin: Begin
+
+
+def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Kept:
+    """Solve point k from the sources or, if none leads to a verified hop, from the starts."""
+    began = time.perf_counter()
+    point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
+    with _one_at_a_time, _compiling(definition):
+        try:
+            hop = Hop(definition.design_at(k), definition.objective)
+            if faults := unresisted(hop.design, hop.robot):
+                raise NotSolvedError(f"{definition.design.name}: the leg cannot hop from its start.", faults)
+            for source, found in _answers(definition, hop, point.values, sources):
+                if not point.solved or _preferred(hop, found[0], point):
+                    point, begin = _described(point, found[0], source), dict(found[1])
+        except (NotSolvedError, *STOPS) as error:  # one point does not end a study
+            if not point.solved:
+                what = "" if isinstance(error, NotSolvedError) else f"stopped by a {type(error).__name__}: "
+                point = replace(point, sentence=what + one_line(error))
+    tried = tuple(sorted((s.index, s.solved_in) for s in sources))
+    return replace(point, tried=tried, seconds=time.perf_counter() - began), begin
+
+
+def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Source], after_pass: int) -> Kept:
+    """Solve a finished point from other neighbours; the better, and that they were tried."""
+    began = time.perf_counter()
+    best, begin = old, dict[str, np.ndarray]()
+    with _one_at_a_time, _compiling(definition):
+        hop = Hop(definition.design_at(old.index), definition.objective)
+        known = own if old.verified else None
+        for source, found, its in _other_answers(definition, hop, old.values, sources, known):
+            if _better(hop, found.objective_value, best):
+                best, begin = replace(_described(old, found, source), solved_in=after_pass), its
+    seconds = old.seconds + time.perf_counter() - began
+    tried = tuple(sorted({*old.tried, *((s.index, s.solved_in) for s in sources)}))
+    corrected = old.corrected or (best is not old and _better(hop, best.objective_value or 0.0, old, CORRECTED))
+    return replace(best, tried=tried, seconds=seconds, corrected=corrected, after_pass=after_pass), begin
+
+
+def _better(hop: Hop, value: float, than: Point, by: float = BETTER) -> bool:
+    """Whether a verified value beats a point's: by this share, or because that is not verified."""
+    if not than.verified or than.objective_value is None:
+        return True
+    return hop.objective.merit(value - than.objective_value) > by * abs(than.objective_value)
+
+
+def _described(point: Point, found: Answer, source: Source | None) -> Point:
+    heights: dict[str, Any] = {"clearance_m": None, "unverified_clearance_m": None, "parts": None}
+    if found.verified:
+        heights |= {"clearance_m": found.clearance_m, "parts": found.parts}
+    else:
+        heights["unverified_clearance_m"] = found.clearance_m
+    return replace(
+        point, outcome=VERIFIED if found.verified else NOT_VERIFIED, objective_value=found.objective_value,
+        sentence="" if found.verified else f"failed: {', '.join(found.failed_checks)}",
+        begun_from=source and source.index, **heights,
+    )  # fmt: skip
+
+
+def _answers(
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source]
+) -> Iterator[tuple[Source | None, tuple[Answer, Begin]]]:
+    """The refined and verified best of what the sources lead to on the first mesh, and what is close to it but unlike;
+    then, if nothing was verified, what the starts lead to."""
+    verified, refined = False, list[Begin]()
+    for source, outcome, begin, t in _on_the_first_mesh(definition, hop, values, sources):
+        if not refined or not verified or _another(hop, begin, refined):
+            try:
+                got = _refined(hop, outcome, t)
+            except STOPS:
+                continue
+            verified |= got.verified
+            refined.append(begin)
+            yield source, (got, begin)
+    if not verified:
+        yield None, _from_starts(hop, definition.starts or hop.design.solver.starts)
+
+
+def _other_answers(
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source], own: Begin | None
+) -> Iterator[tuple[Source, Answer, Begin]]:
+    """What is verified of the sources' optima that may be better than the ``own``, and than each other: the best on the
+    first mesh first, and none that is like one before."""
+    verified: list[Begin] = []
+    for source, outcome, begin, t in _on_the_first_mesh(definition, hop, values, sources):
+        known = [*verified[:1], *([] if own is None else [own])]
+        again = any(not unlike(begin["shape"], other["shape"]) for other in verified)
+        if again or not all(_promising(hop, begin, other) for other in known):
+            continue
+        try:
+            got = _refined(hop, outcome, t)
+        except STOPS:
+            continue
+        if got.verified:
+            verified.append(begin)
+            yield source, got, begin
+
+
+def _on_the_first_mesh(
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source]
+) -> list[tuple[Source, StartOutcome, Begin, Transcription]]:
+    """What the sources lead to on the first mesh, the best first."""
+    found = []
+    for source in sources:
+        try:
+            t, solver = _first_program(definition, hop, values)
+            outcome = _from_neighbour(hop, t, solver, source)
+        except STOPS:
+            continue
+        if outcome.success:
+            found.append((source, outcome, _begin(outcome, t), t))
+    return sorted(found, key=lambda each: -each[1].merit)
+
+
+def _another(hop: Hop, begin: Begin, refined: Sequence[Begin]) -> bool:
+    """Whether an optimum on the first mesh is close to the best and unlike all that were refined."""
+    return _promising(hop, begin, refined[0]) and all(unlike(begin["shape"], other["shape"]) for other in refined)
+
+
+def _preferred(hop: Hop, found: Answer, than: Point) -> bool:
+    return found.verified and (not than.verified or _better(hop, found.objective_value, than))
+
+
+def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:
+    """Whether an optimum on the first mesh may be better than the own one: it is, or it is close and another."""
+    value = float(own["objective"])
+    gain = hop.objective.merit(float(begin["objective"]) - value) / max(abs(value), 1e-9)
+    return gain > CORRECTED or (gain > -CLOSE and unlike(begin["shape"], own["shape"]))
+
+
+def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
+    """An optimum of the first mesh refined and verified, with smaller tolerances if need be, as a single solve is."""
+    refinement = refine_outcome(hop, outcome, _silent, t)
+    found = answer(hop, refinement)
+    if (closer := with_smaller_tolerances(hop, refinement, found.verified)) is None:
+        return found
+    again = _refined(closer, outcome, t)
+    return again if again.verified else found
+
+
+def _from_starts(hop: Hop, count: int) -> tuple[Answer, Begin]:
+    t = first_transcription(hop)
+    outcomes = run_starts(hop, count, 1, _silent, from_highest(hop, count, _silent, thorough=False))
+    finished = [(_refined(hop, o, t), _begin(o, t)) for o in contenders(outcomes)]
+    if not finished:
+        raise not_solved(hop, outcomes)
+    return max(finished, key=lambda pair: (pair[0].verified, hop.objective.merit(pair[0].objective_value)))
+
+
+def _begin(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:
+    """What a neighbour begins from: variables (SI), multipliers and objective on the first mesh; and its shape, the
+    scaled states at fractions of the phases, which tells optima apart."""
+    phases, _ = t.unpack(outcome.vectors["z"], outcome.vectors["p"])
+    states = [
+        phases[name].sample(FRACTIONS * phases[name].duration)[0] / layout.phase.columns(layout.phase.states, "scale")
+        for name, layout in t.layouts.items()
+    ]
+    return {
+        "x": outcome.vectors["z"] * t.scale,
+        "lam_g": outcome.vectors["lam_g"],
+        "lam_x": outcome.vectors["lam_x"],
+        "objective": np.array(outcome.objective),
+        "shape": np.concatenate([s.ravel() for s in states]),
+    }
+
+
+def _from_neighbour(hop: Hop, t: Transcription, solver: NlpSolver, source: Source) -> StartOutcome:
+    """The first mesh's program from a neighbour's optimum: with its multipliers, else without."""
+    began, name, begin = time.perf_counter(), f"point {source.index}", source.begin
+    if len(begin["x"]) != len(t.scale) or len(begin["lam_g"]) != len(t.lbg):  # another mesh or other constraints
+        return StartOutcome(name, "does not fit", False, 0.0, 0, 0.0, {})
+    z = begin["x"] / t.scale
+    s = solver.from_vector(z, (begin["lam_g"], begin["lam_x"]))
+    if not s.success:
+        s = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations}).from_vector(z)
+    return outcome_of(name, s, time.perf_counter() - began)
+
+
+def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]) -> tuple[Transcription, NlpSolver]:
+    """The first mesh's program of a point, compiled once for all points that differ in numbers of leg and start.
+
+    It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
+    """
+    form = {entry: values[entry] for entry in _formative(hop.leg, values)}
+    key = repr((definition.as_dict(), form, hop.dependent))  # which joints a closed loop moves is form too
+    if key not in _compiled:
+        _compiled.clear()
+        try:
+            common = Hop(definition.design_with(form), definition.objective)
+            common = common if common.dependent == hop.dependent else hop
+        except ProblemFileError:  # only its points are possible
+            t = first_transcription(hop)
+            return t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
+        t = first_transcription(common)
+        _compiled[key] = t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
+    t, solver = _compiled[key]
+    t = with_numbers_of(t, hop.problem)
+    return t, solver.on(t)
+
+
+def _compiling(definition: Definition) -> AbstractContextManager[None]:
+    """Derivatives are compiled where all points share them: where numbers of the leg and its start alone are varied."""
+    varied = (axis.entry for axis in definition.axes)
+    return nullcontext() if _formative(definition.design.leg, varied) else compiling()
+
+
+def _formative(leg: Leg, entries: Iterable[str]) -> list[str]:
+    """Those of the entries that are not just numbers of a program, but change its form or its bounds."""
+    numbers = physical_parameters(leg)
+    return [entry for entry in entries if entry not in numbers and not entry.startswith("start.")]
+
+
+def _silent(text: str) -> None:
+    """Progress is the study's, not a point's."""

@@ -1,0 +1,250 @@
+"""A design study run: every point solved and verified, from its neighbours, side by side, and kept as it finishes.
+
+The definition alone decides the order: seeds, solved from the problem's starts, then each point from those next to it
+that come before. So the results depend neither on the number of processes nor on interruptions.
+Further passes solve points again that are not verified, lie below what their neighbours suggest, or are next to
+another kind of optimum. What a pass gives depends on the passes before it alone; this process alone writes.
+"""
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hopopt.design import Design
+from hopopt.errors import ProblemFileError, UsageError
+from hopopt.ocp.objectives import find
+from hopopt.studies.sweep.definition import Definition, define
+from hopopt.studies.sweep.order import doubtful, sources
+from hopopt.studies.sweep.store import (
+    IMPOSSIBLE,
+    NOT_VERIFIED,
+    Point,
+    check_same,
+    dataset,
+    load_begin,
+    load_points,
+    open_folder,
+    save_point,
+    save_tables,
+)
+from hopopt.studies.sweep.workers import Clock, Progress, Workers, workers
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hopopt.studies.sweep.point import Source
+
+PASSES = 8  # after the first, at most
+
+
+@dataclass(frozen=True)
+class Study:
+    """A finished study: its definition, every point in order, its folder, the seconds of this run."""
+
+    definition: Definition
+    points: tuple[Point, ...]
+    folder: Path
+    seconds: float
+
+    @property
+    def best(self) -> Point | None:
+        """The verified point with the best objective."""
+        return max((p for p in self.points if p.verified), key=self._merit, default=None)
+
+    def _merit(self, point: Point) -> float:
+        return find(self.definition.objective).merit(point.objective_value or 0.0)
+
+    @property
+    def corrected(self) -> int:
+        """How many points a later pass improved."""
+        return sum(p.corrected for p in self.points)
+
+    @property
+    def exit_code(self) -> int:
+        """0 every point decided and one verified, 1 none verified, 3 points that are solved but not verified."""
+        if any(p.outcome == NOT_VERIFIED for p in self.points):
+            return 3
+        return 0 if any(p.verified for p in self.points) else 1
+
+    @property
+    def dataset(self) -> Any:
+        """The points as an xarray.Dataset, with a dimension for each varied entry if they are a grid."""
+        return dataset(self.definition, self.points)
+
+    def plot(self) -> "dict[str, Figure]":
+        """The study's figures by name."""
+        from hopopt.plots.sweep import figures
+
+        return figures(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What ``--json`` prints."""
+        counts = {outcome: sum(p.outcome == outcome for p in self.points) for outcome in dict.fromkeys(self._outcomes)}
+        return {
+            "definition": self.definition.as_dict(),
+            "points": [p.as_dict() for p in self.points],
+            "outcomes": counts,
+            "failures": [{"index": p.index, "outcome": p.outcome, "sentence": p.sentence} for p in self.failures],
+            "best": self.best.index if self.best else None,
+            "corrected": self.corrected,
+            "seconds": self.seconds,
+            "exit_code": self.exit_code,
+            "result_dir": str(self.folder),
+        }
+
+    @property
+    def failures(self) -> list[Point]:
+        """The points without a verified hop."""
+        return [p for p in self.points if not p.verified]
+
+    @property
+    def _outcomes(self) -> list[str]:
+        return [p.outcome for p in self.points]
+
+
+def sweep(
+    design: Design,
+    vary: Mapping[str, Any],
+    *,
+    objective: str = "clearance",
+    sample: str | None = None,
+    seed: int = 0,
+    starts: int | None = None,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    results: str | Path = "results",
+    resume: str | Path | None = None,
+    progress: Progress | None = None,
+) -> Study:
+    """Solve and verify a design at every point of a study.
+
+    vary: entry -> "lower:upper:count", a list of values or, with a sample ("lhs:40", "sobol:64"), (lower, upper).
+    scheduler: the address of a Dask scheduler, or "local" for a cluster of so many processes on this computer.
+    The study lies in a new folder below ``results``, or is continued in ``resume``. Raises UsageError if the study
+    makes no sense, ResultError if its folder cannot be used.
+    """
+    definition = define(design, vary, objective=objective, sample=sample, seed=seed, starts=starts)
+    folder = None if resume is None else Path(resume)
+    return run(
+        definition, processes=processes, scheduler=scheduler, results=Path(results), resume=folder, progress=progress
+    )
+
+
+def run(
+    definition: Definition,
+    *,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    results: Path = Path("results"),
+    resume: Path | None = None,
+    progress: Progress | None = None,
+    opened: Callable[[Path], None] = lambda folder: None,
+) -> Study:
+    """The study of a definition, begun or resumed; ``opened`` is told the folder before the work."""
+    began = time.perf_counter()
+    impossible = _impossible(definition)
+    if resume is None:
+        folder = open_folder(definition, results)
+    else:
+        check_same(resume, definition)
+        folder = resume
+    opened(folder)
+    passes = load_points(folder, definition)
+    first = passes.setdefault(0, {})
+    for k in impossible.keys() - first.keys():
+        save_point(folder, impossible[k], {})
+    first |= {k: p for k, p in impossible.items() if k not in first}
+    with workers(processes or os.cpu_count() or 1, scheduler) as crew:
+        show = Clock(progress or (lambda text: None), len(definition.points) - len(first))
+        _first_pass(definition, folder, first, crew, show)
+        finished = _further_passes(definition, folder, passes, crew, show)
+    points = tuple(finished[k] for k in range(len(definition.points)))
+    study = Study(definition, points, folder, time.perf_counter() - began)
+    save_tables(folder, definition, points, study.as_dict())
+    return study
+
+
+def _impossible(definition: Definition) -> dict[int, Point]:
+    """The points that are no problem at all, each with the reason; UsageError if they all are."""
+    found: dict[int, Point] = {}
+    for k in range(len(definition.points)):
+        try:
+            definition.design_at(k)
+        except ProblemFileError as error:
+            found[k] = Point(k, definition.values(k), IMPOSSIBLE, error.problems[0].removeprefix("override "))
+    if len(found) == len(definition.points):
+        raise UsageError(f"no point of the study is a possible problem: {found[0].sentence}")
+    return found
+
+
+# ---- the first pass -----------------------------------------------------------------------------------------
+
+
+def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point], crew: Workers, show: Clock) -> None:
+    """Every point that is not finished, each as soon as the point it begins from is."""
+    from hopopt.studies.sweep.point import solve_point
+
+    possible = [k for k in range(len(definition.points)) if k not in finished or finished[k].outcome != IMPOSSIBLE]
+    order, before = sources(definition, possible)
+
+    def origins(k: int) -> list[int]:
+        """The points before it that have a solution, or else the nearest ancestor that has one."""
+        solved = [g for g in before.get(k, ()) if finished[g].solved]
+        while not solved and k in before:
+            k = before[k][0]
+            solved = [k] if finished[k].solved else []
+        return solved
+
+    waiting = [k for k in order if k not in finished]
+    while waiting or crew.busy:
+        ready = [k for k in waiting if all(g in finished for g in before.get(k, ()))]
+        for k in ready[: crew.free]:
+            waiting.remove(k)
+            crew.submit(solve_point, definition, k, _begins(folder, finished, origins(k)))
+        for point, begin in crew.done():
+            save_point(folder, point, begin)
+            finished[point.index] = point
+            show.finished(len(finished), len(definition.points), point)
+
+
+def _begins(folder: Path, finished: Mapping[int, Point], indices: Sequence[int]) -> "list[Source]":
+    from hopopt.studies.sweep.point import Source
+
+    return [Source(k, finished[k].solved_in, load_begin(folder, finished[k])) for k in indices]
+
+
+# ---- the further passes -------------------------------------------------------------------------------------
+
+
+def _further_passes(
+    definition: Definition, folder: Path, passes: dict[int, dict[int, Point]], crew: Workers, show: Clock
+) -> dict[int, Point]:
+    """Every point as it is after all passes: each solves again what the points after the last one give reason to."""
+    from hopopt.studies.sweep.point import solve_again
+
+    finished = dict(passes[0])
+    for number in range(1, PASSES + 1):
+        jobs, done = _reasons(definition, folder, finished), passes.get(number, {})
+        waiting = [k for k in jobs if k not in done]
+        if waiting:
+            show.say(f"pass {number + 1}: {len(waiting)} point{'s' if len(waiting) > 1 else ''} from other neighbours")
+        while waiting or crew.busy:
+            for k in [waiting.pop(0) for _ in range(min(crew.free, len(waiting)))]:
+                old = finished[k]
+                own = load_begin(folder, old) if old.solved else {}
+                crew.submit(solve_again, definition, old, own, _begins(folder, finished, jobs[k]), number)
+            for point, begin in crew.done():
+                save_point(folder, point, begin)
+                done[point.index] = point
+        if not jobs:
+            break
+        finished |= done
+    return finished
+
+
+def _reasons(definition: Definition, folder: Path, finished: Mapping[int, Point]) -> dict[int, list[int]]:
+    shapes = {k: load_begin(folder, p)["shape"] for k, p in finished.items() if p.verified}
+    return doubtful(definition, finished, shapes, find(definition.objective).sign)

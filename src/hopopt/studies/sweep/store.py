@@ -1,0 +1,216 @@
+"""A study's folder: one small file for each finished point, written whole or not at all, and the tables at the end.
+
+results/<problem>-sweep-<hash8>/
+    sweep.json, problem.toml    the definition, written first
+    points/NNNN-R.json          point N after pass R: outcome and figures; NNNN-R.npz: where its neighbours begin
+    study.json, table.csv, sweep.nc, figures/      everything together, once all points are finished
+"""
+
+import csv
+import hashlib
+import io
+import json
+import os
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from hopopt.errors import ProblemFileError, ResultError
+from hopopt.ocp.objectives import find
+from hopopt.problem.load import load, resolved_toml
+from hopopt.storage.folder import as_json, reason_of, unused
+from hopopt.studies.sweep.definition import Axis, Definition
+
+VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE = "verified", "not verified", "not solved", "impossible problem"
+OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE)
+
+
+@dataclass(frozen=True)
+class Point:
+    """How one point ended. clearance_m and parts [m] only if verified; begun_from: the neighbour whose solution was
+    the guess (None: the problem's starts); tried: the neighbours it was solved from, each with the pass that its solution is of; corrected: that helped; after_pass: how far the study was; solved_in: the pass of its solution."""
+
+    index: int
+    values: Mapping[str, float]
+    outcome: str
+    sentence: str = ""
+    objective_value: float | None = None
+    clearance_m: float | None = None
+    unverified_clearance_m: float | None = None
+    parts: Mapping[str, float] | None = None
+    begun_from: int | None = None
+    tried: tuple[tuple[int, int], ...] = ()
+    corrected: bool = False
+    after_pass: int = 0
+    solved_in: int = 0
+    seconds: float = 0.0
+
+    @property
+    def verified(self) -> bool:
+        return self.outcome == VERIFIED
+
+    @property
+    def solved(self) -> bool:
+        """Whether its solution can be where a neighbour begins."""
+        return self.outcome in (VERIFIED, NOT_VERIFIED)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """A file that is there whole or not at all, whenever the process is killed."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(path)
+
+
+def open_folder(definition: Definition, results: Path) -> Path:
+    """A new folder for a study, its definition written; ResultError if it cannot be."""
+    key = json.dumps(stamp(definition), sort_keys=True)
+    name = f"{definition.design.name}-sweep-{hashlib.sha256(key.encode()).hexdigest()[:8]}"
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+        folder = unused(results / name)
+        (folder / "points").mkdir(parents=True)
+        write_whole(folder / "problem.toml", resolved_toml(definition.design).encode())
+        write_whole(folder / "sweep.json", json.dumps(stamp(definition), indent=2).encode())
+    except OSError as error:
+        raise ResultError(f"{results}: the study cannot be written ({reason_of(error)})") from error
+    return folder
+
+
+def stamp(definition: Definition) -> dict[str, Any]:
+    """What must be the same for a study to be continued."""
+    return {**definition.as_dict(), "hopopt": version("hopopt")}
+
+
+def read_definition(folder: Path) -> Definition:
+    """The definition of the study in a folder; ResultError in a sentence if there is none."""
+    try:
+        data = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
+        axes = tuple(Axis(a["entry"], tuple(a.get("values", ())), *a.get("range", ())) for a in data["axes"])
+        found = Definition(
+            load(folder / "problem.toml"), data["objective"], axes, data["sample"], data["seed"], data["starts"]
+        )
+    except FileNotFoundError:
+        raise ResultError(f"{folder}: no study to resume (sweep.json is missing)") from None
+    except (OSError, ValueError, KeyError, TypeError, ProblemFileError) as error:
+        raise ResultError(f"{folder}: the study cannot be read ({reason_of(error)})") from error
+    _same(folder, data, found)
+    return found
+
+
+def check_same(folder: Path, definition: Definition) -> None:
+    """ResultError, naming what differs, unless the folder holds this very study."""
+    _same(folder, stamp(read_definition(folder)), definition)
+
+
+def _same(folder: Path, data: Mapping[str, Any], definition: Definition) -> None:
+    other = json.loads(json.dumps(stamp(definition)))
+    different = [name.replace("_", " ") for name in other if data.get(name) != other[name]]
+    if different:
+        raise ResultError(f"{folder}: it holds another study (other {', '.join(different)}); leave --resume out")
+
+
+def save_point(folder: Path, point: Point, begin: Mapping[str, np.ndarray]) -> None:
+    """Keep a point; ``begin`` is what a neighbour's warm start needs. The JSON comes last: it says finished.
+
+    Nothing is ever written over: what a pass gives depends on the passes before it alone, whenever the study stopped.
+    """
+    name = f"{point.index:04d}-{point.after_pass}"
+    if begin:
+        buffer = io.BytesIO()
+        np.savez(buffer, **begin)  # type: ignore[arg-type]
+        write_whole(folder / "points" / f"{name}.npz", buffer.getvalue())
+    write_whole(folder / "points" / f"{name}.json", (as_json(point.as_dict()) + "\n").encode())
+
+
+def load_begin(folder: Path, point: Point) -> dict[str, np.ndarray]:
+    """What ``save_point`` kept of a point for its neighbours; ResultError if it is gone."""
+    path = folder / "points" / f"{point.index:04d}-{point.solved_in}.npz"
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return dict(data)
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise ResultError(f"{path}: it cannot be read ({reason_of(error)}); remove its .json and resume") from error
+
+
+def load_points(folder: Path, definition: Definition) -> dict[int, dict[int, Point]]:
+    """The finished points of every pass, by pass and index; ResultError if one does not belong to the study."""
+    names, found = {f.name for f in fields(Point)}, dict[int, dict[int, Point]]()
+    for path in sorted((folder / "points").glob("[0-9]*.json")):
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            kept: dict[str, Any] = {k: v for k, v in data.items() if k in names}
+            point = Point(**{**kept, "tried": tuple(tuple(pair) for pair in kept["tried"])})
+            wrong = point.values != definition.values(point.index) or point.outcome not in OUTCOMES
+        except (OSError, ValueError, TypeError, KeyError, IndexError) as error:
+            raise ResultError(f"{path}: it cannot be read ({reason_of(error)}); remove it and resume") from error
+        if wrong:
+            raise ResultError(f"{path}: it belongs to another study; remove it and resume")
+        found.setdefault(point.after_pass, {})[point.index] = point
+    return found
+
+
+COLUMNS = ("clearance_m", "unverified_clearance_m", "objective_value", "seconds")
+PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
+
+
+def save_tables(folder: Path, definition: Definition, points: Sequence[Point], data: Mapping[str, Any]) -> None:
+    """study.json, table.csv and sweep.nc; ResultError if they cannot be written."""
+    try:
+        write_whole(folder / "study.json", (as_json(data) + "\n").encode())
+        write_whole(folder / "table.csv", table(definition, points).encode())
+        write_whole(folder / "sweep.nc", bytes(dataset(definition, points).to_netcdf(engine="h5netcdf")))  # type: ignore[arg-type]
+    except OSError as error:
+        raise ResultError(f"{folder}: the tables cannot be written ({reason_of(error)})") from error
+
+
+def table(definition: Definition, points: Sequence[Point]) -> str:
+    """All points as CSV: the varied entries, outcome, heights and parts [m], seconds, and why a point failed."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    entries = [axis.entry for axis in definition.axes]
+    writer.writerow(["index", *entries, "outcome", *COLUMNS, *PARTS, "sentence"])
+    for p in points:
+        figures = [getattr(p, name) for name in COLUMNS] + [(p.parts or {}).get(name) for name in PARTS]
+        row = [p.index, *p.values.values(), p.outcome, *figures, p.sentence]
+        writer.writerow(["" if x is None else repr(x) if isinstance(x, float) else x for x in row])
+    return buffer.getvalue()
+
+
+def dataset(definition: Definition, points: Sequence[Point]) -> xr.Dataset:
+    """All points with the varied entries as dimensions (a grid) or as coordinates of the points (a sample).
+
+    Heights are not-a-number where a point is not verified; ``outcome`` says why.
+    """
+    shape, entries = definition.shape, [axis.entry for axis in definition.axes]
+    dims = tuple(entries) if shape else ("point",)
+    size = shape or (len(points),)
+
+    def column(values: Sequence[float | None]) -> np.ndarray:
+        return np.array([np.nan if v is None else v for v in values], dtype=float).reshape(size)
+
+    units = {"seconds": "s", "objective_value": find(definition.objective).unit}
+    variables: dict[str, Any] = {
+        name: (dims, column([getattr(p, name) for p in points]), {"units": units.get(name, "m")}) for name in COLUMNS
+    }
+    variables |= {name: (dims, column([(p.parts or {}).get(name) for p in points]), {"units": "m"}) for name in PARTS}
+    variables["outcome"] = (dims, np.array([p.outcome for p in points]).reshape(size))
+    variables["sentence"] = (dims, np.array([p.sentence for p in points]).reshape(size))
+    along = {a.entry: list(a.values) for a in definition.axes} if shape else {}
+    coords = along or {e: ("point", definition.points[:, k]) for k, e in enumerate(entries)}
+    return xr.Dataset(
+        variables, coords, {"problem": definition.design.name, "objective": definition.objective, "units": "SI"}
+    )

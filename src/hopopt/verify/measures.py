@@ -1,0 +1,123 @@
+"""What a plan's table says of the figures a hop may be asked for: by NumPy, without the planner.
+
+Each measure takes the leg in numbers and the plan's tables by phase, and returns what the objective of the same figure
+claims. Positive parts have kinks and peaks lie between the table's places, so values are interpolated first.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import BarycentricInterpolator
+
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.robot import BASE, Robot
+from hopopt.sim.machine import Machine
+
+if TYPE_CHECKING:
+    from hopopt.verify.plan import Table
+
+FINE = np.linspace(0.0, 1.0, 201)  # places of an interval; trapezoids are good to about 1e-5 of it
+Tables = Mapping[str, "Table"]
+
+
+def dense(places: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.ndarray:
+    """Values (N, K, ...) at ``places`` (K,) of every interval, interpolated at ``at`` (k,): (N, k, ...)."""
+    weights = BarycentricInterpolator(places, np.eye(len(places)))(at)
+    return np.einsum("kp,ip...->ik...", weights, values)
+
+
+def places_of(table: "Table") -> np.ndarray:
+    """Where in its intervals the table's rows lie, (K,)."""
+    longest = int(np.argmax(np.ptp(table.t, axis=1)))
+    t = table.t[longest]
+    return (t - t[0]) / (t[-1] - t[0])
+
+
+def integral(table: "Table", values: np.ndarray) -> float:
+    """Integral over time of values (N, 201) at FINE."""
+    h = table.t[:, -1] - table.t[:, 0]
+    return float(h @ np.trapezoid(values, FINE, axis=1))
+
+
+def _over_phases(robot: Robot, tables: Tables, rate: Callable[[Robot, np.ndarray, np.ndarray], np.ndarray]) -> float:
+    """Integral over all phases of rate(robot, tau, w), both (N, 201, n), summed over the joints."""
+    total = 0.0
+    for table in tables.values():
+        places = places_of(table)
+        tau, w = dense(places, table.tau), dense(places, table.v[..., BASE:])
+        total += integral(table, rate(robot, tau, w).sum(axis=-1))
+    return total
+
+
+def positive_work(robot: Robot, tables: Tables) -> float:
+    """Positive mechanical work of the joints [J]."""
+    return _over_phases(robot, tables, lambda robot, tau, w: np.maximum(tau * w, 0.0))
+
+
+def absolute_work(robot: Robot, tables: Tables) -> float:
+    """Mechanical work of the joints [J], braking counted like driving."""
+    return _over_phases(robot, tables, lambda robot, tau, w: np.abs(tau * w))
+
+
+def electrical_energy(robot: Robot, tables: Tables) -> float:
+    """Electrical energy drawn by the motors [J], Joule heat with it, nothing fed back."""
+
+    def rate(robot: Robot, tau: np.ndarray, w: np.ndarray) -> np.ndarray:
+        current = tau / np.array([_drive(robot, j, "gear", "ratio") for j in robot.joints])
+        current = current / np.array([_drive(robot, j, "motor", "torque_constant") for j in robot.joints])
+        resistance = np.array([_drive(robot, j, "motor", "winding_resistance") for j in robot.joints])
+        return np.maximum(tau * w + resistance * current**2, 0.0)
+
+    return _over_phases(robot, tables, rate)
+
+
+def _drive(robot: Robot, joint: str, part: str, entry: str) -> float:
+    return float(robot.parameters[robot.leg.drive(joint, part, entry)[0]])  # type: ignore[arg-type]
+
+
+def impact(robot: Robot, tables: Tables) -> float:
+    """Kinetic energy lost at the end of the descent, where the foot lands and stays [J]."""
+    machine, descent = Machine(robot), tables["descent"]
+    q, v = descent.q[-1, -1], descent.v[-1, -1]
+    return machine.energy(q, v) - machine.energy(q, machine.touch_down(q, v))
+
+
+def duration(robot: Robot, tables: Tables) -> float:
+    """From the start of the first phase to the end of the last [s]."""
+    phases = list(tables.values())
+    return float(phases[-1].t[-1, -1] - phases[0].t[0, 0])
+
+
+def region_share(robot: Robot, tables: Tables) -> float:
+    """Largest share of its operating region that any joint uses."""
+    worst = 0.0
+    for table in tables.values():
+        tau, w = (dense(places_of(table), x) for x in (table.tau, table.v[..., BASE:]))
+        for k, joint in enumerate(robot.joints):
+            used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k])
+            worst = max(worst, float(np.max(used)))
+    return worst
+
+
+def peak_torque(robot: Robot, tables: Tables) -> float:
+    """Largest torque of any joint [N m]."""
+    return max(float(np.abs(dense(places_of(table), table.tau)).max()) for table in tables.values())
+
+
+def peak_force(robot: Robot, tables: Tables) -> float:
+    """Largest ground force [N]."""
+    return max(float(np.linalg.norm(dense(places_of(table), table.f), axis=-1).max()) for table in tables.values())
+
+
+MEASURES: dict[str, Callable[[Robot, Tables], float]] = {
+    "energy_J": positive_work,
+    "absolute_work_J": absolute_work,
+    "electrical_energy_J": electrical_energy,
+    "time_s": duration,
+    "saturation": region_share,
+    "peak_torque_Nm": peak_torque,
+    "peak_force_N": peak_force,
+    "impact_J": impact,
+}
+LEAST = {"impact_J": 0.01}  # a figure that may be 0 is relative to this at least

@@ -1,0 +1,241 @@
+"""Is the plan true? Every claim checked by code the planner did not use: NumPy, SciPy and Pinocchio's C++.
+
+What is checked is the plan's own table: times, positions, speeds, torques and contact forces at Chebyshev
+points of every interval, as it lies in the result file. The leg model and the motor law are shared with the
+planner, nothing else.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import solve_ivp
+from scipy.interpolate import BarycentricInterpolator
+
+from hopopt.design import Design
+from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.leg.scales import weight
+from hopopt.sim.machine import Machine
+from hopopt.verify.landing import landing, lift_off
+from hopopt.verify.limits import limits_of
+from hopopt.verify.measures import LEAST, MEASURES
+
+PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
+BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
+POWERS = np.arange(len(PLACES))
+TO_POWERS = np.linalg.inv((2 * PLACES[:, None] - 1) ** POWERS)  # values at PLACES to coefficients of (2 s - 1)^k
+STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6  # tolerances: SI, share of the range, relative
+FIGURE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
+STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"  # the last only of a hop that lands
+
+
+@dataclass(frozen=True)
+class Table:
+    """A phase of the plan at PLACES of its N intervals, K = 9 each: t (N, K) [s], q, v, a (N, K, 2 + n), tau
+    (N, K, n) [N m], f (N, K, 2) [N]."""
+
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    tau: np.ndarray
+    f: np.ndarray
+
+
+@dataclass(frozen=True)
+class Check:
+    """One claim: what was measured against what is allowed; ``where`` says where the worst was found, ``left_out`` why
+    nothing can be measured, if so: such a check neither passes nor fails."""
+
+    name: str
+    residual: float
+    tolerance: float
+    unit: str
+    where: str = ""
+    left_out: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether it holds; also of a check that is left out."""
+        return bool(self.left_out or (np.isfinite(self.residual) and self.residual <= self.tolerance))
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the summary: all fields and whether it passed."""
+        return {**asdict(self), "passed": self.passed}
+
+
+def verify_plan(
+    design: Design, tables: Mapping[str, Table], claims: Mapping[str, float], ends: str | None = None
+) -> list[Check]:
+    """All checks of a plan; ``claims`` holds what is to be printed: ``clearance_m``, and ``apex_m`` or one of MEASURES.
+
+    ends: whether the foot must end within its "window", or the leg reach hop.clearance too ("demand"), or neither
+    ("free"); by default as the claims imply.
+    """
+    ends = ends or ("free" if "apex_m" in claims else "demand" if claims.keys() & MEASURES.keys() else "window")
+    robot = build_robot(design.leg)
+    machine = Machine(robot)
+    checks = [
+        _start(machine, design, tables[STANCE]),
+        _durations(design, tables),
+        Check("lift-off", _largest(lift_off(machine, tables[STANCE], tables[FLIGHT])), EXACT, "SI"),
+        _clearance(machine, design, tables[FLIGHT], claims),
+        *_measured(robot, tables, claims),
+    ]
+    if DESCENT in tables:
+        found = landing(machine, tables[FLIGHT], tables[DESCENT])
+        checks += [Check(name, _largest(parts), EXACT, "SI") for name, parts in found]
+    if ends == "demand":
+        missing = float(design.hop.clearance or 0.0) - claims["clearance_m"]
+        checks.append(Check("clearance asked for", max(missing, 0.0), EXACT, "m"))
+    for name, table in tables.items():
+        checks += [
+            _continuity(name, table),
+            _replay(machine, name, table),
+            _inverse_dynamics(machine, name, table),
+            _energy(machine, name, table),
+            _impulse(machine, name, table),
+            *_limits(machine, robot, design, name, table, ends != "free"),
+        ]
+    return checks
+
+
+def _largest(differences: Sequence[Any]) -> float:
+    """Largest absolute value of several arrays; not a number if any of it is not."""
+    return float(np.max(np.concatenate([np.abs(np.ravel(d)) for d in differences]), initial=0.0))
+
+
+def _start(machine: Machine, design: Design, stance: Table) -> Check:
+    """At rest at time zero, the foot on the ground where the problem file puts it."""
+    q, v, start = stance.q[0, 0], stance.v[0, 0], design.start
+    points = machine.points(q)
+    if start.joint_angles is not None:
+        wrong = q[BASE:] - np.array(start.joint_angles)
+    else:
+        wrong = points["foot"] - q[:BASE] - np.array([start.foot_x, -float(start.hip_height or 0.0)])
+    return Check("start", _largest([wrong, points["foot"], v, stance.t[0, 0]]), EXACT, "SI")
+
+
+def _durations(design: Design, tables: Mapping[str, Table]) -> Check:
+    """Every phase lasts as long as it may, and no interval runs backwards."""
+    over = []
+    for name, table in tables.items():
+        low, high = getattr(design.hop, f"{name}_duration")
+        lasted = table.t[-1, -1] - table.t[0, 0]
+        over += [np.maximum(low - lasted, lasted - high), -np.diff(table.t, axis=1).min()]
+    return Check("durations", float(np.maximum(np.max(over), 0.0)), EXACT, "s")
+
+
+def _clearance(machine: Machine, design: Design, flight: Table, claims: Mapping[str, float]) -> Check:
+    """Height of the lowest point at the end, by Pinocchio's forward kinematics, against the claim."""
+    points = machine.points(flight.q[-1, -1])
+    lowest = min(points[name][1] for name in machine.frames)
+    wrong = [lowest - claims["clearance_m"]]
+    if "apex_m" in claims:
+        wrong.append(flight.q[-1, -1, 1] - claims["apex_m"])
+    return Check("claimed height", _largest(wrong), EXACT, "m")
+
+
+def _measured(robot: Robot, tables: Mapping[str, Table], claims: Mapping[str, float]) -> Iterator[Check]:
+    """Work, time or peaks of the table against the claim, relative to it."""
+    for name in claims.keys() & MEASURES.keys():
+        value, claim = MEASURES[name](robot, tables), claims[name]
+        yield Check(f"claimed {name}", abs(value - claim) / max(abs(claim), LEAST.get(name, 1e-9)), FIGURE, "relative")
+
+
+def _continuity(phase: str, table: Table) -> Check:
+    """Each interval begins where the one before it ends."""
+    jumps = [x[1:, 0] - x[:-1, -1] for x in (table.q, table.v, table.t)]
+    return Check(f"{phase} continuity", _largest(jumps), EXACT, "SI")
+
+
+def _replay(machine: Machine, phase: str, table: Table) -> Check:
+    """The plan's torques played into Pinocchio, interval by interval, from the plan's own state."""
+    worst, at = 0.0, 0.0
+    for k in range(len(table.t)):
+        wrong = _replay_interval(machine, phase == STANCE, *(getattr(table, s)[k] for s in ("t", "q", "v", "tau")))
+        if not wrong <= worst:  # also if it is not a number
+            worst, at = wrong, float(table.t[k, 0])
+    return Check(f"{phase} replay", worst, STATE, "SI", f"interval from {at:.4f} s")
+
+
+def _replay_interval(
+    machine: Machine, contact: bool, t: np.ndarray, q: np.ndarray, v: np.ndarray, tau: np.ndarray
+) -> float:
+    m = q.shape[1]
+    torque, h = TO_POWERS @ tau, t[-1] - t[0]
+
+    def rates(s: float, x: np.ndarray) -> np.ndarray:
+        given = (2 * s - 1) ** POWERS @ torque
+        return h * np.concatenate([x[m:], machine.acceleration(x[:m], x[m:], given, contact)])
+
+    x0 = np.concatenate([q[0], v[0]])
+    run = solve_ivp(rates, (0.0, 1.0), x0, method="DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)
+    return float(np.abs(run.y[:, -1] - np.concatenate([q[-1], v[-1]])).max()) if run.success else np.inf
+
+
+def _flat(table: Table) -> tuple[np.ndarray, ...]:
+    return tuple(x.reshape(-1, x.shape[-1]) for x in (table.q, table.v, table.a, table.tau, table.f))
+
+
+def _inverse_dynamics(machine: Machine, phase: str, table: Table) -> Check:
+    """Pinocchio's inverse dynamics against the plan's torques and contact forces, relative to the largest."""
+    wrong = []
+    for q, v, a, tau, f in zip(*_flat(table), strict=True):
+        given = np.concatenate([np.zeros(BASE), tau]) + machine.foot_jacobian(q).T @ f
+        missing = pin.rnea(machine.model, machine.data, q, v, a) - given
+        missing[machine.held] = 0.0  # what a guide holds
+        wrong.append(np.abs(missing).max())
+    size = max(1.0, np.abs(table.tau).max(), np.abs(table.f).max())
+    at = table.t.ravel()[int(np.argmax(wrong))]
+    return Check(f"{phase} inverse dynamics", float(np.max(wrong) / size), 1e-9, "relative", f"at {at:.4f} s")
+
+
+def _quadrature() -> np.ndarray:
+    """Clenshaw-Curtis weights of PLACES on [0, 1], shape (K,)."""
+    moments = 1.0 / np.arange(1, len(PLACES) + 1)
+    return np.linalg.solve(np.vander(PLACES, increasing=True).T, moments)
+
+
+def _energy(machine: Machine, phase: str, table: Table) -> Check:
+    """Work of the joints = change of kinetic and potential energy, relative to the work done."""
+    power = np.sum(table.tau * table.v[..., BASE:], axis=-1)
+    h = table.t[:, -1] - table.t[:, 0]
+    work = float(np.sum(h * (power @ _quadrature())))
+    size = float(np.sum(h * (np.abs(power) @ _quadrature())))
+    gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
+    return Check(f"{phase} energy balance", abs(gained - work) / max(size, 1e-3), BALANCE, "relative")
+
+
+def _impulse(machine: Machine, phase: str, table: Table) -> Check:
+    """Impulse of ground force and weight = change of momentum, relative to the weight's impulse, where no guide holds."""
+    h, force = table.t[:, -1] - table.t[:, 0], table.f[..., [0, -1]]
+    impulse = np.einsum("i,k,ikx->x", h, _quadrature(), force) + machine.mass * machine.gravity * h.sum()
+    momentum = [machine.mass * machine.com_velocity(table.q[i, i], table.v[i, i]) for i in (-1, 0)]
+    size = weight(machine.model) * h.sum()
+    free = [k for k in range(BASE) if k not in machine.held]
+    wrong = float(np.abs(momentum[0] - momentum[1] - impulse)[free].max() / size)
+    return Check(f"{phase} impulse balance", wrong, BALANCE, "relative")
+
+
+def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table, windowed: bool) -> list[Check]:
+    """Every limit at 25 places of every interval, its excess as a share of the limit's range."""
+    weights = BarycentricInterpolator(PLACES, np.eye(len(PLACES)))(BETWEEN)
+    t, q, v, tau, f = (
+        np.einsum("kp,ip...->ik...", weights, x).reshape(-1, *x.shape[2:])
+        for x in (table.t, table.q, table.v, table.tau, table.f)
+    )
+    checks = []
+    for name, excess in limits_of(machine, robot, design, phase == STANCE, (q, v, tau, f), windowed).items():
+        at = int(np.argmax(excess))
+        when = t[at] if len(excess) == len(t) else t[-1]
+        checks.append(Check(f"{phase} {name}", float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s"))
+    return checks
+
+
+def failed(checks: list[Check]) -> list[Check]:
+    """The checks that did not pass, worst first."""
+    bad = [c for c in checks if not c.passed]
+    return sorted(bad, key=lambda c: -c.residual / c.tolerance)

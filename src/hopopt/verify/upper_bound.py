@@ -1,0 +1,120 @@
+"""What no controller can pass: the motors' power over the longest stance, and their speeds at lift-off.
+
+docs/bound.md proves both; numbers of the problem alone, without a solver.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.leg.kinematics import start_angles
+from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.sim.machine import Machine
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Heights [m] that no hop from rest passes: by energy, by speed, and the clearance by the lower of the two.
+
+    power: what all drives together can give at most [W]; speed: of the centre of mass at lift-off at most [m/s];
+    below_com: how far above the centre of mass the lowest point can lie at most [m].
+    """
+
+    by_energy: float
+    by_speed: float
+    power: float
+    speed: float
+    below_com: float
+
+    @property
+    def clearance(self) -> float:
+        """Height of the leg's lowest point that no hop passes [m]."""
+        return min(self.by_energy, self.by_speed) + self.below_com
+
+    def figures(self) -> dict[str, float | None]:
+        """For the summary; None for what nothing bounds."""
+        found = {
+            "clearance_m": self.clearance, "by_energy_m": self.by_energy, "by_speed_m": self.by_speed,
+            "power_W": self.power, "lift_off_speed_m_s": self.speed,
+        }  # fmt: skip
+        return {name: float(value) if np.isfinite(value) else None for name, value in found.items()}
+
+
+def upper_bound(design: Design) -> Bound:
+    """The bound on a problem's hop (docs/bound.md)."""
+    robot = build_robot(design.leg)
+    machine, q_j = Machine(robot), start_angles(design)
+    regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
+    weight = machine.mass * -machine.gravity[1]
+    at = machine.points(np.concatenate([np.zeros(BASE), q_j]))
+    start = float(at["com"][1] - at["foot"][1])
+    power = sum(most_power(region) for region in regions)
+    height, speed = _stretched(robot, np.array([most_speed(region) for region in regions]))
+    by_energy = start + design.hop.stance_duration[1] * power / weight
+    by_speed = height + speed**2 / (2 * -machine.gravity[1])
+    return Bound(*map(float, (by_energy, by_speed, power, speed, _below_com(robot))))
+
+
+def most_power(region: OperatingRegion) -> float:
+    """Largest tau w [W] in a joint's operating region; infinite where nothing bounds it."""
+    planes = np.array([[float(h.a), float(h.b)] for h in region.planes])
+    line = any(a * b > 0 for a, b in planes)  # a law that weakens the motor as it drives faster
+    if not line and not (np.isfinite(most_speed(region)) and planes[:, 0].any()):
+        return np.inf
+    return max(_most_power(planes), _most_power(-planes))
+
+
+def _most_power(planes: np.ndarray) -> float:
+    """Largest tau w over {tau, w >= 0, a tau + b w <= 1 for each row (a, b)}, a polygon.
+
+    It lies on an edge, where tau w is a parabola: at its top or at an end of the edge.
+    """
+    tops = [np.array([1 / (2 * a), 1 / (2 * b)]) for a, b in planes if a > 0 and b > 0]
+    pairs = [np.array(pair) for pair in combinations(planes, 2)]
+    corners = [np.linalg.solve(pair, np.ones(2)) for pair in pairs if abs(np.linalg.det(pair)) > 1e-15]
+    inside = [p for p in tops + corners if np.all(p >= 0) and np.all(planes @ p <= 1 + 1e-9)]
+    return max((float(p[0] * p[1]) for p in inside), default=0.0)
+
+
+def most_speed(region: OperatingRegion) -> float:
+    """Largest |w| [rad/s] at which the region is not empty; infinite where nothing bounds it.
+
+    A combination of two half-planes (weights s, 1 - s) that leaves no torque bounds the speed: the best such pair.
+    """
+    planes = [(float(h.a), float(h.b)) for h in region.planes]
+    speeds = [1 / b for a, b in planes if a == 0 and b > 0]
+    for a, b in planes:
+        for c, d in planes:
+            if a > 0 > c and (slope := (b * -c + d * a) / (a - c)) > 0:
+                speeds.append(1 / slope)
+    return min(speeds, default=np.inf)
+
+
+def _stretched(robot: Robot, speeds: np.ndarray) -> tuple[float, float]:
+    """Height [m] and speed [m/s] that the centre of mass cannot pass over a foot at rest, joints at most so fast."""
+    bodies, ends = robot.model.inertias.tolist()[BASE:], _ends(robot)
+    turning, height, speed, above, fast = np.cumsum(speeds), 0.0, 0.0, 0.0, 0.0
+    for k in reversed(range(len(ends))):  # from the foot up
+        lever, mass = float(np.linalg.norm(bodies[k + 1].lever - ends[k])), bodies[k + 1].mass
+        height, speed = height + mass * (above + lever), speed + mass * (fast + turning[k] * lever)
+        above, fast = above + float(np.linalg.norm(ends[k])), fast + turning[k] * float(np.linalg.norm(ends[k]))
+    total = sum(body.mass for body in bodies)
+    return (height + bodies[0].mass * above) / total, (speed + bodies[0].mass * fast) / total
+
+
+def _ends(robot: Robot) -> list[np.ndarray]:
+    """Where each link ends, from its joint, (3,) [m] each."""
+    placed = [robot.model.jointPlacements[BASE + 2 + k].translation for k in range(len(robot.joints) - 1)]
+    return [*placed, np.array(robot.points["foot"][1], dtype=float)]
+
+
+def _below_com(robot: Robot) -> float:
+    """Mean distance of the links' centres of mass from the lines between their joints, by mass [m]."""
+    bodies, distance = robot.model.inertias.tolist()[BASE:], 0.0
+    for body, end in zip(bodies[1:], _ends(robot), strict=True):
+        along = np.clip(body.lever @ end / (end @ end), 0.0, 1.0)
+        distance += body.mass * float(np.linalg.norm(body.lever - along * end))
+    return distance / sum(body.mass for body in bodies)

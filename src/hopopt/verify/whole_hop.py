@@ -1,0 +1,220 @@
+"""What a plan is worth on the leg itself: the whole hop simulated in one piece, torques clamped to the drives' limits.
+
+Replay (verify/plan.py) begins every interval at the plan's own state; here nothing is put back. The plan's torques and a
+feedback that holds the plan, clamped exactly to the operating region at the actual speed, move Pinocchio's leg from
+the plan's first state to its last instant: what comes out is a hop that the drives can do, up to the limits of the
+state and the ground that it passes, which are stated.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from hopopt.design import Design
+from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.leg.kinematics import loop_axes, reach
+from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.sim.machine import Machine
+from hopopt.verify.limits import limits_of
+from hopopt.verify.measures import MEASURES
+from hopopt.verify.plan import FLIGHT, LIMIT, PLACES, POWERS, STANCE, TO_POWERS, Check, Table
+
+HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
+SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
+RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it dear
+FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's worth
+DRIVES = "operating region"  # kept by clamping
+WORTH, LIMITS = (
+    ("simulated in one piece", SHORT, "relative"),
+    ("limits when simulated in one piece", 2 * LIMIT, "of its range"),
+)
+
+State = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
+Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
+Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # joint torques [N m] from place, angles and speeds
+
+
+@dataclass(frozen=True)
+class Worth:
+    """The simulated hop: what it is worth by name (``clearance_m``, ``apex_m``, what it was made for [its unit]), how far
+    it strayed from the plan [SI], the largest share by which it passed a limit, and which; infinite if the simulation
+    failed."""
+
+    values: Mapping[str, float]
+    strayed: float
+    passed: float
+    limit: str
+
+    @property
+    def followed(self) -> bool:
+        """Whether it is the plan's hop: drives at their limits cannot bring a leg back that is unstable there."""
+        return bool(self.strayed <= FOLLOWED)
+
+    @property
+    def note(self) -> str:
+        """Why it says nothing about the plan; empty if it does."""
+        if not np.isfinite(self.strayed):
+            return "the simulation did not reach the end"
+        if not self.followed:
+            return "the simulated leg left the plan: its drives, at their limits, could not bring it back"
+        return ""
+
+    def short(self, figure: str, claim: float, maximized: bool) -> float:
+        """By how much it is worth less than the claim, if it is [the figure's unit]; 0 for a figure it does not say."""
+        return max((claim - self.values.get(figure, claim)) * (1.0 if maximized else -1.0), 0.0)
+
+    def checks(self, figure: str, claim: float, maximized: bool, size: float) -> list[Check]:
+        """That it is worth what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
+        more than the plan may and as much again; left out for a hop that did not follow the plan."""
+        if self.note:
+            return left_out(self.note)
+        limits = _check(LIMITS, self.passed, where=self.limit)
+        if self.values and figure not in self.values:
+            return [limits]  # a function of one's own
+        return [_check(WORTH, self.short(figure, claim, maximized) / size), limits]
+
+    def as_dict(self, figure: str, claim: float, maximized: bool) -> dict[str, Any]:
+        """For the summary."""
+        if not np.isfinite(self.strayed):
+            return {"followed": False, "note": self.note}
+        told = {
+            "short_by": self.short(figure, claim, maximized),
+            "strayed": self.strayed,
+            "passed": self.passed,
+            "limit": self.limit,
+        }
+        if self.note:
+            told["note"] = self.note
+        return {**self.values, "followed": self.followed, **told}
+
+
+def left_out(why: str) -> list[Check]:
+    """The checks of a hop that cannot be made."""
+    return [_check(kind, float("nan"), left_out=why) for kind in (WORTH, LIMITS)]
+
+
+def _check(kind: tuple[str, float, str], residual: float, where: str = "", left_out: str = "") -> Check:
+    name, tolerance, unit = kind
+    return Check(name, residual, tolerance, unit, where, left_out)
+
+
+def not_simulated(design: Design) -> str:
+    """Why a leg's hop cannot be simulated in one piece; empty if it can."""
+    return "a leg that closes a loop with its guides is not simulated in one piece" if loop_axes(design.leg) else ""
+
+
+def worth(design: Design, tables: Mapping[str, Table], figure: str = "clearance_m", ends: str = "window") -> Worth:
+    """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``."""
+    robot = build_robot(design.leg)
+    machine, found = Machine(robot), dict[str, Table]()
+    clamp = _clamp([operating_region(design.leg, joint, robot.parameters) for joint in robot.joints])
+    state = tables[STANCE].q[0, 0], tables[STANCE].v[0, 0]
+    try:
+        for name, table in tables.items():
+            found[name], state = _simulated(machine, clamp, table, state, name == STANCE)
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return Worth({}, np.inf, np.inf, "the simulation failed")
+    strayed = max(
+        float(np.abs(getattr(found[name], part) - getattr(table, part)).max())
+        for name, table in tables.items()
+        for part in "qv"
+    )
+    values = _values(machine, robot, found, figure)
+    shares = {
+        f"{name} {limit}": float(excess.max())
+        for name, table in found.items()
+        for limit, excess in limits_of(machine, robot, design, name == STANCE, _motion(table), ends != "free").items()
+        if not limit.endswith(DRIVES)
+    }
+    if ends == "demand":
+        shares["clearance asked for"] = float((design.hop.clearance or 0.0) - values["clearance_m"]) / reach(design.leg)
+    limit = max(shares, key=lambda key: shares[key])
+    return Worth(values, strayed, max(shares[limit], 0.0), limit)
+
+
+def _motion(table: Table) -> tuple[np.ndarray, ...]:
+    return tuple(part.reshape(-1, part.shape[-1]) for part in (table.q, table.v, table.tau, table.f))
+
+
+def _values(machine: Machine, robot: Robot, tables: Mapping[str, Table], figure: str) -> dict[str, float]:
+    """Clearance and height of the body [m] when flight ends, and the measure asked for."""
+    end = tables[FLIGHT].q[-1, -1]
+    heights = machine.points(end)
+    values = {"clearance_m": min(float(heights[name][1]) for name in machine.frames), "apex_m": float(end[1])}
+    return values | {name: MEASURES[name](robot, tables) for name in MEASURES.keys() & {figure}}
+
+
+def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contact: bool) -> tuple[Table, State]:
+    """One phase from ``state``: its table, and the state in which it ends."""
+    rows: list[tuple[np.ndarray, ...]] = []
+    for k in range(len(plan.t)):
+        torque = _law(machine, clamp, plan.q[k], plan.v[k], plan.tau[k], contact)
+        rows.append(_interval(machine, torque, plan.t[k], state, contact))
+        state = rows[-1][0][-1], rows[-1][1][-1]
+    q, v, a, tau, f = (np.array(part) for part in zip(*rows, strict=True))
+    return Table(plan.t, q, v, a, tau, f), state
+
+
+def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> Law:
+    """The plan's torque in one interval (values at PLACES), held to its motion by feedback and to the regions."""
+    inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
+    stiffness, damping = HOLD**2 * inertia, 2 * HOLD * inertia
+    ahead = (TO_POWERS @ (tau + q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T)).T
+
+    def torque(place: float, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        return clamp(speed, ahead @ (2 * place - 1) ** POWERS - stiffness @ angle - damping @ speed)
+
+    return torque
+
+
+def _clamp(regions: Sequence[OperatingRegion]) -> Clamp:
+    """``OperatingRegion.clamp`` of all joints at once, for torques and speeds that are single numbers."""
+    planes = [[(float(h.a), float(h.b)) for h in region.planes if h.a] for region in regions]
+
+    def clamp(speed: np.ndarray, asked: np.ndarray) -> np.ndarray:
+        given = []
+        for sides, w, tau in zip(planes, speed.tolist(), asked.tolist(), strict=True):
+            low, high = -np.inf, np.inf
+            for a, b in sides:
+                bound = (1 - b * w) / a
+                if a > 0 and bound < high:
+                    high = bound
+                elif a < 0 and bound > low:
+                    low = bound
+            given.append(0.0 if low > high else min(max(tau, low), high))
+        return np.array(given)
+
+    return clamp
+
+
+def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
+    """Inertia that the joints feel while the body is free, (n, n)."""
+    M = machine.mass_matrix(q)
+    return M[BASE:, BASE:] - M[BASE:, :BASE] @ np.linalg.solve(M[:BASE, :BASE], M[:BASE, BASE:])
+
+
+def _interval(machine: Machine, torque: Law, t: np.ndarray, state: State, contact: bool) -> tuple[np.ndarray, ...]:
+    """q, v, a, tau, f at PLACES of one interval, integrated tightly."""
+    first, h = (BASE if contact else 0), t[-1] - t[0]
+
+    def motion(place: float, x: np.ndarray) -> tuple[np.ndarray, ...]:
+        q, v = x[: len(x) // 2], x[len(x) // 2 :]
+        tau = torque(place, q[BASE - first :], v[BASE - first :])
+        if not contact:
+            return q, v, machine.acceleration(q, v, tau, False), tau, np.zeros(BASE)
+        q, v, a, f = machine.pinned(q, v, tau)
+        return q, v, a, tau, f
+
+    def rates(place: float, x: np.ndarray) -> np.ndarray:
+        _, v, a, _, _ = motion(place, x)
+        return h * np.concatenate([v[first:], a[first:]])
+
+    x0 = np.concatenate([part[first:] for part in state])
+    run = solve_ivp(rates, (0.0, 1.0), x0, "DOP853", t_eval=PLACES, rtol=RELATIVE, atol=ABSOLUTE, first_step=1.0)
+    if not run.success or not np.isfinite(run.y).all():
+        raise ArithmeticError("the leg cannot be integrated")
+    samples = [motion(place, x) for place, x in zip(run.t, run.y.T, strict=True)]
+    return tuple(np.array(part) for part in zip(*samples, strict=True))
