@@ -16,10 +16,11 @@ from hopopt.optimality.certificate import Certificate, certify
 from hopopt.optimality.switch_times import plan
 from hopopt.optimality.switching_structure import described, runs, sentences, stretches, structure
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.planner.tighter_tolerances import finer
 from hopopt.problem.load import load
-from hopopt.storage.recheck import recertified, stored_nlp
+from hopopt.storage.recheck import recertified
 from hopopt.storage.solution import read, save
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_intervals": 8}

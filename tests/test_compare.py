@@ -229,7 +229,8 @@ def test_a_reserve_is_taken_off_every_limit():
 
 
 def test_a_reserve_that_leaves_no_problem_is_said_before_the_work(monkeypatch):
-    monkeypatch.setattr("hopopt.planner.solve.solve", lambda *_, **__: pytest.fail("solved"))
+    for module in ("hopopt.studies.compare", "hopopt.planner.reserve"):
+        monkeypatch.setattr(f"{module}.solve", lambda *_, **__: pytest.fail("solved"))
     design = load("paper", ["leg.gear.speed_cap=5", "reserve.speed=0.9"])
     with pytest.raises(UsageError, match=r"\[reserve\] leaves leg.gear.speed_cap = 0.4"):
         compare(design, ["force", "track"])
@@ -376,7 +377,8 @@ def test_a_stored_bound_is_verified_again(solution, tmp_path, capsys):
 
 
 def test_strategies_that_do_not_suit_the_leg_are_refused_before_the_work(monkeypatch):
-    monkeypatch.setattr("hopopt.planner.solve.solve", lambda *_, **__: pytest.fail("solved in vain"))
+    for module in ("hopopt.studies.compare", "hopopt.planner.reserve"):
+        monkeypatch.setattr(f"{module}.solve", lambda *_, **__: pytest.fail("solved in vain"))
     data = load("paper").model_dump(exclude_none=True)
     data["leg"] |= {"joints": ("hip", "knee", "ankle"), "links": ("thigh", "shank", "toe")}
     data["leg"] |= {"ankle": {"lower": -1.0, "upper": 1.0}, "toe": {"length": 0.1, "mass": 0.2}}

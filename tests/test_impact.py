@@ -20,8 +20,10 @@ from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
 from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
+from hopopt.verify.check import failed
 from hopopt.verify.measures import impact
-from hopopt.verify.plan import DESCENT, FLIGHT, STANCE, Table, failed, verify_plan
+from hopopt.verify.plan import verify_plan
+from hopopt.verify.table import DESCENT, FLIGHT, STANCE, Table
 
 CLEARANCE = 0.3  # m
 G = 9.81

@@ -24,11 +24,12 @@ from hopopt.optimality.costates import sign
 from hopopt.optimality.error_estimate import STATED, ObjectiveError, objective_error
 from hopopt.planner.refine_and_verify import aims_of, numerical_checks
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from hopopt.storage.recheck import recheck, stored_nlp
+from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
-from hopopt.verify.plan import FLIGHT, STANCE, Table
+from hopopt.verify.table import FLIGHT, STANCE, Table
 from hopopt.verify.whole_hop import _clamp, not_simulated, worth
 from known_problems import Known, brachistochrone, bryson_denham, timed, two_prices
 from test_closed_forms import G, lift_off_of_hopper, push

@@ -18,8 +18,10 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
+from hopopt.verify.check import failed
 from hopopt.verify.measures import MEASURES
-from hopopt.verify.plan import FLIGHT, STANCE, failed, verify_plan
+from hopopt.verify.plan import verify_plan
+from hopopt.verify.table import FLIGHT, STANCE
 
 CLEARANCE = 0.3  # m
 WINDING = {"leg.motor.winding_resistance": 0.5, "leg.motor.torque_constant": 0.05}

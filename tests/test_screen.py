@@ -17,11 +17,11 @@ from hopopt.cli.screen.sweep import print_study
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
 from hopopt.studies.compare import compare
-from hopopt.studies.sensitivity import Influence
+from hopopt.studies.influence import Influence
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.run import Study
 from hopopt.studies.sweep.store import VERIFIED, Point
-from hopopt.verify.plan import Check
+from hopopt.verify.check import Check
 from hopopt.verify.whole_hop import left_out
 
 LONG = "hip: " + ", then ".join(f"torque-speed line backward until 0.{k:03d} s" for k in range(100, 120))

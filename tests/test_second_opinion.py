@@ -17,10 +17,10 @@ from hopopt.planner import cross_check as second_opinion
 from hopopt.planner.cross_check import Failed, Opinion, Said, affordable, by_uno, opinion, with_opinions
 from hopopt.planner.multistart import first_transcription
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.load import load
-from hopopt.storage.recheck import stored_nlp
 from hopopt.storage.solution import read, save
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 5}

@@ -24,11 +24,12 @@ from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State
 from hopopt.optimality.parametric_sensitivity import Slopes, slopes
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from hopopt.storage.recheck import stored_nlp
-from hopopt.studies.finite_differences import Difference, chosen, confirmed, solve_again, with_entry
-from hopopt.studies.sensitivity import Influence, pose_slopes, sensitivity, settled_within
+from hopopt.studies.finite_differences import chosen, confirmed, solve_again, with_entry
+from hopopt.studies.influence import Difference, Influence
+from hopopt.studies.sensitivity import pose_slopes, sensitivity, settled_within
 from known_problems import double_integrator, moved
 
 G = 9.81

@@ -22,7 +22,7 @@ from hopopt.sim.controller import Measurement
 from hopopt.sim.drive import Drive, Encoder
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State, Timing
-from hopopt.verify.plan import FLIGHT, PLACES, STANCE
+from hopopt.verify.table import FLIGHT, PLACES, STANCE
 
 CHEAP = {  # an unrefined plan that keeps the foot pressed: its torques may pass their limits between the nodes
     "solver.refine": False, "solver.stance_intervals": 60, "solver.flight_intervals": 30, "contact.least_force": 60.0,

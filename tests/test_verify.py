@@ -17,7 +17,9 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
-from hopopt.verify.plan import FLIGHT, PLACES, STANCE, Check, Table, failed, verify_plan
+from hopopt.verify.check import Check, failed
+from hopopt.verify.plan import verify_plan
+from hopopt.verify.table import FLIGHT, PLACES, STANCE, Table
 
 Tables = Mapping[str, Table]
 G = 9.81

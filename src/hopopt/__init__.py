@@ -8,15 +8,21 @@ s.plot()
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hopopt.ocp.custom import constraint, objective
-    from hopopt.planner.solution import Solution
-    from hopopt.planner.solve import solve
-    from hopopt.problem.load import load
-    from hopopt.storage.solution import read, save
-    from hopopt.studies.codesign import codesign
-    from hopopt.studies.compare import Comparison
-    from hopopt.studies.pareto import Front, front
-    from hopopt.studies.sweep.run import Study, sweep
+    from hopopt.api import (
+        Comparison,
+        Front,
+        Solution,
+        Study,
+        codesign,
+        constraint,
+        front,
+        load,
+        objective,
+        read,
+        save,
+        solve,
+        sweep,
+    )
 
 __all__ = [
     "Comparison",
@@ -33,12 +39,7 @@ __all__ = [
     "solve",
     "sweep",
 ]
-_HOME = {
-    "load": "problem.load", "solve": "planner.solve", "Solution": "planner.solution", "read": "storage.solution",
-    "save": "storage.solution", "sweep": "studies.sweep.run", "Study": "studies.sweep.run",
-    "Comparison": "studies.compare", "codesign": "studies.codesign", "front": "studies.pareto",
-    "Front": "studies.pareto", "objective": "ocp.custom", "constraint": "ocp.custom",
-}  # fmt: skip
+_LIGHT = {"load": "problem.load", "objective": "ocp.custom", "constraint": "ocp.custom"}  # these need not all of it
 
 
 def __dir__() -> list[str]:
@@ -48,10 +49,10 @@ def __dir__() -> list[str]:
 
 def __getattr__(name: str) -> Any:
     """Import on first use, so that ``hopopt --help`` answers at once."""
-    if name not in _HOME:
+    if name not in __all__:
         raise AttributeError(f"module 'hopopt' has no attribute {name!r}")
     from importlib import import_module
 
-    value = getattr(import_module(f"hopopt.{_HOME[name]}"), name)
+    value = getattr(import_module(f"hopopt.{_LIGHT.get(name, 'api')}"), name)
     globals()[name] = value
     return value

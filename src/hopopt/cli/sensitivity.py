@@ -10,7 +10,7 @@ from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
     from hopopt.planner.solution import Solution
-    from hopopt.studies.sensitivity import Influence
+    from hopopt.studies.influence import Influence
 
 Confirm = Annotated[
     list[str] | None,

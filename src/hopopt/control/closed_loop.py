@@ -15,6 +15,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import loop_axes, start_angles
 from hopopt.leg.robot import BASE, build_robot
+from hopopt.sim import mujoco
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_metrics import HopFigures, beyond_limits
@@ -103,8 +104,6 @@ def clearance_in_mujoco(
 ) -> float:
     """The clearance [m] of a strategy's first hop in MuJoCo: the same controller, rate, encoders and drives on another
     party's dynamics, ground and integrator (its joints have no end stops). Raises MissingExtraError without MuJoCo."""
-    from hopopt.sim import mujoco
-
     plant, period, s = make_plant(design), 1 / design.simulation.control_rate, design.simulation
     controller = make_controller(design, strategy, plan, options)
     encoder, since = Encoder(s.encoder_bits, s.speed_window, period), [0.0, True]

@@ -9,7 +9,6 @@ than at lift-off: it comes no faster than it went, and has as much way left to s
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -18,18 +17,16 @@ from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import PLANE
 from hopopt.leg.robot import BASE
 from hopopt.ocp.guess import Guess
+from hopopt.ocp.hop_view import HopView
 from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Phase, linkage
-
-if TYPE_CHECKING:
-    from hopopt.ocp.hop import Hop
 
 APEX, DESCENT = "flight", "descent"  # the phase that ends at the apex, and the one that ends at touchdown
 GRAZE = 1e-5  # share of the reach by which the foot may be below the ground before it has landed
 GENTLE = 2e4  # times the usual tie-break: most legs can land at 0 J, and gentle torques decide between such hops
 
 
-def descent(hop: "Hop") -> Phase:
+def descent(hop: HopView) -> Phase:
     """Flight again, but downwards; the last instant, where the foot is on the ground, would hold that limit twice."""
     up = hop.flight()
     states = tuple(replace(s, initial=None) for s in up.states)
@@ -65,14 +62,14 @@ def energy_lost(dynamics: LegDynamics, q: ca.SX, v: ca.SX) -> ca.SX:
     return 0.5 * ca.dot(u, impulse)
 
 
-def _landing(hop: "Hop", e: Ends) -> tuple[LegDynamics, ca.SX, ca.SX]:
+def _landing(hop: HopView, e: Ends) -> tuple[LegDynamics, ca.SX, ca.SX]:
     """The leg, q and v just before touchdown."""
     s = e.final[DESCENT]
     dynamics = hop.dynamics(s)
     return s.once("pose", lambda: (dynamics, *dynamics.flight_pose(*hop.com_and_speed(s), s.q, s.v)[:2]))
 
 
-def _boundary(hop: "Hop") -> tuple[BoundaryConstraint, ...]:
+def _boundary(hop: HopView) -> tuple[BoundaryConstraint, ...]:
     """The apex, where the descent begins as flight ends; the touchdown, the foot below the hip and not moving up, the
     body no lower than at lift-off."""
 
@@ -107,7 +104,7 @@ def _boundary(hop: "Hop") -> tuple[BoundaryConstraint, ...]:
     )
 
 
-def landing_guess(hop: "Hop", flight: Guess) -> Guess:
+def landing_guess(hop: HopView, flight: Guess) -> Guess:
     """The joints' flight backwards, which ends with the foot at rest as flight begins, along the fall from its end."""
     m, t = len(hop.falling), flight.fraction * flight.duration
     fall = np.array(hop.robot.model.gravity.linear)[[0, 2]][hop.falling]

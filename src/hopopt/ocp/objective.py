@@ -2,16 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
 
 from hopopt.design import Design
 from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.hop_view import HopView
 from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint, Phase
-
-if TYPE_CHECKING:
-    from hopopt.ocp.hop import Hop
 
 HEIGHTS = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
 DEMAND = "hop.clearance"  # the parameter (and the problem's entry) that an economical hop must reach [m]
@@ -30,17 +28,17 @@ class HopObjective:
     name: str
     meaning: str
     unit: str
-    value: Callable[["Hop", Ends], ca.SX]
+    value: Callable[[HopView, Ends], ca.SX]
     figure: str
     ends: Literal["window", "demand", "free"] = "window"
     maximize: bool = True
-    scale: Callable[["Hop"], float] = lambda hop: 1.0
-    parameters: Callable[["Hop"], tuple[Parameter, ...]] = lambda hop: ()
-    boundary: Callable[["Hop"], tuple[BoundaryConstraint, ...]] = lambda hop: ()
-    controls: Callable[["Hop"], tuple[Control, ...]] = lambda hop: ()
-    path: Callable[["Hop", str, MotionAt], tuple[PathConstraint, ...]] = lambda hop, phase, motion: ()
-    integrands: Callable[["Hop", MotionAt], Mapping[str, Callable[[Instant], ca.SX]]] = lambda hop, motion: {}
-    phases: Callable[["Hop"], tuple[Phase, ...]] = lambda hop: ()
+    scale: Callable[[HopView], float] = lambda hop: 1.0
+    parameters: Callable[[HopView], tuple[Parameter, ...]] = lambda hop: ()
+    boundary: Callable[[HopView], tuple[BoundaryConstraint, ...]] = lambda hop: ()
+    controls: Callable[[HopView], tuple[Control, ...]] = lambda hop: ()
+    path: Callable[[HopView, str, MotionAt], tuple[PathConstraint, ...]] = lambda hop, phase, motion: ()
+    integrands: Callable[[HopView, MotionAt], Mapping[str, Callable[[Instant], ca.SX]]] = lambda hop, motion: {}
+    phases: Callable[[HopView], tuple[Phase, ...]] = lambda hop: ()
     fault: Callable[[Design], str | None] = lambda design: None
     custom: Any = None  # the function of one's own that it is made of (ocp/custom.py)
     tie_break: float = 1.0  # times the problem's own, where optima are flat
@@ -55,7 +53,7 @@ class HopObjective:
         return self.sign * value
 
 
-def lowest_point(hop: "Hop", name: str) -> tuple[BoundaryConstraint, ...]:
+def lowest_point(hop: HopView, name: str) -> tuple[BoundaryConstraint, ...]:
     """When flight ends every point of the leg is at least as high as the parameter ``name`` [m], the foot within
     its window."""
 
@@ -74,7 +72,7 @@ def lowest_point(hop: "Hop", name: str) -> tuple[BoundaryConstraint, ...]:
     )
 
 
-def demand(hop: "Hop") -> Parameter:
+def demand(hop: HopView) -> Parameter:
     """The clearance that the problem asks for, a number of the program: it changes without building it again."""
     return Parameter(DEMAND, value=hop.design.hop.clearance or 0.0, unit="m")
 

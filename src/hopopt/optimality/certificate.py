@@ -18,7 +18,7 @@ from hopopt.optimality.costates import phase_multipliers, sign
 from hopopt.optimality.phase_functions import Along, PhaseFunctions
 from hopopt.optimality.pontryagin import FINE, PhaseCertificate, missed
 from hopopt.optimality.transversality import EndSlopes, end_slopes
-from hopopt.verify.plan import Check
+from hopopt.verify.check import Check
 
 COSTATE, HAMILTONIAN, ENDS, WORTH = 1e-4, 5e-4, 1e-5, 1e-3  # tolerances, all relative
 

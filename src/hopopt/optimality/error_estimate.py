@@ -22,7 +22,7 @@ from hopopt.nlp.layout import PhaseLayout
 from hopopt.nlp.schemes import lagrange
 from hopopt.optimality.costates import phase_multipliers
 from hopopt.optimality.transversality import EndSlopes, end_slopes
-from hopopt.verify.plan import Check
+from hopopt.verify.check import Check
 
 STATED = 1e-4  # relative: the largest error a verified claim may have; figures are printed to about that
 PANELS, POINTS = 4, 4  # of an interval, and Gauss points of each: controls have kinks where a limit takes over

@@ -9,7 +9,7 @@ from hopopt.optimality import switching_structure as structure
 from hopopt.optimality.certificate import Certificate, certify
 from hopopt.planner.solution import Multipliers, Solution
 from hopopt.planner.stated_error import could_be_beaten_by
-from hopopt.verify.plan import Check
+from hopopt.verify.check import Check
 
 SAME = 1e-9  # stored costates against those of the stored multipliers, relative
 

@@ -21,8 +21,8 @@ from hopopt.ocp.hop import Hop
 from hopopt.planner.multistart import Progress, first_transcription
 from hopopt.planner.refine_and_verify import aims_of
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.storage.recheck import stored_nlp
 
 SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which opinions agree
 AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer

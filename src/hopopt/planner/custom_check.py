@@ -10,8 +10,9 @@ from hopopt.leg.robot import Robot
 from hopopt.ocp.custom import FIGURE, PHASES, Custom, Moment, symbols
 from hopopt.ocp.objective import HopObjective
 from hopopt.sim.machine import Machine
+from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.measures import FINE, dense, integral, places_of
-from hopopt.verify.plan import LIMIT, Check, Table
+from hopopt.verify.table import Table
 
 CLAIM = 1e-4  # relative
 EVERY = 8  # of the fine places, where a constraint is looked at

@@ -6,6 +6,7 @@ from hopopt.design import Design
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.flat_directions import CannotBeTold, Flat, flat
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import without_tie_break
 from hopopt.planner.tighter_tolerances import AT_MOST
 from hopopt.problem.hints import hints
 
@@ -59,8 +60,6 @@ def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
 
 def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
     """What the objective does not feel; None if that cannot be told."""
-    from hopopt.studies.diagnosis import without_tie_break
-
     try:
         return flat(without_tie_break(best, hop))
     except (CannotBeTold, RuntimeError):  # of CasADi too: no reason to lose the answer

@@ -26,7 +26,8 @@ from hopopt.planner.stated_error import relaxed, simulated
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary import summarize
 from hopopt.planner.tighter_tolerances import finer
-from hopopt.verify.plan import KKT, LIMIT, Check, verify_plan
+from hopopt.verify.check import KKT, LIMIT, Check
+from hopopt.verify.plan import verify_plan
 
 Refined = Refinement | Resolved
 MARGIN = 0.5  # refinement aims at this share of the excess that verification allows

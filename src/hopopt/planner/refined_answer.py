@@ -8,7 +8,8 @@ from hopopt.ocp.hop import Hop
 from hopopt.planner.refine_and_verify import numerical_checks, stated_figure
 from hopopt.planner.solution import Solution
 from hopopt.planner.summary import parts
-from hopopt.verify.plan import failed, verify_plan
+from hopopt.verify.check import failed
+from hopopt.verify.plan import verify_plan
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,15 @@ from pydantic import ValidationError
 
 from hopopt.design import Design, Reserve
 from hopopt.errors import UsageError
+from hopopt.leg.kinematics import start_angles
 from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
 
 SMOOTH = 1e-4  # [m/s] tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
 
 
 def plan_to_track(design: Design, say: Callable[[str], None]) -> Solution:
     """The optimum that keeps the problem's reserve from every limit."""
-    from hopopt.planner.solve import solve
-
     say("planning with a reserve")
     return solve(reserved(design), starts=2, progress=say)
 
@@ -23,8 +23,6 @@ def plan_to_track(design: Design, say: Callable[[str], None]) -> Solution:
 def reserved(design: Design) -> Design:
     """The problem with its [reserve] taken off every limit, as far as the start itself allows; UsageError if that leaves
     a limit that no problem may have."""
-    from hopopt.leg.kinematics import start_angles
-
     r, data = design.reserve, design.model_dump(exclude_none=True)
     data["contact"]["least_force"] += r.ground_force
     data["hop"]["least_height"] += r.height

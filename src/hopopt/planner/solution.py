@@ -1,15 +1,15 @@
 """A solved hop as the user holds it: the plan as functions of time, and every figure that is printed of it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.errors import UsageError
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import dependent_joints, start_place
@@ -20,13 +20,7 @@ from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.ocp.landing import DESCENT
 from hopopt.ocp.objective import HopObjective
 from hopopt.verify.measures import MEASURES
-from hopopt.verify.plan import PLACES, Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from hopopt.studies.compare import Comparison
-    from hopopt.studies.sensitivity import Influence
+from hopopt.verify.table import PLACES, Table
 
 Multipliers = dict[str, np.ndarray]  # of one phase, or of the ends, by name
 
@@ -100,8 +94,12 @@ class Solution:
     summary: dict[str, Any]
     kkt: dict[str, np.ndarray] = field(default_factory=dict)
     result_dir: Path | None = None
-    multipliers: dict[str, Multipliers] = field(default_factory=dict)  # see certificate_result.stored
+    multipliers: dict[str, Multipliers] = field(default_factory=dict)  # see planner/certify.py
     own: tuple[HopObjective | None, tuple[Custom, ...]] = (None, ())  # the user's functions, which are not stored
+    # given by hopopt.api, which knows what acts on a solution
+    plot: ClassVar[Callable[..., Any]]
+    sensitivity: ClassVar[Callable[..., Any]]
+    compare: ClassVar[Callable[..., Any]]
 
     def __repr__(self) -> str:
         s, figure = self.summary, self.summary.get("objective_figure", "")
@@ -210,38 +208,6 @@ class Solution:
             claims["apex_m"] = float(end.q[0, 1])
         claims |= {name: float(self.summary[name]) for name in MEASURES.keys() & self.summary.keys()}
         return claims
-
-    def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
-        """All figures by name, or the one called ``name``: heights, joints, operating_region, stick, ground_force, or
-        tornado, which is drawn only if asked for. Raises UsageError for another name."""
-        from hopopt.plots.hop import FIGURES
-
-        if name == "tornado":
-            from hopopt.plots.sensitivity import tornado
-
-            return tornado(self, self.sensitivity())
-        if name is not None and name not in FIGURES:
-            raise UsageError(f"there is no figure {name!r}; there are {', '.join([*FIGURES, 'tornado'])}")
-        if name is not None:
-            return FIGURES[name](self)
-        return {key: draw(self) for key, draw in FIGURES.items()}
-
-    def sensitivity(self) -> "list[Influence]":
-        """What one more of every number of the problem changes in the height, the most rewarding per cent first; see
-        ``hopopt.studies.sensitivity``. Raises UsageError where the start pose has no derivative."""
-        from hopopt.studies.sensitivity import sensitivity
-
-        return sensitivity(self)
-
-    def compare(self, *strategies: str, tune: int = 0) -> "Comparison":
-        """This hop as the bound, beside what controllers make of the same leg; all that suit the leg if none is named.
-
-        tune: hops on which the gains of "force" and "position" are tuned. Raises UsageError for unknown strategies,
-        NotSolvedError if there is no plan to track.
-        """
-        from hopopt.studies.compare import compare
-
-        return compare(self.design, strategies or None, bound=self, tune=tune)
 
 
 def at_apex(vertical: float) -> bool:

@@ -14,6 +14,7 @@ from hopopt.ocp.feasibility import unresisted
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
+from hopopt.planner.cross_check import with_opinions
 from hopopt.planner.limit_names import flat_words
 from hopopt.planner.multistart import (
     CLOSE,
@@ -32,6 +33,7 @@ from hopopt.planner.required_clearance import HIGHEST, from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.tighter_tolerances import finer
+from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.hints import hints
 
 CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
@@ -76,8 +78,6 @@ def solve(
         raise not_solved(hop, outcomes, thorough=True)
     hop, best, better = _settled(hop, finished, outcomes, say, clock)
     if structure:
-        from hopopt.planner.with_free_switches import with_free_switches
-
         best = with_free_switches(hop, best, outcomes, say, clock)
     found = flat_directions(hop, best)
     if notes := [*notes_on(hop, asked, structure, best, better), *flat_words(found or [])]:
@@ -85,8 +85,6 @@ def solve(
     if found is not None:
         best.summary["flat"] = [asdict(f) for f in found]
     if second_opinion:
-        from hopopt.planner.cross_check import with_opinions
-
         best = with_opinions(hop, best, clock, say)
     return best
 

@@ -8,7 +8,7 @@ from hopopt.ocp.objective import HopObjective
 from hopopt.optimality.certificate import Certificate
 from hopopt.optimality.error_estimate import ObjectiveError
 from hopopt.planner.solution import Solution
-from hopopt.verify.plan import Check
+from hopopt.verify.check import Check
 from hopopt.verify.whole_hop import left_out, not_simulated, worth
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,19 +11,17 @@ from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.nlp.continuous_limits import of_limits
 from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.mesh_refinement import Refinement
 from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.optimality.free_switches import Resolved
 from hopopt.planner.limit_use import idle_limits
+from hopopt.planner.multistart import StartOutcome, distinct, same
 from hopopt.planner.solution import Samples, Solution
-from hopopt.verify.plan import Check, failed
+from hopopt.planner.stopwatch import Stopwatch
+from hopopt.verify.check import Check, failed
 from hopopt.verify.upper_bound import upper_bound
-
-if TYPE_CHECKING:
-    from hopopt.nlp.mesh_refinement import Refinement
-    from hopopt.optimality.free_switches import Resolved
-    from hopopt.planner.multistart import StartOutcome
-    from hopopt.planner.stopwatch import Stopwatch
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
 FINE = np.linspace(0.0, 1.0, 9)
@@ -34,10 +32,10 @@ def summarize(
     plan: Solution,
     solution: NlpSolution,
     checks: Sequence[Check],
-    outcomes: "Sequence[StartOutcome]",
-    chosen: "StartOutcome",
-    refinement: "Refinement | Resolved",
-    clock: "Stopwatch",
+    outcomes: Sequence[StartOutcome],
+    chosen: StartOutcome,
+    refinement: Refinement | Resolved,
+    clock: Stopwatch,
 ) -> Solution:
     """The plan with its summary: what ``--json`` prints and ``summary.json`` keeps."""
     fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
@@ -259,10 +257,8 @@ def limit_gains(solution: NlpSolution, friction: float | None, own: Sequence[str
     return most_first({name: gain for name, gain in gains.items() if gain > 1e-6})
 
 
-def start_figures(outcomes: "Sequence[StartOutcome]", chosen: "StartOutcome") -> dict[str, Any]:
+def start_figures(outcomes: Sequence[StartOutcome], chosen: StartOutcome) -> dict[str, Any]:
     """How many starts ended where, on the first mesh."""
-    from hopopt.planner.multistart import distinct, same
-
     ends: list[Mapping[str, Any]] = []
     for optimum in distinct(outcomes):
         members = [o.name for o in outcomes if o.success and same(o.objective, optimum.objective)]

@@ -9,8 +9,8 @@ from hopopt.optimality.free_switches import resolve
 from hopopt.planner.multistart import Progress, StartOutcome
 from hopopt.planner.refine_and_verify import aims_of, progress_line, summed_up
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.storage.recheck import stored_nlp
 
 
 def with_free_switches(

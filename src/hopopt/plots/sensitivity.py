@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from hopopt.planner.solution import Solution
 from hopopt.plots.hop import FORMATS, save_figure
 from hopopt.plots.style import BLACK, SMALL, describe, headline, legend, solution_figure
-from hopopt.studies.sensitivity import CM, PERCENT, Influence
+from hopopt.studies.influence import CM, PERCENT, Influence
 
 BARS = 18
 LEAST = 2e-3  # share of the longest bar, below which one is not drawn

@@ -9,14 +9,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hopopt.errors import ProblemFileError
+from hopopt.problem.faults import Report
 from hopopt.problem.render import shown
 from hopopt.problem.wording import did_you_mean, is_number
-
-if TYPE_CHECKING:
-    from hopopt.problem.check import Report
 
 PARTS = ("motor", "gear")
 MASSES = (1e-3, 100.0)  # kg: what a motor or gear may weigh
@@ -68,7 +66,7 @@ def named(layer: Mapping[str, Any]) -> bool:
     return any(_name(table.get(part)) is not None for _, table in _holders(layer) for part in PARTS)
 
 
-def with_numbers(layer: Mapping[str, Any], base: Mapping[str, Any], label: str, report: "Report") -> dict[str, Any]:
+def with_numbers(layer: Mapping[str, Any], base: Mapping[str, Any], label: str, report: Report) -> dict[str, Any]:
     """``layer`` with the numbers of the motors and gears it names, to be laid over ``base``.
 
     A name takes the place of what ``base`` has (None takes an entry out); what the layer states beside the name
@@ -131,7 +129,7 @@ def _name(given: Any) -> Any:
     return given if isinstance(given, str) else None
 
 
-def _report(path: str, name: Any, part: str, table: Mapping[str, Any], label: str, report: "Report") -> None:
+def _report(path: str, name: Any, part: str, table: Mapping[str, Any], label: str, report: Report) -> None:
     path = path if isinstance(table[part], str) else f"{path}.model"
     report.origins[path] = label
     close = did_you_mean(name, names(part)) if isinstance(name, str) else ""

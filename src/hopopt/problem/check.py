@@ -1,8 +1,6 @@
 """What is wrong with a problem, section by section: each fault pydantic finds, as a sentence for its author."""
 
-import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from inspect import isclass
 from typing import Any
 
@@ -11,12 +9,12 @@ from pydantic.fields import FieldInfo
 
 from hopopt.design import Design, Leg
 from hopopt.fields import Section
-from hopopt.problem.render import printable, shown, shown_path
+from hopopt.problem.faults import Report
+from hopopt.problem.render import shown, shown_path
 from hopopt.problem.rules import drive_rules, entry_rules, loss_rules, start_rules, stated_once
 from hopopt.problem.urdf import ENTRIES
 from hopopt.problem.wording import allowed, did_you_mean, entry_at, hint, homes, is_number, unit_of
 
-OVERRIDE = "override"  # where an entry came from if not from a file
 NEEDED = {  # what to write where a whole section is missing
     "leg": "the table [leg] with joints and links, and [leg.body], [leg.motor] and [leg.gear]",
     "start": "the table [start] with hip_height (legs of two joints) or joint_angles",
@@ -36,47 +34,6 @@ WHAT = {
     "too_short": "has too few entries",
     "too_long": "has too many entries",
 }
-
-
-@dataclass
-class Report:
-    """The faults found so far with the paths of their entries, and the file each entry came from; ``urdf``: that of the
-    leg, if it has one."""
-
-    source: str
-    file: str = ""
-    urdf: str | None = None
-    origins: dict[str, str] = field(default_factory=dict)
-    faults: list[tuple[str, str]] = field(default_factory=list)
-    unreadable: bool = False
-
-    @property
-    def sentences(self) -> list[str]:
-        """One for each fault, none twice."""
-        return list(dict.fromkeys(sentence for _, sentence in self.faults))
-
-    def add(self, path: str, words: str) -> None:
-        """Note a fault of the entry at ``path``; ``words`` follow the path."""
-        origin = self.origins.get(re.sub(r"\[\d+\]$", "", path), self.file)
-        where = "override " if origin == OVERRIDE else f"{shown_path(origin)}: "
-        from_urdf = origin == self.urdf
-        if from_urdf and path.startswith("leg.motor."):  # a joint's, which is reported as such
-            return
-        instead = f"; write {path} in the problem file to replace it" if from_urdf and path.count(".") > 1 else ""
-        self.fault(f"{where}{shown_path(path)} {words}{instead}", path)
-
-    def fault(self, sentence: str, path: str = "") -> None:
-        """Note a fault as a whole sentence."""
-        self.faults.append((path, printable(sentence if sentence.endswith("?") else f"{sentence}.")))
-
-    def unusable(self, sentence: str) -> None:
-        """Note that a file could not be had, so that there is nothing to check."""
-        self.fault(sentence)
-        self.unreadable = True
-
-    def clean(self, section: str) -> bool:
-        """Whether no entry of a section has a fault so far."""
-        return not any(re.split(r"[.\[]", path)[0] == section for path, _ in self.faults)
 
 
 def check(data: dict[str, Any], report: Report) -> Design | None:

@@ -10,7 +10,8 @@ from typing import Any
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError
 from hopopt.problem.catalogue import named, problems_folder, with_numbers
-from hopopt.problem.check import OVERRIDE, Report, check
+from hopopt.problem.check import check
+from hopopt.problem.faults import OVERRIDE, Report
 from hopopt.problem.render import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path
 from hopopt.problem.urdf import located, with_leg
 from hopopt.problem.wording import did_you_mean

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -10,18 +10,16 @@ from hopopt.design import Design, Hop, Leg, Simulation, Start
 from hopopt.fields import RESERVED, RESERVED_JOINTS
 from hopopt.leg.inertia import obeys_triangle, principal_moments
 from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
+from hopopt.problem.faults import Report
 from hopopt.problem.render import shown
 from hopopt.problem.wording import did_you_mean, is_number, lookalike
-
-if TYPE_CHECKING:
-    from hopopt.problem.check import Report
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 TINY = 1e-9  # below which a vector has no direction
 ROUNDING = 1e-9  # m or rad: a pose given in decimals is not refused for its last digit
 
 
-def entry_rules(data: Mapping[str, Any], report: "Report") -> None:
+def entry_rules(data: Mapping[str, Any], report: Report) -> None:
     """Report what is wrong between entries of the file, of whatever the file has so far."""
     leg, hop = _table(data, "leg"), _table(data, "hop")
     refused = {path for path, _ in report.faults}  # of these enough is said
@@ -133,7 +131,7 @@ def _above_ground_faults(names: list[str], joints: list[str]) -> Iterator[tuple[
 # ---- the drives ---------------------------------------------------------------------------------------------
 
 
-def drive_rules(leg: Leg, report: "Report") -> None:
+def drive_rules(leg: Leg, report: Report) -> None:
     """Report drives whose torque or speed nothing would bound: without a law both need a cap."""
     open_ended: dict[tuple[str, str], list[str]] = {}
     for joint in leg.joints:
@@ -152,7 +150,7 @@ def _uncapped(leg: Leg, joint: str) -> str:
     return " and ".join(found if leg.drive(joint, "gear", "speed_cap")[1] else [*found, "the speed (gear.speed_cap)"])
 
 
-def loss_rules(leg: Leg, simulation: Simulation, report: "Report") -> None:
+def loss_rules(leg: Leg, simulation: Simulation, report: Report) -> None:
     """Report an efficiency that would hold for no gear, as each has its own."""
     own = [leg.drive(joint, "gear", "efficiency") for joint in leg.joints]
     if simulation.gear_efficiency != 1 and all(value is not None for _, value in own):
@@ -164,7 +162,7 @@ def loss_rules(leg: Leg, simulation: Simulation, report: "Report") -> None:
 # ---- the start ------------------------------------------------------------------------------------------------
 
 
-def stated_once(start: Start, report: "Report") -> None:
+def stated_once(start: Start, report: Report) -> None:
     """Report a start that says nothing about the pose, or says it twice."""
     given = [name for name in ("hip_height", "joint_angles") if getattr(start, name) is not None]
     if not given:
@@ -173,7 +171,7 @@ def stated_once(start: Start, report: "Report") -> None:
         report.add("start", "has both hip_height and joint_angles: each says where the leg starts, remove one")
 
 
-def start_rules(leg: Leg, start: Start, hop: Hop | None, report: "Report") -> None:
+def start_rules(leg: Leg, start: Start, hop: Hop | None, report: Report) -> None:
     """Report why the leg cannot start as the file says; without ``hop`` heights above ground are not checked."""
     if len(leg.joints) <= len(loop_axes(leg)):
         held = " and ".join("xyz"[axis] for axis in loop_axes(leg))

@@ -9,20 +9,18 @@ import re
 from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hopopt.leg.urdf_xml import MAX_BYTES
+from hopopt.problem.faults import Report
 from hopopt.problem.render import shown, shown_path
-
-if TYPE_CHECKING:
-    from hopopt.problem.check import Report
 
 ENTRIES = ("urdf", "foot_frame", "locked")  # of [leg], besides what a leg without a URDF has
 ROBOTS = "example-robot-data"  # package of public robots; a path that begins with its name lies in it
 ROBOTS_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 
 
-def located(layer: Mapping[str, Any], folder: Path, label: str, report: "Report") -> dict[str, Any]:
+def located(layer: Mapping[str, Any], folder: Path, label: str, report: Report) -> dict[str, Any]:
     """The layer of a problem file in ``folder`` with leg.urdf as a path from where we are; faults are reported."""
     leg = layer.get("leg")
     name = leg.get("urdf") if isinstance(leg, Mapping) else None
@@ -61,7 +59,7 @@ def _beside(path: Path) -> str:
     return f"; there is {', '.join(map(shown_path, names))}" if names else ""
 
 
-def with_leg(data: dict[str, Any], report: "Report") -> dict[str, Any]:
+def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
     """The problem with the leg of its URDF, if it names one; faults are reported."""
     leg = data.get("leg")
     if not isinstance(leg, dict):
@@ -109,7 +107,7 @@ def _read(path: Path) -> bytes:
         return file.read(MAX_BYTES + 1)
 
 
-def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: "Report") -> bool:
+def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: Report) -> bool:
     """Whether the entries say what to read; if not, that is reported."""
     joints, foot, locked = leg.get("joints"), given.get("foot_frame"), given.get("locked", {})
     if not isinstance(given["urdf"], str):
@@ -132,7 +130,7 @@ def _is_angle(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e3
 
 
-def _tables(found: Any, leg: Mapping[str, Any], report: "Report") -> dict[str, Any]:
+def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any]:
     """Tables of the leg as a problem file has them."""
     links, tables = [], {}
     for item in found.links:
@@ -156,7 +154,7 @@ def _name(link: str, taken: tuple[str, ...]) -> str:
     return next(candidate for candidate in (name, *others) if candidate not in taken)
 
 
-def _drives(found: Any, leg: Mapping[str, Any], report: "Report") -> dict[str, Any]:
+def _drives(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any]:
     """Motors from effort and velocity, taken for torque at standstill and speed at no torque: the conservative
     reading, for the region then lies inside both limits. Joints without are reported."""
     drives: dict[str, Any] = {}

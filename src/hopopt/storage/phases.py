@@ -7,7 +7,7 @@ from hopopt.nlp.schemes import scheme
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.planner.solution import Solution
 from hopopt.storage.netcdf import Group
-from hopopt.verify.plan import Table
+from hopopt.verify.table import Table
 
 UNITS = {"t": "s", "q": "m or rad", "v": "m/s or rad/s", "a": "m/s^2 or rad/s^2", "tau": "N m", "f": "N"}
 

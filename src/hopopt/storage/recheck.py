@@ -1,31 +1,28 @@
 """Verification of a stored result, from its files alone."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hopopt.errors import ResultError, UsageError
+from hopopt.errors import ResultError
 from hopopt.nlp.interval_errors import interval_errors
-from hopopt.nlp.ipopt import Bounds, NlpSolution
-from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.schemes import scheme
-from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.custom import FIGURE, Custom, as_objective, custom
-from hopopt.ocp.hop import Hop
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.ocp.custom import FIGURE, as_objective, custom
 from hopopt.ocp.objective import HopObjective
-from hopopt.ocp.objectives import find
-from hopopt.ocp.problem import Problem
 from hopopt.optimality.certificate import Certificate, certify
 from hopopt.optimality.error_estimate import objective_error
 from hopopt.planner.certify import agreement
 from hopopt.planner.custom_check import custom_checks, stated_value
+from hopopt.planner.refine_and_verify import numerical_checks
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import has_multipliers, own_functions, stored_nlp
 from hopopt.planner.stated_error import simulated
 from hopopt.storage.folder import fitting
-from hopopt.verify.plan import KKT, Check, verify_plan
+from hopopt.verify.check import KKT, Check
+from hopopt.verify.plan import verify_plan
 
 CONFIRMED = 1e-4  # relative: the fixed design may be worse than the co-design by this
 AGREE = 1e-9  # stored tables against the stored trajectories, relative
@@ -63,11 +60,6 @@ def recertified(solution: Solution) -> Certificate | None:
         ) from error
 
 
-def has_multipliers(solution: Solution) -> bool:
-    """Whether the program's point and multipliers were stored."""
-    return {"z", "lam_g", "lam_x"} <= solution.kkt.keys()
-
-
 def reverified(solution: Solution) -> Solution:
     """A stored solution that is ``verified`` only if its summary says so and every check passes again."""
     with fitting(solution.result_dir):
@@ -76,8 +68,6 @@ def reverified(solution: Solution) -> Solution:
 
 
 def _recheck(solution: Solution) -> list[Check]:
-    from hopopt.planner.refine_and_verify import numerical_checks
-
     goal, constraints = own_functions(solution)
     names = {"clearance_m", *({goal.figure} - {FIGURE})}
     claims = {name: float(solution.summary[name]) for name in names}
@@ -110,45 +100,6 @@ def with_functions(solution: Solution, objective: Any = None, constraints: Seque
     found = replace(solution, own=(as_objective(objective) if objective else None, own))
     found.__dict__["tables"] = solution.tables  # those that the file holds, which are what is to be checked
     return found
-
-
-def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]:
-    """What the solution was found with; UsageError if it takes functions that were not given again: files name code,
-    they do not run it."""
-    needed = solution.summary.get("functions", {})
-    objective, constraints = needed.get("objective"), list(needed.get("constraints", ()))
-    goal, own = solution.own
-    if (goal.name if goal else None) != objective or sorted(c.name for c in own) != sorted(constraints):
-        options = [f"--objective {objective}"] * bool(objective) + [f"--constraint {name}" for name in constraints]
-        what = "was found without functions of one's own: give none"
-        if options:
-            what = f"was found with functions of one's own and needs their module: add {' '.join(options)}"
-        raise UsageError(f"{solution.result_dir} {what}")
-    return goal or find(solution.objective), own
-
-
-def hop_of(solution: Solution) -> Hop:
-    """The hop that the solution is of."""
-    goal, constraints = own_functions(solution)
-    return Hop(solution.design, goal, constraints=constraints)
-
-
-def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolution:
-    """The nonlinear program of the last mesh with its stored point, multipliers and bounds; ``problem``: the solution's,
-    if it is made already, or one that differs in its objective."""
-    problem, mesh, kkt = problem or hop_of(solution).problem, {}, dict(solution.kkt)
-    for name, trajectory in solution.phases.items():
-        edges = trajectory.edges / trajectory.duration
-        free = np.flatnonzero(np.diff(trajectory.arc)) + 1
-        mesh[name] = PhaseMesh(tuple(edges.tolist()), tuple(free.tolist()))
-    t = Transcription(problem, scheme(next(iter(solution.phases.values())).scheme.name), mesh)
-    if len(kkt["z"]) != len(t.scale):
-        raise ResultError(f"{solution.result_dir}: mesh and NLP vectors do not belong together")
-    bounds = Bounds(*(kkt.pop(side.name) for side in fields(Bounds)))
-    phases, values = t.unpack(kkt["z"], kkt["p"])
-    kkt["g"] = np.array(ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(kkt["z"], kkt["p"])).ravel()
-    objective = float(solution.summary["objective_value"])
-    return NlpSolution(t, phases, values, objective, "stored", True, 0, **kkt, bounds=bounds)
 
 
 def _same_limits(nlp: NlpSolution) -> Check:

@@ -7,7 +7,7 @@ from every limit (the problem's [reserve]), because on the limits themselves fee
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,16 +20,14 @@ from hopopt.leg.kinematics import two_joints
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.planner.reserve import plan_to_track, reserved
 from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
 from hopopt.problem.load import design_hash
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.mujoco import library
 from hopopt.sim.plant import PAST_APEX
 from hopopt.sim.trace import Event, Trace
 from hopopt.studies.paper_results import PAPER, is_the_papers
-from hopopt.verify.plan import PLACES
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from hopopt.verify.table import PLACES
 
 TUNED = ("force", "position")  # strategies whose gains can be tuned
 BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
@@ -48,6 +46,7 @@ class Comparison:
     runs: Mapping[str, Run]
     mujoco: Mapping[str, float] = field(default_factory=dict)  # clearances [m] there, where asked for
     notes: tuple[str, ...] = ()
+    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
 
     @cached_property
     def figures(self) -> dict[str, HopFigures]:
@@ -89,15 +88,6 @@ class Comparison:
             if left > EARLY * planned
             else f"the foot left the ground at {left:.3f} s, not at {planned:.3f} s as planned"
         )
-
-    def plot(self, name: str | None = None) -> "dict[str, Figure] | Figure":
-        """All figures by name, or the one called ``name``: foot_height, saturation, speed_torque, stiffness, stick,
-        budget."""
-        from hopopt.plots.runs import FIGURES
-
-        if name is not None:
-            return FIGURES[name](self.figures)
-        return {key: draw(self.figures) for key, draw in FIGURES.items()}
 
     def row(self, name: str) -> dict[str, Any]:
         """Everything known of one strategy, for ``--json``."""
@@ -145,8 +135,6 @@ def compare(
     MuJoCo too. Raises MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg and
     for a bound of another problem, NotSolvedError if there is none.
     """
-    from hopopt.planner.solve import solve
-
     if mujoco:
         library()
         if design.simulation.torque_delay:

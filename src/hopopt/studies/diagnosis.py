@@ -1,21 +1,19 @@
 """What a stored hop leaves open: flat directions, durations that may change, limits that never act."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from hopopt.errors import ResultError
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.ocp.hop import Hop
 from hopopt.optimality.flat_directions import FELT, STRETCH, CannotBeTold, flat, longer_or_shorter
 from hopopt.planner.limit_names import flat_words
 from hopopt.planner.limit_use import idle_limits
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import has_multipliers, without_tie_break
 from hopopt.problem.render import rows
 from hopopt.storage.folder import fitting
-from hopopt.storage.recheck import has_multipliers, hop_of, stored_nlp
 
 PLACES = np.linspace(0.0, 1.0, 9)
 
@@ -41,14 +39,6 @@ def diagnose(solution: Solution) -> dict[str, Any]:
     words += [_idle(name, **use, unit=units.get(use["entry"].partition("[")[0], "")) for name, use in idle.items()]
     flat_ones = None if found is None else [asdict(f) for f in found]
     return {"flat": flat_ones, "durations": durations, "idle_limits": idle, "words": words}
-
-
-def without_tie_break(solution: Solution, hop: Hop | None = None) -> NlpSolution:
-    """The program of a hop and its solution, the tie-break taken off the objective; ``hop``: it, if it is made already."""
-    nlp = stored_nlp(solution, (hop or hop_of(solution)).untied)
-    goal = nlp.transcription.problem.objective
-    cost = ca.Function("f", [nlp.transcription.nlp[k] for k in "xp"], [nlp.transcription.nlp["f"]])(nlp.z, nlp.p)
-    return replace(nlp, objective=-float(cost) if goal.maximize else float(cost))
 
 
 def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> str:

@@ -7,7 +7,7 @@ the same limits held between the nodes. So nothing that the derivative was made 
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,10 @@ from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.problem.wording import did_you_mean
-from hopopt.storage.recheck import stored_nlp
-from hopopt.studies.sensitivity import Influence, settled_within
+from hopopt.studies.influence import Difference, Influence
+from hopopt.studies.sensitivity import settled_within
 
 STEP, WIDEST = 0.005, 0.05  # relative change of an entry, and of one that hardly matters
 LEAST = 1e-6  # [m per unit], below which an entry that is 0 is not looked at
@@ -31,44 +32,6 @@ LEADING = 5  # entries that are confirmed unless others are named
 NOISE = 0.005  # share of the difference that noise should be
 CLOSER = 0.1  # share of a step, over which a difference that disagrees is taken again
 SOLVED = 1e-8  # relative accuracy to which a program is solved again on one mesh
-AGREE = 0.01  # relative difference, beyond the noise, at which derivative and difference still agree
-KINK = 0.1  # relative difference of the slopes to both sides, beyond the noise, that no smooth optimum has
-
-
-@dataclass(frozen=True)
-class Difference:
-    """What solving again gave: (J+ - J-) / 2h, (J+ - J0) / h and (J0 - J-) / h [m per unit], h = step |value|, or
-    step [the entry's unit] for an entry that is 0; if it may not be more or less, the slope from three points beside it.
-
-    noise is what the mesh can make of each [m per unit]; fault says why there is none.
-    """
-
-    step: float = 0.0
-    central: float = np.nan
-    forward: float = np.nan
-    backward: float = np.nan
-    noise: float = 0.0
-    fault: str = ""
-
-    @property
-    def one_sided(self) -> bool:
-        """Whether more and less of the entry tell different slopes: it is where the active limits change."""
-        return abs(self.forward - self.backward) > KINK * max(abs(self.forward), abs(self.backward)) + 2 * self.noise
-
-    def agrees(self, slope: float) -> bool:
-        """Whether a derivative [m per unit] is confirmed."""
-        return not self.one_sided and bool(abs(self.central - slope) <= AGREE * abs(slope) + self.noise)
-
-    def verdict(self, slope: float) -> str:
-        """In words, what solving again says of a derivative [m per unit]."""
-        if self.fault:
-            return self.fault
-        if self.one_sided:
-            return f"one-sided: {self.forward:+.4g} upwards, {self.backward:+.4g} downwards"
-        if abs(slope) <= self.noise and self.agrees(slope):
-            return "agrees: no more than noise"
-        share = abs(self.central - slope) / max(abs(slope), self.noise)
-        return f"{'agrees within' if self.agrees(slope) else 'differs by'} {share:.1%}"
 
 
 def chosen(influences: Sequence[Influence], wanted: Sequence[str]) -> list[str]:

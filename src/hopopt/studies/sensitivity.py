@@ -6,8 +6,8 @@ lengths and the hip's height by inverse kinematics, so they enter by the chain r
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -17,51 +17,12 @@ from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.optimality.parametric_sensitivity import Slopes, slopes
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.summary import by_friction
 from hopopt.problem.render import rows
-from hopopt.storage.recheck import stored_nlp
+from hopopt.studies.influence import Influence
 
-if TYPE_CHECKING:
-    from hopopt.studies.finite_differences import Difference
-
-PERCENT = 0.01
-CM = 100.0  # [cm/m]
 STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretched
-
-
-@dataclass(frozen=True)
-class Influence:
-    """d height / d one entry of the problem [m per its unit], at its value; ``part_of`` names the entry of the whole
-    leg that a single joint's drive takes its value from."""
-
-    name: str
-    value: float
-    unit: str
-    m_per_unit: float
-    part_of: str | None = None
-    difference: "Difference | None" = None
-
-    @property
-    def cm_per_percent(self) -> float:
-        """What one per cent more of it gains [cm]; 0 for an entry that is 0."""
-        return CM * PERCENT * self.value * self.m_per_unit or 0.0  # no -0
-
-    @property
-    def of_leg(self) -> bool:
-        """Whether it is a number of the machine, not of what it is asked to do."""
-        return self.name.startswith("leg.")
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        figures = {name: getattr(self, name) for name in ("name", "value", "unit", "cm_per_percent", "m_per_unit")}
-        if self.part_of:
-            figures["part_of"] = self.part_of
-        if d := self.difference:
-            figures |= {"finite_difference_m_per_unit": d.central, "step": d.step, "noise_m_per_unit": d.noise}
-            figures |= {"forward_m_per_unit": d.forward, "backward_m_per_unit": d.backward}
-            agrees = None if d.fault else d.agrees(self.m_per_unit)
-            figures |= {"confirmed": agrees, "verdict": d.verdict(self.m_per_unit)}
-        return figures
 
 
 def sensitivity(solution: Solution) -> list[Influence]:

@@ -4,24 +4,21 @@ By Pinocchio's C++, as in ``verify``; each function returns the parts of one che
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hopopt.sim.machine import Machine
-
-if TYPE_CHECKING:
-    from hopopt.verify.plan import Table
+from hopopt.verify.table import Table
 
 Parts = list[np.ndarray | float]
 
 
-def lift_off(machine: Machine, stance: "Table", flight: "Table") -> Parts:
+def lift_off(machine: Machine, stance: Table, flight: Table) -> Parts:
     """Flight begins where and when stance ends, the centre of mass not falling."""
     return [*_jumps(stance, flight), np.minimum(machine.com_velocity(flight.q[0, 0], flight.v[0, 0])[1], 0.0)]
 
 
-def landing(machine: Machine, flight: "Table", descent: "Table") -> Iterator[tuple[str, Parts]]:
+def landing(machine: Machine, flight: Table, descent: Table) -> Iterator[tuple[str, Parts]]:
     """The descent begins at the apex of the centre of mass, where and when flight ends; at its end the foot is on the
     ground, not moving up, and the body no lower than flight began."""
     rising = machine.com_velocity(flight.q[-1, -1], flight.v[-1, -1])[1]
@@ -31,5 +28,5 @@ def landing(machine: Machine, flight: "Table", descent: "Table") -> Iterator[tup
     yield "touchdown", [place[1], max(float(speed[1]), 0.0), max(float(lower), 0.0)]
 
 
-def _jumps(before: "Table", after: "Table") -> Parts:
+def _jumps(before: Table, after: Table) -> Parts:
     return [getattr(before, s)[-1, -1] - getattr(after, s)[0, 0] for s in ("t", "q", "v")]

@@ -5,7 +5,6 @@ claims. Positive parts have kinks and peaks lie between the table's places, so v
 """
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
@@ -13,12 +12,10 @@ from scipy.interpolate import BarycentricInterpolator
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.machine import Machine
-
-if TYPE_CHECKING:
-    from hopopt.verify.plan import Table
+from hopopt.verify.table import Table
 
 FINE = np.linspace(0.0, 1.0, 201)  # places of an interval; trapezoids are good to about 1e-5 of it
-Tables = Mapping[str, "Table"]
+Tables = Mapping[str, Table]
 
 
 def dense(places: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.ndarray:
@@ -27,14 +24,14 @@ def dense(places: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.n
     return np.einsum("kp,ip...->ik...", weights, values)
 
 
-def places_of(table: "Table") -> np.ndarray:
+def places_of(table: Table) -> np.ndarray:
     """Where in its intervals the table's rows lie, (K,)."""
     longest = int(np.argmax(np.ptp(table.t, axis=1)))
     t = table.t[longest]
     return (t - t[0]) / (t[-1] - t[0])
 
 
-def integral(table: "Table", values: np.ndarray) -> float:
+def integral(table: Table, values: np.ndarray) -> float:
     """Integral over time of values (N, 201) at FINE."""
     h = table.t[:, -1] - table.t[:, 0]
     return float(h @ np.trapezoid(values, FINE, axis=1))

@@ -6,64 +6,24 @@ planner, nothing else.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.integrate import solve_ivp
 from scipy.interpolate import BarycentricInterpolator
 
 from hopopt.design import Design
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
+from hopopt.verify.check import BALANCE, EXACT, FIGURE, LIMIT, Check
 from hopopt.verify.landing import landing, lift_off
 from hopopt.verify.limits import limits_of
 from hopopt.verify.measures import LEAST, MEASURES
+from hopopt.verify.replay import replay
+from hopopt.verify.table import DESCENT, FLIGHT, PLACES, STANCE, Table
 
-PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
-POWERS = np.arange(len(PLACES))
-TO_POWERS = np.linalg.inv((2 * PLACES[:, None] - 1) ** POWERS)  # values at PLACES to coefficients of (2 s - 1)^k
-STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6  # tolerances: SI, share of the range, relative
-FIGURE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
-STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"  # the last only of a hop that lands
-
-
-@dataclass(frozen=True)
-class Table:
-    """A phase of the plan at PLACES of its N intervals, K = 9 each: t (N, K) [s], q, v, a (N, K, 2 + n), tau
-    (N, K, n) [N m], f (N, K, 2) [N]."""
-
-    t: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
-    tau: np.ndarray
-    f: np.ndarray
-
-
-@dataclass(frozen=True)
-class Check:
-    """One claim: what was measured against what is allowed; ``where`` says where the worst was found, ``left_out`` why
-    nothing can be measured, if so: such a check neither passes nor fails."""
-
-    name: str
-    residual: float
-    tolerance: float
-    unit: str
-    where: str = ""
-    left_out: str = ""
-
-    @property
-    def passed(self) -> bool:
-        """Whether it holds; also of a check that is left out."""
-        return bool(self.left_out or (np.isfinite(self.residual) and self.residual <= self.tolerance))
-
-    def as_dict(self) -> dict[str, Any]:
-        """For the summary: all fields and whether it passed."""
-        return {**asdict(self), "passed": self.passed}
 
 
 def verify_plan(
@@ -93,7 +53,7 @@ def verify_plan(
     for name, table in tables.items():
         checks += [
             _continuity(name, table),
-            _replay(machine, name, table),
+            replay(machine, name, table),
             _inverse_dynamics(machine, name, table),
             _energy(machine, name, table),
             _impulse(machine, name, table),
@@ -149,31 +109,6 @@ def _continuity(phase: str, table: Table) -> Check:
     """Each interval begins where the one before it ends."""
     jumps = [x[1:, 0] - x[:-1, -1] for x in (table.q, table.v, table.t)]
     return Check(f"{phase} continuity", _largest(jumps), EXACT, "SI")
-
-
-def _replay(machine: Machine, phase: str, table: Table) -> Check:
-    """The plan's torques played into Pinocchio, interval by interval, from the plan's own state."""
-    worst, at = 0.0, 0.0
-    for k in range(len(table.t)):
-        wrong = _replay_interval(machine, phase == STANCE, *(getattr(table, s)[k] for s in ("t", "q", "v", "tau")))
-        if not wrong <= worst:  # also if it is not a number
-            worst, at = wrong, float(table.t[k, 0])
-    return Check(f"{phase} replay", worst, STATE, "SI", f"interval from {at:.4f} s")
-
-
-def _replay_interval(
-    machine: Machine, contact: bool, t: np.ndarray, q: np.ndarray, v: np.ndarray, tau: np.ndarray
-) -> float:
-    m = q.shape[1]
-    torque, h = TO_POWERS @ tau, t[-1] - t[0]
-
-    def rates(s: float, x: np.ndarray) -> np.ndarray:
-        given = (2 * s - 1) ** POWERS @ torque
-        return h * np.concatenate([x[m:], machine.acceleration(x[:m], x[m:], given, contact)])
-
-    x0 = np.concatenate([q[0], v[0]])
-    run = solve_ivp(rates, (0.0, 1.0), x0, method="DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)
-    return float(np.abs(run.y[:, -1] - np.concatenate([q[-1], v[-1]])).max()) if run.success else np.inf
 
 
 def _flat(table: Table) -> tuple[np.ndarray, ...]:
@@ -233,9 +168,3 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
         when = t[at] if len(excess) == len(t) else t[-1]
         checks.append(Check(f"{phase} {name}", float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s"))
     return checks
-
-
-def failed(checks: list[Check]) -> list[Check]:
-    """The checks that did not pass, worst first."""
-    bad = [c for c in checks if not c.passed]
-    return sorted(bad, key=lambda c: -c.residual / c.tolerance)

@@ -1,6 +1,6 @@
 """What a plan is worth on the leg itself: the whole hop simulated in one piece, torques clamped to the drives' limits.
 
-Replay (verify/plan.py) begins every interval at the plan's own state; here nothing is put back. The plan's torques and a
+Replay (verify/replay.py) begins every interval at the plan's own state; here nothing is put back. The plan's torques and a
 feedback that holds the plan, clamped exactly to the operating region at the actual speed, move Pinocchio's leg from
 the plan's first state to its last instant: what comes out is a hop that the drives can do, up to the limits of the
 state and the ground that it passes, which are stated.
@@ -18,9 +18,10 @@ from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.sim.machine import Machine
+from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.limits import limits_of
 from hopopt.verify.measures import MEASURES
-from hopopt.verify.plan import FLIGHT, LIMIT, PLACES, POWERS, STANCE, TO_POWERS, Check, Table
+from hopopt.verify.table import FLIGHT, PLACES, POWERS, STANCE, TO_POWERS, Table
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim

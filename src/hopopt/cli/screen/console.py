@@ -11,7 +11,7 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from hopopt.problem.load import Row
-    from hopopt.verify.plan import Check
+    from hopopt.verify.check import Check
 
 ROOM = 100  # columns of a screen on which tables have all their columns
 PIPED = 180  # columns of a table that no screen shows

@@ -8,7 +8,7 @@ from rich.table import Table
 from hopopt.cli.screen.console import console, print_table
 
 if TYPE_CHECKING:
-    from hopopt.studies.sensitivity import Influence
+    from hopopt.studies.influence import Influence
 
 ROWS = 16  # of the table
 LEAST = 5e-4  # [cm] per per cent, below which an entry is left out of it

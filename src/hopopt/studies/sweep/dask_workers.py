@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from hopopt.errors import HopoptError, UsageError
-from hopopt.studies.sweep.workers import GO_ON, Workers
+from hopopt.studies.sweep.crew import GO_ON, Workers
 
 LOCAL = "local"
 PATIENCE = 10  # seconds for a scheduler to answer

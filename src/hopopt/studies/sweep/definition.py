@@ -8,7 +8,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
@@ -53,6 +52,8 @@ class Definition:
         """The values of the varied entries at every point, (points, axes), in the entries' units."""
         if self.sample is None:
             return np.array(list(product(*(axis.values for axis in self.axes))), dtype=float)
+        from scipy.stats import qmc  # takes a third of a second
+
         kind, count = sampling(self.sample)
         engine = (qmc.LatinHypercube if kind == "lhs" else qmc.Sobol)(len(self.axes), rng=self.seed)
         low, high = np.array([axis.range for axis in self.axes]).T

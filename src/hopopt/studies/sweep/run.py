@@ -11,13 +11,15 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.objectives import find
+from hopopt.studies.sweep.crew import Workers
 from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.order import doubtful, sources
+from hopopt.studies.sweep.point import Source, solve_again, solve_point
 from hopopt.studies.sweep.store import (
     IMPOSSIBLE,
     NOT_VERIFIED,
@@ -30,12 +32,7 @@ from hopopt.studies.sweep.store import (
     save_point,
     save_tables,
 )
-from hopopt.studies.sweep.workers import Clock, Progress, Workers, workers
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from hopopt.studies.sweep.point import Source
+from hopopt.studies.sweep.workers import Clock, Progress, workers
 
 PASSES = 8  # after the first, at most
 
@@ -48,6 +45,7 @@ class Study:
     points: tuple[Point, ...]
     folder: Path
     seconds: float
+    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
 
     @property
     def best(self) -> Point | None:
@@ -73,12 +71,6 @@ class Study:
     def dataset(self) -> Any:
         """The points as an xarray.Dataset, with a dimension for each varied entry if they are a grid."""
         return dataset(self.definition, self.points)
-
-    def plot(self) -> "dict[str, Figure]":
-        """The study's figures by name."""
-        from hopopt.plots.sweep import figures
-
-        return figures(self)
 
     def as_dict(self) -> dict[str, Any]:
         """What ``--json`` prints."""
@@ -185,8 +177,6 @@ def _impossible(definition: Definition) -> dict[int, Point]:
 
 def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point], crew: Workers, show: Clock) -> None:
     """Every point that is not finished, each as soon as the point it begins from is."""
-    from hopopt.studies.sweep.point import solve_point
-
     possible = [k for k in range(len(definition.points)) if k not in finished or finished[k].outcome != IMPOSSIBLE]
     order, before = sources(definition, possible)
 
@@ -210,9 +200,7 @@ def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point]
             show.finished(len(finished), len(definition.points), point)
 
 
-def _begins(folder: Path, finished: Mapping[int, Point], indices: Sequence[int]) -> "list[Source]":
-    from hopopt.studies.sweep.point import Source
-
+def _begins(folder: Path, finished: Mapping[int, Point], indices: Sequence[int]) -> list[Source]:
     return [Source(k, finished[k].solved_in, load_begin(folder, finished[k])) for k in indices]
 
 
@@ -223,8 +211,6 @@ def _further_passes(
     definition: Definition, folder: Path, passes: dict[int, dict[int, Point]], crew: Workers, show: Clock
 ) -> dict[int, Point]:
     """Every point as it is after all passes: each solves again what the points after the last one give reason to."""
-    from hopopt.studies.sweep.point import solve_again
-
     finished = dict(passes[0])
     for number in range(1, PASSES + 1):
         jobs, done = _reasons(definition, folder, finished), passes.get(number, {})

@@ -16,16 +16,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from hopopt.errors import ProblemFileError, ResultError
 from hopopt.ocp.objectives import find
 from hopopt.problem.load import load, resolved_toml
 from hopopt.storage.folder import as_json, reason_of, unused
 from hopopt.studies.sweep.definition import Axis, Definition
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE = "verified", "not verified", "not solved", "impossible problem"
 OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE)
@@ -190,11 +192,13 @@ def table(definition: Definition, points: Sequence[Point]) -> str:
     return buffer.getvalue()
 
 
-def dataset(definition: Definition, points: Sequence[Point]) -> xr.Dataset:
+def dataset(definition: Definition, points: Sequence[Point]) -> "xr.Dataset":
     """All points with the varied entries as dimensions (a grid) or as coordinates of the points (a sample).
 
     Heights are not-a-number where a point is not verified; ``outcome`` says why.
     """
+    import xarray as xr  # takes a while, and only the last step of a study needs it
+
     shape, entries = definition.shape, [axis.entry for axis in definition.axes]
     dims = tuple(entries) if shape else ("point",)
     size = shape or (len(points),)

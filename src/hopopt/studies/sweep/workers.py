@@ -11,12 +11,11 @@ from contextlib import contextmanager
 from typing import Any
 
 from hopopt.errors import HopoptError
+from hopopt.studies.sweep.crew import GO_ON, Workers
+from hopopt.studies.sweep.dask_workers import dask_workers
 from hopopt.studies.sweep.store import Point
 
 Progress = Callable[[str], None]
-Kept = tuple[Point, Any]  # a point, and what a neighbour begins from
-Job = Callable[..., Kept]
-GO_ON = "what is finished is kept, --resume goes on, with fewer --processes if memory is short"
 
 
 class Clock:
@@ -40,43 +39,10 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-class Workers:
-    """A number of processes, or this one if there is no executor; ``wait`` waits for one of several futures."""
-
-    def __init__(self, count: int, executor: Any, wait: Callable[[set[Any]], tuple[set[Any], set[Any]]]):
-        self.count, self.executor, self.wait, self.running = count, executor, wait, set[Any]()
-        self.results: list[Kept] = []
-
-    @property
-    def busy(self) -> bool:
-        return bool(self.running or self.results)
-
-    @property
-    def free(self) -> int:
-        return self.count - len(self.running) - len(self.results)
-
-    def submit(self, job: Job, *arguments: Any) -> None:
-        """Begin a job."""
-        if self.executor is None:
-            self.results.append(job(*arguments))
-        else:
-            self.running.add(self.executor(job, *arguments))
-
-    def done(self) -> list[Kept]:
-        """What has finished since, at least one."""
-        if self.running:
-            ended, self.running = self.wait(self.running)
-            self.results += [future.result() for future in ended]
-        results, self.results = self.results, []
-        return results
-
-
 @contextmanager
 def workers(count: int, scheduler: str | None = None) -> Iterator[Workers]:
     """So many processes, or those of a Dask scheduler; HopoptError if one dies and its work cannot be done again."""
     if scheduler is not None:
-        from hopopt.studies.sweep.dask_workers import dask_workers
-
         with dask_workers(count, scheduler) as crew:
             yield crew
         return

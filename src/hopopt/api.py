@@ -1,0 +1,94 @@
+"""The Python API: its verbs, and what a solution, a comparison and a study of many solves can be asked to do.
+
+Results are values; what acts on them is here, and given to them as methods for whoever works in a notebook. Figures
+and derivatives are imported on first use.
+"""
+
+from typing import TYPE_CHECKING
+
+from hopopt.errors import UsageError
+from hopopt.ocp.custom import constraint, objective
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from hopopt.storage.solution import read, save
+from hopopt.studies.codesign import codesign
+from hopopt.studies.compare import Comparison
+from hopopt.studies.compare import compare as compare_strategies
+from hopopt.studies.pareto import Front, front
+from hopopt.studies.sweep.run import Study, sweep
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hopopt.studies.influence import Influence
+
+__all__ = [
+    "Comparison",
+    "Front",
+    "Solution",
+    "Study",
+    "codesign",
+    "constraint",
+    "front",
+    "load",
+    "objective",
+    "read",
+    "save",
+    "solve",
+    "sweep",
+]
+
+
+def plot(solution: Solution, name: str | None = None) -> "dict[str, Figure] | Figure":
+    """All figures by name, or the one called ``name``: heights, joints, operating_region, stick, ground_force, or
+    tornado, which is drawn only if asked for. Raises UsageError for another name."""
+    from hopopt.plots.hop import FIGURES
+
+    if name == "tornado":
+        from hopopt.plots.sensitivity import tornado
+
+        return tornado(solution, sensitivity(solution))
+    if name is not None and name not in FIGURES:
+        raise UsageError(f"there is no figure {name!r}; there are {', '.join([*FIGURES, 'tornado'])}")
+    if name is not None:
+        return FIGURES[name](solution)
+    return {key: draw(solution) for key, draw in FIGURES.items()}
+
+
+def sensitivity(solution: Solution) -> "list[Influence]":
+    """What one more of every number of the problem changes in the height, the most rewarding per cent first; see
+    ``hopopt.studies.sensitivity``. Raises UsageError where the start pose has no derivative."""
+    from hopopt.studies.sensitivity import sensitivity
+
+    return sensitivity(solution)
+
+
+def compare(solution: Solution, *strategies: str, tune: int = 0) -> Comparison:
+    """This hop as the bound, beside what controllers make of the same leg; all that suit the leg if none is named.
+
+    tune: hops on which the gains of "force" and "position" are tuned. Raises UsageError for unknown strategies,
+    NotSolvedError if there is no plan to track.
+    """
+    return compare_strategies(solution.design, strategies or None, bound=solution, tune=tune)
+
+
+def plot_comparison(comparison: Comparison, name: str | None = None) -> "dict[str, Figure] | Figure":
+    """All figures by name, or the one called ``name``: foot_height, saturation, speed_torque, stiffness, stick,
+    budget."""
+    from hopopt.plots.runs import FIGURES
+
+    if name is not None:
+        return FIGURES[name](comparison.figures)
+    return {key: draw(comparison.figures) for key, draw in FIGURES.items()}
+
+
+def plot_study(study: Study) -> "dict[str, Figure]":
+    """The study's figures by name."""
+    from hopopt.plots.sweep import figures
+
+    return figures(study)
+
+
+Solution.plot, Solution.sensitivity, Solution.compare = plot, sensitivity, compare
+Comparison.plot, Study.plot = plot_comparison, plot_study

@@ -1,0 +1,70 @@
+"""The nonlinear program that a solution is the answer of, made again from what the solution holds."""
+
+from dataclasses import fields, replace
+
+import casadi as ca
+import numpy as np
+
+from hopopt.errors import ResultError, UsageError
+from hopopt.nlp.ipopt import Bounds, NlpSolution
+from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.schemes import scheme
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.custom import Custom
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.objective import HopObjective
+from hopopt.ocp.objectives import find
+from hopopt.ocp.problem import Problem
+from hopopt.planner.solution import Solution
+
+
+def has_multipliers(solution: Solution) -> bool:
+    """Whether the program's point and multipliers were stored."""
+    return {"z", "lam_g", "lam_x"} <= solution.kkt.keys()
+
+
+def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]:
+    """What the solution was found with; UsageError if it takes functions that were not given again: files name code,
+    they do not run it."""
+    needed = solution.summary.get("functions", {})
+    objective, constraints = needed.get("objective"), list(needed.get("constraints", ()))
+    goal, own = solution.own
+    if (goal.name if goal else None) != objective or sorted(c.name for c in own) != sorted(constraints):
+        options = [f"--objective {objective}"] * bool(objective) + [f"--constraint {name}" for name in constraints]
+        what = "was found without functions of one's own: give none"
+        if options:
+            what = f"was found with functions of one's own and needs their module: add {' '.join(options)}"
+        raise UsageError(f"{solution.result_dir} {what}")
+    return goal or find(solution.objective), own
+
+
+def hop_of(solution: Solution) -> Hop:
+    """The hop that the solution is of."""
+    goal, constraints = own_functions(solution)
+    return Hop(solution.design, goal, constraints=constraints)
+
+
+def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolution:
+    """The nonlinear program of the last mesh with its stored point, multipliers and bounds; ``problem``: the solution's,
+    if it is made already, or one that differs in its objective."""
+    problem, mesh, kkt = problem or hop_of(solution).problem, {}, dict(solution.kkt)
+    for name, trajectory in solution.phases.items():
+        edges = trajectory.edges / trajectory.duration
+        free = np.flatnonzero(np.diff(trajectory.arc)) + 1
+        mesh[name] = PhaseMesh(tuple(edges.tolist()), tuple(free.tolist()))
+    t = Transcription(problem, scheme(next(iter(solution.phases.values())).scheme.name), mesh)
+    if len(kkt["z"]) != len(t.scale):
+        raise ResultError(f"{solution.result_dir}: mesh and NLP vectors do not belong together")
+    bounds = Bounds(*(kkt.pop(side.name) for side in fields(Bounds)))
+    phases, values = t.unpack(kkt["z"], kkt["p"])
+    kkt["g"] = np.array(ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(kkt["z"], kkt["p"])).ravel()
+    objective = float(solution.summary["objective_value"])
+    return NlpSolution(t, phases, values, objective, "stored", True, 0, **kkt, bounds=bounds)
+
+
+def without_tie_break(solution: Solution, hop: Hop | None = None) -> NlpSolution:
+    """The program of a hop and its solution, the tie-break taken off the objective; ``hop``: it, if it is made already."""
+    nlp = stored_nlp(solution, (hop or hop_of(solution)).untied)
+    goal = nlp.transcription.problem.objective
+    cost = ca.Function("f", [nlp.transcription.nlp[k] for k in "xp"], [nlp.transcription.nlp["f"]])(nlp.z, nlp.p)
+    return replace(nlp, objective=-float(cost) if goal.maximize else float(cost))

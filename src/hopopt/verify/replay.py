@@ -1,0 +1,33 @@
+"""The plan's torques played into Pinocchio's C++, interval by interval."""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from hopopt.sim.machine import Machine
+from hopopt.verify.check import STATE, Check
+from hopopt.verify.table import POWERS, STANCE, TO_POWERS, Table
+
+
+def replay(machine: Machine, phase: str, table: Table) -> Check:
+    """The plan's torques played into Pinocchio, interval by interval, from the plan's own state."""
+    worst, at = 0.0, 0.0
+    for k in range(len(table.t)):
+        wrong = _replay_interval(machine, phase == STANCE, *(getattr(table, s)[k] for s in ("t", "q", "v", "tau")))
+        if not wrong <= worst:  # also if it is not a number
+            worst, at = wrong, float(table.t[k, 0])
+    return Check(f"{phase} replay", worst, STATE, "SI", f"interval from {at:.4f} s")
+
+
+def _replay_interval(
+    machine: Machine, contact: bool, t: np.ndarray, q: np.ndarray, v: np.ndarray, tau: np.ndarray
+) -> float:
+    m = q.shape[1]
+    torque, h = TO_POWERS @ tau, t[-1] - t[0]
+
+    def rates(s: float, x: np.ndarray) -> np.ndarray:
+        given = (2 * s - 1) ** POWERS @ torque
+        return h * np.concatenate([x[m:], machine.acceleration(x[:m], x[m:], given, contact)])
+
+    x0 = np.concatenate([q[0], v[0]])
+    run = solve_ivp(rates, (0.0, 1.0), x0, method="DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)
+    return float(np.abs(run.y[:, -1] - np.concatenate([q[-1], v[-1]])).max()) if run.success else np.inf
