@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
 from hopopt import load, solve
 from hopopt.design import Design, physical_parameters
-from hopopt.errors import NotSolvedError
+from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.actuator import HalfPlane, OperatingRegion, operating_region
 from hopopt.leg.robot import BASE
 from hopopt.sim.machine import Machine
@@ -97,7 +97,10 @@ def problems(draw: st.DrawFn) -> Design:
     drawn["hop.stance_duration"] = [0.03, drawn.pop("hop.stance_duration[1]")]
     drawn["start.hip_height"] = 0.6 * (drawn["leg.thigh.length"] + drawn["leg.shank.length"])
     mesh = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 5, "solver.starts": 1}
-    return load("paper", drawn | mesh)
+    try:
+        return load("paper", drawn | mesh)
+    except ProblemFileError:  # such lengths cannot stand that high within the joint limits
+        reject()
 
 
 @settings(max_examples=6, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])

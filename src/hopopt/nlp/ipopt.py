@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hopopt.nlp.known_optima import KnownOptima
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
 
@@ -98,11 +99,15 @@ Multipliers = tuple[np.ndarray, np.ndarray] | None  # lam_g, lam_x
 class NlpSolver:
     """An Ipopt instance for one transcription, to be called with any guess and parameter values."""
 
-    def __init__(self, transcription: Transcription, options: Mapping[str, Any] | None = None):
-        self.transcription = transcription
+    def __init__(
+        self, transcription: Transcription, options: Mapping[str, Any] | None = None, known: KnownOptima | None = None
+    ):
+        self.transcription, self.known = transcription, known
         undamped = UNDAMPED if transcription.scheme.starts_at_node else {}
         scaled = {"ipopt.obj_scaling_factor": 1.0 / transcription.problem.objective.scale}
         settings = OPTIONS | undamped | scaled | transcription.program.options | dict(options or {})
+        if known is not None:
+            settings["iteration_callback"] = known
         self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
 
     def __call__(
@@ -120,6 +125,11 @@ class NlpSolver:
         t = self.transcription
         bounds = bounds or Bounds(*t.bounds(guess), t.lbg, t.ubg)
         return self._solve(t.pack(guess, parameters), t.parameter_values(parameters), bounds, multipliers)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the last solve was ended near an optimum that is known."""
+        return self.known is not None and self.known.found is not None
 
     def on(self, transcription: Transcription) -> "NlpSolver":
         """The same compiled program for the numbers of ``transcription`` (nlp/reuse.py)."""
@@ -139,9 +149,11 @@ class NlpSolver:
     def _solve(self, z: np.ndarray, p: np.ndarray, b: Bounds, multipliers: Multipliers) -> NlpSolution:
         t, z0 = self.transcription, np.clip(z, b.low_z, b.high_z)
         begin = {} if multipliers is None else {"lam_g0": multipliers[0], "lam_x0": multipliers[1]}
+        if self.known is not None:
+            self.known.begin()
         result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
         stats = self.solver.stats()
-        if stats["return_status"] in STOPPED:
+        if stats["return_status"] in STOPPED and not self.stopped:
             raise KeyboardInterrupt
         z, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         phases, values = t.unpack(z, p)

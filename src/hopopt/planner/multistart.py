@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.ipopt import GENTLE, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.known_optima import Known, KnownOptima
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcription import Transcription
@@ -28,6 +29,7 @@ Progress = Callable[[str], None]
 SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
 PATIENCE = 200  # iterations of a start where another is known to lead to a hop
 CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
+STOPPED = "stopped near a hop that is known"
 WORKER = 1.5  # s that a process takes to begin, and more: what takes less in one is not divided
 
 
@@ -68,12 +70,29 @@ def first_transcription(hop: Hop) -> Transcription:
     return hop.problem.once("first mesh", lambda: Transcription(hop.problem, scheme(s.scheme, s.degree), mesh))
 
 
-def first_solver(hop: Hop, known: bool = False) -> NlpSolver:
-    """That program, ready to be solved from any start; not for long if a hop is ``known`` already."""
-    return NlpSolver(first_transcription(hop), _options(hop, known))
+def first_solver(hop: Hop, known: bool = False, watch: KnownOptima | None = None) -> NlpSolver:
+    """That program, ready to be solved from any start; not for long if a hop is ``known`` already, and no further than to
+    one of those that ``watch`` knows."""
+    return NlpSolver(first_transcription(hop), first_options(hop, known), watch)
 
 
-def _options(hop: Hop, known: bool) -> dict[str, Any]:
+def known_optima(hop: Hop, outcomes: Sequence[StartOutcome] = ()) -> KnownOptima:
+    """A watch for hops of the first mesh that are known: the stances of these outcomes, and of all that it is told."""
+    t = first_transcription(hop)
+    where, every = t.variables[STANCE], np.arange(len(t.scale))
+    watch = KnownOptima(len(t.scale), t.lbg, t.ubg, np.concatenate([every[where.x], every[where.durations]]))
+    for outcome in outcomes:
+        remember(watch, outcome)
+    return watch
+
+
+def remember(watch: KnownOptima, outcome: StartOutcome) -> None:
+    """One more hop that is known, if the outcome is one and it is new."""
+    if outcome.success and all(outcome.vectors is not k.origin.vectors for k in watch.known):
+        watch.known.append(Known(outcome.vectors["z"], -outcome.merit, outcome))
+
+
+def first_options(hop: Hop, known: bool) -> dict[str, Any]:
     most = hop.design.solver.max_iterations
     if not known:
         return {"ipopt.max_iter": most}
@@ -90,7 +109,7 @@ def run_starts(
 
 def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -> list[StartOutcome]:
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
-    began, solver = time.perf_counter(), first_solver(hop, known)
+    began, solver = time.perf_counter(), first_solver(hop, known, known_optima(hop))
     first = run_chunk(hop, [0], solver, known)
     each, others = time.perf_counter() - began, range(1, count)
     if not first[0].success and too_weak(hop.design, hop.robot):  # seldom does another start help such a leg
@@ -130,9 +149,21 @@ def _run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartO
     began = time.perf_counter()
     guess = make_guess(hop, start)
     s = solver(guess)
-    if not s.success and not violations(s):  # a hop, but no optimum: the adaptive barrier can lose its way to one
-        s = NlpSolver(s.transcription, _options(hop, known) | {"ipopt.mu_strategy": "monotone"})(guess)
-    return outcome_of(start.name, s, time.perf_counter() - began)
+    if not s.success and not solver.stopped and not violations(s):  # a hop, but no optimum: the adaptive barrier can lose its way to one
+        s = NlpSolver(s.transcription, first_options(hop, known) | {"ipopt.mu_strategy": "monotone"})(guess)
+    return noted(solver, outcome_of(start.name, s, time.perf_counter() - began))
+
+
+def noted(solver: NlpSolver, outcome: StartOutcome) -> StartOutcome:
+    """The outcome of the solver's last solve or, if it was stopped on its way to a known hop, that hop; a new one is
+    known from now on."""
+    watch = solver.known
+    if watch is None:
+        return outcome
+    if (met := watch.met) is not None:
+        return replace(met, name=outcome.name, status=STOPPED, iterations=outcome.iterations, seconds=outcome.seconds)
+    remember(watch, outcome)
+    return outcome
 
 
 def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:

@@ -15,7 +15,9 @@ from hopopt.ocp.initial_guess import motion_guess
 from hopopt.ocp.objective import DEMAND, HopObjective, demand, lowest_point
 from hopopt.optimality.infeasibility import Conflict, conflict
 from hopopt.planner.limit_names import conflict_words
+from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import (
+    contenders,
     Progress,
     StartOutcome,
     first_solver,
@@ -72,8 +74,10 @@ def highest_hop(hop: Hop, starts: int) -> NlpSolution | None:
             if highest is None or clearance(found) > clearance(highest):
                 highest = found
             if reaches(hop, highest):
-                break
-    return highest
+                return highest
+    outcomes = search_first_mesh(high, starts, 1, lambda text: None).outcomes if starts > 1 else ()
+    found = [highest, *(solution_of(o, t) for o in contenders(outcomes)[:1])]
+    return max((s for s in found if s is not None), key=clearance, default=None)
 
 
 def clearance(highest: NlpSolution) -> float:

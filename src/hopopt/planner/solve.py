@@ -1,6 +1,5 @@
 """From a problem to a verified answer: several starts, the best of them finished, what is doubtful solved once more."""
 
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -12,10 +11,13 @@ from hopopt.nlp.mesh_refinement import UNSOLVED, relative
 from hopopt.ocp.custom import custom
 from hopopt.ocp.feasibility import unresisted
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.initial_guess import starts as named_and_drawn
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
 from hopopt.planner.cross_check import with_opinions
 from hopopt.planner.limit_names import flat_words
+from hopopt.planner.families import alarm_note, search_figures
+from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import (
     CLOSE,
     Progress,
@@ -25,11 +27,10 @@ from hopopt.planner.multistart import (
     not_solved,
     outcome_of,
     run_chunk,
-    run_starts,
 )
 from hopopt.planner.notes import flat_directions, notes_on
 from hopopt.planner.refine_and_verify import finish
-from hopopt.planner.required_clearance import HIGHEST, from_highest
+from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.tighter_tolerances import finer
@@ -70,7 +71,8 @@ def solve(
     clock.mark("model")
     count = starts or design.solver.starts
     economical = from_highest(hop, count, say)
-    outcomes = run_starts(hop, count, processes or os.cpu_count() or 1, say, economical)
+    searched = search_first_mesh(hop, count, processes, say, economical)
+    outcomes = searched.outcomes
     clock.mark("starts")
     finished = [finish(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)]
     if not finished:
@@ -79,8 +81,10 @@ def solve(
     hop, best, better = _settled(hop, finished, outcomes, say, clock)
     if structure:
         best = with_free_switches(hop, best, outcomes, say, clock)
+    best.summary |= search_figures(hop, searched, finished, best)
     found = flat_directions(hop, best)
-    if notes := [*notes_on(hop, asked, structure, best, better), *flat_words(found or [])]:
+    alarm = alarm_note(best.summary["global"])
+    if notes := [*alarm, *notes_on(hop, asked, structure, best, better), *flat_words(found or [])]:
         best.summary["notes"] = notes
     if found is not None:
         best.summary["flat"] = [asdict(f) for f in found]
@@ -157,12 +161,13 @@ def _calmer(
 
 
 def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutcome:
-    """What the start of outcome k leads to in a problem of the same form; from the outcome itself if it was the highest
-    hop's."""
-    if outcomes[k].name != HIGHEST:
+    """What the start of outcome k leads to in a problem of the same form; from the outcome's own hop if it is none of the
+    named or drawn starts."""
+    name = outcomes[k].name
+    if name in [start.name for start in named_and_drawn(k + 1, hop.design.solver.seed)]:
         return run_chunk(hop, [k])[0]
     began, s = time.perf_counter(), first_solver(hop).from_vector(outcomes[k].vectors["z"])
-    return outcome_of(HIGHEST, s, time.perf_counter() - began)
+    return outcome_of(name, s, time.perf_counter() - began)
 
 
 def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:

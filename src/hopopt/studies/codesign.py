@@ -21,7 +21,16 @@ from hopopt.ocp.free_parameters import Coupling, Freedom, parse_coupling
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import given
 from hopopt.optimality.parametric_sensitivity import slopes
-from hopopt.planner.multistart import Progress, contenders, first_transcription, not_solved, outcome_of, run_starts
+from hopopt.planner.first_mesh import search_first_mesh
+from hopopt.planner.multistart import (
+    Progress,
+    StartOutcome,
+    contenders,
+    first_transcription,
+    not_solved,
+    outcome_of,
+    solution_of,
+)
 from hopopt.planner.refine_and_verify import finish, refine_outcome
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
@@ -63,7 +72,7 @@ def codesign(
     def told(text: str) -> None:
         say(f"co-design: {text}")
 
-    outcomes = run_starts(hop, count, side_by_side, told, from_highest(hop, count, told))
+    outcomes = search_first_mesh(hop, count, side_by_side, told, _begun(hop, count, side_by_side, told)).outcomes
     refined = [refine_outcome(hop, o, told).solution for o in contenders(outcomes)]
     if not refined:
         raise not_solved(hop, outcomes)
@@ -71,7 +80,7 @@ def codesign(
     clock.mark("co-design")
     fixed = Hop(changed(design, optimal(freedom, best)), hop.asked, constraints=own)
     say("solving the design that came out")
-    again = run_starts(fixed, count, side_by_side, say, [_from(fixed, best)])
+    again = search_first_mesh(fixed, count, side_by_side, say, [_from(fixed, best)]).outcomes
     clock.mark("starts")
     finished = [finish(fixed, o, again, say, clock) for o in contenders(again)]
     if not finished:
@@ -80,12 +89,24 @@ def codesign(
     return _described(answer, hop, best)
 
 
-def _from(hop: Hop, motion: NlpSolution) -> Any:
-    """The fixed design solved from the co-design's motion."""
+def _begun(hop: Hop, count: int, side_by_side: int, told: Progress) -> list[StartOutcome]:
+    """Co-designs begun from what is known: the highest hop where a clearance is asked for, and the best hop of the design
+    as it is given, below which the co-design's optimum cannot lie."""
+    besides = from_highest(hop, count, told)
+    if count == 1 or any(o.success for o in besides):
+        return besides
+    given_design = Hop(hop.design, hop.asked, constraints=hop.constraints)
+    found = contenders(search_first_mesh(given_design, count, side_by_side, told).outcomes)
+    t = first_transcription(given_design)
+    return besides + [_from(hop, solution_of(o, t), "the design as given") for o in found[:1]]
+
+
+def _from(hop: Hop, motion: NlpSolution, name: str = "co-design") -> StartOutcome:
+    """The problem solved from a motion of the same leg with other numbers, or with numbers fixed that are free here."""
     began, t = time.perf_counter(), first_transcription(hop)
     solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
     return outcome_of(
-        "co-design", solver(t.guess_from(motion.phases), t.free_from(motion.parameters)), time.perf_counter() - began
+        name, solver(t.guess_from(motion.phases), t.free_from(motion.parameters)), time.perf_counter() - began
     )
 
 

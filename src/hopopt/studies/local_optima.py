@@ -23,14 +23,13 @@ from hopopt.errors import ResultError
 from hopopt.leg.kinematics import reach
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.hop import STANCE, Hop
+from hopopt.planner.families import motion, words
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, unused, write_json
 from hopopt.studies.sweep.store import write_whole
 
-LEANING, DIPPING = 0.05, 0.03  # share of the reach from which a lean or a dip is worth a word
-FAST = 0.3  # m/s along the ground from which a hop drifts
 Say = Callable[[str], None]
 
 
@@ -134,7 +133,7 @@ def _program(folder: Path) -> tuple[Hop, NlpSolver]:
 def _ended(folder: Path, index: int) -> Ended:
     hop, solver = _program(folder)
     (outcome,) = run_chunk(hop, [index], solver)
-    figures = _motion(
+    figures = motion(
         hop, Solution(hop.design, hop.objective.name, solution_of(outcome, solver.transcription).phases, {})
     )
     return Ended(
@@ -143,35 +142,10 @@ def _ended(folder: Path, index: int) -> Ended:
     )  # fmt: skip
 
 
-def _motion(hop: Hop, plan: Solution) -> dict[str, float]:
-    """What the body does in stance, for ``Ended``."""
-    stance, size = plan.everywhere(STANCE, np.linspace(0, 1, 5)), reach(hop.leg)
-    x, z = stance.q[:, 0], stance.q[:, 1]
-    lowest = int(np.argmin(z))
-    return {
-        "stance": plan.lift_off, "sway": float(x[lowest] / size), "lean": float(x[-1] / size),
-        "dip": float((z[0] - z[lowest]) / size), "drift": float(stance.com_v[-1, 0]),
-    }  # fmt: skip
-
-
 def families(ended: Sequence[Ended], *, maximize: bool = True) -> list[Family]:
     """The local optima that were found, best first."""
     ranked = sorted(ended, key=lambda e: e.objective, reverse=maximize)
-    return [Family(group[0], len(group), words(group[0])) for group in grouped(ranked)]
-
-
-def words(e: Ended) -> str:
-    """What a hop does: where it dips, where it leans at lift-off, where it drifts."""
-    dip = f"dips by {e.dip:.0%} of the leg" if e.dip > DIPPING else "pushes without a dip"
-    if e.dip > DIPPING and abs(e.sway) > LEANING:
-        dip += f" {_side(e.sway)}"
-    lean = f"leaves {_side(e.lean)}" if abs(e.lean) > LEANING else "leaves upright"
-    drift = f", drifting {'forward' if e.drift > 0 else 'backward'}" if abs(e.drift) > FAST else ""
-    return f"{dip}; {lean}{drift}; stance {e.stance:.2f} s"
-
-
-def _side(place: float) -> str:
-    return "in front of the foot" if place > 0 else "behind the foot"
+    return [Family(group[0], len(group), words(asdict(group[0]))) for group in grouped(ranked)]
 
 
 def as_dicts(found: Sequence[Family]) -> list[dict[str, Any]]:

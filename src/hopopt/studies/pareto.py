@@ -24,7 +24,8 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import OBJECTIVES, find
-from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, outcome_of, run_starts
+from hopopt.planner.first_mesh import search_first_mesh
+from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, outcome_of
 from hopopt.planner.refine_and_verify import finish
 from hopopt.planner.required_clearance import begun_from, highest_hop, reaches
 from hopopt.planner.solution import Solution
@@ -179,7 +180,7 @@ class Chain:
     def _from_starts(self, hop: Hop) -> list[StartOutcome]:
         highest = highest_hop(hop, self.starts)
         besides = [begun_from(hop, highest)] if highest and reaches(hop, highest) else []
-        return run_starts(hop, self.starts, self.processes, self.say, besides)
+        return list(search_first_mesh(hop, self.starts, self.processes, self.say, besides).outcomes)
 
     def hop(self, k: int) -> Hop:
         """The problem of point k."""
@@ -199,6 +200,14 @@ class Chain:
         for order in (range(1, last + 1), range(last - 1, -1, -1)):
             for k in order:
                 self._step(k, k - 1 if order.step > 0 else k + 1)
+        self._made_consistent(last)
+
+    def _made_consistent(self, last: int) -> None:
+        """Less clearance can only cost less: a point that costs more than one above it is solved again from there."""
+        for k in range(last - 1, -1, -1):
+            own, above = best(self.outcomes[k]), best(self.outcomes[k + 1])
+            if above is not None and (own is None or own.merit < above.merit):
+                self._step(k, k + 1)
 
     def _step(self, k: int, neighbour: int) -> None:
         """Solve point k from the best of a neighbour."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hopopt.studies.consistency import contradicted
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.store import IMPOSSIBLE, VERIFIED, Point
 
@@ -54,7 +55,8 @@ def doubtful(
     definition: Definition, finished: Mapping[int, Point], shapes: Mapping[int, np.ndarray], sign: float = 1.0
 ) -> dict[int, list[int]]:
     """The points to be solved again, and from which verified neighbours: those that failed or lie below the trend, from
-    their nearest; and where another kind of optimum begins, each side from the other.
+    their nearest; those that do worse than a point with tighter limits, from that; and where another kind of optimum
+    begins, each side from the other.
 
     shapes: of the verified points' optima (any numbers that tell them apart); sign: -1 if less is better.
     """
@@ -64,6 +66,7 @@ def doubtful(
     below = _below_trend(x[good], value)
     suspects = {k for k, low in zip(good, below, strict=True) if low}
     suspects |= {k for k, p in finished.items() if p.outcome not in (VERIFIED, IMPOSSIBLE)}
+    worse = _contradicted(definition, finished, sign)
     jobs: dict[int, list[int]] = {}
     for k, p in sorted(finished.items()):
         if p.outcome == IMPOSSIBLE:
@@ -71,12 +74,23 @@ def doubtful(
         around = sorted((g for g in good if g != k), key=lambda g: float(np.linalg.norm(x[g] - x[k])))
         near = [g for g in around[: 2 * x.shape[1]] if (g, finished[g].solved_in) not in p.tried]
         chosen = near[:2] if k in suspects else []
+        tighter = [g for g in worse.get(k, ()) if (g, finished[g].solved_in) not in p.tried]
+        chosen += [g for g in tighter[:1] if g not in chosen]
         if p.verified:
             beside = [g for g in _next_to(k, good, definition.spaced) if (g, finished[g].solved_in) not in p.tried]
             chosen += [g for g in beside if g not in chosen and unlike(shapes[k], shapes[g])]
         if chosen:
             jobs[k] = chosen
     return jobs
+
+
+def _contradicted(definition: Definition, finished: Mapping[int, Point], sign: float) -> dict[int, list[int]]:
+    """Points that do worse than verified points with tighter limits, and those."""
+    order = sorted(k for k, p in finished.items() if p.outcome != IMPOSSIBLE)
+    merit = [sign * (p.objective_value or 0.0) if (p := finished[k]).verified else np.nan for k in order]
+    entries = [axis.entry for axis in definition.axes]
+    found = contradicted(entries, definition.points[order], np.array(merit), definition.objective)
+    return {order[k]: [order[g] for g in better] for k, better in found.items()}
 
 
 def unlike(a: np.ndarray, b: np.ndarray) -> bool:

@@ -22,13 +22,13 @@ from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.feasibility import unresisted
 from hopopt.ocp.hop import Hop
+from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import (
     StartOutcome,
     contenders,
     first_transcription,
     not_solved,
     outcome_of,
-    run_starts,
 )
 from hopopt.planner.refine_and_verify import refine_outcome, with_smaller_tolerances
 from hopopt.planner.refined_answer import Answer, answer
@@ -46,6 +46,7 @@ FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
 
 Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
 Kept = tuple[Point, Begin]
+Found = tuple["Source | None", StartOutcome, Begin, Transcription]  # on the first mesh
 _compiled: dict[str, tuple[Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
 _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several threads, a compiled program may not
 
@@ -118,10 +119,12 @@ def _described(point: Point, found: Answer, source: Source | None) -> Point:
 def _answers(
     definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source]
 ) -> Iterator[tuple[Source | None, tuple[Answer, Begin]]]:
-    """The refined and verified best of what the sources lead to on the first mesh, and what is close to it but unlike;
-    then, if nothing was verified, what the starts lead to."""
+    """The refined and verified best of what the sources and the search of a single solve lead to on the first mesh, and
+    what is close to it but unlike."""
     verified, refined = False, list[Begin]()
-    for source, outcome, begin, t in _on_the_first_mesh(definition, hop, values, sources):
+    from_sources = _on_the_first_mesh(definition, hop, values, sources)
+    searched = _searched(hop, definition.starts or hop.design.solver.starts, [each[1] for each in from_sources])
+    for source, outcome, begin, t in sorted([*from_sources, *searched], key=lambda each: -each[1].merit):
         if not refined or not verified or _another(hop, begin, refined):
             try:
                 got = _refined(hop, outcome, t)
@@ -130,8 +133,21 @@ def _answers(
             verified |= got.verified
             refined.append(begin)
             yield source, (got, begin)
-    if not verified:
-        yield None, _from_starts(hop, definition.starts or hop.design.solver.starts)
+
+
+def _searched(hop: Hop, count: int, known: Sequence[StartOutcome]) -> list[Found]:
+    """The distinct hops that the search of a single solve finds beside those that are ``known``."""
+    t = first_transcription(hop)
+    try:
+        besides = from_highest(hop, count, _silent, thorough=False)
+        outcomes = search_first_mesh(hop, count, 1, _silent, besides).outcomes
+        if not known and not any(o.success for o in outcomes):
+            raise not_solved(hop, outcomes)
+    except NotSolvedError:
+        if not known:
+            raise
+        return []
+    return [(None, o, _begin(o, t), t) for o in contenders(outcomes)]
 
 
 def _other_answers(
@@ -156,7 +172,7 @@ def _other_answers(
 
 def _on_the_first_mesh(
     definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source]
-) -> list[tuple[Source, StartOutcome, Begin, Transcription]]:
+) -> list[Found]:
     """What the sources lead to on the first mesh, the best first."""
     found = []
     for source in sources:
@@ -194,15 +210,6 @@ def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
         return found
     again = _refined(closer, outcome, t)
     return again if again.verified else found
-
-
-def _from_starts(hop: Hop, count: int) -> tuple[Answer, Begin]:
-    t = first_transcription(hop)
-    outcomes = run_starts(hop, count, 1, _silent, from_highest(hop, count, _silent, thorough=False))
-    finished = [(_refined(hop, o, t), _begin(o, t)) for o in contenders(outcomes)]
-    if not finished:
-        raise not_solved(hop, outcomes)
-    return max(finished, key=lambda pair: (pair[0].verified, hop.objective.merit(pair[0].objective_value)))
 
 
 def _begin(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:

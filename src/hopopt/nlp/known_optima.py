@@ -1,0 +1,83 @@
+"""Ends a solve that runs into an optimum which is known already."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+NEAR = 0.1  # of the scaled states: closer than this throughout, an iterate is on its way to the known optimum
+ALIKE = 2e-3  # relative: as close as this in the objective
+FEASIBLE = 1e-2  # largest scaled violation of a row
+EVERY = 2  # iterations between two looks
+
+
+@dataclass(frozen=True)
+class Known:
+    """An optimum of the same program.
+
+    z (nz,): scaled variables; f: the minimised objective [its unit]; origin: whatever its finder keeps of it.
+    """
+
+    z: np.ndarray
+    f: float
+    origin: Any = None
+
+
+class KnownOptima(ca.Callback):
+    """Ipopt's iteration callback: stops where an iterate is close to one of the known optima.
+
+    watched: indices of the scaled variables that are compared; found: index of the optimum that the last solve ran into,
+    or None. The list ``known`` may grow between solves.
+    """
+
+    def __init__(self, nz: int, low_g: np.ndarray, high_g: np.ndarray, watched: np.ndarray):
+        ca.Callback.__init__(self)
+        self.nz, self.low_g, self.high_g, self.watched = nz, low_g, high_g, watched
+        self.known: list[Known] = []
+        self.found: int | None = None
+        self._iteration = 0
+        self.construct("known_optima", {})
+
+    @property
+    def met(self) -> Any:
+        """What its finder keeps of the optimum that the last solve ran into, or None."""
+        return None if self.found is None else self.known[self.found].origin
+
+    def begin(self) -> None:
+        """Forget what the last solve ran into."""
+        self.found, self._iteration = None, 0
+
+    def get_n_in(self) -> int:
+        """CasADi: as many inputs as a solver has outputs."""
+        return ca.nlpsol_n_out()
+
+    def get_n_out(self) -> int:
+        """CasADi: one output, whether to stop."""
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """CasADi: shapes of a solver's outputs."""
+        name = ca.nlpsol_out(i)
+        sizes = {"f": 1, "x": self.nz, "lam_x": self.nz, "g": len(self.low_g), "lam_g": len(self.low_g)}
+        return ca.Sparsity.dense(sizes[name]) if name in sizes else ca.Sparsity(0, 0)
+
+    def eval(self, arg: Sequence[Any]) -> list[int]:
+        """CasADi: [1] to stop, [0] to go on."""
+        self._iteration += 1
+        if not self.known or self._iteration % EVERY:
+            return [0]
+        values = dict(zip((ca.nlpsol_out(i) for i in range(len(arg))), arg, strict=True))
+        self.found = self.near(np.array(values["x"]).ravel(), float(values["f"]), np.array(values["g"]).ravel())
+        return [0 if self.found is None else 1]
+
+    def near(self, z: np.ndarray, f: float, g: np.ndarray) -> int | None:
+        """Index of the known optimum that an iterate (scaled variables, objective, rows) is close to."""
+        if np.maximum(self.low_g - g, g - self.high_g).max(initial=0.0) > FEASIBLE:
+            return None
+        for k, other in enumerate(self.known):
+            alike = abs(f - other.f) <= ALIKE * max(abs(other.f), 1e-3)
+            if alike and np.abs(z - other.z)[self.watched].max(initial=0.0) < NEAR:
+                return k
+        return None

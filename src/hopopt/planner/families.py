@@ -1,0 +1,86 @@
+"""Families of hops: the different local optima that a search found, what found them, and whether a better one is feared."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hopopt.leg.kinematics import reach
+from hopopt.ocp.hop import STANCE, Hop
+from hopopt.planner.first_mesh import FirstMesh
+from hopopt.planner.multistart import StartOutcome, first_transcription, grouped, solution_of
+from hopopt.planner.solution import Solution
+
+LEANING, DIPPING = 0.05, 0.03  # share of the reach from which a lean or a dip is worth a word
+FAST = 0.3  # m/s along the ground from which a hop drifts
+ALARM = 0.01  # relative: by so much the global method's value may pass the answer
+
+
+def search_figures(hop: Hop, searched: FirstMesh, finished: Sequence[Solution], best: Solution) -> dict[str, Any]:
+    """``families`` and ``global`` of the summary."""
+    return {"families": families(hop, searched.outcomes, finished), "global": global_figures(searched, best)}
+
+
+def families(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solution] = ()) -> list[dict[str, Any]]:
+    """The different local optima, best first: objective and clearance [m], refined if they were and else of the first
+    mesh; what found them; how many starts; what the leg does, in words."""
+    rows, refined = [], {s.summary["starts"]["chosen"]: s for s in finished if s.verified}
+    for group in grouped(sorted(outcomes, key=lambda o: -o.merit)):
+        plan = Solution(hop.design, hop.objective.name, solution_of(group[0], first_transcription(hop)).phases, {})
+        known = refined.get(group[0].name)
+        rows.append({
+            "clearance_m": known.clearance if known else plan.claims()["clearance_m"],
+            "objective_value": known.summary["objective_value"] if known else group[0].objective,
+            "refined": known is not None, "found_by": [o.name for o in group], "count": len(group),
+            "words": words(motion(hop, plan)),
+        })  # fmt: skip
+    return rows
+
+
+def global_figures(searched: FirstMesh, best: Solution) -> dict[str, Any]:
+    """What the global method says of the answer; ``alarm``: its value is so much higher that a better hop is likely."""
+    found = searched.overall
+    if found is None:
+        return {"method": None, "grid": None, "value_m": None, "alarm": False, "reason": searched.reason}
+    comparable = best.objective == "clearance"
+    alarm = comparable and found.value > (1 + ALARM) * best.clearance
+    return {
+        "method": found.method, "grid": list(found.grid), "value_m": found.value, "alarm": bool(alarm),
+        "seconds": found.seconds,
+    }  # fmt: skip
+
+
+def alarm_note(figures: Mapping[str, Any]) -> list[str]:
+    """A sentence beside the answer where the global method doubts that it is the best."""
+    if not figures["alarm"]:
+        return []
+    return [
+        f"not called the best: a global method on a coarse grid of {figures['grid'][0]} nodes an axis values the start at "
+        f"{figures['value_m']:.3f} m, over 1 % more, and no hop that high was found; hopopt evidence --global looks closer"
+    ]
+
+
+def motion(hop: Hop, plan: Solution) -> dict[str, float]:
+    """What the body does in stance: duration [s]; its place over the foot when it is lowest (sway) and at lift-off (lean)
+    and its dip [share of the reach]; its drift at lift-off [m/s]."""
+    stance, size = plan.everywhere(STANCE, np.linspace(0, 1, 5)), reach(hop.leg)
+    x, z = stance.q[:, 0], stance.q[:, 1]
+    lowest = int(np.argmin(z))
+    return {
+        "stance": plan.lift_off, "sway": float(x[lowest] / size), "lean": float(x[-1] / size),
+        "dip": float((z[0] - z[lowest]) / size), "drift": float(stance.com_v[-1, 0]),
+    }  # fmt: skip
+
+
+def words(m: Mapping[str, float]) -> str:
+    """What a hop does: where it dips, where it leans at lift-off, where it drifts; from the figures of ``motion``."""
+    dip = f"dips by {m['dip']:.0%} of the leg" if m["dip"] > DIPPING else "pushes without a dip"
+    if m["dip"] > DIPPING and abs(m["sway"]) > LEANING:
+        dip += f" {_side(m['sway'])}"
+    lean = f"leaves {_side(m['lean'])}" if abs(m["lean"]) > LEANING else "leaves upright"
+    drift = f", drifting {'forward' if m['drift'] > 0 else 'backward'}" if abs(m["drift"]) > FAST else ""
+    return f"{dip}; {lean}{drift}; stance {m['stance']:.2f} s"
+
+
+def _side(place: float) -> str:
+    return "in front of the foot" if place > 0 else "behind the foot"

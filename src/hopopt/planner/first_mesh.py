@@ -1,0 +1,70 @@
+"""The search on the first mesh: starts of several kinds, each different from the others, and what they led to.
+
+Named and drawn starts come first, then relaxed problems that are tightened again, then motions that a global method
+finds on a grid of states. A start that runs into a hop known already is stopped.
+"""
+
+import os
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from hopopt.global_search import GlobalSearch, Rollout, applies, search
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.initial_guess import stance_guess
+from hopopt.planner.multistart import Progress, StartOutcome, first_solver, known_optima, noted, outcome_of, run_starts
+from hopopt.planner.relaxations import QUICK, relaxed_starts
+
+SIZE = 15  # nodes along each axis of the global method's grid in a plain solve
+ROLLOUTS = 4  # of its motions, that are solved from
+HEIGHTS = ("clearance", "apex")  # objectives that its motions suit
+
+
+@dataclass(frozen=True)
+class FirstMesh:
+    """What a search on the first mesh led to.
+
+    outcomes: how each start ended; overall: what the global method found, or None; reason: why it was not used.
+    """
+
+    outcomes: tuple[StartOutcome, ...]
+    overall: GlobalSearch | None = None
+    reason: str | None = None
+
+
+def search_first_mesh(
+    hop: Hop, count: int, processes: int | None, say: Progress, besides: Sequence[StartOutcome] = ()
+) -> FirstMesh:
+    """So many starts, and those ``besides``; if more than one is asked for, also relaxed problems and motions of the
+    global method, which is at work beside the starts."""
+    side_by_side = processes or os.cpu_count() or 1
+    reason = "one start was asked for" if count == 1 else _not_used(hop)
+    with ThreadPoolExecutor(1) as pool:
+        overall = None if reason else pool.submit(search, hop.design, size=SIZE, rollouts=ROLLOUTS, threads=1)
+        outcomes = [*run_starts(hop, count, side_by_side, say, besides)]
+        if count > 1:
+            say("solving relaxed problems, and tightening them to what is asked")
+            outcomes += relaxed_starts(hop, QUICK, outcomes)
+        found = overall.result() if overall else None
+    if found is not None:
+        say(f"solving from {len(found.rollouts)} motions of the global method")
+        outcomes += rollout_starts(hop, found.rollouts, outcomes)
+    return FirstMesh(tuple(outcomes), found, reason)
+
+
+def _not_used(hop: Hop) -> str | None:
+    """Why the global method is of no use here, or None."""
+    if hop.objective.name not in HEIGHTS or hop.constraints:
+        return "it knows heights alone, without user-defined constraints"
+    return applies(hop.design)
+
+
+def rollout_starts(hop: Hop, rollouts: Sequence[Rollout], known: Sequence[StartOutcome] = ()) -> list[StartOutcome]:
+    """What the motions of the global method lead to on the first mesh; none is followed to a hop that is known."""
+    solver, outcomes = first_solver(hop, any(o.success for o in known), known_optima(hop, known)), []
+    for k, r in enumerate(rollouts):
+        began = time.perf_counter()
+        s = solver(stance_guess(hop, r.t, r.q, r.v, r.a))
+        outcomes.append(noted(solver, outcome_of(f"global method {k + 1}", s, time.perf_counter() - began)))
+    return outcomes

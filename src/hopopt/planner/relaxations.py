@@ -1,0 +1,154 @@
+"""Relaxed problems as starts: the optimum of an easier problem, tightened in steps to what was asked.
+
+A relaxation is the same program within wider bounds, so nothing is built again. Its optimum often lies near a better hop
+than the guessed starts do: without the friction cone, say, the leg lies down before it pushes.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hopopt.nlp.ipopt import CARRIED, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.initial_guess import make_guess, starts
+from hopopt.planner.multistart import (
+    StartOutcome,
+    first_options,
+    first_solver,
+    first_transcription,
+    known_optima,
+    noted,
+    outcome_of,
+)
+
+Loosen = Callable[[Transcription, Bounds, float], None]  # writes into the bounds; share 1 is the whole relaxation
+SHARES = (0.3, 0.0)  # after the whole relaxation: with the friction cone, one step more or less finds the same hops
+PULL = 1.0  # of the range of forces, by which the foot may leave its friction cone at a share of 1
+DEEPER = 0.3  # of the leg's length, by which joints may pass through the ground
+WIDER = 0.4  # rad by which each joint may pass its limits
+STRONGER = 1.3  # times the drives' range
+LONGER = 1.5  # times the longest stance
+
+
+@dataclass(frozen=True)
+class Relaxation:
+    """A problem with wider limits.
+
+    name: in words; limits: names of the constraints that it widens, all of which the problem must have;
+    widen: writes the wider bounds for a share of the relaxation (1 the whole, 0 none).
+    """
+
+    name: str
+    limits: tuple[str, ...]
+    widen: Loosen
+
+    def suits(self, t: Transcription) -> bool:
+        """Whether the problem has the limits that this widens."""
+        return set(self.limits) <= {r.name for r in t.rows}
+
+
+def friction_cone(t: Transcription, b: Bounds, share: float) -> None:
+    """Without the cone at a share of 1; below that the foot may leave it by a force."""
+    for r in t.rows:
+        if r.name == "friction cone":
+            b.low_g[r.start : r.stop] = -np.inf if share >= 1 else -PULL * share
+
+
+def joints_below_ground(t: Transcription, b: Bounds, share: float) -> None:
+    """Joints, but not the foot, may pass through the ground."""
+    for r in t.rows:
+        if r.name == "height above ground":
+            joints = np.tile([label != "foot" for label in r.labels], max(1, len(r.interval)))
+            b.low_g[r.start : r.stop] -= DEEPER * share * joints
+
+
+def joint_range(t: Transcription, b: Bounds, share: float) -> None:
+    """Joints may pass their limits, but at the start."""
+    for name, layout in t.layouts.items():
+        phase, where, at = layout.phase, t.variables[name].x, 0
+        first = 1 if phase is t.problem.phases[0] else 0
+        for state in phase.states:
+            if state.name == "q":
+                for side, sign in ((b.low_z, -1), (b.high_z, 1)):
+                    nodes = side[where].reshape(layout.state_nodes, -1)  # a view
+                    nodes[first:, at : at + state.size] += sign * WIDER * share / state.column("scale")
+            at += state.size
+
+
+def drives(t: Transcription, b: Bounds, share: float) -> None:
+    """Drives with a larger operating region."""
+    for r in t.rows:
+        if r.name.endswith("operating region"):
+            b.low_g[r.start : r.stop] *= 1 + (STRONGER - 1) * share
+            b.high_g[r.start : r.stop] *= 1 + (STRONGER - 1) * share
+
+
+def stance_time(t: Transcription, b: Bounds, share: float) -> None:
+    """A longer stance."""
+    b.high_z[t.variables[t.problem.phases[0].name].durations] *= 1 + (LONGER - 1) * share
+
+
+def together(*each: Loosen) -> Loosen:
+    """Several at once."""
+
+    def widen(t: Transcription, b: Bounds, share: float) -> None:
+        for one in each:
+            one(t, b, share)
+
+    return widen
+
+
+CONE, HEIGHT = "friction cone", "height above ground"
+QUICK = (
+    Relaxation("no friction limit", (CONE,), friction_cone),
+    Relaxation("wider joints, no ground for them", (HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
+)
+THOROUGH = (
+    *QUICK,
+    Relaxation("stronger drives", (), drives),
+    Relaxation("longer stance", (), stance_time),
+    Relaxation("joints below the ground", (HEIGHT,), joints_below_ground),
+)
+
+
+def relaxed_starts(
+    hop: Hop, chosen: Sequence[Relaxation], known: Sequence[StartOutcome] = (), begun_from: Sequence[int] = (0,)
+) -> list[StartOutcome]:
+    """What the relaxed problems lead to once they are tightened, on the first mesh.
+
+    chosen: the relaxations, of which those are tried that suit the problem; known: hops to which none need be followed
+    again; begun_from: numbers of the starts that each relaxed problem is solved from.
+    """
+    t, watch = first_transcription(hop), known_optima(hop, known)
+    solver = first_solver(hop, True, watch)
+    warm = NlpSolver(t, first_options(hop, True) | CARRIED, watch)
+    return [_relaxed(hop, solver, warm, r, k) for r in chosen if r.suits(t) for k in begun_from]
+
+
+def _relaxed(hop: Hop, solver: NlpSolver, warm: NlpSolver, relaxation: Relaxation, k: int) -> StartOutcome:
+    began, start = time.perf_counter(), starts(k + 1, hop.design.solver.seed)[k]
+    s = solver(make_guess(hop, start), bounds=wider(solver.transcription, relaxation, 1.0))
+    iterations = s.iterations
+    for share in SHARES:
+        if s.success:
+            s = _tightened(solver, warm, s, wider(solver.transcription, relaxation, share))
+            iterations += s.iterations
+    name = relaxation.name if k == 0 else f"{relaxation.name}, from {start.name}"
+    return noted(solver, outcome_of(name, replace(s, iterations=iterations), time.perf_counter() - began))
+
+
+def _tightened(solver: NlpSolver, warm: NlpSolver, last: NlpSolution, bounds: Bounds) -> NlpSolution:
+    """The next step: from the last one's multipliers or, if that fails, from its point alone."""
+    s = warm.again(last, bounds)
+    return s if s.success or solver.stopped else solver.again(last, bounds)
+
+
+def wider(t: Transcription, relaxation: Relaxation, share: float) -> Bounds:
+    """The program's bounds, widened by a share of the relaxation."""
+    low, high = t.bounds({})
+    b = Bounds(low.copy(), high.copy(), np.array(t.lbg, dtype=float), np.array(t.ubg, dtype=float))
+    relaxation.widen(t, b, share)
+    return b
