@@ -81,7 +81,7 @@ def solve(
     hop, best, better = _settled(hop, finished, outcomes, say, clock)
     if structure:
         best = with_free_switches(hop, best, outcomes, say, clock)
-    best.summary |= search_figures(hop, searched, finished, best)
+    best.summary.update(search_figures(hop, searched, finished, best))
     found = flat_directions(hop, best)
     alarm = alarm_note(best.summary["global"])
     if notes := [*alarm, *notes_on(hop, asked, structure, best, better), *flat_words(found or [])]:
