@@ -1,0 +1,20 @@
+"""For which problems the global search is made."""
+
+
+from hopopt.design import Design
+from hopopt.leg.kinematics import planar, two_joints
+
+
+
+def applies(design: Design) -> str | None:
+    """None, or in one clause why the global search does not apply to a problem."""
+    leg = design.leg
+    if len(leg.joints) != 2:
+        return f"the leg has {len(leg.joints)} joint{'s' if len(leg.joints) > 1 else ''}, and the grid needs two"
+    if not planar(leg):
+        return "the leg leaves the x-z plane"
+    if not two_joints(leg):
+        return "a link points across the x-z plane, so that it does not move in it"
+    if "z" not in leg.guides:
+        return "no guide lets the body rise"
+    return None

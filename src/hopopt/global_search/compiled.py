@@ -1,0 +1,25 @@
+"""Functions of arrays compiled by numba, kept on disk for the next process where a folder can be written."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """``function`` compiled at its first call; it does not hold the interpreter's lock, so that threads run side by side."""
+    try:
+        return numba.njit(nogil=True, cache=True, error_model="numpy")(function)
+    except RuntimeError:  # neither the package's folder nor the user's cache can be written
+        return numba.njit(nogil=True, error_model="numpy")(function)
+
+
+def packed(values: Any) -> Any:
+    """A named tuple of numbers and arrays as one record with the same names, which compiled functions read and write
+    without counting references: counters shared by two threads made them several times slower."""
+    arrays = {name: np.asarray(value) for name, value in values._asdict().items()}
+    record = np.zeros(1, dtype=[(name, a.dtype, a.shape) for name, a in arrays.items()])
+    for name, array in arrays.items():
+        record[name][0] = array
+    return record[0]

@@ -1,0 +1,132 @@
+"""A two-joint leg in stance by the absolute angles of its links: a handful of constants from which the equations of
+motion follow in closed form.
+
+phi1, phi2 [rad] are the angles of the links, positive forward, zero as they point at zero joint angles. With the foot
+at the origin the knee stands at -e2 exp(i phi2), the hip at the knee's place less e1 exp(i phi1) in the complex plane
+x + i z, where e1 and e2 are the links' ends at zero angles.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.leg.kinematics import TwoJoints, start_angles
+from hopopt.leg.robot import BASE, build_robot
+
+UNLIMITED = 1e9  # friction coefficient of ground on which the foot never slips
+LINES = 4  # that bound a torque on one side: two of a torque-speed law, two caps
+NO_LINE = 1e9  # N m, rad/s: where nothing bounds it
+DEEP = -1e3  # m: least height of a joint that may pass through the ground
+
+
+class StanceConstants(NamedTuple):
+    """What the compiled functions need of a leg and its problem.
+
+    m11, m22: mass matrix on the diagonal [kg m^2]
+    coupling, coupling_across, rotor: m12 = coupling cos(d) - coupling_across sin(d) + rotor, d = phi2 - phi1 [kg m^2]
+    first, first_across, second, second_across: first moments of mass, real and imaginary [kg m]
+    mass: of the leg [kg]
+    gravity: downward [m/s^2]
+    thigh_x, thigh_z, shank_x, shank_z: ends of the links at zero angles [m]
+    turn1, turn2: +1 where a positive joint angle swings the link forward, else -1
+    most1, least1, most2, least2: lines of each drive, of which the strictest holds: the greatest (least) torque at
+        joint speed w is [i, 0] + [i, 1] w (LINES, 2) [N m, N m s/rad]
+    fastest1, fastest2: speeds beyond which a drive gives no torque [rad/s]
+    friction: coefficient [1]
+    least_force: vertical ground force at least [N]
+    lower1, upper1, lower2, upper2: joint limits [rad]
+    knee_least, hip_least: heights at least [m]
+    descent: whether the body may descend
+    """
+
+    m11: float
+    m22: float
+    coupling: float
+    coupling_across: float
+    rotor: float
+    first: float
+    first_across: float
+    second: float
+    second_across: float
+    mass: float
+    gravity: float
+    thigh_x: float
+    thigh_z: float
+    shank_x: float
+    shank_z: float
+    turn1: float
+    turn2: float
+    most1: np.ndarray
+    least1: np.ndarray
+    fastest1: float
+    most2: np.ndarray
+    least2: np.ndarray
+    fastest2: float
+    friction: float
+    least_force: float
+    lower1: float
+    upper1: float
+    lower2: float
+    upper2: float
+    knee_least: float
+    hip_least: float
+    descent: bool
+
+
+def stance_constants(design: Design) -> StanceConstants:
+    """The constants of a problem's leg; masses and inertias from the Pinocchio model."""
+    robot, geometry = build_robot(design.leg), TwoJoints.of(design.leg)
+    e1, e2 = geometry.ends
+    inertias, rotors = robot.model.inertias, [float(a) for a in robot.model.armature[BASE:]]
+    masses = np.array([inertias[BASE].mass, inertias[BASE + 1].mass, inertias[BASE + 2].mass])
+    com1, com2 = (complex(inertias[k].lever[0], inertias[k].lever[2]) for k in (BASE + 1, BASE + 2))
+    spin1, spin2 = (float(inertias[k].inertia[1, 1]) for k in (BASE + 1, BASE + 2))
+    by_first = np.array([-e1, com1 - e1, 0])  # places of the three bodies: by_first exp(i phi1) + by_second exp(i phi2)
+    by_second = np.array([-e2, -e2, com2 - e2])
+    cross = complex(masses @ (by_first * by_second.conj()))
+    first, second = complex(masses @ by_first), complex(masses @ by_second)
+    joints = [design.leg.joint[name] for name in design.leg.joints]
+    drives = [_drive(operating_region(design.leg, name, robot.parameters)) for name in design.leg.joints]
+    above = design.hop.above_ground
+    hip_least, knee_least = (design.hop.least_height if name in above else DEEP for name in design.leg.joints)
+    friction = design.contact.friction
+    return StanceConstants(
+        float(masses @ np.abs(by_first) ** 2) + spin1 + rotors[0] + rotors[1],
+        float(masses @ np.abs(by_second) ** 2) + spin2 + rotors[1],
+        cross.real, cross.imag, -rotors[1],
+        first.real, first.imag, second.real, second.imag,
+        float(masses.sum()), -float(robot.model.gravity.linear[2]),
+        e1.real, e1.imag, e2.real, e2.imag, float(geometry.signs[0]), float(geometry.signs[1]),
+        *drives[0], *drives[1],
+        UNLIMITED if friction is None else float(friction), float(design.contact.least_force),
+        joints[0].lower, joints[0].upper, joints[1].lower, joints[1].upper, knee_least, hip_least,
+        bool(design.hop.counter_movement),
+    )  # fmt: skip
+
+
+def _drive(region: OperatingRegion) -> tuple[np.ndarray, np.ndarray, float]:
+    """Lines of the greatest and of the least torque, and the fastest speed, as in ``StanceConstants``."""
+    planes = [(float(h.a), float(h.b)) for h in region.planes]
+    most, least = np.tile([NO_LINE, 0.0], (LINES, 1)), np.tile([-NO_LINE, 0.0], (LINES, 1))
+    for lines, side in ((most, 1), (least, -1)):
+        mine = [(1 / a, -b / a) for a, b in planes if a * side > 0]
+        lines[: len(mine)] = mine
+    return most, least, min([1 / abs(b) for a, b in planes if a == 0], default=NO_LINE)
+
+
+def to_link_angles(constants: StanceConstants, q: np.ndarray) -> np.ndarray:
+    """Absolute angles of the links for joint angles q (..., 2) [rad]; rates and accelerations alike."""
+    first = constants.turn1 * q[..., 0]
+    return np.stack([first, first + constants.turn2 * q[..., 1]], axis=-1)
+
+
+def to_joint_angles(constants: StanceConstants, phi: np.ndarray) -> np.ndarray:
+    """Joint angles for absolute angles of the links phi (..., 2) [rad]; rates and accelerations alike."""
+    return np.stack([constants.turn1 * phi[..., 0], constants.turn2 * (phi[..., 1] - phi[..., 0])], axis=-1)
+
+
+def start_state(constants: StanceConstants, design: Design) -> np.ndarray:
+    """Link angles [rad] and rates [rad/s] at the start, (4,)."""
+    return np.concatenate([to_link_angles(constants, start_angles(design)), np.zeros(2)])

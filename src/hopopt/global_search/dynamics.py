@@ -1,0 +1,66 @@
+"""Equations of motion of the stance, compiled: torques, ground force and limits at a state (phi1, phi2, r1, r2) of link
+angles [rad] and their rates [rad/s].
+
+Seen from the foot the two links are a double pendulum turned upside down; angles against the world make its mass matrix
+depend on one difference and leave no Coriolis terms but centrifugal ones.
+"""
+
+import numpy as np
+
+from hopopt.global_search.compiled import kernel
+from hopopt.global_search.constants import LINES
+
+MARGINS = 7  # state limits: two of each joint, the heights of knee and hip, the body's descent
+RELATIVE = 1e-9  # by so much a speed may exceed the fastest
+TOUCHING = 1e-3  # N m: by so much the bounds of a torque may cross at the very end of a drive's region
+
+
+@kernel
+def stance_terms(c, phi1, phi2, r1, r2):
+    """Of M alpha + h = Q and of the ground force at link accelerations alpha: m12 [kg m^2], h (2) [N m], and first
+    moments of mass, x and z of each link [kg m], with the force without acceleration (x, z) [N]:
+    f_x = f_x0 - z1 alpha1 - z2 alpha2, f_z = f_z0 + x1 alpha1 + x2 alpha2."""
+    c1, s1, c2, s2 = np.cos(phi1), np.sin(phi1), np.cos(phi2), np.sin(phi2)
+    cd, sd = c1 * c2 + s1 * s2, s1 * c2 - c1 * s2
+    m12 = c.coupling * cd - c.coupling_across * sd + c.rotor
+    slope = -c.coupling * sd - c.coupling_across * cd
+    x1, z1 = c.first * c1 - c.first_across * s1, c.first * s1 + c.first_across * c1
+    x2, z2 = c.second * c2 - c.second_across * s2, c.second * s2 + c.second_across * c2
+    h1 = c.gravity * x1 - slope * r2 * r2
+    h2 = slope * r1 * r1 + c.gravity * x2
+    return m12, h1, h2, x1, z1, x2, z2, -x1 * r1 * r1 - x2 * r2 * r2, c.mass * c.gravity - z1 * r1 * r1 - z2 * r2 * r2
+
+
+@kernel
+def apex_height(c, phi1, phi2, r1, r2):
+    """Height that the centre of mass reaches if the foot leaves the ground now [m]."""
+    c1, s1, c2, s2 = np.cos(phi1), np.sin(phi1), np.cos(phi2), np.sin(phi2)
+    z = c.first * s1 + c.first_across * c1 + c.second * s2 + c.second_across * c2
+    rise = (c.first * c1 - c.first_across * s1) * r1 + (c.second * c2 - c.second_across * s2) * r2
+    speed = max(rise / c.mass, 0.0)
+    return z / c.mass + speed * speed / (2 * c.gravity)
+
+
+@kernel
+def state_margins(c, phi1, phi2, r1, r2, out):
+    """How far a state is within its limits, (MARGINS,): joint angles [rad], heights of knee and hip [m], rise [m/s]."""
+    q1, q2 = c.turn1 * phi1, c.turn2 * (phi2 - phi1)
+    out[0], out[1], out[2], out[3] = q1 - c.lower1, c.upper1 - q1, q2 - c.lower2, c.upper2 - q2
+    c1, s1, c2, s2 = np.cos(phi1), np.sin(phi1), np.cos(phi2), np.sin(phi2)
+    knee = -(c.shank_x * s2 + c.shank_z * c2)
+    out[4], out[5], out[6] = knee - c.knee_least, knee - (c.thigh_x * s1 + c.thigh_z * c1) - c.hip_least, 0.0
+    if not c.descent:
+        out[6] = -(c.thigh_x * c1 - c.thigh_z * s1) * r1 - (c.shank_x * c2 - c.shank_z * s2) * r2
+
+
+@kernel
+def torque_range(most, least, fastest, w):
+    """Least and greatest torque [N m] of a drive at joint speed w [rad/s]; crossed if it gives none."""
+    if abs(w) > fastest * (1 + RELATIVE):
+        return 1.0, -1.0
+    low, high = least[0, 0] + least[0, 1] * w, most[0, 0] + most[0, 1] * w
+    for k in range(1, LINES):
+        low, high = max(low, least[k, 0] + least[k, 1] * w), min(high, most[k, 0] + most[k, 1] * w)
+    if high < low < high + TOUCHING:
+        low = high
+    return low, high

@@ -1,0 +1,39 @@
+"""The global search for legs whose body moves along x and z: four states."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.global_search.constants import stance_constants, start_state
+from hopopt.global_search.grid import make_grid, ranges
+from hopopt.global_search.paths import Search
+from hopopt.global_search.posture import tuck_height
+from hopopt.global_search.result import GlobalSearch
+from hopopt.global_search.value import value_function
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.robot import build_robot
+
+STEPS = 16  # of the longest stance: with more, interpolation smears more than the motions err
+SUBSTEPS = 2  # of each motion
+METHOD = "dynamic programming over link angles and rates"
+
+
+def search_stance(
+    design: Design, size: int, rollouts: int, threads: int, progress: Callable[[str], None] | None
+) -> GlobalSearch:
+    """Value and rollouts on a grid of ``size`` nodes on each of four axes."""
+    c = stance_constants(design)
+    tuck, start = tuck_height(c, design.hop.foot_window), start_state(c, design)
+    grid = make_grid((size,) * 4, *ranges(c, fastest_joints(design)))
+    duration = design.hop.stance_duration
+    value = value_function(c, grid, duration, STEPS, SUBSTEPS, threads, progress)
+    found = Search(c, value, start, duration).rollouts(tuck, rollouts)
+    return GlobalSearch(METHOD, (size,) * 4, STEPS, value.at(start, STEPS) - tuck, found, 0.0)
+
+
+def fastest_joints(design: Design) -> np.ndarray:
+    """Fastest speed of each drive (2,) [rad/s]; an open region is cut at twice what it can drive at."""
+    parameters = build_robot(design.leg).parameters
+    regions = [operating_region(design.leg, name, parameters) for name in design.leg.joints]
+    return np.array([np.abs(region.corners()[:, 0]).max() for region in regions])

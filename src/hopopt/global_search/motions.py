@@ -1,0 +1,133 @@
+"""What follows a state: one motion for each extreme acceleration, over a step of time, compiled.
+
+A motion keeps the pair of limits active that its vertex is named by, in substeps by the midpoint rule: with the
+accelerations of the step's beginning alone torque would not fall with speed, and hops would be too high.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hopopt.global_search.accelerations import VERTICES, polygon, with_limits
+from hopopt.global_search.compiled import kernel, packed
+from hopopt.global_search.dynamics import MARGINS, state_margins
+
+HALVINGS = 8  # of an edge, to find where a state limit is just kept
+KEPT = 1e-9  # rad, m, m/s: by which a state limit may be passed
+
+
+class Workspace(NamedTuple):
+    """Arrays that one thread uses again at every state.
+
+    x, y, edge, and two more sets: polygons (VERTICES,)
+    end: state after each motion (VERTICES, 4)
+    ok: 1 if it keeps the state limits, else 0 (VERTICES,)
+    here, there: state margins (MARGINS,)
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    edge: np.ndarray
+    near_x: np.ndarray
+    near_y: np.ndarray
+    near_edge: np.ndarray
+    spare_x: np.ndarray
+    spare_y: np.ndarray
+    spare_edge: np.ndarray
+    end: np.ndarray
+    ok: np.ndarray
+    here: np.ndarray
+    there: np.ndarray
+
+
+def workspace() -> Any:
+    """Fresh arrays, packed."""
+    polygons = [np.zeros(VERTICES, dtype=kind) for _ in range(3) for kind in (float, float, np.int64)]
+    end, ok = np.zeros((VERTICES, 4)), np.zeros(VERTICES, dtype=np.int8)
+    return packed(Workspace(*polygons, end, ok, np.zeros(MARGINS), np.zeros(MARGINS)))
+
+
+@kernel
+def keeps_limits(c, w, phi1, phi2, r1, r2):
+    """Whether a state keeps its limits, or comes no further beyond them than the state before it (``w.here``)."""
+    state_margins(c, phi1, phi2, r1, r2, w.there)
+    for k in range(MARGINS):
+        if w.there[k] < min(0.0, w.here[k]) - KEPT:
+            return False
+    return True
+
+
+@kernel
+def _at_midpoint(c, w, phi1, phi2, r1, r2, one, two):
+    """Accelerations with two limits active or, where that passes another, of the nearest vertex; and whether any."""
+    a1, a2, ok = with_limits(c, phi1, phi2, r1, r2, one, two)
+    if ok:
+        return a1, a2, True
+    count = polygon(c, phi1, phi2, r1, r2, w.near_x, w.near_y, w.near_edge, w.spare_x, w.spare_y, w.spare_edge)
+    nearest, least = 0, 1e300
+    for i in range(count):
+        away = (w.near_x[i] - a1) ** 2 + (w.near_y[i] - a2) ** 2
+        if away < least:
+            nearest, least = i, away
+    return w.near_x[nearest], w.near_y[nearest], count > 0
+
+
+@kernel
+def _move(c, w, i, one, two, phi1, phi2, r1, r2, dt, substeps):
+    """Writes the end of motion i into w.end; False if the leg cannot go on."""
+    h = dt / substeps
+    a1, a2, ok = w.x[i], w.y[i], True
+    for k in range(substeps):
+        if k > 0:
+            a1, a2, ok = _at_midpoint(c, w, phi1, phi2, r1, r2, one, two)
+            if not ok:
+                return False
+        f1, f2 = phi1 + 0.5 * h * (r1 + 0.25 * h * a1), phi2 + 0.5 * h * (r2 + 0.25 * h * a2)
+        a1, a2, ok = _at_midpoint(c, w, f1, f2, r1 + 0.5 * h * a1, r2 + 0.5 * h * a2, one, two)
+        if not ok:
+            return False
+        phi1, phi2 = phi1 + h * (r1 + 0.5 * h * a1), phi2 + h * (r2 + 0.5 * h * a2)
+        r1, r2 = r1 + h * a1, r2 + h * a2
+    w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3] = phi1, phi2, r1, r2
+    return True
+
+
+@kernel
+def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
+    """Fills w.end and w.ok with the motions over dt [s]; returns how many there are."""
+    count = polygon(c, phi1, phi2, r1, r2, w.x, w.y, w.edge, w.spare_x, w.spare_y, w.spare_edge)
+    if count == 0:
+        return 0
+    state_margins(c, phi1, phi2, r1, r2, w.here)
+    for i in range(count):
+        one, two = w.edge[i - 1 if i > 0 else count - 1], w.edge[i]
+        w.ok[i] = _move(c, w, i, one, two, phi1, phi2, r1, r2, dt, substeps)
+        if w.ok[i]:
+            w.ok[i] = keeps_limits(c, w, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3])
+        else:  # for the motions between this vertex and its neighbours: the acceleration stays
+            w.end[i, 0], w.end[i, 1] = phi1 + dt * (r1 + 0.5 * dt * w.x[i]), phi2 + dt * (r2 + 0.5 * dt * w.y[i])
+            w.end[i, 2], w.end[i, 3] = r1 + dt * w.x[i], r2 + dt * w.y[i]
+    return count
+
+
+@kernel
+def between(w, i, j, t):
+    """State a share t on from the end of motion i to that of j."""
+    a, b = w.end[i], w.end[j]
+    return (
+        a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]), a[3] + t * (b[3] - a[3])
+    )  # fmt: skip
+
+
+@kernel
+def last_kept(c, w, i, j):
+    """The largest share of the way from motion i, which keeps the state limits, to j, which does not, that keeps them."""
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        t = 0.5 * (low + high)
+        phi1, phi2, r1, r2 = between(w, i, j, t)
+        if keeps_limits(c, w, phi1, phi2, r1, r2):
+            low = t
+        else:
+            high = t
+    return low

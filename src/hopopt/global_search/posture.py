@@ -1,0 +1,51 @@
+"""The posture of flight: how far the centre of mass is above the leg's lowest point when the leg is tucked best.
+
+At the apex the clearance is the height of the centre of mass less this, so that no flight has to be searched.
+"""
+
+import numpy as np
+from scipy.optimize import minimize
+
+from hopopt.global_search.constants import StanceConstants, to_link_angles
+
+POSES = 61  # of each joint, among which the tucked posture is looked for
+REFINED = 3  # of the best of them that are refined
+OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
+
+
+def tuck_height(c: StanceConstants, window: float) -> float:
+    """Least height of the centre of mass above the lowest of joints and foot [m], within joint limits and foot window
+    [m]: the best poses of a grid, refined by sequential quadratic programming."""
+    first, second = np.linspace(c.lower1, c.upper1, POSES), np.linspace(c.lower2, c.upper2, POSES)
+    poses = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
+    heights, offset = _above_points(c, poses)
+    merit = heights.max(axis=-1) + OUTSIDE * np.maximum(np.abs(offset) - window, 0.0)
+    best = poses[np.argsort(merit, kind="stable")[:REFINED]]
+    return float(min([merit.min(), *(_refined(c, window, q) for q in best)]))
+
+
+def _refined(c: StanceConstants, window: float, pose: np.ndarray) -> float:
+    """The height [m] at the nearest optimum, inf if none is found; unknowns are the joint angles and the height."""
+
+    def room(x: np.ndarray) -> np.ndarray:
+        heights, offset = _above_points(c, x[:2])
+        return np.concatenate([x[2] - heights, [window + offset, window - offset]])
+
+    begin = np.append(pose, _above_points(c, pose)[0].max())
+    bounds = [(c.lower1, c.upper1), (c.lower2, c.upper2), (None, None)]
+    result = minimize(
+        lambda x: x[2], begin, method="SLSQP", bounds=bounds, constraints={"type": "ineq", "fun": room},
+        options={"ftol": 1e-9},
+    )  # fmt: skip
+    return float(result.x[2]) if room(result.x).min() > -1e-7 else np.inf
+
+
+def _above_points(c: StanceConstants, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far the centre of mass is above foot, knee and hip [m], (..., 3), and the foot in front of the hip [m], at
+    joint angles q (..., 2) [rad]."""
+    turned = np.exp(1j * to_link_angles(c, q))
+    knee = -complex(c.shank_x, c.shank_z) * turned[..., 1]
+    hip = knee - complex(c.thigh_x, c.thigh_z) * turned[..., 0]
+    moment = complex(c.first, c.first_across) * turned[..., 0] + complex(c.second, c.second_across) * turned[..., 1]
+    com = moment.imag / c.mass
+    return np.stack([com, com - knee.imag, com - hip.imag], axis=-1), -hip.real

@@ -1,0 +1,145 @@
+"""The best apex of the centre of mass that is left at every state of a grid: semi-Lagrangian dynamic programming.
+
+From each node the extreme motions are followed for one step of time, the value is read where they end, and the best is
+kept, against lifting off at once (Bellman 1957; Falcone and Ferretti, Semi-Lagrangian Approximation Schemes, 2013).
+Interpolation smears the value in every step, so few long steps with motions of some accuracy do better than many.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopopt.global_search.compiled import kernel, packed
+from hopopt.global_search.constants import StanceConstants
+from hopopt.global_search.dynamics import apex_height
+from hopopt.global_search.grid import NOWHERE, Grid, interpolate, joint_heights, on_grid, second_differences
+from hopopt.global_search.motions import HALVINGS, between, extreme_motions, keeps_limits, workspace
+
+CHUNKS = 16  # pieces of the grid for each thread: some hold few states that matter
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class ValueFunction:
+    """What can be reached from each state in the time that is left.
+
+    grid: its nodes
+    step: time between layers [s]
+    layers: greatest apex height of the centre of mass, by the number of steps left, (grid.size,) each [m]
+    substeps: of a motion in one step
+    """
+
+    grid: Grid
+    step: float
+    layers: tuple[np.ndarray, ...]
+    substeps: int
+
+    def at(self, state: np.ndarray, left: int) -> float:
+        """Value [m] at a state (4,) with ``left`` steps left."""
+        return float(interpolate(packed(self.grid), self.layers[left], np.zeros((0, 4), dtype=np.float32), *state))
+
+
+@kernel
+def best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps):
+    """Greatest value [m] one step ahead: over the extreme motions, and the last ones between a motion that keeps the
+    state limits and its neighbour that does not; NOWHERE if there is none."""
+    count = extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps)
+    top = NOWHERE
+    for i in range(count):
+        if w.ok[i]:
+            value = interpolate(grid, values, bends, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3])
+            w.ok[i] = value > NOWHERE
+            top = max(top, value)
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        if w.ok[i] != w.ok[j]:
+            kept, other = (i, j) if w.ok[i] else (j, i)
+            low, high = 0.0, 1.0
+            for _ in range(HALVINGS):
+                t = 0.5 * (low + high)
+                f1, f2, u1, u2 = between(w, kept, other, t)
+                if on_grid(grid, f1, f2, u1, u2) and keeps_limits(c, w, f1, f2, u1, u2):
+                    low = t
+                else:
+                    high = t
+            f1, f2, u1, u2 = between(w, kept, other, low)
+            top = max(top, interpolate(grid, values, bends, f1, f2, u1, u2))
+    return top
+
+
+@kernel
+def _improve(c, w, grid, axes, values, bends, apex, active, lift_off, dt, substeps, new, first, last):
+    """One step back in time at nodes first to last."""
+    n = grid.n
+    angles1, angles2, rates1, rates2 = axes
+    s2 = n[3]
+    s1 = n[2] * s2
+    s0 = n[1] * s1
+    for k in range(first, last):
+        if active[k]:
+            i0, i1, i2, i3 = k // s0, (k % s0) // s1, (k % s1) // s2, k % s2
+            phi1, phi2, r1, r2 = angles1[i0], angles2[i1], rates1[i2], rates2[i3]
+            value = best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps)
+            new[k] = max(value, apex[k]) if lift_off else max(value, 0.0)
+
+
+@kernel
+def _apexes(c, grid, axes, active, out):
+    n, k = grid.n, 0
+    angles1, angles2, rates1, rates2 = axes
+    for i0 in range(n[0]):
+        for i1 in range(n[1]):
+            for i2 in range(n[2]):
+                for i3 in range(n[3]):
+                    if active[k]:
+                        out[k] = apex_height(c, angles1[i0], angles2[i1], rates1[i2], rates2[i3])
+                    k += 1
+
+
+def possible(c: StanceConstants, grid: Grid) -> np.ndarray:
+    """Nodes within the joint limits and above the ground, and those next to them, (size,)."""
+    axes = grid.axes()
+    phi1, phi2 = np.meshgrid(axes[0], axes[1], indexing="ij")
+    bend = c.turn2 * (phi2 - phi1)
+    cell = float(np.sum(1 / grid.per_rad))
+    knee, hip = joint_heights(c, phi1, phi2)
+    reach = abs(complex(c.thigh_x, c.thigh_z)) + abs(complex(c.shank_x, c.shank_z))
+    within = (bend > c.lower2 - cell) & (bend < c.upper2 + cell)
+    within &= (hip > c.hip_least - reach * cell) & (knee > c.knee_least - reach * cell)
+    return np.repeat(within.ravel(), int(grid.n[2] * grid.n[3]))
+
+
+def value_function(
+    c: StanceConstants, grid: Grid, duration: tuple[float, float], steps: int, substeps: int, threads: int,
+    progress: Progress | None = None, active: np.ndarray | None = None,
+) -> ValueFunction:  # fmt: skip
+    """The value for a stance of at least and at most ``duration`` [s]; ``active``: the nodes that matter, (size,)."""
+    active = possible(c, grid) if active is None else active
+    axes, dt = tuple(grid.axes()), duration[1] / steps
+    apex = np.zeros(grid.size, dtype=np.float32)
+    packed_c, packed_grid = packed(c), packed(grid)
+    _apexes(packed_c, packed_grid, axes, active, apex)
+    bends, layers = np.zeros((grid.size, 4), dtype=np.float32), [apex]
+    bounds = np.linspace(0, grid.size, CHUNKS * threads + 1).astype(int)
+    pieces = list(zip(bounds[:-1], bounds[1:], strict=True))
+    with ThreadPoolExecutor(threads) as pool:
+        for k in range(1, steps + 1):
+            old, new = layers[-1], apex.copy()
+            lift_off = duration[1] - k * dt >= duration[0] - 1e-9
+
+            def differences(piece: tuple[int, int], old: np.ndarray = old) -> None:
+                second_differences(packed_grid, old, active, bends, *piece)
+
+            def improve(
+                piece: tuple[int, int], old: np.ndarray = old, new: np.ndarray = new, lift_off: bool = lift_off
+            ) -> None:
+                _improve(packed_c, workspace(), packed_grid, axes, old, bends, apex, active, lift_off, dt, substeps, new, *piece)
+
+            list(pool.map(differences, pieces))
+            list(pool.map(improve, pieces))
+            layers.append(new)
+            if progress:
+                progress(f"global search: {k} of {steps} steps")
+    return ValueFunction(grid, dt, tuple(layers), substeps)
