@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from hopopt.cli.main import run
-from hopopt.cli.screen.answer import starts_in_words
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.robot import BASE
 from hopopt.ocp.hop import Hop
-from hopopt.planner.required_clearance import HIGHEST, from_highest
+from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -214,9 +213,3 @@ def test_an_unverified_figure_is_not_stated(tmp_path: Path, capfd: pytest.Captur
     s = json.loads(capfd.readouterr().out)
     assert s["peak_torque_Nm"] is None
     assert s["unverified_peak_torque_Nm"] > 0
-
-
-def test_the_highest_hop_is_not_counted_as_a_start() -> None:
-    """--starts 1 with a clearance that is asked for begins from the highest hop as well."""
-    assert starts_in_words(["upright push", HIGHEST]) == "1 start and the highest hop"
-    assert starts_in_words(["upright push", "drawn 1"]) == "2 starts"

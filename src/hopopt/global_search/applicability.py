@@ -5,7 +5,6 @@ from hopopt.design import Design
 from hopopt.leg.kinematics import planar, two_joints
 
 
-
 def applies(design: Design) -> str | None:
     """None, or in one clause why the global search does not apply to a problem."""
     leg = design.leg

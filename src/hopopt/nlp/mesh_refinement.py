@@ -124,6 +124,11 @@ class Refinement:
             meshes += any_cut(cuts)
             solved = self._solve(cuts)
 
+    def go_on(self, aims: Aims) -> None:
+        """Refine further, from where it ended, towards other aims."""
+        self.aims, self.ended = aims, USED_UP
+        self.run()
+
     @property
     def change(self) -> float:
         """Relative change of the objective with the last mesh; infinite after one."""

@@ -54,7 +54,7 @@ def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
     if not names:
         return []
     stated = " and ".join(f"solver.{name} = {getattr(used.solver, name):g}" for name in names)
-    why = "as --structure needs" if structure else "as the hop was not verified with the problem's own"
+    why = "as --structure needs" if structure else "as the hop was not verified and certified with the problem's own"
     return [f"solved with {stated}, {why}"]
 
 

@@ -48,18 +48,24 @@ def finish(
     clock.mark("refinement")
     say("verifying")
     found = summed_up(hop, refinement, outcomes, outcome, clock)
-    if (closer := with_smaller_tolerances(hop, refinement, found.verified)) is None:
+    closer = with_smaller_tolerances(hop, refinement, found.verified and found.summary["certified"])
+    if closer is None:
         return found
+    if found.verified:  # nearly done: go on from there
+        say("verified, but not certified: refining further, with smaller tolerances")
+        refinement.go_on(aims_of(closer))
+        again = summed_up(closer, refinement, outcomes, outcome, clock)
+        return again if again.verified and again.summary["certified"] else found
     say("not verified: refining again, with smaller tolerances")
     again = finish(closer, outcome, outcomes, say, clock, first, restarts)
     return again if again.verified else found
 
 
-def with_smaller_tolerances(hop: Hop, refinement: Refinement, verified: bool) -> Hop | None:
-    """The question once more with smaller tolerances (planner/tighter_tolerances.py), if it is worth it: the hop met all aims of its refinement
-    and is not verified; else None."""
+def with_smaller_tolerances(hop: Hop, refinement: Refinement, sound: bool) -> Hop | None:
+    """The question once more with smaller tolerances (planner/tighter_tolerances.py), if it is worth it: the hop met all
+    aims of its refinement and is not ``sound`` (verified, and certified where that is asked); else None."""
     smaller = finer(hop.design)
-    return None if verified or refinement.ended != MET or smaller == hop.design else hop.with_solver_of(smaller)
+    return None if sound or refinement.ended != MET or smaller == hop.design else hop.with_solver_of(smaller)
 
 
 def summed_up(

@@ -14,12 +14,12 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import motion_guess
 from hopopt.ocp.objective import DEMAND, HopObjective, demand, lowest_point
 from hopopt.optimality.infeasibility import Conflict, conflict
-from hopopt.planner.limit_names import conflict_words
 from hopopt.planner.first_mesh import search_first_mesh
+from hopopt.planner.limit_names import conflict_words
 from hopopt.planner.multistart import (
-    contenders,
     Progress,
     StartOutcome,
+    contenders,
     first_solver,
     first_transcription,
     outcome_of,

@@ -15,9 +15,9 @@ from hopopt.ocp.initial_guess import starts as named_and_drawn
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
 from hopopt.planner.cross_check import with_opinions
-from hopopt.planner.limit_names import flat_words
 from hopopt.planner.families import alarm_note, search_figures
 from hopopt.planner.first_mesh import search_first_mesh
+from hopopt.planner.limit_names import flat_words
 from hopopt.planner.multistart import (
     CLOSE,
     Progress,

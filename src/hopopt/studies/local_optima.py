@@ -16,13 +16,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hopopt.design import Design
 from hopopt.errors import ResultError
-from hopopt.leg.kinematics import reach
 from hopopt.nlp.ipopt import NlpSolver
-from hopopt.ocp.hop import STANCE, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.planner.families import motion, words
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Solution

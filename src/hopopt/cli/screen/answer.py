@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hopopt.planner.solution import Solution
 
 MOST = 4  # limits that are named
+FAMILIES = 3  # different hops that are listed
 
 
 def print_answer(solution: "Solution") -> None:
@@ -122,7 +123,7 @@ def _evidence(s: dict[str, Any]) -> list[str]:
         checks_line(s),
         f"{error_line(s)}{simulated_words(s)}",
         f"{starts_line(s)}{certified_words(s)}",
-        *bound_line(s),
+        *global_line(s),
     ]
 
 
@@ -159,22 +160,33 @@ def checks_line(s: dict[str, Any]) -> str:
 
 
 def starts_line(s: dict[str, Any]) -> str:
-    """Where the starts ended on the first mesh."""
+    """How many different hops were found on the first mesh, and by what."""
     starts = s["starts"]
-    ends = ", ".join(f"{o['count']} at {measure(s, o['objective'], '.3f')}" for o in starts["optima"])
+    if s.get("families") is None:  # a result of one start, or of an earlier version
+        ends = ", ".join(f"{o['count']} at {measure(s, o['objective'], '.3f')}" for o in starts["optima"])
+        return f"{starts['count']} start{'' if starts['count'] == 1 else 's'} on the first mesh: {ends}"
+    found = [f"{measure(s, f['objective_value'], '.3f')} (by {_found_by(f['found_by'])})" for f in s["families"]]
+    shown = ", ".join(found[:FAMILIES]) + (f" and {len(found) - FAMILIES} lower" if len(found) > FAMILIES else "")
     gentle = (
         ", what prefers gentle torques counted in" if s["tie_break_weighs"] > 1e-3 * abs(s["objective_value"]) else ""
     )
-    failed = f", {len(starts['failed'])} failed" if starts["failed"] else ""
-    return f"{starts_in_words([each['name'] for each in starts['each']])} on the first mesh: {ends}{gentle}{failed}"
+    failed = f", {len(starts['failed'])} led nowhere" if starts["failed"] else ""
+    different = f"{len(found)} different hop{'' if len(found) == 1 else 's'}"
+    return f"{starts['count']} starts found {different}: {shown}{gentle}{failed}"
 
 
-def starts_in_words(names: Sequence[str]) -> str:
-    """How many there were; the highest hop, from which economical objectives begin as well, is named apart."""
-    from hopopt.planner.required_clearance import HIGHEST
+def _found_by(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
-    own = len(names) - (HIGHEST in names)
-    return f"{own} start{'' if own == 1 else 's'}{f' and {HIGHEST}' if HIGHEST in names else ''}"
+
+def global_line(s: Mapping[str, Any]) -> list[str]:
+    """What the global method says of the answer, where it was used."""
+    found = s.get("global") or {}
+    if found.get("value_m") is None:
+        return []
+    grid = " x ".join(map(str, found["grid"]))
+    verdict = "over 1 % more than the answer: a better hop is likely" if found["alarm"] else "no better hop"
+    return [f"a global method ({found['method']}) on {grid} states reaches about {found['value_m']:.3f} m: {verdict}"]
 
 
 def error_line(s: dict[str, Any]) -> str:

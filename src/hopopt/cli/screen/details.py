@@ -8,6 +8,7 @@ from hopopt.cli.screen.answer import (
     control_lines,
     error_line,
     gains,
+    global_line,
     hop_lines,
     measure,
     print_parts,
@@ -84,6 +85,7 @@ def _evidence(s: dict[str, Any]) -> list[str]:
     return [
         *([f"{error_line(s)}{simulated_words(s)}{_beaten(s)}"] if s["verified"] else []),
         starts_line(s),
+        *global_line(s),
         f"{len(s['mesh'])} mesh{'es' if len(s['mesh']) > 1 else ''}, last {sizes} intervals ({s['scheme']}); {settled}, "
         f"{bias}",
         checks_line(s),
