@@ -1,6 +1,5 @@
 """For which problems the global search is made."""
 
-
 from hopopt.design import Design
 from hopopt.leg.kinematics import planar, two_joints
 

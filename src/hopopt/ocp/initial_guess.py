@@ -85,9 +85,7 @@ def motion_guess(hop: Hop, phases: Mapping[str, Any]) -> dict[str, Guess]:
     return _all_phases(hop, stance, flight)
 
 
-def stance_guess(
-    hop: Hop, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray
-) -> dict[str, Guess]:
+def stance_guess(hop: Hop, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, Guess]:
     """A motion of the joints in stance (t (m,) [s]; q, v, a (m, n) [rad, rad/s, rad/s^2]) as guesses of all phases."""
     stance = Guess(float(t[-1]), t / t[-1], np.hstack([q, v]), a)
     return _all_phases(hop, _without_dependent(hop, stance), _flight_guess(hop, stance))

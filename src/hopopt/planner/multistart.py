@@ -142,14 +142,17 @@ def run_chunk(
     """Some of the starts, by number, on the first mesh; ``solver``: its program, if it is built already."""
     solver = solver or first_solver(hop, known)
     chosen = starts(max(chunk) + 1, hop.design.solver.seed)
-    return [_run_start(hop, solver, chosen[k], known) for k in chunk]
+    return [run_start(hop, solver, chosen[k], known) for k in chunk]
 
 
-def _run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOutcome:
+def run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOutcome:
+    """One start on the first mesh; ``known``: another is known to lead to a hop."""
     began = time.perf_counter()
     guess = make_guess(hop, start)
     s = solver(guess)
-    if not s.success and not solver.stopped and not violations(s):  # a hop, but no optimum: the adaptive barrier can lose its way to one
+    if (
+        not s.success and not solver.stopped and not violations(s)
+    ):  # a hop, but no optimum: the adaptive barrier can lose its way to one
         s = NlpSolver(s.transcription, first_options(hop, known) | {"ipopt.mu_strategy": "monotone"})(guess)
     return noted(solver, outcome_of(start.name, s, time.perf_counter() - began))
 

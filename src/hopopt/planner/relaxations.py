@@ -104,7 +104,9 @@ def together(*each: Loosen) -> Loosen:
 CONE, HEIGHT = "friction cone", "height above ground"
 QUICK = (
     Relaxation("no friction limit", (CONE,), friction_cone),
-    Relaxation("wider joints, no ground for them", (HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
+    Relaxation(
+        "wider joints, no ground for them", (HEIGHT,), together(friction_cone, joints_below_ground, joint_range)
+    ),
 )
 THOROUGH = (
     *QUICK,

@@ -93,13 +93,15 @@ def solve(
     return best
 
 
-def solve_from(design: Design, objective: str, index: int, say: Progress = lambda text: None) -> Solution:
-    """One start's hop, refined and verified; NotSolvedError if the start leads to none."""
-    hop, clock = Hop(design, objective), Stopwatch()
-    outcomes = run_chunk(hop, [index])
-    if not outcomes[0].success:
+def solve_from(
+    hop: Hop, chosen: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress = lambda text: None
+) -> Solution:
+    """The best of the chosen outcomes of the first mesh, refined and verified; NotSolvedError if there is none."""
+    clock = Stopwatch()
+    if not chosen:
         raise not_solved(hop, outcomes)
-    return finish(hop, outcomes[0], outcomes, say, clock)
+    finished = [finish(hop, outcome, outcomes, say, clock) for outcome in chosen]
+    return best_of(hop.objective, finished)
 
 
 def best_of(goal: HopObjective, finished: Sequence[Solution]) -> Solution:

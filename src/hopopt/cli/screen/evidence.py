@@ -24,6 +24,7 @@ def print_evidence(data: Mapping[str, Any]) -> None:
             "[bold red]the global method finds more than the planner in the reduced hop[/bold red]: neither is to be trusted",
             markup=True,
         )
+    print_lines(out, "global", _overall(data["global"], best["clearance_m"]))
     print_lines(out, "reduced", _reduced(data["reduced"]))
     table = Table(title="local optima on the first mesh", title_justify="left", box=None, pad_edge=False)
     for column, side in (
@@ -33,12 +34,38 @@ def print_evidence(data: Mapping[str, Any]) -> None:
         ("first found by", "left"),
     ):
         table.add_column(column, justify=side)  # type: ignore[arg-type]
-    for f in data["starts"]["families"]:
-        table.add_row(f"{f['objective']:.4f}", str(f["count"]), f["words"], f["name"])
+    for f in data["families"]:
+        table.add_row(f"{f['objective_value']:.4f}", str(_count(data, f)), f["words"], f["found_by"][0])
     print_table(out, table)
     if failed := data["starts"]["count"] - data["starts"]["solved"]:
         out.print(f"{failed} of the starts led to no hop")
     out.print(f"results {data['result_dir']}")
+
+
+def _count(data: Mapping[str, Any], family: Mapping[str, Any]) -> int:
+    """How many starts, relaxed problems and motions of a global method ended in a family."""
+    drawn = {f["name"]: f["count"] for f in data["starts"]["families"]}
+    return sum(drawn.get(name, 1) for name in family["found_by"])
+
+
+def _overall(overall: Mapping[str, Any], best: float) -> list[str]:
+    """The global method on growing grids, or why not."""
+    if "grids" not in overall:
+        hops = f"; basin hopping over {overall['basin_hopping']} starts instead" if "basin_hopping" in overall else ""
+        return [f"left out: {overall['reason']}{hops}"]
+    lines = [f"{overall['method']}; it approximates and is no bound"]
+    for g in overall["grids"]:
+        motion = (
+            "no motion"
+            if g["rollout_m"] is None
+            else f"a motion of {g['rollout_m']:.4f} m ({g['rollout_m'] / best - 1:+.1%})"
+        )
+        solved = "no hop" if g["solved_m"] is None else f"{g['solved_m']:.4f} m"
+        lines.append(
+            f"{g['size']}^4 states: value {g['value_m']:.4f} m ({g['value_m'] / best - 1:+.1%}), {motion}, "
+            f"solved from there {solved}, {g['seconds']:.0f} s"
+        )
+    return lines
 
 
 def _reduced(reduced: Mapping[str, Any]) -> list[str]:
