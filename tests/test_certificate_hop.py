@@ -15,12 +15,12 @@ from hopopt.optimality.arcs import Activity
 from hopopt.optimality.certificate import Certificate, certify
 from hopopt.optimality.switch_times import plan
 from hopopt.optimality.switching_structure import described, runs, sentences, stretches, structure
+from hopopt.planner.refine_and_verify import finer
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
-from hopopt.planner.tighter_tolerances import finer
 from hopopt.problem.load import load
-from hopopt.storage.recheck import recertified
+from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_intervals": 8}
@@ -147,10 +147,9 @@ def test_torques_and_controls_that_were_changed_in_the_file_are_found(hop: Solut
     owner = again.tables["stance"] if what == "tau" else again.phases["stance"]
     edges = again.phases["stance"].edges[:-1]
     getattr(owner, what)[(edges > 0.1) & (edges < 0.3), :, 0] *= 1.01
-    certificate = recertified(again)
-    assert certificate is not None
-    assert "stored torques and motion" in failed(certificate)
-    assert (what == "u") == bool(failed(certificate) & {"stance costates", "stance Hamiltonian along arcs"})
+    wrong = {check.name for check in recheck(again).conditions if not check.passed}
+    assert "stored torques and motion" in wrong
+    assert (what == "u") == bool(wrong & {"stance costates", "stance Hamiltonian along arcs"})
 
 
 def test_rows_that_were_changed_in_the_file_are_computed_again(hop: Solution, tmp_path: Path) -> None:
@@ -162,9 +161,9 @@ def test_rows_that_were_changed_in_the_file_are_computed_again(hop: Solution, tm
 def test_costates_that_were_changed_in_the_file_are_found(hop: Solution, tmp_path: Path) -> None:
     again = read(str(save(hop, tmp_path).result_dir))
     again.multipliers["stance"]["costate"][3] *= 1.001
-    certificate = recertified(again)
-    assert certificate is not None
-    assert failed(certificate) == {"stored costates"}
+    verdict = recheck(again)
+    assert [check.name for check in verdict.conditions if not check.passed] == ["stored costates"]
+    assert not verdict.certified
 
 
 # ---- switching structure ----------------------------------------------------------------------------------

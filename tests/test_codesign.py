@@ -263,7 +263,7 @@ def test_verify_asks_again_whether_the_design_confirms_the_co_design(lengths: So
     goal, found = find("clearance"), lengths.summary["codesign"]
     (check,) = co_design_checks(goal, lengths.summary)
     assert check.passed
-    assert check.name in [c.name for c in recheck(read(str(save(lengths, tmp_path).result_dir)))]
+    assert check.name in [c.name for c in recheck(read(str(save(lengths, tmp_path).result_dir))).checks]
     more = {**lengths.summary, "codesign": {**found, "objective_value": 1.001 * found["objective_value"]}}
     (check,) = co_design_checks(goal, more)
     assert not check.passed

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hopopt.planner.tighter_tolerances import PRICE_TOLERANCE, TOLERANCE, finer
+from hopopt.planner.refine_and_verify import PRICE_TOLERANCE, TOLERANCE, finer
 from hopopt.problem.load import changed, load
 
 

@@ -15,12 +15,12 @@ from hopopt.planner import refine_and_verify as finishing
 from hopopt.planner import solve as planner
 from hopopt.planner.multistart import run_starts
 from hopopt.planner.notes import notes_on
-from hopopt.planner.refine_and_verify import finish, with_smaller_tolerances
+from hopopt.planner.refine_and_verify import PRICE_TOLERANCE, TOLERANCE, finish, with_smaller_tolerances
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, _calmer, solve
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.tighter_tolerances import PRICE_TOLERANCE, TOLERANCE
 from hopopt.problem.load import load
+from hopopt.verify.check import Check
 
 ONE_PUSH = {"hop.stance_duration": [0.03, 0.2]}
 
@@ -92,14 +92,14 @@ def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_a
 ) -> None:
     """Planted: what was solved with the problem's own tolerances fails."""
 
-    def failing(hop: Hop, *given: Any) -> Solution:
+    def failing(hop: Hop, *given: Any) -> finishing.Answer:
         found = own(hop, *given)
         if hop.design.solver.tolerance > TOLERANCE:
-            return found.noted(summary={**found.summary, "verified": False})
+            return replace(found, verdict=found.verdict.with_checks([Check("planted", 1.0, 0.0, "SI")]))
         return found
 
-    own, said = finishing.summed_up, list[str]()
-    monkeypatch.setattr(finishing, "summed_up", failing)
+    own, said = finishing.judged, list[str]()
+    monkeypatch.setattr(finishing, "judged", failing)
     s = solve(load("paper", ONE_PUSH), starts=1, processes=1, progress=said.append)
     assert "not verified: refining again, with smaller tolerances" in said
     assert s.verified

@@ -223,8 +223,10 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypa
     assert (same.objective_value, same.corrected, same.tried) == (second.objective_value, False, ((0, 0),))
     assert (same.after_pass, same.solved_in, nothing) == (1, 0, {})
     lower = replace(second, objective_value=0.5, clearance_m=0.5)
-    refined, refine = [], sweep_point.refine_outcome
-    monkeypatch.setattr(sweep_point, "refine_outcome", lambda *given: refined.append(given[1].name) or refine(*given))
+    refined, refine = [], sweep_point.refine_and_verify
+    monkeypatch.setattr(
+        sweep_point, "refine_and_verify", lambda *given: refined.append(given[1].name) or refine(*given)
+    )
     both = [source, Source(2, 0, begin)]
     again, found = solve_again(definition, lower, {**own, "objective": np.array(0.5)}, both, 1)
     assert refined == ["point 0"]
@@ -239,11 +241,11 @@ def test_a_neighbour_that_stops_leaves_the_others(monkeypatch: pytest.MonkeyPatc
     """Planted: the first refinement stops; the other neighbour, or else the starts, lead to the point's hop."""
     definition = define(ho.load("paper", [SHORT]), {"leg.gear.ratio": [115, 118]}, starts=1)
     _, begin = solve_point(definition, 0, [])
-    source, refine = Source(0, 0, begin), sweep_point.refine_outcome
+    source, refine = Source(0, 0, begin), sweep_point.refine_and_verify
     for sources, led in (([source, Source(2, 0, begin)], 2), ([source], None)):
         calls = iter([True, False, False])
         monkeypatch.setattr(
-            sweep_point, "refine_outcome", lambda *given, calls=calls: stop() if next(calls) else refine(*given)
+            sweep_point, "refine_and_verify", lambda *given, calls=calls: stop() if next(calls) else refine(*given)
         )
         point, _ = solve_point(definition, 1, sources)
         assert (point.verified, point.begun_from) == (True, led)

@@ -226,29 +226,29 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
     objective
         The function of your own that it was found with, if it was: module:function.
     """
+    from hopopt.planner.summary import conditions
     from hopopt.storage.folder import as_json
-    from hopopt.storage.recheck import recertified, recheck, with_functions
+    from hopopt.storage.recheck import recheck, with_functions
     from hopopt.storage.solution import read
 
     solution = with_functions(read(result), objective, constraint or ())
-    checks, certificate = recheck(solution), recertified(solution)
-    verified = all(c.passed for c in checks)
-    code = 0 if verified else 3
+    verdict = recheck(solution)
+    code = 0 if verdict.verified else 3
     if json_:
-        found = {
-            "certified": certificate.passed if certificate else None,
-            "certificate": certificate.as_dict() if certificate else None,
+        listed, made = [c.as_dict() for c in verdict.checks], bool(verdict.conditions)
+        certificate = {
+            "certified": verdict.certified if made else None,
+            "certificate": conditions(verdict) if made else None,
         }
-        listed = [c.as_dict() for c in checks]
-        print(as_json({"verified": verified, "exit_code": code, "checks": listed, **found}))
+        print(as_json({"verified": verdict.verified, "exit_code": code, "checks": listed, **certificate}))
     else:
         from hopopt.cli.screen.certificate import print_certificate
         from hopopt.cli.screen.console import print_checks
 
-        print_checks(str(result), checks)
-        print_certificate(certificate)
-        height = solution.summary["clearance_m"]  # one of the claims that are checked
-        print(f"{result}: {f'verified, clearance {height:.4f} m' if verified else 'NOT verified'}")
+        print_checks(str(result), verdict.checks)
+        print_certificate(verdict.conditions)
+        height = solution.clearance  # one of the claims that are checked
+        print(f"{result}: {f'verified, clearance {height:.4f} m' if verdict.verified else 'NOT verified'}")
     return code
 
 

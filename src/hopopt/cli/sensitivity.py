@@ -89,7 +89,7 @@ def _optimum(
 
         say("verifying")
         solution = read(folder)
-        return solution, [check.name for check in recheck(solution) if not check.passed]
+        return solution, recheck(solution).failed_checks
     from hopopt.ocp.objective import HEIGHTS
     from hopopt.ocp.objectives import find
     from hopopt.planner.solve import solve

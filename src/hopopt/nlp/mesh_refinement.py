@@ -8,9 +8,10 @@ not answer to that on the same mesh is cut.
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -124,10 +125,12 @@ class Refinement:
             meshes += any_cut(cuts)
             solved = self._solve(cuts)
 
-    def go_on(self, aims: Aims) -> None:
-        """Refine further, from where it ended, towards other aims."""
-        self.aims, self.ended = aims, USED_UP
-        self.run()
+    def further(self, aims: Aims) -> Self:
+        """Another one that went on from where this ended, towards other aims."""
+        other = copy(self)
+        other.aims, other.ended, other.history = aims, USED_UP, list(self.history)
+        other.run()
+        return other
 
     @property
     def change(self) -> float:

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.leg.robot import Robot
-from hopopt.ocp.custom import FIGURE, PHASES, Custom, Moment, symbols
+from hopopt.ocp.custom import PHASES, Custom, Moment, symbols
 from hopopt.ocp.objective import HopObjective
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
@@ -85,8 +85,3 @@ def _numbers(machine: Machine, t: float, q: np.ndarray, v: np.ndarray) -> list[A
     """The same by Pinocchio."""
     points = machine.points(q)
     return [t, q, v, *(points[name] for name in (*machine.frames, "com")), machine.com_velocity(q, v)]
-
-
-def stated_value(summary: Mapping[str, Any]) -> float | None:
-    """What a summary claims of an objective of one's own, if it does."""
-    return float(summary[FIGURE]) if FIGURE in summary else None

@@ -5,9 +5,9 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.flat_directions import CannotBeTold, Flat, flat
+from hopopt.planner.refine_and_verify import AT_MOST
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import without_tie_break
-from hopopt.planner.tighter_tolerances import AT_MOST
 from hopopt.problem.hints import hints
 
 LOUD = 0.01  # share of the answer that the tie-break may weigh without a word

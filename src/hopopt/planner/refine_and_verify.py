@@ -1,36 +1,59 @@
 """From one start's optimum on the first mesh to a verified answer: refined, checked, summed up."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.nlp.interval_errors import IntervalErrors
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.nlp.kkt_residuals import residuals
 from hopopt.nlp.mesh_refinement import MET, Aims, MeshStep, Refinement
 from hopopt.nlp.tightened_refinement import refinement_of
-from hopopt.nlp.tightening_cost import price
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import EFFORT, Hop
 from hopopt.ocp.objective import HEIGHTS
-from hopopt.optimality.error_estimate import ObjectiveError, objective_error
 from hopopt.optimality.free_switches import Resolved
-from hopopt.planner.certify import attached
-from hopopt.planner.custom_check import custom_checks, stated_value
+from hopopt.planner.judge import judge
 from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, solution_of
 from hopopt.planner.solution import Solution
-from hopopt.planner.stated_error import relaxed, simulated
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary import summarize
-from hopopt.planner.tighter_tolerances import finer
-from hopopt.verify.check import KKT, LIMIT, Check
-from hopopt.verify.plan import verify_plan
+from hopopt.planner.verdict import Verdict
+from hopopt.verify.check import LIMIT
 
 Refined = Refinement | Resolved
 MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
+TOLERANCE, PRICE_TOLERANCE = 1e-6, 1e-5  # a tenth and a fifth of the defaults
+AT_MOST = {"tolerance": TOLERANCE, "price_tolerance": PRICE_TOLERANCE}  # entries of [solver]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A refined plan with its verdict: what a solve, a study's point and a co-design all come to.
+
+    hop: the question that was answered, with the tolerances that it was answered with
+    refined: the last mesh's solution, and how it was reached
+    plan: the motion; its summary holds only what no table of the plan tells
+    claims: what may be stated of it, by name [the name's unit]
+    verdict: whether it is true
+    """
+
+    hop: Hop
+    refined: Refined
+    plan: Solution
+    claims: Mapping[str, float]
+    verdict: Verdict
+
+    @property
+    def verified(self) -> bool:
+        """Whether every check passed."""
+        return self.verdict.verified
+
+    @property
+    def objective_value(self) -> float:
+        """The program's objective [its unit]."""
+        return self.refined.solution.objective
 
 
 def finish(
@@ -42,51 +65,63 @@ def finish(
     first: Transcription | None = None,
     restarts: bool = True,
 ) -> Solution:
-    """Refine one start's optimum, verify it and sum it up, with smaller tolerances if those of the problem are met and it
-    is not verified; ``first`` is the first mesh's program if there is one."""
-    refinement = refine_outcome(hop, outcome, say, first, restarts)
+    """Refine one start's optimum, verify it (as ``refine_and_verify``) and sum it up."""
+    return summed_up(refine_and_verify(hop, outcome, say, first, restarts, clock), outcomes, outcome, clock)
+
+
+def refine_and_verify(
+    hop: Hop,
+    outcome: StartOutcome,
+    say: Progress,
+    first: Transcription | None = None,
+    restarts: bool = True,
+    clock: Stopwatch | None = None,
+) -> Answer:
+    """One start's optimum refined, with its verdict; with tighter tolerances if those of the problem are met and it is
+    not verified. ``first`` is the first mesh's program if there is one."""
+    clock, refinement = clock or Stopwatch(), refine_outcome(hop, outcome, say, first, restarts)
     clock.mark("refinement")
     say("verifying")
-    found = summed_up(hop, refinement, outcomes, outcome, clock)
-    closer = with_smaller_tolerances(hop, refinement, found.verified and found.summary["certified"])
-    if closer is None:
+    found = judged(hop, refinement, clock)
+    sound = found.verified and found.verdict.certified
+    if (closer := with_smaller_tolerances(hop, refinement, sound)) is None:
         return found
     if found.verified:  # nearly done: go on from there
         say("verified, but not certified: refining further, with smaller tolerances")
-        refinement.go_on(aims_of(closer))
-        again = summed_up(closer, refinement, outcomes, outcome, clock)
-        return again if again.verified and again.summary["certified"] else found
+        again = judged(closer, refinement.further(aims_of(closer)), clock)
+        return again if again.verified and again.verdict.certified else found
     say("not verified: refining again, with smaller tolerances")
-    again = finish(closer, outcome, outcomes, say, clock, first, restarts)
+    again = refine_and_verify(closer, outcome, say, first, restarts, clock)
     return again if again.verified else found
 
 
 def with_smaller_tolerances(hop: Hop, refinement: Refinement, sound: bool) -> Hop | None:
-    """The question once more with smaller tolerances (planner/tighter_tolerances.py), if it is worth it: the hop met all
+    """The question once more with smaller tolerances, if it is worth it: the hop met all
     aims of its refinement and is not ``sound`` (verified, and certified where that is asked); else None."""
     smaller = finer(hop.design)
     return None if sound or refinement.ended != MET or smaller == hop.design else hop.with_solver_of(smaller)
 
 
-def summed_up(
-    hop: Hop, refinement: Refined, outcomes: Sequence[StartOutcome], outcome: StartOutcome, clock: Stopwatch
-) -> Solution:
-    """What came of refining a start's optimum: verified, certified, with every figure that is printed of it."""
-    goal, solution = hop.objective, refinement.solution
-    stated = stated_figure(hop, solution)
-    own = (goal if goal.custom else None, hop.constraints)
-    plan, error = Solution(hop.design, goal.name, solution.phases, stated, own=own), objective_error(solution)
-    checks = numerical_checks(hop.design, solution, refinement.errors, refinement.change, error)
-    checks += verify_plan(hop.design, plan.tables, plan.claims(), goal.ends)
-    checks += custom_checks(plan.robot, plan.tables, goal, hop.constraints, stated_value(stated))
-    more, told = simulated(plan, goal, error)
-    told |= relaxed(solution)
-    checks, plan = checks + more, plan.noted(summary={**stated, "objective_error": told})
-    clock.mark("verification")
-    found = summarize(hop, plan, solution, checks, outcomes, outcome, refinement, clock)
-    certified = attached(found, solution)
-    clock.mark("certificate")
-    return certified
+def finer(design: Design) -> Design:
+    """The problem with tolerances of the solver of at most AT_MOST: more accurate than a height is read."""
+    s = design.solver
+    smaller = {name: min(getattr(s, name), most) for name, most in AT_MOST.items()}
+    return design.model_copy(update={"solver": s.model_copy(update=smaller)})
+
+
+def judged(hop: Hop, refined: Refined, clock: Stopwatch | None = None) -> Answer:
+    """A refined solution with its verdict."""
+    goal, solution = hop.objective, refined.solution
+    stated, own = stated_figure(hop, solution), (goal if goal.custom else None, hop.constraints)
+    plan = Solution(hop.design, goal.name, solution.phases, stated, own=own)
+    claims = {**plan.claims(), **stated}
+    verdict = judge(plan, solution, goal, hop.constraints, claims, refined.errors, refined.change, clock)
+    return Answer(hop, refined, plan, claims, verdict)
+
+
+def summed_up(answer: Answer, outcomes: Sequence[StartOutcome], outcome: StartOutcome, clock: Stopwatch) -> Solution:
+    """An answer with every figure that is printed of it."""
+    return summarize(answer.hop, answer.plan, answer.refined, answer.verdict, outcomes, outcome, clock)
 
 
 def stated_figure(hop: Hop, solution: NlpSolution) -> dict[str, float]:
@@ -128,25 +163,3 @@ def progress_line(hop: Hop, s: MeshStep) -> str:
         f"{hop.objective.name} {s.objective:.5f} {hop.objective.unit} on {sizes} intervals, local error "
         f"{s.local_error:.0e}, limits exceeded by {s.excess:.0e}{held}"
     )
-
-
-def numerical_checks(
-    design: Design,
-    solution: NlpSolution,
-    errors: Mapping[str, IntervalErrors],
-    change: float,
-    error: ObjectiveError | None = None,
-) -> list[Check]:
-    """First-order conditions recomputed, error of every interval, settled objective, price of the limits, and the error
-    of the objective, unless ``error`` is it already."""
-    r, s = residuals(solution), design.solver
-    local = max(float(e.local.max()) for e in errors.values())
-    return [
-        Check("stationarity", r.stationarity, KKT, "scaled"),
-        Check("constraints", r.feasibility, KKT, "scaled"),
-        Check("complementarity", r.complementarity, KKT, "scaled"),
-        Check("local error of the intervals", local, s.tolerance, "scaled"),
-        Check("change of the objective", change, s.objective_tolerance, "relative"),
-        Check("price of drawing in the limits", price(solution), s.price_tolerance, "relative"),
-        (error or objective_error(solution)).check(),
-    ]

@@ -19,10 +19,9 @@ from hopopt.ocp.custom import Custom
 from hopopt.ocp.hop import FLIGHT, STANCE
 from hopopt.ocp.landing import DESCENT
 from hopopt.ocp.objective import HopObjective
+from hopopt.planner.verdict import Multipliers, Verdict
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import PLACES, Table
-
-Multipliers = dict[str, np.ndarray]  # of one phase, or of the ends, by name
 
 
 @dataclass(frozen=True)
@@ -94,8 +93,9 @@ class Solution:
     summary: dict[str, Any]
     kkt: dict[str, np.ndarray] = field(default_factory=dict)
     result_dir: Path | None = None
-    multipliers: dict[str, Multipliers] = field(default_factory=dict)  # see planner/certify.py
+    multipliers: dict[str, Multipliers] = field(default_factory=dict)  # see planner/stored_multipliers.py
     own: tuple[HopObjective | None, tuple[Custom, ...]] = (None, ())  # the user's functions, which are not stored
+    verdict: Verdict | None = None  # what the checks said; of a stored hop, see storage/recheck.py
     # given by hopopt.api, which knows what acts on a solution
     plot: ClassVar[Callable[..., Any]]
     sensitivity: ClassVar[Callable[..., Any]]

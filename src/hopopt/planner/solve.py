@@ -29,11 +29,10 @@ from hopopt.planner.multistart import (
     run_chunk,
 )
 from hopopt.planner.notes import flat_directions, notes_on
-from hopopt.planner.refine_and_verify import finish
+from hopopt.planner.refine_and_verify import finer, finish
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.tighter_tolerances import finer
 from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.hints import hints
 
@@ -56,7 +55,7 @@ def solve(
     objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (optimality/free_switches.py), with smaller tolerances (planner/tighter_tolerances.py); second_opinion: asked of another solver and other schemes,
+    (optimality/free_switches.py), with smaller tolerances (planner/refine_and_verify.py); second_opinion: asked of another solver and other schemes,
     in the summary's ``second_opinions`` (planner/cross_check.py); progress is called with a line of text now and then. Raises
     NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.

@@ -15,12 +15,13 @@ from hopopt.nlp.mesh_refinement import Refinement
 from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.optimality import switching_structure as structure
 from hopopt.optimality.free_switches import Resolved
 from hopopt.planner.limit_use import idle_limits
 from hopopt.planner.multistart import StartOutcome, distinct, same
 from hopopt.planner.solution import Samples, Solution
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.verify.check import Check, failed
+from hopopt.planner.verdict import Verdict
 from hopopt.verify.upper_bound import upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -30,17 +31,16 @@ FINE = np.linspace(0.0, 1.0, 9)
 def summarize(
     hop: Hop,
     plan: Solution,
-    solution: NlpSolution,
-    checks: Sequence[Check],
+    refinement: Refinement | Resolved,
+    verdict: Verdict,
     outcomes: Sequence[StartOutcome],
     chosen: StartOutcome,
-    refinement: Refinement | Resolved,
     clock: Stopwatch,
 ) -> Solution:
     """The plan with its summary: what ``--json`` prints and ``summary.json`` keeps."""
     fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
     stance = fine[STANCE]
-    bad, goal = failed(list(checks)), hop.objective
+    goal, solution = hop.objective, refinement.solution
     of_unit, own = "_m" if goal.unit == "m" else "", [c.name for c in hop.constraints]
     summary: dict[str, Any] = {
         "problem": plan.design.name,
@@ -55,11 +55,10 @@ def summarize(
             "constraints": [c.name for c in hop.constraints],
         },
         "clearance_asked_for_m": plan.design.hop.clearance if goal.ends == "demand" else None,
-        "status": "verified" if not bad else "solved, not verified",
-        "verified": not bad,
-        "exit_code": 0 if not bad else 3,
+        **standing(verdict),
         **plan.claims(),
         **plan.summary,
+        "objective_error": verdict.error.as_dict() if verdict.error else None,
         "objective_value": solution.objective,
         f"tie_break_bias{of_unit}": hop.tie_break_bias,
         "tie_break_weighs": abs(solution.objective - plan.summary.get(goal.figure, solution.objective)),
@@ -78,8 +77,7 @@ def summarize(
         "active_limits": most_first({**active_limits(plan, stance), **own_active(solution, own)}),
         "idle_limits": idle_limits(plan, fine),
         f"gain_per_percent{of_unit}": limit_gains(solution, plan.design.contact.friction, own),
-        "verification": [c.as_dict() for c in checks],
-        "failed_checks": [c.name for c in bad],
+        **checked(verdict),
         "mesh": [asdict(step) for step in refinement.history],
         "refinement_ended": refinement.ended,
         "scheme": solution.transcription.scheme.name,
@@ -88,9 +86,33 @@ def summarize(
         "timings_s": clock.stages,
         "wall_s": clock.last - clock.begin,
         "result_dir": None,
+        "certified": verdict.certified,
+        "certificate": conditions(verdict),
+        "structure": structure.as_dict(structure.structure(solution)),
     }
     kkt = {name: getattr(solution, name) for name in ("z", "p", "g", "lam_g", "lam_x")} | asdict(solution.bounds)
-    return plan.noted(summary=summary, kkt=kkt)
+    return plan.noted(summary=summary, kkt=kkt, multipliers=dict(verdict.multipliers), verdict=verdict)
+
+
+def standing(verdict: Verdict) -> dict[str, Any]:
+    """Whether an answer is verified: in words, and as the exit code."""
+    verified = verdict.verified
+    return {
+        "status": "verified" if verified else "solved, not verified",
+        "verified": verified,
+        "exit_code": 0 if verified else 3,
+    }
+
+
+def checked(verdict: Verdict) -> dict[str, Any]:
+    """Every check, and the names of those that failed."""
+    return {"verification": [c.as_dict() for c in verdict.checks], "failed_checks": verdict.failed_checks}
+
+
+def conditions(verdict: Verdict) -> dict[str, Any]:
+    """Conditions of the certificate, by name."""
+    entries = ((c.name, c.as_dict()) for c in verdict.conditions)
+    return {name.replace(" ", "_"): {k: v for k, v in entry.items() if k != "name"} for name, entry in entries}
 
 
 def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FINE)) -> float:

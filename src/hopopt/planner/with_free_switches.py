@@ -7,7 +7,7 @@ from hopopt.nlp.mesh_refinement import MeshStep, relative
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.free_switches import resolve
 from hopopt.planner.multistart import Progress, StartOutcome
-from hopopt.planner.refine_and_verify import aims_of, progress_line, summed_up
+from hopopt.planner.refine_and_verify import aims_of, judged, progress_line, summed_up
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
@@ -24,7 +24,7 @@ def with_free_switches(
     if isinstance(found, str):
         return _with_structure(best, {"solved_again": False, "note": found})
     outcome = next(o for o in outcomes if o.name == best.summary["starts"]["chosen"])
-    again = summed_up(hop, found, outcomes, outcome, clock)
+    again = summed_up(judged(hop, found, clock), outcomes, outcome, clock)
     difference = relative(again.summary["objective_value"], best.summary["objective_value"])
     wrong = again.summary["failed_checks"] + ([] if again.summary["certified"] else ["the certificate"])
     wrong += [f"another optimum, {difference:.0e} away"] if difference > hop.design.solver.objective_tolerance else []

@@ -7,30 +7,25 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hopopt.errors import ResultError
 from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.ocp.custom import FIGURE, as_objective, custom
+from hopopt.ocp.custom import as_objective, custom
 from hopopt.ocp.objective import HopObjective
-from hopopt.optimality.certificate import Certificate, certify
-from hopopt.optimality.error_estimate import objective_error
-from hopopt.planner.certify import agreement
-from hopopt.planner.custom_check import custom_checks, stated_value
-from hopopt.planner.refine_and_verify import numerical_checks
+from hopopt.planner.judge import judge, plan_checks
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import has_multipliers, own_functions, stored_nlp
-from hopopt.planner.stated_error import simulated
+from hopopt.planner.stored_multipliers import agreement
+from hopopt.planner.verdict import Verdict
 from hopopt.storage.folder import fitting
 from hopopt.verify.check import KKT, Check
-from hopopt.verify.plan import verify_plan
 
 CONFIRMED = 1e-4  # relative: the fixed design may be worse than the co-design by this
 AGREE = 1e-9  # stored tables against the stored trajectories, relative
 SAME = 1e-7  # the error of the objective against the stated one, relative to the objective
 
 
-def recheck(solution: Solution) -> list[Check]:
-    """All checks of a stored solution: the plan's table, the NLP's conditions, and that the two belong together.
+def recheck(solution: Solution) -> Verdict:
+    """The verdict on a stored solution: that of a fresh one (planner/judge.py), and that its files belong together.
 
     Raises ResultError if the files do not hold what they must.
     """
@@ -38,51 +33,29 @@ def recheck(solution: Solution) -> list[Check]:
         return _recheck(solution)
 
 
-def recertified(solution: Solution) -> Certificate | None:
-    """The certificate of a stored solution, recomputed from its trajectories and multipliers; None if it was stored
-    without multipliers.
-
-    The plan's table must be of those trajectories; costates that the file holds are compared with those of its
-    multipliers. Raises ResultError as ``recheck``.
-    """
-    if not has_multipliers(solution):
-        return None
-    try:
-        certificate = certify(replace(stored_nlp(solution), phases=solution.phases))
-        checks = [*certificate.checks, replace(_agreement(solution), name="stored torques and motion")]
-        if solution.multipliers:
-            checks.append(agreement(certificate, solution.multipliers))
-        return replace(certificate, checks=tuple(checks))
-    except (KeyError, ValueError, IndexError, TypeError, RuntimeError) as error:
-        raise ResultError(
-            f"{solution.result_dir}: its multipliers do not fit the plan ({type(error).__name__}: {str(error)[:200]}): "
-            "solve it again"
-        ) from error
-
-
 def reverified(solution: Solution) -> Solution:
     """A stored solution that is ``verified`` only if its summary says so and every check passes again."""
-    with fitting(solution.result_dir):
-        verified = solution.verified and all(check.passed for check in recheck(solution))
+    verified = solution.verified and recheck(solution).verified
     return replace(solution, summary={**solution.summary, "verified": verified})
 
 
-def _recheck(solution: Solution) -> list[Check]:
+def _recheck(solution: Solution) -> Verdict:
     goal, constraints = own_functions(solution)
-    names = {"clearance_m", *({goal.figure} - {FIGURE})}
-    claims = {name: float(solution.summary[name]) for name in names}
-    plan = verify_plan(solution.design, solution.tables, claims, goal.ends)
-    plan += custom_checks(solution.robot, solution.tables, goal, constraints, stated_value(solution.summary))
+    claims = {name: float(solution.summary[name]) for name in {"clearance_m", goal.figure} & solution.summary.keys()}
+    agree, co_design = _agreement(solution), tuple(co_design_checks(goal, solution.summary))
     if not has_multipliers(solution):
         missing = Check("first-order conditions", float("inf"), KKT, "scaled", "the file holds no multipliers")
-        return [missing, _agreement(solution), *plan]
+        return Verdict((missing, agree, *plan_checks(solution, goal, constraints, claims), *co_design))
     nlp = stored_nlp(solution)
     change = next(c for c in solution.summary["verification"] if c["name"] == "change of the objective")["residual"]
-    errors, error = {name: interval_errors(nlp, name) for name in solution.phases}, objective_error(nlp)
-    checks = numerical_checks(solution.design, nlp, errors, float("inf") if change is None else change, error)
-    checks += [_agreement(solution), _same_program(solution, nlp), _same_limits(nlp)]
-    more, told = simulated(solution, goal, error)
-    return [*checks, *_same_error(solution, nlp, told), *plan, *more, *co_design_checks(goal, solution.summary)]
+    of_file = replace(nlp, phases=solution.phases)
+    errors = {name: interval_errors(of_file, name) for name in solution.phases}
+    found = judge(solution, of_file, goal, constraints, claims, errors, float("inf") if change is None else change)
+    more = [agree, _same_program(solution, nlp), _same_limits(nlp), *_same_error(solution, nlp, found), *co_design]
+    conditions = [replace(agree, name="stored torques and motion")]
+    if solution.multipliers:
+        conditions.append(agreement(found.multipliers, solution.multipliers))
+    return found.with_checks(more, conditions)
 
 
 def co_design_checks(goal: HopObjective, summary: Mapping[str, Any]) -> Iterator[Check]:
@@ -126,11 +99,11 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
 
 
-def _same_error(solution: Solution, nlp: NlpSolution, told: Mapping[str, Any]) -> Iterator[Check]:
+def _same_error(solution: Solution, nlp: NlpSolution, found: Verdict) -> Iterator[Check]:
     """The error of the objective, computed again, is no larger than the one that stands beside the answer."""
-    if "objective_error" in solution.summary:  # results of earlier versions state none
+    if "objective_error" in solution.summary and found.error:  # results of earlier versions state none
         stated = solution.summary["objective_error"]["too_high_by"]
-        more = (told["too_high_by"] - (np.inf if stated is None else stated)) / nlp.magnitude
+        more = (found.error.too_high_by - (np.inf if stated is None else stated)) / nlp.magnitude
         yield Check("error of the objective as stated", max(more, 0.0), SAME, "relative")
 
 

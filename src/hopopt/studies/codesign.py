@@ -21,6 +21,7 @@ from hopopt.ocp.free_parameters import Coupling, Freedom, parse_coupling
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import given
 from hopopt.optimality.parametric_sensitivity import slopes
+from hopopt.planner import summary as summaries
 from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import (
     Progress,
@@ -128,24 +129,16 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
         "couplings": [_coupling(c, hop, best) for c in hop.freedom.couplings],
         "mass_laws": laws(hop.freedom),
     }
-    (check,) = co_design_checks(hop.objective, {**answer.summary, "codesign": found})
-    verified = answer.verified and check.passed
-    summary = {
-        **answer.summary,
-        "verified": verified,
-        "status": "verified" if verified else "solved, not verified",
-        "exit_code": 0 if verified else 3,
-        "verification": [*answer.summary["verification"], check.as_dict()],
-        "failed_checks": [*answer.summary["failed_checks"], *([] if check.passed else [check.name])],
-        "codesign": found,
-    }
+    assert answer.verdict is not None
+    verdict = answer.verdict.with_checks(co_design_checks(hop.objective, {**answer.summary, "codesign": found}))
+    summary = {**answer.summary, **summaries.standing(verdict), **summaries.checked(verdict), "codesign": found}
     notes = beyond(hop.freedom)
     value = answer.summary["objective_value"]
     if hop.objective.sign * (value - best.objective) > CONFIRMED * abs(value):
         notes.append("the fixed design has a better hop than the co-design found: try more starts")
     if notes:
         summary["notes"] = [*summary.get("notes", ()), *notes]
-    return replace(answer, summary=summary)
+    return replace(answer, summary=summary, verdict=verdict)
 
 
 def _parameters(hop: Hop, best: NlpSolution) -> list[dict[str, Any]]:

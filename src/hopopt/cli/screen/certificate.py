@@ -1,11 +1,12 @@
 """What the command line shows of the certificate of first-order optimality and of the switching structure."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from hopopt.cli.screen.console import console, print_residuals
 
 if TYPE_CHECKING:
-    from hopopt.optimality.certificate import Certificate
+    from hopopt.verify.check import Check
 
 THEN = ", then "  # between stretches
 FIRST, FEW = 4, 4  # so many stretches of a long line are told before its last, where more than FEW are left out
@@ -61,13 +62,12 @@ def structure_lines(s: dict[str, Any]) -> list[str]:
     return lines
 
 
-def print_certificate(certificate: "Certificate | None") -> None:
+def print_certificate(conditions: "Sequence[Check]") -> None:
     """Every condition with its residual and tolerance, and whether all hold."""
     out = console()
-    if certificate is None:
+    if not conditions:
         out.print("no certificate: this result was stored without multipliers (solve it again for one)")
         return
-    print_residuals("first-order optimality", "condition", certificate.checks)
-    bad = sum(not c.passed for c in certificate.checks)
-    total = len(certificate.checks)
+    print_residuals("first-order optimality", "condition", conditions)
+    bad, total = sum(not c.passed for c in conditions), len(conditions)
     out.print(f"first-order optimality {'NOT ' if bad else ''}certified: {total - bad} of {total} conditions hold")

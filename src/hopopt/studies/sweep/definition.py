@@ -18,7 +18,7 @@ from hopopt.problem.render import design_hash, rows, shown, shown_path
 MOST = 100_000  # points of a study
 SAMPLINGS = "lhs:40 (Latin hypercube) or sobol:64"
 HOW = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100"
-FORMAT = 2  # of the study's folder
+FORMAT = 3  # of the study's folder
 
 
 @dataclass(frozen=True)

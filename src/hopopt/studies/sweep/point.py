@@ -30,9 +30,9 @@ from hopopt.planner.multistart import (
     not_solved,
     outcome_of,
 )
-from hopopt.planner.refine_and_verify import refine_outcome, with_smaller_tolerances
-from hopopt.planner.refined_answer import Answer, answer
+from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.required_clearance import from_highest
+from hopopt.planner.summary import parts
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import unlike
 from hopopt.studies.sweep.store import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
@@ -106,14 +106,18 @@ def _better(hop: Hop, value: float, than: Point, by: float = BETTER) -> bool:
 def _described(point: Point, found: Answer, source: Source | None) -> Point:
     heights: dict[str, Any] = {"clearance_m": None, "unverified_clearance_m": None, "parts": None}
     if found.verified:
-        heights |= {"clearance_m": found.clearance_m, "parts": found.parts}
+        heights |= {"clearance_m": found.claims["clearance_m"], "parts": parts(found.plan)}
     else:
-        heights["unverified_clearance_m"] = found.clearance_m
+        heights["unverified_clearance_m"] = found.claims["clearance_m"]
     return replace(
         point, outcome=VERIFIED if found.verified else NOT_VERIFIED, objective_value=found.objective_value,
-        sentence="" if found.verified else f"failed: {', '.join(found.failed_checks)}",
-        begun_from=source and source.index, **heights,
+        sentence="" if found.verified else f"failed: {', '.join(found.verdict.failed_checks)}",
+        begun_from=source and source.index, certified=found.verdict.certified, error=_error(found), **heights,
     )  # fmt: skip
+
+
+def _error(found: Answer) -> float | None:
+    return found.verdict.error.too_high_by if found.verdict.error else None
 
 
 def _answers(
@@ -203,13 +207,8 @@ def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:
 
 
 def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
-    """An optimum of the first mesh refined and verified, with smaller tolerances if need be, as a single solve is."""
-    refinement = refine_outcome(hop, outcome, _silent, t)
-    found = answer(hop, refinement)
-    if (closer := with_smaller_tolerances(hop, refinement, found.verified)) is None:
-        return found
-    again = _refined(closer, outcome, t)
-    return again if again.verified else found
+    """An optimum of the first mesh refined and verified, as a single solve is."""
+    return refine_and_verify(hop, outcome, _silent, t)
 
 
 def _begin(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:

@@ -35,8 +35,23 @@ OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE)
 
 @dataclass(frozen=True)
 class Point:
-    """How one point ended. clearance_m and parts [m] only if verified; begun_from: the neighbour whose solution was
-    the guess (None: the problem's starts); tried: the neighbours it was solved from, each with the pass that its solution is of; corrected: that helped; after_pass: how far the study was; solved_in: the pass of its solution."""
+    """How one point ended.
+
+    index: its number in the study
+    values: of the varied entries, by entry [its unit]
+    outcome: one of OUTCOMES; VERIFIED means the checks of a single solve (planner/judge.py)
+    sentence: why it is not verified
+    objective_value: [the objective's unit]
+    clearance_m, parts: height of the lowest point and what it is the sum of [m], only if verified
+    unverified_clearance_m: [m], only if it is solved and not verified
+    error: by how much the objective may be better than the optimum, at most, by estimate [the objective's unit]
+    certified: whether the conditions of first-order optimality hold
+    begun_from: the neighbour whose solution was the guess; None: the problem's starts
+    tried: the neighbours that it was solved from, each with the pass that its solution is of
+    corrected: whether another neighbour helped
+    after_pass: how far the study was; solved_in: the pass of its solution
+    seconds: how long it took [s]
+    """
 
     index: int
     values: Mapping[str, float]
@@ -46,6 +61,8 @@ class Point:
     clearance_m: float | None = None
     unverified_clearance_m: float | None = None
     parts: Mapping[str, float] | None = None
+    error: float | None = None
+    certified: bool = False
     begun_from: int | None = None
     tried: tuple[tuple[int, int], ...] = ()
     corrected: bool = False
