@@ -13,7 +13,7 @@ from hopopt.global_search.dynamics import stance_terms, torque_range
 
 HIP_LEAST, HIP_MOST, KNEE_LEAST, KNEE_MOST, FORCE, SLIP_FORWARD, SLIP_BACKWARD = range(7)
 VERTICES = 12  # room for those of a polygon: four torques, cut by three lines
-SLACK = 1e-2  # share of its range by which a torque or a ground force may leave its limits within a step
+SLACK = 1e-3  # share of its range by which a torque or a ground force may leave its limits within a step
 PARALLEL = 1e-12  # relative determinant below which two limits do not meet
 
 
