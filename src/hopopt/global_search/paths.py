@@ -12,7 +12,7 @@ from hopopt.global_search.compiled import kernel, packed
 from hopopt.global_search.constants import StanceConstants, to_joint_angles
 from hopopt.global_search.dynamics import apex_height
 from hopopt.global_search.grid import joint_heights, interpolate, place
-from hopopt.global_search.motions import between, extreme_motions, last_kept, workspace
+from hopopt.global_search.motions import KEEPS, between, extreme_motions, last_kept, workspace
 from hopopt.global_search.result import Rollout
 from hopopt.global_search.value import ValueFunction
 
@@ -51,19 +51,20 @@ class _Front:
 
 
 @kernel
-def _successors(c, w, dt, states, ends, parents):
+def _successors(c, w, grid, dt, states, ends, parents):
     """Ends of all motions from ``states``; returns how many."""
     total = 0
     for k in range(states.shape[0]):
-        count = extreme_motions(c, w, states[k, 0], states[k, 1], states[k, 2], states[k, 3], dt, 1)
+        phi1, phi2, r1, r2 = states[k]
+        count = extreme_motions(c, w, phi1, phi2, r1, r2, dt, 1)
         for i in range(count):
-            if w.ok[i]:
+            if w.kind[i] == KEEPS:
                 ends[total], parents[total] = w.end[i], k
                 total += 1
             j = i + 1 if i + 1 < count else 0
-            if w.ok[i] != w.ok[j]:
-                first, other = (i, j) if w.ok[i] else (j, i)
-                share = last_kept(c, w, first, other)
+            if (w.kind[i] == KEEPS) != (w.kind[j] == KEEPS):
+                first, other = (i, j) if w.kind[i] == KEEPS else (j, i)
+                share = last_kept(c, w, grid, first, other, phi1, phi2, r1, r2, dt)
                 ends[total, 0], ends[total, 1], ends[total, 2], ends[total, 3] = between(w, first, other, share)
                 parents[total] = k
                 total += share > 0
@@ -87,6 +88,7 @@ class Search:
         self.c, self.value, self.start, self.duration = c, value, start, duration
         self.reach = abs(complex(c.thigh_x, c.thigh_z)) + abs(complex(c.shank_x, c.shank_z))
         self.dt, self.packed, self.workspace = duration[1] / STEPS, packed(c), workspace()
+        self.grid = packed(value.grid)
         knee, hip = joint_heights(c, start[0], start[1])
         self.height, one = float(hip), np.zeros(1)
         first = _Front(start[None], one.astype(int), np.zeros((1, 2)), one, one + hip, one + self._x(start), one + knee)
@@ -101,12 +103,12 @@ class Search:
         """The states kept after step k."""
         ends = np.empty((len(front.states) * SUCCESSORS, 4))
         parent = np.empty(len(ends), dtype=np.int64)
-        count = _successors(self.packed, self.workspace, self.dt, front.states, ends, parent)
+        count = _successors(self.packed, self.workspace, self.grid, self.dt, front.states, ends, parent)
         ends, parent = ends[:count], parent[:count]
         left = round((self.duration[1] - k * self.dt) / self.value.step)
         apex, value, cells = np.empty(count), np.empty(count), np.empty((count, 4))
         none = np.zeros((0, 4), dtype=np.float32)
-        _scores(self.packed, packed(self.value.grid), self.value.layers[left], none, ends, apex, value, cells)
+        _scores(self.packed, self.grid, self.value.layers[left], none, ends, apex, value, cells)
         score = np.maximum(value, apex) if k * self.dt >= self.duration[0] else value
         knee, hip = joint_heights(self.c, ends[:, 0], ends[:, 1])
         lower = hip < front.lowest[parent]
