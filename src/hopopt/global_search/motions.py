@@ -10,11 +10,13 @@ import numpy as np
 
 from hopopt.global_search.accelerations import VERTICES, polygon, possible, with_limits
 from hopopt.global_search.compiled import kernel, packed
-from hopopt.global_search.dynamics import MARGINS, state_margins
+from hopopt.global_search.dynamics import MARGINS, apex_height, state_margins
 from hopopt.global_search.grid import on_grid
 
 HALVINGS = 8  # of an edge, to find where a state limit is just kept
 NONE, PASSES, KEEPS = 0, 1, 2  # what a motion is: the leg cannot go on; it passes a state limit; it keeps them all
+CUTS = 5  # halvings of the time of a motion that ends in lift-off within a step
+LOST = -1e3  # m: apex of a motion that cannot begin
 KEPT = 1e-9  # rad, m, m/s: by which a state limit may be passed
 
 
@@ -24,6 +26,7 @@ class Workspace(NamedTuple):
     x, y, edge, and two more sets: polygons (VERTICES,)
     end: state after each motion (VERTICES, 4)
     kind: of each motion: NONE, PASSES or KEEPS (VERTICES,)
+    count: how many motions there are (1,)
     here, there: state margins (MARGINS,)
     """
 
@@ -38,6 +41,7 @@ class Workspace(NamedTuple):
     spare_edge: np.ndarray
     end: np.ndarray
     kind: np.ndarray
+    count: np.ndarray
     here: np.ndarray
     there: np.ndarray
 
@@ -46,7 +50,7 @@ def workspace() -> Any:
     """Fresh arrays, packed."""
     polygons = [np.zeros(VERTICES, dtype=kind) for _ in range(3) for kind in (float, float, np.int64)]
     end, kind = np.zeros((VERTICES, 4)), np.zeros(VERTICES, dtype=np.int8)
-    return packed(Workspace(*polygons, end, kind, np.zeros(MARGINS), np.zeros(MARGINS)))
+    return packed(Workspace(*polygons, end, kind, np.zeros(1, dtype=np.int64), np.zeros(MARGINS), np.zeros(MARGINS)))
 
 
 @kernel
@@ -101,6 +105,7 @@ def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
     if count == 0:
         return 0
     state_margins(c, phi1, phi2, r1, r2, w.here)
+    w.count[0] = count
     for i in range(count):
         one, two = w.edge[i - 1 if i > 0 else count - 1], w.edge[i]
         w.kind[i] = NONE
@@ -110,6 +115,22 @@ def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
             w.end[i, 0], w.end[i, 1] = phi1 + dt * (r1 + 0.5 * dt * w.x[i]), phi2 + dt * (r2 + 0.5 * dt * w.y[i])
             w.end[i, 2], w.end[i, 3] = r1 + dt * w.x[i], r2 + dt * w.y[i]
     return count
+
+
+@kernel
+def leaving_apex(c, w, i, phi1, phi2, r1, r2, dt):
+    """Greatest apex height [m] of the centre of mass if motion i, which passes a limit within dt [s], ends in lift-off
+    just before; LOST if it cannot even begin."""
+    one, two = w.edge[i - 1 if i > 0 else w.count[0] - 1], w.edge[i]
+    low, high, apex = 0.0, 1.0, LOST
+    for _ in range(CUTS):
+        t = 0.5 * (low + high)
+        kept = _move(c, w, i, one, two, phi1, phi2, r1, r2, t * dt, 1)
+        if kept and keeps_limits(c, w, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]):
+            low, apex = t, max(apex, apex_height(c, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]))
+        else:
+            high = t
+    return apex
 
 
 @kernel

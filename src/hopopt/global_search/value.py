@@ -15,7 +15,7 @@ from hopopt.global_search.compiled import kernel, packed
 from hopopt.global_search.constants import StanceConstants
 from hopopt.global_search.dynamics import apex_height
 from hopopt.global_search.grid import NOWHERE, Grid, interpolate, joint_heights, second_differences
-from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, workspace
+from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, leaving_apex, workspace
 
 CHUNKS = 16  # pieces of the grid for each thread: some hold few states that matter
 Progress = Callable[[str], None]
@@ -42,9 +42,9 @@ class ValueFunction:
 
 
 @kernel
-def best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps):
-    """Greatest value [m] one step ahead: over the extreme motions, and the last ones between a motion that keeps the
-    state limits and its neighbour that does not; NOWHERE if there is none."""
+def best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps, lift_off):
+    """Greatest value [m] one step ahead, NOWHERE if there is none: over the extreme motions, the ones halfway between two
+    neighbours or the last one before a state limit, and lift-off where a motion meets a limit within the step."""
     count = extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps)
     top = NOWHERE
     for i in range(count):
@@ -59,6 +59,13 @@ def best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps):
             share = last_kept(c, w, grid, kept, other, phi1, phi2, r1, r2, dt)
             f1, f2, u1, u2 = between(w, kept, other, share)
             top = max(top, interpolate(grid, values, bends, f1, f2, u1, u2))
+        elif w.kind[i] == KEEPS:  # both: as if one control followed the other within the step
+            f1, f2, u1, u2 = between(w, i, j, 0.5)
+            top = max(top, interpolate(grid, values, bends, f1, f2, u1, u2))
+    if lift_off:
+        for i in range(count):
+            if w.kind[i] != KEEPS and apex_height(c, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]) > top:
+                top = max(top, leaving_apex(c, w, i, phi1, phi2, r1, r2, dt))
     return top
 
 
@@ -74,7 +81,7 @@ def _improve(c, w, grid, axes, values, bends, apex, active, lift_off, dt, subste
         if active[k]:
             i0, i1, i2, i3 = k // s0, (k % s0) // s1, (k % s1) // s2, k % s2
             phi1, phi2, r1, r2 = angles1[i0], angles2[i1], rates1[i2], rates2[i3]
-            value = best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps)
+            value = best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps, lift_off)
             new[k] = max(value, apex[k]) if lift_off else max(value, 0.0)
 
 
