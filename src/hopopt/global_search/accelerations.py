@@ -5,8 +5,6 @@ link accelerations (alpha1, alpha2) [rad/s^2]. A vertex is named by the two limi
 that the same pair can be kept active while the state moves on.
 """
 
-import numpy as np
-
 from hopopt.global_search.compiled import kernel
 from hopopt.global_search.constants import UNLIMITED
 from hopopt.global_search.dynamics import stance_terms, torque_range

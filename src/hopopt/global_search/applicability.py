@@ -1,9 +1,7 @@
 """For which problems the global search is made."""
 
-
 from hopopt.design import Design
 from hopopt.leg.kinematics import planar, two_joints
-
 
 
 def applies(design: Design) -> str | None:

@@ -11,7 +11,7 @@ import numpy as np
 from hopopt.global_search.compiled import kernel, packed
 from hopopt.global_search.constants import StanceConstants, to_joint_angles
 from hopopt.global_search.dynamics import apex_height
-from hopopt.global_search.grid import joint_heights, interpolate, place
+from hopopt.global_search.grid import interpolate, joint_heights, place
 from hopopt.global_search.motions import KEEPS, between, extreme_motions, last_kept, workspace
 from hopopt.global_search.result import Rollout
 from hopopt.global_search.value import ValueFunction

@@ -9,6 +9,7 @@ ALIKE = 0.15  # rad: two stances of about the same duration whose angles never d
 SAME_TIME = 0.15  # relative difference of durations up to which stances may be alike
 INSTANTS = np.linspace(0, 1, 41)  # shares of the durations at which stances are compared
 
+
 @dataclass(frozen=True)
 class Rollout:
     """One stance from the start, a motion of its own: joint accelerations are constant over each step (a[k] from t[k]

@@ -135,7 +135,21 @@ def value_function(
             def improve(
                 piece: tuple[int, int], old: np.ndarray = old, new: np.ndarray = new, lift_off: bool = lift_off
             ) -> None:
-                _improve(packed_c, workspace(), packed_grid, axes, old, bends, apex, active, lift_off, dt, substeps, new, *piece)
+                _improve(
+                    packed_c,
+                    workspace(),
+                    packed_grid,
+                    axes,
+                    old,
+                    bends,
+                    apex,
+                    active,
+                    lift_off,
+                    dt,
+                    substeps,
+                    new,
+                    *piece,
+                )
 
             list(pool.map(differences, pieces))
             list(pool.map(improve, pieces))
