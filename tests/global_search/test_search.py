@@ -53,8 +53,8 @@ def test_rollouts_keep_all_limits(found: dict[str, tuple[Design, GlobalSearch]],
 def _check_motion(r: Rollout) -> None:
     """Speeds and angles follow from the accelerations."""
     dt = np.diff(r.t)[:, None]
-    close = {"atol": 2e-2 * float(np.abs(r.v).max())}  # on a slider the joints' accelerations change within a step
-    np.testing.assert_allclose(np.diff(r.v, axis=0), dt * r.a[:-1], **close)
+    close = 2e-2 * float(np.abs(r.v).max())  # on a slider the joints' accelerations change within a step
+    np.testing.assert_allclose(np.diff(r.v, axis=0), dt * r.a[:-1], atol=close)
     np.testing.assert_allclose(np.diff(r.q, axis=0), dt * (r.v[:-1] + r.v[1:]) / 2, atol=2e-3)
 
 
@@ -139,11 +139,11 @@ def test_slider_agrees_with_the_reduced_hop() -> None:
     ("name", "changes", "reason"),
     [
         ("paper", {}, None),
-        ("paper", {"guides": ["z"]}, None),
+        ("paper", {"guides": ("z",)}, None),
         ("three_joint", {}, "3 joints"),
-        ("paper", {"knee": {"lower": -2, "upper": 0, "axis": [1, 0, 0]}}, "leaves the x-z plane"),
-        ("paper", {"shank": {"length": 0.3, "mass": 1.0, "direction": [0, 1, 0]}}, "points across"),
-        ("paper", {"guides": ["x"]}, "no guide"),
+        ("paper", {"knee": {"lower": -2, "upper": 0, "axis": (1, 0, 0)}}, "leaves the x-z plane"),
+        ("paper", {"shank": {"length": 0.3, "mass": 1.0, "direction": (0, 1, 0)}}, "points across"),
+        ("paper", {"guides": ("x",)}, "no guide"),
     ],
 )
 def test_where_it_applies(name: str, changes: dict[str, Any], reason: str | None) -> None:

@@ -93,7 +93,7 @@ def test_tuck_is_the_best_of_many_poses(rng: np.random.Generator) -> None:
     tuck, window = tuck_height(c, design.hop.foot_window), design.hop.foot_window
     sides = [(design.leg.joint[name].lower, design.leg.joint[name].upper) for name in design.leg.joints]
     least = np.inf
-    for q in rng.uniform(*np.transpose(sides), (400, 2)):
+    for q in np.transpose([rng.uniform(*side, 400) for side in sides]):
         places = joint_positions(design.leg, q)
         if abs(places[-1, 0]) <= window:
             com = machine.points(np.concatenate([[0, 0], q]))["com"][1]

@@ -94,9 +94,9 @@ def possible(c, phi1, phi2, r1, r2, alpha1, alpha2):
 @kernel
 def _line(name, hip, knee, least1, most1, least2, most2, least_force, friction, x1, z1, x2, z2, fx, fz):
     """The line gx alpha1 + gy alpha2 + g0 = 0 on which a limit is active."""
-    if name == HIP_LEAST or name == HIP_MOST:
+    if name in (HIP_LEAST, HIP_MOST):
         return hip[0], hip[1], hip[2] - (least1 if name == HIP_LEAST else most1)
-    if name == KNEE_LEAST or name == KNEE_MOST:
+    if name in (KNEE_LEAST, KNEE_MOST):
         return knee[0], knee[1], knee[2] - (least2 if name == KNEE_LEAST else most2)
     if name == FORCE:
         return x1, x2, fz - least_force

@@ -48,16 +48,20 @@ class Workspace(NamedTuple):
 
 def workspace() -> Any:
     """Fresh arrays, packed."""
-    polygons = [np.zeros(VERTICES, dtype=kind) for _ in range(3) for kind in (float, float, np.int64)]
-    end, kind = np.zeros((VERTICES, 4)), np.zeros(VERTICES, dtype=np.int8)
-    return packed(Workspace(*polygons, end, kind, np.zeros(1, dtype=np.int64), np.zeros(MARGINS), np.zeros(MARGINS)))
+    arrays: dict[str, np.ndarray] = {}
+    for kind in ("", "near_", "spare_"):
+        arrays |= {kind + "x": np.zeros(VERTICES), kind + "y": np.zeros(VERTICES)}
+        arrays[kind + "edge"] = np.zeros(VERTICES, dtype=np.int64)
+    margins = {name: np.zeros(MARGINS) for name in ("here", "there")}
+    integers = {"kind": np.zeros(VERTICES, dtype=np.int8), "count": np.zeros(1, dtype=np.int64)}
+    return packed(Workspace(**arrays, **integers, **margins, end=np.zeros((VERTICES, 4))))
 
 
 @kernel
 def keeps_limits(c, w, phi1, phi2, r1, r2):
     """Whether a state keeps its limits, or comes no further beyond them than the state before it (``w.here``)."""
     state_margins(c, phi1, phi2, r1, r2, w.there)
-    for k in range(MARGINS):
+    for k in range(MARGINS):  # noqa: SIM110  numba compiles no generators
         if w.there[k] < min(0.0, w.here[k]) - KEPT:
             return False
     return True

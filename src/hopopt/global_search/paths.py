@@ -13,7 +13,7 @@ from hopopt.global_search.constants import StanceConstants, to_joint_angles
 from hopopt.global_search.dynamics import apex_height
 from hopopt.global_search.grid import interpolate, joint_heights, place
 from hopopt.global_search.motions import KEEPS, between, extreme_motions, last_kept, workspace
-from hopopt.global_search.result import Rollout
+from hopopt.global_search.result import Rollout, different
 from hopopt.global_search.value import ValueFunction
 
 STEPS = 48  # of the longest stance
@@ -21,8 +21,6 @@ WIDTH = 1500  # states of each kind that are followed
 FINER = 2.0  # cells of the search in one of the grid, along each axis
 SUCCESSORS = 16  # room for those of one state
 GROUNDED, DIPPING, SWAYING = 0.02, 0.03, 0.05  # share of the reach: knee's height, dip, sway that tell stances apart
-ALIKE = 0.15  # rad: two stances of about the same duration whose angles never differ by more are one
-SAME_TIME = 0.15  # relative difference of durations up to which stances may be alike
 THIRDS = 3  # of the longest stance, for each of which every kind has a best
 
 
@@ -142,12 +140,8 @@ class Search:
                 index = int(np.argmax(np.where(kinds == kind, front.apex, -np.inf)))
                 key, found = (int(kind), (k - 1) * THIRDS // STEPS), (float(front.apex[index]), k, index)
                 best[key] = max(best.get(key, found), found)
-        chosen: list[Rollout] = []
-        for apex, k, index in sorted(best.values(), reverse=True):
-            rollout = self._rollout(k, index, apex - tuck)
-            if len(chosen) < count and not any(alike(rollout, other) for other in chosen):
-                chosen.append(rollout)
-        return tuple(chosen)
+        ranked = sorted(best.values(), reverse=True)
+        return tuple(different([self._rollout(k, index, apex - tuck) for apex, k, index in ranked])[:count])
 
     def _rollout(self, k: int, index: int, clearance: float) -> Rollout:
         states, accelerations = [], []
@@ -156,8 +150,8 @@ class Search:
             accelerations.append(front.acceleration[index])
             index = front.parent[index]
         x, a = np.array([*states, self.start])[::-1], np.array([accelerations[0], *accelerations])[::-1]
-        joints = (to_joint_angles(self.c, part) for part in (x[:, :2], x[:, 2:], a))
-        return Rollout(np.arange(k + 1) * self.dt, *joints, clearance)
+        q, v, joint_a = (to_joint_angles(self.c, part) for part in (x[:, :2], x[:, 2:], a))
+        return Rollout(np.arange(k + 1) * self.dt, q, v, joint_a, clearance)
 
 
 def _best_of_each(score: np.ndarray, kinds: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -171,12 +165,3 @@ def _best_of_each(score: np.ndarray, kinds: np.ndarray, cells: np.ndarray) -> np
     order = order[np.sort(first)]
     begins = np.searchsorted(kinds[order], kinds[order])
     return order[np.arange(len(order)) - begins < WIDTH]
-
-
-def alike(one: Rollout, other: Rollout) -> bool:
-    """Whether two stances are nearly the same motion, each in its own time."""
-    if abs(one.t[-1] - other.t[-1]) > SAME_TIME * max(one.t[-1], other.t[-1]):
-        return False
-    share = np.linspace(0, 1, 41)
-    paths = [np.stack([np.interp(share * r.t[-1], r.t, column) for column in r.q.T]) for r in (one, other)]
-    return bool(np.abs(paths[0] - paths[1]).max() < ALIKE)

@@ -8,6 +8,7 @@ Interpolation smears the value in every step, so few long steps with motions of 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -123,7 +124,7 @@ def value_function(
     _apexes(packed_c, packed_grid, axes, active, apex)
     bends, layers = np.zeros((grid.size, 4), dtype=np.float32), [apex]
     bounds = np.linspace(0, grid.size, CHUNKS * threads + 1).astype(int)
-    pieces = list(zip(bounds[:-1], bounds[1:], strict=True))
+    pieces = list(pairwise(bounds))
     with ThreadPoolExecutor(threads) as pool:
         for k in range(1, steps + 1):
             old, new = layers[-1], apex.copy()
