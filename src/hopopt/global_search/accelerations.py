@@ -11,7 +11,7 @@ from hopopt.global_search.dynamics import stance_terms, torque_range
 
 HIP_LEAST, HIP_MOST, KNEE_LEAST, KNEE_MOST, FORCE, SLIP_FORWARD, SLIP_BACKWARD = range(7)
 VERTICES = 12  # room for those of a polygon: four torques, cut by three lines
-SLACK = 1e-2  # share of its range by which a torque or a ground force may leave its limits within a step
+SLACK = 1e-3  # share of its range by which a torque or a ground force may leave its limits within a step
 PARALLEL = 1e-12  # relative determinant below which two limits do not meet
 
 
@@ -71,22 +71,32 @@ def with_limits(c, phi1, phi2, r1, r2, one, two):
     if abs(det) < PARALLEL * (abs(ax) + abs(ay)) * (abs(bx) + abs(by)):
         return 0.0, 0.0, False
     x, y = (ay * b0 - a0 * by) / det, (bx * a0 - ax * b0) / det
-    tau1, tau2 = hip[0] * x + hip[1] * y + hip[2], knee[0] * x + knee[1] * y + knee[2]
+    return x, y, possible(c, phi1, phi2, r1, r2, x, y)
+
+
+@kernel
+def possible(c, phi1, phi2, r1, r2, alpha1, alpha2):
+    """Whether drives and ground allow accelerations [rad/s^2] at a state, with SLACK."""
+    m12, h1, h2, x1, z1, x2, z2, fx, fz = stance_terms(c, phi1, phi2, r1, r2)
+    least1, most1 = torque_range(c.most1, c.least1, c.fastest1, c.turn1 * r1)
+    least2, most2 = torque_range(c.most2, c.least2, c.fastest2, c.turn2 * (r2 - r1))
+    tau2 = c.turn2 * (m12 * alpha1 + c.m22 * alpha2 + h2)
+    tau1 = c.turn1 * (c.m11 * alpha1 + m12 * alpha2 + h1 + c.turn2 * tau2)
     slack1, slack2 = SLACK * (most1 - least1) + 1e-6, SLACK * (most2 - least2) + 1e-6
     if tau1 < least1 - slack1 or tau1 > most1 + slack1 or tau2 < least2 - slack2 or tau2 > most2 + slack2:
-        return x, y, False
-    slack, up = SLACK * c.mass * c.gravity, fz + x1 * x + x2 * y
+        return False
+    slack, up = SLACK * c.mass * c.gravity, fz + x1 * alpha1 + x2 * alpha2
     if up < c.least_force - slack:
-        return x, y, False
-    return x, y, c.friction >= UNLIMITED or abs(fx - z1 * x - z2 * y) <= c.friction * up + slack
+        return False
+    return c.friction >= UNLIMITED or abs(fx - z1 * alpha1 - z2 * alpha2) <= c.friction * up + slack
 
 
 @kernel
 def _line(name, hip, knee, least1, most1, least2, most2, least_force, friction, x1, z1, x2, z2, fx, fz):
     """The line gx alpha1 + gy alpha2 + g0 = 0 on which a limit is active."""
-    if name == HIP_LEAST or name == HIP_MOST:
+    if name in (HIP_LEAST, HIP_MOST):
         return hip[0], hip[1], hip[2] - (least1 if name == HIP_LEAST else most1)
-    if name == KNEE_LEAST or name == KNEE_MOST:
+    if name in (KNEE_LEAST, KNEE_MOST):
         return knee[0], knee[1], knee[2] - (least2 if name == KNEE_LEAST else most2)
     if name == FORCE:
         return x1, x2, fz - least_force

@@ -8,11 +8,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hopopt.global_search.accelerations import VERTICES, polygon, with_limits
+from hopopt.global_search.accelerations import VERTICES, polygon, possible, with_limits
 from hopopt.global_search.compiled import kernel, packed
-from hopopt.global_search.dynamics import MARGINS, state_margins
+from hopopt.global_search.dynamics import MARGINS, apex_height, state_margins
+from hopopt.global_search.grid import on_grid
 
 HALVINGS = 8  # of an edge, to find where a state limit is just kept
+NONE, PASSES, KEEPS = 0, 1, 2  # what a motion is: the leg cannot go on; it passes a state limit; it keeps them all
+CUTS = 5  # halvings of the time of a motion that ends in lift-off within a step
+LOST = -1e3  # m: apex of a motion that cannot begin
 KEPT = 1e-9  # rad, m, m/s: by which a state limit may be passed
 
 
@@ -21,7 +25,8 @@ class Workspace(NamedTuple):
 
     x, y, edge, and two more sets: polygons (VERTICES,)
     end: state after each motion (VERTICES, 4)
-    ok: 1 if it keeps the state limits, else 0 (VERTICES,)
+    kind: of each motion: NONE, PASSES or KEEPS (VERTICES,)
+    count: how many motions there are (1,)
     here, there: state margins (MARGINS,)
     """
 
@@ -35,23 +40,28 @@ class Workspace(NamedTuple):
     spare_y: np.ndarray
     spare_edge: np.ndarray
     end: np.ndarray
-    ok: np.ndarray
+    kind: np.ndarray
+    count: np.ndarray
     here: np.ndarray
     there: np.ndarray
 
 
 def workspace() -> Any:
     """Fresh arrays, packed."""
-    polygons = [np.zeros(VERTICES, dtype=kind) for _ in range(3) for kind in (float, float, np.int64)]
-    end, ok = np.zeros((VERTICES, 4)), np.zeros(VERTICES, dtype=np.int8)
-    return packed(Workspace(*polygons, end, ok, np.zeros(MARGINS), np.zeros(MARGINS)))
+    arrays: dict[str, np.ndarray] = {}
+    for kind in ("", "near_", "spare_"):
+        arrays |= {kind + "x": np.zeros(VERTICES), kind + "y": np.zeros(VERTICES)}
+        arrays[kind + "edge"] = np.zeros(VERTICES, dtype=np.int64)
+    margins = {name: np.zeros(MARGINS) for name in ("here", "there")}
+    integers = {"kind": np.zeros(VERTICES, dtype=np.int8), "count": np.zeros(1, dtype=np.int64)}
+    return packed(Workspace(**arrays, **integers, **margins, end=np.zeros((VERTICES, 4))))
 
 
 @kernel
 def keeps_limits(c, w, phi1, phi2, r1, r2):
     """Whether a state keeps its limits, or comes no further beyond them than the state before it (``w.here``)."""
     state_margins(c, phi1, phi2, r1, r2, w.there)
-    for k in range(MARGINS):
+    for k in range(MARGINS):  # noqa: SIM110  numba compiles no generators
         if w.there[k] < min(0.0, w.here[k]) - KEPT:
             return False
     return True
@@ -94,20 +104,37 @@ def _move(c, w, i, one, two, phi1, phi2, r1, r2, dt, substeps):
 
 @kernel
 def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
-    """Fills w.end and w.ok with the motions over dt [s]; returns how many there are."""
+    """Fills w.end and w.kind with the motions over dt [s]; returns how many there are."""
     count = polygon(c, phi1, phi2, r1, r2, w.x, w.y, w.edge, w.spare_x, w.spare_y, w.spare_edge)
     if count == 0:
         return 0
     state_margins(c, phi1, phi2, r1, r2, w.here)
+    w.count[0] = count
     for i in range(count):
         one, two = w.edge[i - 1 if i > 0 else count - 1], w.edge[i]
-        w.ok[i] = _move(c, w, i, one, two, phi1, phi2, r1, r2, dt, substeps)
-        if w.ok[i]:
-            w.ok[i] = keeps_limits(c, w, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3])
-        else:  # for the motions between this vertex and its neighbours: the acceleration stays
+        w.kind[i] = NONE
+        if _move(c, w, i, one, two, phi1, phi2, r1, r2, dt, substeps):
+            w.kind[i] = KEEPS if keeps_limits(c, w, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]) else PASSES
+        else:  # where it would end if its first acceleration stayed: only motions on the way there may be possible
             w.end[i, 0], w.end[i, 1] = phi1 + dt * (r1 + 0.5 * dt * w.x[i]), phi2 + dt * (r2 + 0.5 * dt * w.y[i])
             w.end[i, 2], w.end[i, 3] = r1 + dt * w.x[i], r2 + dt * w.y[i]
     return count
+
+
+@kernel
+def leaving_apex(c, w, i, phi1, phi2, r1, r2, dt):
+    """Greatest apex height [m] of the centre of mass if motion i, which passes a limit within dt [s], ends in lift-off
+    just before; LOST if it cannot even begin."""
+    one, two = w.edge[i - 1 if i > 0 else w.count[0] - 1], w.edge[i]
+    low, high, apex = 0.0, 1.0, LOST
+    for _ in range(CUTS):
+        t = 0.5 * (low + high)
+        kept = _move(c, w, i, one, two, phi1, phi2, r1, r2, t * dt, 1)
+        if kept and keeps_limits(c, w, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]):
+            low, apex = t, max(apex, apex_height(c, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]))
+        else:
+            high = t
+    return apex
 
 
 @kernel
@@ -120,13 +147,19 @@ def between(w, i, j, t):
 
 
 @kernel
-def last_kept(c, w, i, j):
-    """The largest share of the way from motion i, which keeps the state limits, to j, which does not, that keeps them."""
+def last_kept(c, w, grid, i, j, phi1, phi2, r1, r2, dt):
+    """The largest share of the way from motion i, which keeps the state limits, to j, which does not, that keeps them,
+    stays on the grid and has accelerations that are possible halfway."""
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         t = 0.5 * (low + high)
-        phi1, phi2, r1, r2 = between(w, i, j, t)
-        if keeps_limits(c, w, phi1, phi2, r1, r2):
+        f1, f2, u1, u2 = between(w, i, j, t)
+        kept = on_grid(grid, f1, f2, u1, u2) and keeps_limits(c, w, f1, f2, u1, u2)
+        if kept and w.kind[j] == NONE:
+            a1, a2 = (u1 - r1) / dt, (u2 - r2) / dt
+            m1, m2 = phi1 + 0.5 * dt * (r1 + 0.25 * dt * a1), phi2 + 0.5 * dt * (r2 + 0.25 * dt * a2)
+            kept = possible(c, m1, m2, 0.5 * (r1 + u1), 0.5 * (r2 + u2), a1, a2)
+        if kept:
             low = t
         else:
             high = t

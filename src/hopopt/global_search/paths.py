@@ -12,8 +12,8 @@ from hopopt.global_search.compiled import kernel, packed
 from hopopt.global_search.constants import StanceConstants, to_joint_angles
 from hopopt.global_search.dynamics import apex_height
 from hopopt.global_search.grid import interpolate, joint_heights, place
-from hopopt.global_search.motions import between, extreme_motions, last_kept, workspace
-from hopopt.global_search.result import Rollout
+from hopopt.global_search.motions import KEEPS, between, extreme_motions, last_kept, workspace
+from hopopt.global_search.result import Rollout, different
 from hopopt.global_search.value import ValueFunction
 
 STEPS = 48  # of the longest stance
@@ -21,8 +21,6 @@ WIDTH = 1500  # states of each kind that are followed
 FINER = 2.0  # cells of the search in one of the grid, along each axis
 SUCCESSORS = 16  # room for those of one state
 GROUNDED, DIPPING, SWAYING = 0.02, 0.03, 0.05  # share of the reach: knee's height, dip, sway that tell stances apart
-ALIKE = 0.15  # rad: two stances of about the same duration whose angles never differ by more are one
-SAME_TIME = 0.15  # relative difference of durations up to which stances may be alike
 THIRDS = 3  # of the longest stance, for each of which every kind has a best
 
 
@@ -51,19 +49,20 @@ class _Front:
 
 
 @kernel
-def _successors(c, w, dt, states, ends, parents):
+def _successors(c, w, grid, dt, states, ends, parents):
     """Ends of all motions from ``states``; returns how many."""
     total = 0
     for k in range(states.shape[0]):
-        count = extreme_motions(c, w, states[k, 0], states[k, 1], states[k, 2], states[k, 3], dt, 1)
+        phi1, phi2, r1, r2 = states[k]
+        count = extreme_motions(c, w, phi1, phi2, r1, r2, dt, 1)
         for i in range(count):
-            if w.ok[i]:
+            if w.kind[i] == KEEPS:
                 ends[total], parents[total] = w.end[i], k
                 total += 1
             j = i + 1 if i + 1 < count else 0
-            if w.ok[i] != w.ok[j]:
-                first, other = (i, j) if w.ok[i] else (j, i)
-                share = last_kept(c, w, first, other)
+            if (w.kind[i] == KEEPS) != (w.kind[j] == KEEPS):
+                first, other = (i, j) if w.kind[i] == KEEPS else (j, i)
+                share = last_kept(c, w, grid, first, other, phi1, phi2, r1, r2, dt)
                 ends[total, 0], ends[total, 1], ends[total, 2], ends[total, 3] = between(w, first, other, share)
                 parents[total] = k
                 total += share > 0
@@ -87,6 +86,7 @@ class Search:
         self.c, self.value, self.start, self.duration = c, value, start, duration
         self.reach = abs(complex(c.thigh_x, c.thigh_z)) + abs(complex(c.shank_x, c.shank_z))
         self.dt, self.packed, self.workspace = duration[1] / STEPS, packed(c), workspace()
+        self.grid = packed(value.grid)
         knee, hip = joint_heights(c, start[0], start[1])
         self.height, one = float(hip), np.zeros(1)
         first = _Front(start[None], one.astype(int), np.zeros((1, 2)), one, one + hip, one + self._x(start), one + knee)
@@ -101,12 +101,12 @@ class Search:
         """The states kept after step k."""
         ends = np.empty((len(front.states) * SUCCESSORS, 4))
         parent = np.empty(len(ends), dtype=np.int64)
-        count = _successors(self.packed, self.workspace, self.dt, front.states, ends, parent)
+        count = _successors(self.packed, self.workspace, self.grid, self.dt, front.states, ends, parent)
         ends, parent = ends[:count], parent[:count]
         left = round((self.duration[1] - k * self.dt) / self.value.step)
         apex, value, cells = np.empty(count), np.empty(count), np.empty((count, 4))
         none = np.zeros((0, 4), dtype=np.float32)
-        _scores(self.packed, packed(self.value.grid), self.value.layers[left], none, ends, apex, value, cells)
+        _scores(self.packed, self.grid, self.value.layers[left], none, ends, apex, value, cells)
         score = np.maximum(value, apex) if k * self.dt >= self.duration[0] else value
         knee, hip = joint_heights(self.c, ends[:, 0], ends[:, 1])
         lower = hip < front.lowest[parent]
@@ -140,12 +140,8 @@ class Search:
                 index = int(np.argmax(np.where(kinds == kind, front.apex, -np.inf)))
                 key, found = (int(kind), (k - 1) * THIRDS // STEPS), (float(front.apex[index]), k, index)
                 best[key] = max(best.get(key, found), found)
-        chosen: list[Rollout] = []
-        for apex, k, index in sorted(best.values(), reverse=True):
-            rollout = self._rollout(k, index, apex - tuck)
-            if len(chosen) < count and not any(alike(rollout, other) for other in chosen):
-                chosen.append(rollout)
-        return tuple(chosen)
+        ranked = sorted(best.values(), reverse=True)
+        return tuple(different([self._rollout(k, index, apex - tuck) for apex, k, index in ranked])[:count])
 
     def _rollout(self, k: int, index: int, clearance: float) -> Rollout:
         states, accelerations = [], []
@@ -154,8 +150,8 @@ class Search:
             accelerations.append(front.acceleration[index])
             index = front.parent[index]
         x, a = np.array([*states, self.start])[::-1], np.array([accelerations[0], *accelerations])[::-1]
-        joints = (to_joint_angles(self.c, part) for part in (x[:, :2], x[:, 2:], a))
-        return Rollout(np.arange(k + 1) * self.dt, *joints, clearance)
+        q, v, joint_a = (to_joint_angles(self.c, part) for part in (x[:, :2], x[:, 2:], a))
+        return Rollout(np.arange(k + 1) * self.dt, q, v, joint_a, clearance)
 
 
 def _best_of_each(score: np.ndarray, kinds: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -169,12 +165,3 @@ def _best_of_each(score: np.ndarray, kinds: np.ndarray, cells: np.ndarray) -> np
     order = order[np.sort(first)]
     begins = np.searchsorted(kinds[order], kinds[order])
     return order[np.arange(len(order)) - begins < WIDTH]
-
-
-def alike(one: Rollout, other: Rollout) -> bool:
-    """Whether two stances are nearly the same motion, each in its own time."""
-    if abs(one.t[-1] - other.t[-1]) > SAME_TIME * max(one.t[-1], other.t[-1]):
-        return False
-    share = np.linspace(0, 1, 41)
-    paths = [np.stack([np.interp(share * r.t[-1], r.t, column) for column in r.q.T]) for r in (one, other)]
-    return bool(np.abs(paths[0] - paths[1]).max() < ALIKE)

@@ -1,8 +1,13 @@
 """What a global search finds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+ALIKE = 0.15  # rad: two stances of about the same duration whose angles never differ by more are one
+SAME_TIME = 0.15  # relative difference of durations up to which stances may be alike
+INSTANTS = np.linspace(0, 1, 41)  # shares of the durations at which stances are compared
 
 
 @dataclass(frozen=True)
@@ -42,3 +47,20 @@ class GlobalSearch:
     value: float
     rollouts: tuple[Rollout, ...]
     seconds: float
+
+
+def different(ranked: Sequence[Rollout]) -> list[Rollout]:
+    """Of stances that are nearly the same the first, in order."""
+    chosen: list[Rollout] = []
+    for rollout in ranked:
+        if not any(alike(rollout, other) for other in chosen):
+            chosen.append(rollout)
+    return chosen
+
+
+def alike(one: Rollout, other: Rollout) -> bool:
+    """Whether two stances are nearly the same motion, each in its own time."""
+    if abs(one.t[-1] - other.t[-1]) > SAME_TIME * max(one.t[-1], other.t[-1]):
+        return False
+    paths = [np.stack([np.interp(INSTANTS * r.t[-1], r.t, column) for column in r.q.T]) for r in (one, other)]
+    return bool(np.abs(paths[0] - paths[1]).max() < ALIKE)

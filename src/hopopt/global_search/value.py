@@ -8,14 +8,15 @@ Interpolation smears the value in every step, so few long steps with motions of 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from hopopt.global_search.compiled import kernel, packed
 from hopopt.global_search.constants import StanceConstants
 from hopopt.global_search.dynamics import apex_height
-from hopopt.global_search.grid import NOWHERE, Grid, interpolate, joint_heights, on_grid, second_differences
-from hopopt.global_search.motions import HALVINGS, between, extreme_motions, keeps_limits, workspace
+from hopopt.global_search.grid import NOWHERE, Grid, interpolate, joint_heights, second_differences
+from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, leaving_apex, workspace
 
 CHUNKS = 16  # pieces of the grid for each thread: some hold few states that matter
 Progress = Callable[[str], None]
@@ -42,30 +43,30 @@ class ValueFunction:
 
 
 @kernel
-def best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps):
-    """Greatest value [m] one step ahead: over the extreme motions, and the last ones between a motion that keeps the
-    state limits and its neighbour that does not; NOWHERE if there is none."""
+def best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps, lift_off):
+    """Greatest value [m] one step ahead, NOWHERE if there is none: over the extreme motions, the ones halfway between two
+    neighbours or the last one before a state limit, and lift-off where a motion meets a limit within the step."""
     count = extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps)
     top = NOWHERE
     for i in range(count):
-        if w.ok[i]:
+        if w.kind[i] == KEEPS:
             value = interpolate(grid, values, bends, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3])
-            w.ok[i] = value > NOWHERE
+            w.kind[i] = KEEPS if value > NOWHERE else PASSES
             top = max(top, value)
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
-        if w.ok[i] != w.ok[j]:
-            kept, other = (i, j) if w.ok[i] else (j, i)
-            low, high = 0.0, 1.0
-            for _ in range(HALVINGS):
-                t = 0.5 * (low + high)
-                f1, f2, u1, u2 = between(w, kept, other, t)
-                if on_grid(grid, f1, f2, u1, u2) and keeps_limits(c, w, f1, f2, u1, u2):
-                    low = t
-                else:
-                    high = t
-            f1, f2, u1, u2 = between(w, kept, other, low)
+        if (w.kind[i] == KEEPS) != (w.kind[j] == KEEPS):
+            kept, other = (i, j) if w.kind[i] == KEEPS else (j, i)
+            share = last_kept(c, w, grid, kept, other, phi1, phi2, r1, r2, dt)
+            f1, f2, u1, u2 = between(w, kept, other, share)
             top = max(top, interpolate(grid, values, bends, f1, f2, u1, u2))
+        elif w.kind[i] == KEEPS:  # both: as if one control followed the other within the step
+            f1, f2, u1, u2 = between(w, i, j, 0.5)
+            top = max(top, interpolate(grid, values, bends, f1, f2, u1, u2))
+    if lift_off:
+        for i in range(count):
+            if w.kind[i] != KEEPS and apex_height(c, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]) > top:
+                top = max(top, leaving_apex(c, w, i, phi1, phi2, r1, r2, dt))
     return top
 
 
@@ -81,7 +82,7 @@ def _improve(c, w, grid, axes, values, bends, apex, active, lift_off, dt, subste
         if active[k]:
             i0, i1, i2, i3 = k // s0, (k % s0) // s1, (k % s1) // s2, k % s2
             phi1, phi2, r1, r2 = angles1[i0], angles2[i1], rates1[i2], rates2[i3]
-            value = best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps)
+            value = best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps, lift_off)
             new[k] = max(value, apex[k]) if lift_off else max(value, 0.0)
 
 
@@ -98,7 +99,7 @@ def _apexes(c, grid, axes, active, out):
                     k += 1
 
 
-def possible(c: StanceConstants, grid: Grid) -> np.ndarray:
+def states_within_limits(c: StanceConstants, grid: Grid) -> np.ndarray:
     """Nodes within the joint limits and above the ground, and those next to them, (size,)."""
     axes = grid.axes()
     phi1, phi2 = np.meshgrid(axes[0], axes[1], indexing="ij")
@@ -116,14 +117,14 @@ def value_function(
     progress: Progress | None = None, active: np.ndarray | None = None,
 ) -> ValueFunction:  # fmt: skip
     """The value for a stance of at least and at most ``duration`` [s]; ``active``: the nodes that matter, (size,)."""
-    active = possible(c, grid) if active is None else active
+    active = states_within_limits(c, grid) if active is None else active
     axes, dt = tuple(grid.axes()), duration[1] / steps
     apex = np.zeros(grid.size, dtype=np.float32)
     packed_c, packed_grid = packed(c), packed(grid)
     _apexes(packed_c, packed_grid, axes, active, apex)
     bends, layers = np.zeros((grid.size, 4), dtype=np.float32), [apex]
     bounds = np.linspace(0, grid.size, CHUNKS * threads + 1).astype(int)
-    pieces = list(zip(bounds[:-1], bounds[1:], strict=True))
+    pieces = list(pairwise(bounds))
     with ThreadPoolExecutor(threads) as pool:
         for k in range(1, steps + 1):
             old, new = layers[-1], apex.copy()
