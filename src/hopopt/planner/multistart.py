@@ -16,9 +16,10 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.feasibility import too_weak
 from hopopt.ocp.free_parameters import Freedom
-from hopopt.ocp.hop import STANCE, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import Start, make_guess, starts
 from hopopt.ocp.objective import HopObjective
+from hopopt.ocp.phases import STANCE
 from hopopt.optimality.infeasibility import conflict
 from hopopt.optimality.violations import violations
 from hopopt.planner.limit_names import conflict_words

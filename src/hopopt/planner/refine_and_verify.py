@@ -14,8 +14,9 @@ from hopopt.nlp.mesh_refinement import MET, Aims, MeshStep, Refinement
 from hopopt.nlp.tightened_refinement import refinement_of
 from hopopt.nlp.tightening_cost import price
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.hop import EFFORT, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HEIGHTS
+from hopopt.ocp.tie_break import EFFORT
 from hopopt.optimality.error_estimate import ObjectiveError, objective_error
 from hopopt.optimality.free_switches import Resolved
 from hopopt.planner.certify import attached
