@@ -89,12 +89,13 @@ def evidence(
 
 def _gathered(design: Any, objective: str, ended: Any, grids: tuple[int, ...], say: Any) -> dict[str, Any]:
     """Everything that is said, as one object."""
+    from hopopt.ocp.objectives import find
     from hopopt.planner.solve import solve_from
     from hopopt.studies import local_optima as study
     from hopopt.studies.dynamic_programming import CONTRADICTED, TELLING
     from hopopt.verify.upper_bound import upper_bound
 
-    found = study.families(ended)
+    found = study.families(ended, find(objective))
     if not found:
         statuses = "; ".join(sorted({e.status for e in ended}))
         raise NotSolvedError(f"{design.name}: none of {len(ended)} starts led to a hop.", [statuses])

@@ -10,7 +10,7 @@ from hopopt.design import Design
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.phases import points_at_apex
-from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint
+from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Directed, Ends, Instant, Parameter, PathConstraint
 from hopopt.ocp.sequence import Sequence, from_rest
 
 HEIGHTS = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
@@ -18,7 +18,7 @@ DEMAND = "hop.clearance"  # the parameter (and the problem's entry) that an econ
 
 
 @dataclass(frozen=True)
-class HopObjective:
+class HopObjective(Directed):
     """What a hop is asked for; functions of ``hop`` get the leg at an instant (ocp/motion.py).
 
     value(hop, ends): made as large as possible, or as small without ``maximize`` [unit].
@@ -49,15 +49,6 @@ class HopObjective:
     fault: Callable[[Design], str | None] = lambda design: None
     custom: Any = None
     tie_break: float = 1.0
-
-    @property
-    def sign(self) -> float:
-        """What turns the value into a merit: more is better."""
-        return 1.0 if self.maximize else -1.0
-
-    def merit(self, value: float) -> float:
-        """More is better."""
-        return self.sign * value
 
 
 def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:

@@ -139,7 +139,7 @@ def _run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartO
 def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
     """How a solve on the first mesh ended; ``name`` says from where it began."""
     vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
-    sign = 1.0 if s.transcription.problem.objective.maximize else -1.0
+    sign = s.transcription.problem.objective.sign
     return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign)
 
 

@@ -25,7 +25,7 @@ def simulated(plan: Solution, goal: HopObjective, error: ObjectiveError) -> tupl
     told = {"too_high_by": error.too_high_by, "relative": error.relative, "estimate": error.as_dict()}
     if note := not_simulated(plan.design):
         return left_out(note), {**told, "simulated": {"note": note}}
-    claim = (goal.figure, {**plan.claims(), **plan.summary}[goal.figure], goal.maximize)
+    claim = (goal.figure, {**plan.claims(), **plan.summary}[goal.figure], goal.sign)
     found = worth(plan.design, plan.tables, goal.figure, goal.ends)
     largest = max(error.too_high_by, found.short(*claim)) if found.followed else error.too_high_by
     told |= {"too_high_by": largest, "relative": largest / error.size}

@@ -24,6 +24,7 @@ from hopopt.leg.kinematics import reach
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
+from hopopt.ocp.problem import Directed
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash, load, resolved_toml
@@ -155,9 +156,9 @@ def _motion(hop: Hop, plan: Solution) -> dict[str, float]:
     }  # fmt: skip
 
 
-def families(ended: Sequence[Ended], *, maximize: bool = True) -> list[Family]:
+def families(ended: Sequence[Ended], goal: Directed) -> list[Family]:
     """The local optima that were found, best first."""
-    ranked = sorted(ended, key=lambda e: e.objective, reverse=maximize)
+    ranked = sorted(ended, key=lambda e: goal.merit(e.objective), reverse=True)
     return [Family(group[0], len(group), words(group[0])) for group in grouped(ranked)]
 
 
