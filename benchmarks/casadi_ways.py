@@ -27,8 +27,9 @@ from hopopt.nlp.mesh import uniform
 from hopopt.nlp.program import Program
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import NAMED, make_guess
+from hopopt.ocp.phases import FLIGHT, STANCE
 
 LIMIT = 60.0  # [s] for all repeats of a way with hopopt's own beside it
 REASON = re.compile(r"(?:Exception message: |Fatrop: |HPIPM: |WARNING\(|Setting: )(.{1,110})")

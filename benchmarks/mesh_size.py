@@ -15,8 +15,9 @@ from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import NAMED, make_guess
+from hopopt.ocp.phases import FLIGHT, STANCE
 
 SIZES = (10, 20, 40, 80, 160, 320, 640)
 

@@ -16,7 +16,8 @@ from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.transcription import Guess, Transcription
-from hopopt.ocp.hop import FLIGHT, Hop
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.phases import FLIGHT
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State, linkage
 from hopopt.planner.solution import PlanEvaluator
 from hopopt.problem.load import load
@@ -207,7 +208,7 @@ def test_flight_of_the_leg_is_ballistic(speed: tuple[float, float]) -> None:
     The body's height, the joints' speeds and the torques in between obey work and energy.
     """
     hop = Hop(load("paper"))
-    phase, com = hop.flight(), np.array([0.1, 0.9])
+    phase, com = hop.problem.phase(FLIGHT), np.array([0.1, 0.9])
     q, v = np.array([0.6, -0.9]), np.array([2.0, -4.0])
     given = {"com": com, "com_v": np.array(speed), "q": q, "v": v}
     phase = replace(phase, states=tuple(replace(s, initial=given[s.name]) for s in phase.states))

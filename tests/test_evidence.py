@@ -9,6 +9,7 @@ import pytest
 
 from hopopt.cli import main as cli
 from hopopt.errors import ResultError
+from hopopt.ocp.objectives import OBJECTIVES
 from hopopt.studies import dynamic_programming as upright
 from hopopt.studies.local_optima import Ended, families, finished, words
 
@@ -21,9 +22,10 @@ def ended(index: int, objective: float, success: bool = True, **motion: Any) -> 
 
 
 def test_families_gather_what_ends_alike_best_first() -> None:
-    found = families([ended(0, 0.7), ended(1, 0.8), ended(2, 0.7001), ended(3, 0.9, success=False), ended(4, 0.8002)])
+    starts = [ended(0, 0.7), ended(1, 0.8), ended(2, 0.7001), ended(3, 0.9, success=False), ended(4, 0.8002)]
+    found = families(starts, OBJECTIVES["clearance"])
     assert [(f.best.index, f.count) for f in found] == [(4, 2), (2, 2)]
-    least = families([ended(0, 7.0), ended(1, 5.0)], maximize=False)
+    least = families([ended(0, 7.0), ended(1, 5.0)], OBJECTIVES["time"])
     assert [f.best.index for f in least] == [1, 0]
 
 

@@ -12,7 +12,7 @@ from hopopt.design import Leg
 from hopopt.errors import UsageError
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE, Robot, build_robot
-from hopopt.ocp.landing import energy_lost
+from hopopt.ocp.transitions import impact as plastic
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.plots.hop import FIGURES
@@ -58,8 +58,19 @@ def quickest() -> Solution:
 def lost(robot: Robot, q: np.ndarray, v: np.ndarray) -> float:
     """The planner's expression [J]."""
     symbols = [ca.SX.sym(name, len(q)) for name in "qv"]
-    value = energy_lost(LegDynamics(robot, robot.parameters), *symbols)
+    value = plastic(LegDynamics(robot, robot.parameters), *symbols)[2]
     return float(ca.Function("lost", symbols, [value])(q, v))
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_speeds_after_an_impact_are_pinocchios(name: str) -> None:
+    robot, rng = build_robot(LEGS[name]()), np.random.default_rng(3)
+    q, v = rng.uniform(-1, 1, (2, BASE + len(robot.joints)))
+    machine = Machine(robot)
+    v[machine.held] = 0.0
+    symbols = [ca.SX.sym(s, len(q)) for s in "qv"]
+    after = ca.Function("after", symbols, [plastic(LegDynamics(robot, robot.parameters), *symbols)[0]])(q, v)
+    np.testing.assert_allclose(np.array(after).ravel(), machine.touch_down(q, v), rtol=1e-9, atol=1e-11)
 
 
 def kinetic_difference(robot: Robot, q: np.ndarray, v: np.ndarray) -> float:

@@ -256,10 +256,10 @@ def test_momentum_that_no_force_made(hop: Solution) -> None:
     assert found.strayed == pytest.approx(faster, rel=0.01) or found.strayed > faster
     claimed = hop.clearance + faster * t[-1, -1]
     assert not found.followed
-    checks = found.checks("clearance_m", claimed, True, claimed)
+    checks = found.checks("clearance_m", claimed, 1.0, claimed)
     assert [c.name for c in checks] == ["simulated in one piece", "limits when simulated in one piece"]
     assert all("left the plan" in c.left_out and c.passed for c in checks)  # it says nothing, for or against
-    assert found.short("clearance_m", claimed, True) == pytest.approx(faster * speed / G, rel=0.05)
+    assert found.short("clearance_m", claimed, 1.0) == pytest.approx(faster * speed / G, rel=0.05)
 
 
 def test_torques_beyond_the_drives_are_not_given(hop: Solution) -> None:

@@ -14,7 +14,7 @@ from matplotlib.transforms import Bbox
 
 from hopopt.api import plot
 from hopopt.errors import ResultError
-from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.plots import hop as plots

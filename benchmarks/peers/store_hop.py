@@ -11,8 +11,9 @@ from posed import OPERATIONS
 
 import hopopt as ho
 from hopopt.nlp.layout import make_stage
-from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import NAMED, make_guess
+from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.ocp.problem import Ends, Instant, Phase, split, symbols
 
 OPTIMUM = 0.79935  # [m]: `hopopt solve --starts 1`, refined from the same start to 136 + 73 intervals and verified

@@ -112,6 +112,7 @@ def _gathered(
 ) -> dict[str, Any]:
     """Everything that is said, as one object."""
     from hopopt.ocp.hop import Hop
+    from hopopt.ocp.objectives import find
     from hopopt.planner.families import families
     from hopopt.planner.multistart import contenders, run_chunk
     from hopopt.planner.solve import solve_from
@@ -119,7 +120,7 @@ def _gathered(
     from hopopt.studies.dynamic_programming import CONTRADICTED, TELLING
     from hopopt.verify.upper_bound import upper_bound
 
-    found = study.families(ended)
+    found = study.families(ended, find(objective))
     if not found:
         statuses = "; ".join(sorted({e.status for e in ended}))
         raise NotSolvedError(f"{design.name}: none of {len(ended)} starts led to a hop.", [statuses])

@@ -47,7 +47,7 @@ def centres(count: int) -> np.ndarray:
 def holds(t: Transcription) -> bool:
     """Whether holding limits between the nodes pays: not where a control or a least number only bounds from above, nor
     with both ends of an interval collocated, where controls oscillate."""
-    least = bool(t.free) and not t.problem.objective.maximize
+    least = bool(t.free) and t.problem.objective.sign < 0
     return not least and not t.scheme.starts_at_node and all(len(phase.controls) <= 1 for phase in t.problem.phases)
 
 

@@ -157,8 +157,7 @@ class NlpSolver:
             raise KeyboardInterrupt
         z, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         phases, values = t.unpack(z, p)
-        sign = -1.0 if t.problem.objective.maximize else 1.0
         return NlpSolution(
-            t, phases, values, sign * float(result["f"]), str(stats["return_status"]), bool(stats["success"]),
+            t, phases, values, t.problem.objective.cost(float(result["f"])), str(stats["return_status"]), bool(stats["success"]),
             int(stats["iter_count"]), z, p, g, lam_g, lam_x, b,
         )  # fmt: skip

@@ -283,8 +283,8 @@ class Refinement:
 
     def _worse(self, solution: NlpSolution) -> bool:
         """Whether it may be another, worse optimum than the last mesh's."""
-        sign = -1.0 if solution.transcription.problem.objective.maximize else 1.0
-        return sign * (solution.objective - self.solution.objective) > LOST * self.solution.magnitude
+        loss = solution.transcription.problem.objective.cost(solution.objective - self.solution.objective)
+        return loss > LOST * self.solution.magnitude
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
         return NlpSolver(t, {**known, "ipopt.max_iter": min(PATIENCE, self.aims.iterations)})

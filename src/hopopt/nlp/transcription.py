@@ -217,7 +217,7 @@ class Transcription:
         """The objective (less is better) and the boundary constraints, and how many values each of these has."""
         goal, (at, y, extra) = self.problem.objective, self._ends()
         values = [ca.vec(ca.SX(c.value(at))) for c in self.problem.boundary]
-        outputs = ca.vertcat((-1.0 if goal.maximize else 1.0) * ca.SX(goal.value(at)), *values)
+        outputs = ca.vertcat(goal.cost(ca.SX(goal.value(at))), *values)
         return Local("ends", y, extra, outputs), [int(v.numel()) for v in values]
 
     def _ends(self) -> tuple[Ends, ca.SX, ca.SX]:

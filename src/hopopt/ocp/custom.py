@@ -14,7 +14,7 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.hop_view import HopView
+from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
 from hopopt.user_code import last_line, load
@@ -141,7 +141,7 @@ def as_objective(function: Any) -> HopObjective:
         more |= {"parameters": lambda hop: (demand(hop),), "boundary": lambda hop: lowest_point(hop, "hop.clearance")}
         more["fault"] = no_demand
 
-    def value(hop: HopView, e: Ends) -> ca.SX:
+    def value(hop: MovingLeg, e: Ends) -> ca.SX:
         if terms.running:
             return sum((integrals["custom"] for integrals in e.integral.values()), ca.SX(0))
         return c(end(hop, e), 1)
@@ -153,7 +153,7 @@ def as_objective(function: Any) -> HopObjective:
     )  # fmt: skip
 
 
-def path(c: Custom, hop: HopView, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+def path(c: Custom, hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
     """A function of one's own as a path constraint of one phase, if it holds there."""
     t = c.terms
     if phase not in t.phases:
@@ -165,7 +165,7 @@ def path(c: Custom, hop: HopView, phase: str, motion: MotionAt) -> tuple[PathCon
     )
 
 
-def moment(hop: HopView, motion: MotionAt, s: Instant) -> Moment:
+def moment(hop: MovingLeg, motion: MotionAt, s: Instant) -> Moment:
     """The leg at an instant of a phase."""
     phase = "flight" if hasattr(s, "com") else "stance"
 
@@ -177,7 +177,7 @@ def moment(hop: HopView, motion: MotionAt, s: Instant) -> Moment:
     return s.once("moment", make)
 
 
-def end(hop: HopView, e: Ends) -> Moment:
+def end(hop: MovingLeg, e: Ends) -> Moment:
     """The leg when flight ends."""
     stance, flight = (e.final[phase] for phase in PHASES)
     poses = (
@@ -190,14 +190,14 @@ def end(hop: HopView, e: Ends) -> Moment:
     return Moment(whole, "flight", q1, v1, *_points(hop, flight, q1, v1), lift_off=lift_off)
 
 
-def _points(hop: HopView, s: Instant, q: ca.SX, v: ca.SX) -> tuple[dict[str, ca.SX], ca.SX]:
+def _points(hop: MovingLeg, s: Instant, q: ca.SX, v: ca.SX) -> tuple[dict[str, ca.SX], ca.SX]:
     """Points of the leg and the speed of its centre of mass, (2,)."""
     place, speed = ca.SX.sym("place", q.numel()), ca.SX.sym("speed", v.numel())
     com_v = ca.jtimes(hop.dynamics(s).points(place)["com"], place, speed)
     return hop.dynamics(s).points(q), ca.substitute(com_v, ca.vertcat(place, speed), ca.vertcat(q, v))
 
 
-def checked(c: Custom, hop: HopView, is_objective: bool) -> Custom:
+def checked(c: Custom, hop: MovingLeg, is_objective: bool) -> Custom:
     """The function, tried on symbols of the hop; UsageError if it does not give what it must, or nothing that moves."""
     at_end = is_objective and not c.terms.running
     trial = symbols(hop.n, tuple(hop.robot.points), at_end, forces=hop.contact_axes)

@@ -14,7 +14,7 @@ from hopopt.design import Design
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import BASE
 from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.hop_view import HopView
+from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
 from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
 
@@ -46,23 +46,23 @@ def total(e: Ends, what: str) -> ca.SX:
 # ---- work ---------------------------------------------------------------------------------------------------
 
 
-def work_scale(hop: HopView) -> float:
+def work_scale(hop: MovingLeg) -> float:
     """What it takes to lift the leg by its length [J]."""
     return hop.weight * hop.reach
 
 
-def power_scale(hop: HopView) -> float:
+def power_scale(hop: MovingLeg) -> float:
     """Power of the leg's weight at the length of the leg and a push's joint speed [W]."""
     return hop.weight * hop.reach * SPEED
 
 
-def _power(hop: HopView, motion: MotionAt, s: Instant) -> ca.SX:
+def _power(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
     """tau w of every joint [W], (n,)."""
     m = motion(s)
     return m.tau * m.v[BASE:]
 
 
-def _losses(hop: HopView, motion: MotionAt, s: Instant) -> ca.SX:
+def _losses(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
     """Joule heat in every motor's winding [W], (n,): resistance times (motor torque / torque constant)^2."""
     heat = []
     for k, joint in enumerate(hop.leg.joints):
@@ -72,13 +72,13 @@ def _losses(hop: HopView, motion: MotionAt, s: Instant) -> ca.SX:
     return ca.vertcat(*heat)
 
 
-def _drawn(power: Callable[[HopView, MotionAt, Instant], ca.SX], tie_break: float = 1.0) -> dict[str, Any]:
+def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], tie_break: float = 1.0) -> dict[str, Any]:
     """A control for every joint that is at least its power and at least zero: at the optimum the positive part."""
 
-    def controls(hop: HopView) -> tuple[Control, ...]:
+    def controls(hop: MovingLeg) -> tuple[Control, ...]:
         return (Control("drawn", hop.n, lower=0.0, scale=power_scale(hop), unit="W", labels=hop.leg.joints),)
 
-    def path(hop: HopView, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+    def path(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
         return (
             PathConstraint(
                 "power drawn", lambda s: s.drawn - power(hop, motion, s), lower=0.0, scale=SHARP * power_scale(hop),
@@ -89,11 +89,11 @@ def _drawn(power: Callable[[HopView, MotionAt, Instant], ca.SX], tie_break: floa
     return {"controls": controls, "path": path, "scale": work_scale, "tie_break": tie_break}
 
 
-def _drawn_work(hop: HopView, motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:
+def _drawn_work(hop: MovingLeg, motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:
     return {"work": lambda s: ca.sum1(s.drawn)}
 
 
-def _work_both_ways(hop: HopView, motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:
+def _work_both_ways(hop: MovingLeg, motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:
     """|p| = 2 max(p, 0) - p."""
     return {"work": lambda s: 2 * ca.sum1(s.drawn) - ca.sum1(_power(hop, motion, s))}
 
@@ -113,14 +113,14 @@ def _no_winding(design: Design) -> str | None:
 # ---- peaks --------------------------------------------------------------------------------------------------
 
 
-def _peak(name: str, unit: str, scale: Callable[[HopView], float], upper: float = 100.0) -> Any:
+def _peak(name: str, unit: str, scale: Callable[[MovingLeg], float], upper: float = 100.0) -> Any:
     """A free parameter that nothing may pass, up to ``upper`` times its scale."""
     return lambda hop: (
         Parameter(name, lower=0.0, upper=upper * scale(hop), scale=scale(hop), unit=unit, value=scale(hop), free=True),
     )
 
 
-def _region_share(hop: HopView, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+def _region_share(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
     """-share <= a tau + b w <= share for every pair of half-planes of every joint."""
 
     def value(joint: str, k: int) -> Callable[[Instant], ca.SX]:
@@ -137,7 +137,7 @@ def _region_share(hop: HopView, phase: str, motion: MotionAt) -> tuple[PathConst
     )
 
 
-def largest_stall(hop: HopView) -> float:
+def largest_stall(hop: MovingLeg) -> float:
     """The largest stall torque of any joint [N m]."""
     p = hop.robot.parameters
     return max(
@@ -145,7 +145,7 @@ def largest_stall(hop: HopView) -> float:
     )
 
 
-def _torque_peak(hop: HopView, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+def _torque_peak(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
     def both(s: Instant) -> ca.SX:
         return ca.vertcat(s.p["peak torque"] - motion(s).tau, s.p["peak torque"] + motion(s).tau)
 
@@ -155,7 +155,7 @@ def _torque_peak(hop: HopView, phase: str, motion: MotionAt) -> tuple[PathConstr
     )
 
 
-def _force_peak(hop: HopView, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+def _force_peak(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
     """peak - f^2 / peak >= 0: the force's magnitude without its root, which is not smooth at zero."""
     if phase != "stance":
         return ()

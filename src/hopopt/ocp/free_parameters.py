@@ -10,7 +10,7 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, start_angles
-from hopopt.ocp.hop_view import HopView
+from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Numbers, Parameter
 
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -85,12 +85,12 @@ class Freedom:
             free=True,
         )  # fmt: skip
 
-    def moves_start(self, hop: HopView) -> bool:
+    def moves_start(self, hop: MovingLeg) -> bool:
         """Whether the pose at the start depends on what is free: a hip height is given, and lengths are free."""
         lengths = {f"leg.{link}.length" for link in hop.leg.links}
         return hop.design.start.hip_height is not None and bool(lengths & self.bounds.keys())
 
-    def start(self, hop: HopView) -> Numbers | tuple[Numbers, Numbers]:
+    def start(self, hop: MovingLeg) -> Numbers | tuple[Numbers, Numbers]:
         """Joint angles at the start [rad]: given, or free on the side to which the second joint is folded, whatever its
         angle when the leg is straight (a hip height is the start of legs of two joints only)."""
         q0 = start_angles(hop.design)
@@ -103,7 +103,7 @@ class Freedom:
         lower[1], upper[1] = max(lower[1], ends.min()), min(upper[1], ends.max())
         return lower.tolist(), upper.tolist()
 
-    def boundary(self, hop: HopView) -> Iterator[BoundaryConstraint]:
+    def boundary(self, hop: MovingLeg) -> Iterator[BoundaryConstraint]:
         """The couplings, and the hip where the problem starts."""
         for c in self.couplings:
             size = max(

@@ -27,8 +27,9 @@ from hopopt.leg.kinematics import (
     two_joints,
 )
 from hopopt.ocp.guess import Guess
-from hopopt.ocp.hop import FLIGHT, STANCE, Hop
-from hopopt.ocp.landing import DESCENT, landing_guess
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.landing import landing_guess
+from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 
 POINTS = 41  # of a guess, each phase
 FINE = 201  # of a guess that is a motion already

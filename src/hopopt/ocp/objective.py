@@ -8,61 +8,59 @@ import casadi as ca
 
 from hopopt.design import Design
 from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.hop_view import HopView
-from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint, Phase
+from hopopt.ocp.motion import MovingLeg
+from hopopt.ocp.phases import points_at_apex
+from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Directed, Ends, Instant, Parameter, PathConstraint
+from hopopt.ocp.sequence import Sequence, from_rest
 
 HEIGHTS = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
 DEMAND = "hop.clearance"  # the parameter (and the problem's entry) that an economical hop must reach [m]
 
 
 @dataclass(frozen=True)
-class HopObjective:
-    """value(hop, ends) [unit] is made as large as possible, or as small without ``maximize``.
+class HopObjective(Directed):
+    """What a hop is asked for; functions of ``hop`` get the leg at an instant (ocp/motion.py).
 
+    value(hop, ends): made as large as possible, or as small without ``maximize`` [unit].
+    figure: what the value is called among the printed figures.
     ends: whether the foot must end within its window, must reach hop.clearance too, or is free.
-    figure: what the value is called among the printed figures; scale(hop): its magnitude [unit]; parameters, boundary,
-    controls, path (by phase name), integrands and phases (after the apex) are the objective's own additions to the
-    problem; fault(design) says in a sentence what the problem lacks for it.
+    scale(hop): magnitude of the value [unit].
+    parameters, boundary, controls, path (by kind of phase), integrands: the objective's additions to the problem.
+    sequence: the phases that it is asked of, and their transitions.
+    fault(design): in a sentence, what the problem lacks for it.
+    custom: the user's function that it is made of (ocp/custom.py).
+    tie_break: times the problem's own, where optima are flat.
     """
 
     name: str
     meaning: str
     unit: str
-    value: Callable[[HopView, Ends], ca.SX]
+    value: Callable[[MovingLeg, Ends], ca.SX]
     figure: str
     ends: Literal["window", "demand", "free"] = "window"
     maximize: bool = True
-    scale: Callable[[HopView], float] = lambda hop: 1.0
-    parameters: Callable[[HopView], tuple[Parameter, ...]] = lambda hop: ()
-    boundary: Callable[[HopView], tuple[BoundaryConstraint, ...]] = lambda hop: ()
-    controls: Callable[[HopView], tuple[Control, ...]] = lambda hop: ()
-    path: Callable[[HopView, str, MotionAt], tuple[PathConstraint, ...]] = lambda hop, phase, motion: ()
-    integrands: Callable[[HopView, MotionAt], Mapping[str, Callable[[Instant], ca.SX]]] = lambda hop, motion: {}
-    phases: Callable[[HopView], tuple[Phase, ...]] = lambda hop: ()
+    scale: Callable[[MovingLeg], float] = lambda hop: 1.0
+    parameters: Callable[[MovingLeg], tuple[Parameter, ...]] = lambda hop: ()
+    boundary: Callable[[MovingLeg], tuple[BoundaryConstraint, ...]] = lambda hop: ()
+    controls: Callable[[MovingLeg], tuple[Control, ...]] = lambda hop: ()
+    path: Callable[[MovingLeg, str, MotionAt], tuple[PathConstraint, ...]] = lambda hop, phase, motion: ()
+    integrands: Callable[[MovingLeg, MotionAt], Mapping[str, Callable[[Instant], ca.SX]]] = lambda hop, motion: {}
+    sequence: Sequence = from_rest
     fault: Callable[[Design], str | None] = lambda design: None
-    custom: Any = None  # the function of one's own that it is made of (ocp/custom.py)
-    tie_break: float = 1.0  # times the problem's own, where optima are flat
-
-    @property
-    def sign(self) -> float:
-        """What turns the value into a merit: more is better."""
-        return 1.0 if self.maximize else -1.0
-
-    def merit(self, value: float) -> float:
-        """More is better."""
-        return self.sign * value
+    custom: Any = None
+    tie_break: float = 1.0
 
 
-def lowest_point(hop: HopView, name: str) -> tuple[BoundaryConstraint, ...]:
+def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:
     """When flight ends every point of the leg is at least as high as the parameter ``name`` [m], the foot within
     its window."""
 
     def heights(e: Ends) -> ca.SX:
-        points = hop.points_at_end(e)
+        points = points_at_apex(hop, e)
         return ca.vertcat(*[points[point][1] - e.p[name] for point in hop.point_names])
 
     def foot_offset(e: Ends) -> ca.SX:
-        points = hop.points_at_end(e)
+        points = points_at_apex(hop, e)
         return points["foot"][0] - points[hop.leg.joints[0]][0]
 
     window = hop.design.hop.foot_window
@@ -72,7 +70,7 @@ def lowest_point(hop: HopView, name: str) -> tuple[BoundaryConstraint, ...]:
     )
 
 
-def demand(hop: HopView) -> Parameter:
+def demand(hop: MovingLeg) -> Parameter:
     """The clearance that the problem asks for, a number of the program: it changes without building it again."""
     return Parameter(DEMAND, value=hop.design.hop.clearance or 0.0, unit="m")
 

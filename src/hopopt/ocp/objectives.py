@@ -7,6 +7,7 @@ from hopopt.ocp.custom import as_objective
 from hopopt.ocp.effort import EFFORTS
 from hopopt.ocp.landing import IMPACT
 from hopopt.ocp.objective import HopObjective, lowest_point
+from hopopt.ocp.phases import points_at_apex
 from hopopt.ocp.problem import Parameter
 
 OBJECTIVES = {
@@ -25,7 +26,7 @@ OBJECTIVES = {
             "apex",
             "greatest height of the body",
             "m",
-            lambda hop, e: hop.points_at_end(e)[hop.leg.joints[0]][1],
+            lambda hop, e: points_at_apex(hop, e)[hop.leg.joints[0]][1],
             "apex_m",
             "free",
         ),

@@ -48,7 +48,7 @@ class PhaseMultipliers:
 
 def sign(solution: NlpSolution) -> float:
     """-1 where the objective is maximised, else +1."""
-    return -1.0 if solution.transcription.problem.objective.maximize else 1.0
+    return -solution.transcription.problem.objective.sign
 
 
 def phase_multipliers(solution: NlpSolution, phase: str) -> PhaseMultipliers:

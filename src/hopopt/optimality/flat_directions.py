@@ -181,7 +181,7 @@ def longer_or_shorter(solution: NlpSolution, phase: str) -> dict[str, float | No
     t, where = solution.transcription, solution.transcription.variables[phase]
     b = Bounds(*t.bounds(t.guess_from(solution.phases)), t.lbg, t.ubg)  # nothing drawn in, or held at a switch
     shortest, longest = t.problem.phase(phase).duration
-    sign, changes = -1.0 if t.problem.objective.maximize else 1.0, dict[str, float | None]()
+    cost, changes = t.problem.objective.cost, dict[str, float | None]()
     solver = NlpSolver(t, {"ipopt.max_iter": ITERATIONS})
     for name, factor in (("shorter", 1 - STRETCH), ("longer", 1 + STRETCH)):
         low, high = b.low_z.copy(), b.high_z.copy()
@@ -192,5 +192,5 @@ def longer_or_shorter(solution: NlpSolution, phase: str) -> dict[str, float | No
                 t.guess_from(solution.phases), solution.parameters, bounds=replace(b, low_z=low, high_z=high)
             )
             if found.success:
-                changes[name] = sign * (found.objective - solution.objective) / _size(solution)
+                changes[name] = cost(found.objective - solution.objective) / _size(solution)
     return changes

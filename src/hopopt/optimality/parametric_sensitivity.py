@@ -62,7 +62,7 @@ class Slopes:
 
 def slopes(solution: NlpSolution) -> Slopes:
     """First derivatives of the optimal objective of a solved program."""
-    t, sign = solution.transcription, (-1.0 if solution.transcription.problem.objective.maximize else 1.0)
+    t, sign = solution.transcription, -solution.transcription.problem.objective.sign
     sides = []
     for lam, scale in ((solution.lam_x, t.scale), (solution.lam_g, t.row_scale)):
         sides += [-sign * np.minimum(lam, 0.0) / scale, -sign * np.maximum(lam, 0.0) / scale]

@@ -142,7 +142,7 @@ def by_uno(ours: NlpSolution, seed: int) -> Said:
     stats, missed = solver.stats(), _missed(z, rows, b)
     if not stats["success"] or missed > FEASIBLE:
         raise Failed(f"{_words(stats['return_status'])}, constraints missed by {missed:.0e}")
-    return Said((-1.0 if t.problem.objective.maximize else 1.0) * float(cost[0]))
+    return Said(t.problem.objective.cost(float(cost[0])))
 
 
 def by_scheme(hop: Hop, scheme: Scheme, answer: NlpSolution) -> Said:

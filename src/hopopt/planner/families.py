@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from hopopt.leg.kinematics import reach
-from hopopt.ocp.hop import STANCE, Hop
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.phases import STANCE
 from hopopt.planner.first_mesh import FirstMesh
 from hopopt.planner.multistart import StartOutcome, first_transcription, grouped, solution_of
 from hopopt.planner.solution import Solution

@@ -95,7 +95,7 @@ def stated_error(
         return left_out(note), StatedError(
             estimate.too_high_by, estimate.relative, estimate, {"note": note}, gain_of_relaxing=gain
         )
-    claim = (goal.figure, claims[goal.figure], goal.maximize)
+    claim = (goal.figure, claims[goal.figure], goal.sign)
     found = worth(plan.design, plan.tables, goal.figure, goal.ends)
     largest = max(estimate.too_high_by, found.short(*claim)) if found.followed else estimate.too_high_by
     error = StatedError(largest, largest / estimate.size, estimate, found.as_dict(*claim), gain)

@@ -11,9 +11,8 @@ from hopopt.leg.actuator import CAPS
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import force_range
 from hopopt.ocp.constraints import steepness
-from hopopt.ocp.hop import FLIGHT
-from hopopt.ocp.landing import DESCENT
 from hopopt.ocp.objectives import find
+from hopopt.ocp.phases import DESCENT, FLIGHT
 from hopopt.planner.solution import Samples, Solution
 
 IDLE = 0.999  # largest share of a limit that may be used if it is to count as idle

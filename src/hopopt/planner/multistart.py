@@ -17,9 +17,10 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.feasibility import too_weak
 from hopopt.ocp.free_parameters import Freedom
-from hopopt.ocp.hop import STANCE, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import Start, make_guess, starts
 from hopopt.ocp.objective import HopObjective
+from hopopt.ocp.phases import STANCE
 from hopopt.optimality.infeasibility import conflict
 from hopopt.optimality.violations import violations
 from hopopt.planner.limit_names import conflict_words
@@ -172,7 +173,7 @@ def noted(solver: NlpSolver, outcome: StartOutcome) -> StartOutcome:
 def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
     """How a solve on the first mesh ended; ``name`` says from where it began."""
     vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
-    sign = 1.0 if s.transcription.problem.objective.maximize else -1.0
+    sign = s.transcription.problem.objective.sign
     return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign)
 
 

@@ -11,8 +11,9 @@ from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.mesh_refinement import MET, Aims, MeshStep, Refinement
 from hopopt.nlp.tightened_refinement import refinement_of
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.hop import EFFORT, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HEIGHTS
+from hopopt.ocp.tie_break import EFFORT
 from hopopt.optimality.free_switches import Resolved
 from hopopt.planner.judge import judge
 from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, solution_of

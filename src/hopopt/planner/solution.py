@@ -16,9 +16,8 @@ from hopopt.leg.kinematics import dependent_joints, start_place
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
-from hopopt.ocp.hop import FLIGHT, STANCE
-from hopopt.ocp.landing import DESCENT
 from hopopt.ocp.objective import HopObjective
+from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.planner.verdict import Multipliers, Verdict
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import PLACES, Table

@@ -67,4 +67,4 @@ def without_tie_break(solution: Solution, hop: Hop | None = None) -> NlpSolution
     nlp = stored_nlp(solution, (hop or hop_of(solution)).untied)
     goal = nlp.transcription.problem.objective
     cost = ca.Function("f", [nlp.transcription.nlp[k] for k in "xp"], [nlp.transcription.nlp["f"]])(nlp.z, nlp.p)
-    return replace(nlp, objective=-float(cost) if goal.maximize else float(cost))
+    return replace(nlp, objective=goal.cost(float(cost)))

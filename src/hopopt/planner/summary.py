@@ -14,7 +14,8 @@ from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.mesh_refinement import Refinement
 from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.constraints import steepness
-from hopopt.ocp.hop import FLIGHT, STANCE, Hop
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.optimality import switching_structure as structure
 from hopopt.optimality.free_switches import Resolved
 from hopopt.planner.limit_use import idle_limits

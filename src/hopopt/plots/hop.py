@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
 from hopopt.ocp.constraints import steepness
-from hopopt.ocp.hop import FLIGHT, STANCE
-from hopopt.ocp.landing import DESCENT
+from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.planner.solution import Samples, Solution
 from hopopt.plots.stick import stick
 from hopopt.plots.style import (

@@ -14,8 +14,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hopopt.ocp.hop import FLIGHT, STANCE
-from hopopt.ocp.landing import DESCENT
+from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.planner.solution import Samples, Solution
 
 DPI = 150  # 1650 pixels across

@@ -95,7 +95,7 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
     t = nlp.transcription
     cost = ca.Function("f", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"]])(nlp.z, nlp.p)
     goal = t.problem.objective
-    wrong.append((float(cost) - (-nlp.objective if goal.maximize else nlp.objective)) / goal.scale)
+    wrong.append((float(cost) - goal.cost(nlp.objective)) / goal.scale)
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
 
 

@@ -17,7 +17,7 @@ from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import two_joints
-from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.reserve import plan_to_track, reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve

@@ -31,8 +31,9 @@ from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.hop import STANCE, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import NAMED, make_guess
+from hopopt.ocp.phases import STANCE
 from hopopt.ocp.problem import Ends, Objective, Parameter, Problem
 from hopopt.problem.load import changed
 from hopopt.sim.machine import Machine
@@ -224,7 +225,9 @@ def by_transcription(design: Design, intervals: int) -> float:
         return com + ca.jtimes(com, s.q, s.v) ** 2 / (2 * gravity) - TIE * e.integral[STANCE]["effort"]
 
     fixed = tuple(Parameter(path, value=value) for path, value in hop.robot.parameters.items())
-    problem = Problem(design.name, (hop.stance(),), Objective("rise", rise, maximize=True, unit="m"), fixed)
+    problem = Problem(
+        design.name, (hop.problem.phase(STANCE),), Objective("rise", rise, maximize=True, unit="m"), fixed
+    )
     program = Transcription(problem, radau(3), {STANCE: uniform(intervals)})
     guess = {STANCE: make_guess(hop, NAMED[1])[STANCE]}
     solution = NlpSolver(program)(guess)

@@ -20,6 +20,7 @@ from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.problem import Directed
 from hopopt.planner.families import motion, words
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Solution
@@ -139,9 +140,9 @@ def _ended(folder: Path, index: int) -> Ended:
     )  # fmt: skip
 
 
-def families(ended: Sequence[Ended], *, maximize: bool = True) -> list[Family]:
+def families(ended: Sequence[Ended], goal: Directed) -> list[Family]:
     """The local optima that were found, best first."""
-    ranked = sorted(ended, key=lambda e: e.objective, reverse=maximize)
+    ranked = sorted(ended, key=lambda e: goal.merit(e.objective), reverse=True)
     return [Family(group[0], len(group), words(asdict(group[0]))) for group in grouped(ranked)]
 
 

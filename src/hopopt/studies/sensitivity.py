@@ -14,7 +14,7 @@ import numpy as np
 from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
-from hopopt.ocp.hop import FLIGHT, STANCE
+from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.optimality.parametric_sensitivity import Slopes, slopes
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp

@@ -63,11 +63,14 @@ class Worth:
             return "the simulated leg left the plan: its drives, at their limits, could not bring it back"
         return ""
 
-    def short(self, figure: str, claim: float, maximized: bool) -> float:
-        """By how much it is worth less than the claim, if it is [the figure's unit]; 0 for a figure it does not say."""
-        return max((claim - self.values.get(figure, claim)) * (1.0 if maximized else -1.0), 0.0)
+    def short(self, figure: str, claim: float, sign: float) -> float:
+        """By how much it is worth less than the claim, if it is [the figure's unit]; 0 for a figure it does not say.
 
-    def checks(self, figure: str, claim: float, maximized: bool, size: float) -> list[Check]:
+        sign: 1 where more is better, -1 where less is.
+        """
+        return max((claim - self.values.get(figure, claim)) * sign, 0.0)
+
+    def checks(self, figure: str, claim: float, sign: float, size: float) -> list[Check]:
         """That it is worth what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
         more than the plan may and as much again; left out for a hop that did not follow the plan."""
         if self.note:
@@ -75,14 +78,14 @@ class Worth:
         limits = _check(LIMITS, self.passed, where=self.limit)
         if self.values and figure not in self.values:
             return [limits]  # a function of one's own
-        return [_check(WORTH, self.short(figure, claim, maximized) / size), limits]
+        return [_check(WORTH, self.short(figure, claim, sign) / size), limits]
 
-    def as_dict(self, figure: str, claim: float, maximized: bool) -> dict[str, Any]:
+    def as_dict(self, figure: str, claim: float, sign: float) -> dict[str, Any]:
         """For the summary."""
         if not np.isfinite(self.strayed):
             return {"followed": False, "note": self.note}
         told = {
-            "short_by": self.short(figure, claim, maximized),
+            "short_by": self.short(figure, claim, sign),
             "strayed": self.strayed,
             "passed": self.passed,
             "limit": self.limit,

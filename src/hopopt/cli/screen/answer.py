@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from hopopt.cli.screen.certificate import certified_words, structure_lines
 from hopopt.cli.screen.console import console, print_lines
+from hopopt.ocp.problem import sign
 from hopopt.planner.solution import at_apex
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ def _results(s: dict[str, Any]) -> list[str]:
 def _gain(s: dict[str, Any], gain: float) -> str:
     if s["objective_unit"] == "m":
         return f"+{1000 * gain:.1f} mm"
-    return measure(s, gain if s["maximized"] else -gain, "+.2g")
+    return measure(s, sign(s["maximized"]) * gain, "+.2g")
 
 
 def measure(s: dict[str, Any], value: float, form: str) -> str:
@@ -194,7 +195,7 @@ def error_line(s: dict[str, Any]) -> str:
     if (e := s.get("objective_error")) is None or e["too_high_by"] is None:  # None: a result of an earlier version
         return "its error could not be told"
     most = measure(s, upwards(e["too_high_by"]), ".0e")
-    side = "above" if s["maximized"] else "below"
+    side = "above" if sign(s["maximized"]) > 0 else "below"
     return f"{measure(s, s[s['objective_figure']], '.6g')}, by estimate at most {most} {side} the optimum"
 
 

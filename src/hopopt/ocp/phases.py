@@ -1,0 +1,122 @@
+"""The phases that a hop is made of: the leg on the ground and in the air, to be listed in any order.
+
+Controls are the joint accelerations; the drives enter as path constraints on the torque they would need.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from hopopt.ocp.constraints import (
+    MotionAt,
+    above_ground,
+    friction_cone,
+    no_counter_movement,
+    operating_region_constraint,
+    unilateral_contact,
+)
+from hopopt.ocp.motion import MovingLeg
+from hopopt.ocp.problem import INF, Control, Ends, Instant, Numbers, PathConstraint, Phase, State
+
+STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"  # names; flight ends at the apex, descent at touchdown
+SPEED, ACCELERATION = 10.0, 300.0  # scales of joint speed [rad/s] and acceleration [rad/s^2]
+BODY_SPEED = 3.0  # scale of the body's speed [m/s]
+GRAZE = 1e-5  # share of the reach by which the foot may be below the ground before it has landed
+Given = Numbers | tuple[Numbers, Numbers] | None  # of a state at the beginning: free, a value, or (lower, upper)
+
+
+@dataclass(frozen=True)
+class LegPhase:
+    """A phase of a leg.
+
+    kind: what the leg does in it, "stance" or "flight".
+    motion: the whole leg at an instant of it.
+    """
+
+    phase: Phase
+    kind: str
+    motion: MotionAt
+
+    def with_more(
+        self, controls: Sequence[Control], path: Sequence[PathConstraint],
+        integrands: Mapping[str, Callable[[Instant], ca.SX]],
+    ) -> Phase:  # fmt: skip
+        """The phase with further controls, path constraints and integrands."""
+        p = self.phase
+        more = {**p.integrands, **integrands}
+        return replace(p, controls=(*p.controls, *controls), path=(*p.path, *path), integrands=more)
+
+
+def stance(leg: MovingLeg, q: Given = None, v: Given = None) -> LegPhase:
+    """The foot on the ground; q and v: joint angles [rad] and speeds [rad/s] with which it begins."""
+    names, (lower, upper), motion = leg.leg.joints, leg.limits, leg.stance_motion
+    contact, hop = leg.design.contact, leg.design.hop
+    path = [operating_region_constraint(leg.leg, j, motion) for j in names]
+    path.append(unilateral_contact(motion, leg.force_range, contact.least_force))
+    if contact.friction is not None:
+        path.append(friction_cone(motion, contact.friction, leg.force_range, leg.contact_axes))
+    if clear := [name for name in hop.above_ground if name != "foot"]:
+        path.append(above_ground(clear, motion, leg.dynamics, leg.reach, hop.least_height))
+    if not hop.counter_movement:
+        path.append(no_counter_movement(motion))
+    states = (
+        State("q", leg.n, lower, upper, 1.0, "rad", names, initial=q),
+        State("v", leg.n, scale=SPEED, unit="rad/s", labels=names, initial=v),
+    )
+    rates = lambda s: {"q": s.v, "v": leg.joint_acceleration(s)}  # noqa: E731
+    return LegPhase(
+        Phase(STANCE, states, _stance_controls(leg), rates, hop.stance_duration, tuple(path)), STANCE, motion
+    )
+
+
+def _stance_controls(leg: MovingLeg) -> tuple[Control, ...]:
+    """Accelerations of the joints that no closed loop moves, and the contact force along the loop's axes."""
+    labels = tuple(leg.leg.joints[k] for k in leg.free)
+    controls = (Control("a", len(labels), scale=ACCELERATION, unit="rad/s^2", labels=labels),) if labels else ()
+    if not leg.loops:
+        return controls
+    axes = tuple("xyz"[axis] for axis in leg.loops)
+    return (*controls, Control("loop_force", len(axes), scale=leg.weight, unit="N", labels=axes))
+
+
+def flight(leg: MovingLeg) -> LegPhase:
+    """The leg in the air, rising: it ends at the apex, or before."""
+    motion, (lower, upper), names = leg.flight_motion, leg.limits, leg.leg.joints
+    path: list[PathConstraint] = [operating_region_constraint(leg.leg, j, motion) for j in names]
+    path.append(above_ground(leg.design.hop.above_ground, motion, leg.dynamics, leg.reach, leg.design.hop.least_height))
+    plane, m = tuple("xz"[k] for k in leg.falling), len(leg.falling)
+    rises = ([-INF, 0.0][-m:], [INF] * m)
+    states = (
+        State("com", m, scale=1.0, unit="m", labels=plane),
+        State("com_v", m, scale=BODY_SPEED, unit="m/s", labels=plane, initial=rises),
+        State("q", leg.n, lower, upper, 1.0, "rad", names),
+        State("v", leg.n, scale=SPEED, unit="rad/s", labels=names),
+    )
+    controls = (Control("a", leg.n, scale=ACCELERATION, unit="rad/s^2", labels=names),)
+    rates = lambda s: {"com": s.com_v, "com_v": leg.dynamics(s).gravity[leg.falling], "q": s.v, "v": s.a}  # noqa: E731
+    return LegPhase(Phase(FLIGHT, states, controls, rates, leg.design.hop.flight_duration, tuple(path)), FLIGHT, motion)
+
+
+def descent(leg: MovingLeg) -> LegPhase:
+    """Flight again, but downwards; the last instant, where the foot is on the ground, would hold that limit twice."""
+    up = flight(leg)
+    states = tuple(replace(s, initial=None) for s in up.phase.states)
+    path = tuple(_grazing(c, GRAZE * leg.reach) for c in up.phase.path)
+    down = replace(up.phase, name=DESCENT, states=states, path=path, duration=leg.design.hop.descent_duration)
+    return replace(up, phase=down)
+
+
+def _grazing(c: PathConstraint, by: float) -> PathConstraint:
+    """A limit of heights, the foot's lower by that much [m]; any other as it is."""
+    if c.name != "height above ground":
+        return c
+    low = np.array(c.lower, dtype=float)
+    low[[label == "foot" for label in c.labels]] -= by
+    return replace(c, lower=low)
+
+
+def points_at_apex(leg: MovingLeg, e: Ends) -> dict[str, ca.SX]:
+    """World (x, z) [m] of the leg's points at the end of flight."""
+    return leg.flight_points(e.final[FLIGHT])
