@@ -1,6 +1,7 @@
 """Families of hops: which optima belong together, where the best changes, and the command with its picture."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ def test_the_best_changes_between_two_values_with_a_hop() -> None:
 def optimum(height: float, place: float = 0.0, name: str = "start 1") -> Optimum:
     """A made-up optimum: its clearance [m], where it lies among the shapes, what found it."""
     outcome = StartOutcome(name, "Solve_Succeeded", True, height, 50, 1.0, {})
-    return Optimum(outcome, (name,), np.zeros(1), np.array([place]), height, f"at {place:g}", np.zeros((6, 3, 2)))
+    return Optimum(outcome, (name,), np.zeros(1), np.full((13, 4), place), height, f"at {place:g}", np.zeros((6, 3, 2)))
 
 
 def made_up(heights: dict[str, list[float]], entry: str = "contact.friction") -> Study:
@@ -78,6 +79,15 @@ def test_what_does_the_same_counts_once_and_the_better_is_kept() -> None:
     assert remember(found, optimum(0.5, 0.3, "start 5")) == (2, True)  # much lower
     assert [o.clearance for o in found] == [0.703, 0.703, 0.5]
     assert found[0].found_by == ("start 1", "start 2", "start 3")
+
+
+def test_the_same_push_counts_once_whatever_comes_long_before() -> None:
+    found, other = [optimum(0.7)], optimum(0.7001)
+    other.shape[8:] += 1.0
+    assert remember(found, other) == (0, True)
+    other.shape[0] += 0.2
+    assert remember(found, replace(other, shape=other.shape + 0.2)) == (0, False)
+    assert remember(found, replace(other, shape=other.shape + 2.0)) == (1, True)
 
 
 def test_families_are_named_best_first_and_cross() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
 
 from hopopt.leg.kinematics import reach
 from hopopt.plots.style import (
@@ -24,6 +25,7 @@ from hopopt.plots.style import (
     height_arrow,
     new_figure,
 )
+from hopopt.studies.families import crossings
 from hopopt.studies.family_optima import SHARES
 
 if TYPE_CHECKING:
@@ -68,30 +70,40 @@ def common_value(study: "Study", families: Sequence["Family"]) -> int:
 
 
 def _title(study: "Study") -> str:
-    name = study.definition.design.name
-    if study.entry is None:
+    """What the picture says, in a sentence."""
+    name, entry, best = study.definition.design.name, study.entry, study.best()
+    changes = crossings(study.values, best)
+    if entry is None:
         return f"{name}: kinds of hop that are locally the best"
-    return (
-        f"{name}: which kind of hop is the best depends on {study.entry}"
-        if len(set(study.best())) > 1
-        else (f"{name}: one kind of hop, A, is the best at every {study.entry}")
-    )
+    if len(changes) == 1:
+        (low, high), one, other = changes[0]["between"], changes[0]["from"], changes[0]["to"]
+        return f"{name}: the best kind of hop changes from {one} to {other} between {entry} = {low:g} and {high:g}"
+    if changes:
+        return f"{name}: which kind of hop is the best depends on {entry}"
+    return f"{name}: one kind of hop, A, is the best at every {entry}"
 
 
 def _lines(ax: Axes, study: "Study", families: Sequence["Family"], at: int) -> None:
     """A line for each family, named at its end; the best in bold, and where it changes."""
     x = np.array(study.values)
-    best = np.fmax.reduce([_heights(f) for f in families])
-    ax.plot(x, best, color=PALE, lw=16, solid_capstyle="round", zorder=1)
+    fine = np.unique(np.concatenate([x, np.linspace(x[:-1], x[1:], 50).ravel()]))
+    best = np.fmax.reduce([_between(x, _heights(f), fine) for f in families])
+    ax.plot(fine, best, color=PALE, lw=16, solid_capstyle="round", zorder=1)
     for f, color in zip(families, COLORS, strict=False):
-        y, fine = _heights(f), np.array([v is not None for v in f.verified])
+        y, refined = _heights(f), np.array([v is not None for v in f.verified])
         ax.plot(x, y, "-", color=color, lw=2.5, zorder=3)
         ax.plot(x, y, "o", color=color, mfc="white", ms=6, mew=1.5, zorder=3)
-        ax.plot(x[fine], y[fine], "o", color=color, ms=8, zorder=4)
+        ax.plot(x[refined], y[refined], "o", color=color, ms=8, zorder=4)
     ax.axvline(x[at], color=GREY, lw=1.2, ls=":", zorder=0)
     describe(ax, entry_label(study.definition.design, study.entry or ""), "clearance [m]")
     _names(ax, x, families)
     _key(ax, study, at)
+
+
+def _between(x: np.ndarray, y: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """A line's heights [m] at other places, not-a-number where it has none."""
+    known = np.isfinite(y)
+    return np.interp(at, x[known], y[known], left=np.nan, right=np.nan)
 
 
 def _heights(f: "Family") -> np.ndarray:
@@ -112,7 +124,7 @@ def _names(ax: Axes, x: np.ndarray, families: Sequence["Family"]) -> None:
         placed.append((k, place))
         ax.annotate(
             name, (x[k], place), (9, 0), textcoords="offset points", color=color, fontsize=TEXT + 3, fontweight="bold",
-            va="center", zorder=6,
+            va="center", zorder=6, path_effects=[withStroke(linewidth=4, foreground="white")],
         )  # fmt: skip
     ax.margins(x=0.09)
 

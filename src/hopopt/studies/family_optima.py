@@ -15,15 +15,16 @@ from hopopt.ocp.hop import STANCE, Hop
 from hopopt.ocp.initial_guess import motion_guess
 from hopopt.planner.families import motion, words
 from hopopt.planner.first_mesh import search_first_mesh
-from hopopt.planner.multistart import StartOutcome, first_options, first_transcription, outcome_of, solution_of
+from hopopt.planner.multistart import SAME, StartOutcome, first_options, first_transcription, outcome_of, solution_of
 from hopopt.planner.refine_and_verify import finish
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.render import design_hash
 
 OBJECTIVE = "clearance"
-PROGRAMS = 4  # that a process keeps: some tens of megabytes each
+PROGRAMS = 8  # that a process keeps: some tens of megabytes each
 PATIENCE = 60  # iterations from a neighbour's multipliers
+LIFT_OFF = 0.1  # of the scaled states at lift-off: closer than this, and as high, it is the same push
 NOISE = 1e-4  # relative
 STOPS = (ArithmeticError, RuntimeError, ValueError)  # what one solve may stop with, without the others'
 BEFORE = np.linspace(0.0, 1.0, 13)  # of the longest stance, counted back from lift-off, where a motion's shape is taken
@@ -39,7 +40,8 @@ class Optimum:
     outcome: how its solve ended, with the NLP's vectors
     found_by: names of the starts that led to it
     x: variables (nz,), SI
-    shape: scaled states of the stance at times counted back from lift-off, so that waiting at the start counts nothing
+    shape: scaled states (times, states) of the stance at times counted back from lift-off, so that waiting at the start
+        counts nothing
     clearance: of the leg's lowest point at the apex [m]
     words: what the leg does
     poses: joints and foot (poses, points, 2), x and z [m], at the shares of the stance and at the apex
@@ -54,13 +56,28 @@ class Optimum:
     poses: np.ndarray = field(repr=False)
 
     def alike(self, other: "Optimum") -> bool:
-        """Whether two optima of one problem count as one: nearly as high, by a motion of the same kind."""
-        near = abs(self.clearance - other.clearance) <= CLOSE * max(abs(self.clearance), abs(other.clearance), 1e-3)
-        return near and float(np.abs(self.shape - other.shape).max()) < KIND
+        """Whether two optima of one problem count as one: nearly as high, by a motion of the same kind; or as high, with the
+        same lift-off, whatever they do long before."""
+        differ = np.abs(self.shape[0] - other.shape[0])
+        apart = abs(self.clearance - other.clearance) / max(abs(self.clearance), abs(other.clearance), 1e-3)
+        return (apart <= CLOSE and self.kin(other)) or bool(apart <= SAME and differ.max() < LIFT_OFF)
+
+    def kin(self, other: "Optimum") -> bool:
+        """Whether the two do the same, also if they are of different problems."""
+        return bool(np.abs(self.shape - other.shape).max() < KIND)
 
     def beats(self, other: "Optimum") -> bool:
         """Whether it is higher by more than the tolerances' noise."""
         return self.clearance > other.clearance + NOISE * abs(other.clearance)
+
+
+@dataclass(frozen=True)
+class Source:
+    """An optimum to follow: its problem, and problems between that one and where it is to lead."""
+
+    design: Design
+    optimum: Optimum
+    between: tuple[Design, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -121,15 +138,29 @@ def remember(found: list[Optimum], new: Optimum) -> tuple[int, bool]:
     return len(found) - 1, True
 
 
-def followed(design: Design, sources: Sequence[tuple[Design, Optimum]], name: str) -> list[Optimum | None]:
+def followed(design: Design, sources: Sequence[Source], name: str) -> list[Optimum | None]:
     """Where each optimum of a neighbouring problem leads in this one, or None; ``name``: of such a start."""
-    return [_followed(_program(design), before, source, name) for before, source in sources]
+    return [_followed(design, source, name) for source in sources]
 
 
-def _followed(p: _Program, before: Design, source: Optimum, name: str) -> Optimum | None:
+def _followed(design: Design, source: Source, name: str) -> Optimum | None:
+    """At once or, if that leads nowhere or to another kind of hop, in smaller steps."""
+    end = _step(design, source.design, source.optimum, name)
+    if end is not None and end.kin(source.optimum):
+        return end
+    last, before = source.optimum, source.design
+    for problem in (*source.between, design):
+        if (there := _step(problem, before, last, name)) is None or not there.kin(last):
+            return end
+        last, before = there, problem
+    return last
+
+
+def _step(design: Design, before: Design, optimum: Optimum, name: str) -> Optimum | None:
     began = time.perf_counter()
     try:
-        s = _from_neighbour(p, before, source)
+        p = _program(design)
+        s = _from_neighbour(p, before, optimum)
         return _optimum(p, outcome_of(name, s, time.perf_counter() - began)) if s.success else None
     except STOPS:
         return None
@@ -157,7 +188,7 @@ def _optimum(p: _Program, outcome: StartOutcome) -> Optimum:
 def _shape(p: _Program, stance: PhaseTrajectory) -> np.ndarray:
     phase = p.t.layouts[STANCE].phase
     times = np.clip(stance.duration - BEFORE * p.hop.design.hop.stance_duration[1], 0.0, None)
-    return np.ravel(stance.sample(times)[0] / phase.columns(phase.states, "scale"))
+    return stance.sample(times)[0] / phase.columns(phase.states, "scale")
 
 
 def _poses(plan: Solution) -> np.ndarray:

@@ -8,10 +8,11 @@ from hopopt.errors import NotSolvedError
 from hopopt.problem.hints import hints
 from hopopt.studies.families import Study
 from hopopt.studies.family_chains import Node
-from hopopt.studies.family_optima import Optimum, followed, refined, remember, searched
+from hopopt.studies.family_optima import Optimum, Source, followed, refined, remember, searched
 from hopopt.studies.sweep.definition import Definition
 
 FOLLOWED = 8  # of the best optima at each value, that are followed
+SMALLER = (0.25, 0.5, 0.75)  # of the way to a neighbouring value, if the whole step leads to another kind of hop
 CLOSE = 3e-3  # relative: by so much the first mesh may put two families in the wrong order
 
 Say = Callable[[str], None]
@@ -51,7 +52,7 @@ def _follow(study: Study, designs: Sequence[Design], processes: int, say: Say, k
         say(f"following {len(new)} local optima to the neighbouring values")
         sources = {k: sorted(n for n in new if abs(n[0] - k) == 1) for k in range(len(designs))}
         jobs = {
-            k: (designs[k], [(designs[n[0]], study.optima[n[0]][n[1]]) for n in each], "neighbouring values")
+            k: (designs[k], [_source(study, designs, n, k) for n in each], "neighbouring values")
             for k, each in sources.items()
             if each
         }
@@ -61,6 +62,13 @@ def _follow(study: Study, designs: Sequence[Design], processes: int, say: Say, k
                 if end is not None:
                     new |= _linked(study, source, k, end)
             keep(study)
+
+
+def _source(study: Study, designs: Sequence[Design], node: Node, k: int) -> Source:
+    """An optimum to be followed to value k, with the problems of smaller steps."""
+    entry, begin, end = study.entry or "", study.values[node[0]], study.values[k]
+    between = [study.definition.design_with({entry: begin + s * (end - begin)}) for s in SMALLER]
+    return Source(designs[node[0]], study.optima[node[0]][node[1]], tuple(between))
 
 
 def _linked(study: Study, source: Node, k: int, end: Optimum) -> set[Node]:
