@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +33,15 @@ def test_families_gather_what_ends_alike_best_first() -> None:
 @pytest.mark.parametrize(
     ("motion", "said"),
     [
+        ({"stance": 0.4, "swing": 0.5, "lean": 0.1},
+         "pushes without a dip; swings forward by 50% of the leg and back; leaves in front of the foot; stance 0.40 s"),
         ({"stance": 0.2}, "pushes without a dip; leaves upright; stance 0.20 s"),
         ({"stance": 0.4, "dip": 0.1, "sway": -0.2, "lean": 0.1, "drift": -1.0},
          "dips by 10% of the leg behind the foot; leaves in front of the foot, drifting backward; stance 0.40 s"),
     ],
 )  # fmt: skip
 def test_words_say_what_the_body_does(motion: dict[str, Any], said: str) -> None:
-    assert words(ended(0, 0.8, **motion)) == said
+    assert words(asdict(ended(0, 0.8, **motion))) == said
 
 
 @pytest.fixture(scope="module")

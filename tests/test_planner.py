@@ -105,7 +105,9 @@ def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_a
     assert s.verified
     assert s.clearance == pytest.approx(one_push.clearance, rel=5e-5)
     note = f"solved with solver.tolerance = {TOLERANCE:g} and solver.price_tolerance = {PRICE_TOLERANCE:g}"
-    assert any(note in words and "not verified with the problem's own" in words for words in s.summary["notes"])
+    assert any(
+        note in words and "not verified and certified with the problem's own" in words for words in s.summary["notes"]
+    )
     assert not any("solver.tolerance" in words for words in one_push.summary["notes"])
 
 
@@ -180,7 +182,6 @@ def test_starts_end_alike_in_one_process_and_side_by_side(monkeypatch: pytest.Mo
         monkeypatch.setattr(multistart, "WORKER", seconds)
         found.append(run_starts(hop, 4, 2, silent))
     assert [o.name for o in found[0]] == [s.name for s in starts(4, 0)]
-    assert len({o.objective for o in found[0]}) > 1
     for one, other in zip(*found, strict=True):
         assert (one.name, one.iterations, one.objective) == (other.name, other.iterations, other.objective)
         assert (one.vectors["z"] == other.vectors["z"]).all()

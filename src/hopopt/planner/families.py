@@ -12,7 +12,7 @@ from hopopt.planner.first_mesh import FirstMesh
 from hopopt.planner.multistart import StartOutcome, first_transcription, grouped, solution_of
 from hopopt.planner.solution import Solution
 
-LEANING, DIPPING = 0.05, 0.03  # share of the reach from which a lean or a dip is worth a word
+LEANING, DIPPING, SWINGING = 0.05, 0.03, 0.1  # share of the reach from which a lean, a dip or a swing is worth a word
 FAST = 0.3  # m/s along the ground from which a hop drifts
 ALARM = 0.01  # relative: by so much the global method's value may pass the answer
 
@@ -65,25 +65,35 @@ def alarm_note(figures: Mapping[str, Any]) -> list[str]:
 
 
 def motion(hop: Hop, plan: Solution) -> dict[str, float]:
-    """What the body does in stance: duration [s]; its place over the foot when it is lowest (sway) and at lift-off (lean)
-    and its dip [share of the reach]; its drift at lift-off [m/s]."""
+    """What the body does in stance: duration [s]; its place over the foot when it is lowest (sway) and at lift-off (lean),
+    its dip, and how far it is from where it began at most (swing, with its sign) [share of the reach]; its drift at
+    lift-off [m/s]."""
     stance, size = plan.everywhere(STANCE, np.linspace(0, 1, 5)), reach(hop.leg)
     x, z = stance.q[:, 0], stance.q[:, 1]
-    lowest = int(np.argmin(z))
+    lowest, farthest = int(np.argmin(z)), int(np.argmax(np.abs(x - x[0])))
     return {
         "stance": plan.lift_off, "sway": float(x[lowest] / size), "lean": float(x[-1] / size),
-        "dip": float((z[0] - z[lowest]) / size), "drift": float(stance.com_v[-1, 0]),
+        "dip": float((z[0] - z[lowest]) / size), "swing": float((x[farthest] - x[0]) / size),
+        "drift": float(stance.com_v[-1, 0]),
     }  # fmt: skip
 
 
 def words(m: Mapping[str, float]) -> str:
-    """What a hop does: where it dips, where it leans at lift-off, where it drifts; from the figures of ``motion``."""
-    dip = f"dips by {m['dip']:.0%} of the leg" if m["dip"] > DIPPING else "pushes without a dip"
+    """What a hop does: where the body dips and swings, where it leans at lift-off, where it drifts; from the figures of
+    ``motion``."""
+    moves = [f"dips by {m['dip']:.0%} of the leg" if m["dip"] > DIPPING else "pushes without a dip"]
     if m["dip"] > DIPPING and abs(m["sway"]) > LEANING:
-        dip += f" {_side(m['sway'])}"
-    lean = f"leaves {_side(m['lean'])}" if abs(m["lean"]) > LEANING else "leaves upright"
-    drift = f", drifting {'forward' if m['drift'] > 0 else 'backward'}" if abs(m["drift"]) > FAST else ""
-    return f"{dip}; {lean}{drift}; stance {m['stance']:.2f} s"
+        moves[0] += f" {_side(m['sway'])}"
+    if abs(m["swing"]) > SWINGING and abs(m["swing"]) > 2 * abs(m["lean"]):
+        moves.append(f"swings {_way(m['swing'])} by {abs(m['swing']):.0%} of the leg and back")
+    moves.append(f"leaves {_side(m['lean'])}" if abs(m["lean"]) > LEANING else "leaves upright")
+    if abs(m["drift"]) > FAST:
+        moves[-1] += f", drifting {_way(m['drift'])}"
+    return f"{'; '.join(moves)}; stance {m['stance']:.2f} s"
+
+
+def _way(x: float) -> str:
+    return "forward" if x > 0 else "backward"
 
 
 def _side(place: float) -> str:

@@ -13,7 +13,16 @@ from dataclasses import dataclass
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import stance_guess
-from hopopt.planner.multistart import Progress, StartOutcome, first_solver, known_optima, noted, outcome_of, run_starts
+from hopopt.planner.multistart import (
+    Progress,
+    StartOutcome,
+    first_solver,
+    known_optima,
+    noted,
+    outcome_of,
+    remember,
+    run_starts,
+)
 from hopopt.planner.relaxations import QUICK, relaxed_starts
 
 SIZE = 15  # nodes along each axis of the global method's grid in a plain solve
@@ -62,9 +71,11 @@ def _not_used(hop: Hop) -> str | None:
 
 def rollout_starts(hop: Hop, rollouts: Sequence[Rollout], known: Sequence[StartOutcome] = ()) -> list[StartOutcome]:
     """What the motions of the global method lead to on the first mesh; none is followed to a hop that is known."""
-    solver, outcomes = first_solver(hop, any(o.success for o in known), known_optima(hop, known)), []
+    watch, outcomes = known_optima(hop, known), list[StartOutcome]()
+    solver = first_solver(hop, any(o.success for o in known), watch)
     for k, r in enumerate(rollouts):
         began = time.perf_counter()
         s = solver(stance_guess(hop, r.t, r.q, r.v, r.a))
         outcomes.append(noted(solver, outcome_of(f"global method {k + 1}", s, time.perf_counter() - began)))
+        remember(watch, outcomes[-1])
     return outcomes

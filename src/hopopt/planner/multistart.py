@@ -110,8 +110,10 @@ def run_starts(
 
 def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -> list[StartOutcome]:
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
-    began, solver = time.perf_counter(), first_solver(hop, known, known_optima(hop))
+    began, watch = time.perf_counter(), known_optima(hop)
+    solver = first_solver(hop, known, watch)
     first = run_chunk(hop, [0], solver, known)
+    remember(watch, first[0])  # and no other, so that what starts lead to does not depend on how they are divided
     each, others = time.perf_counter() - began, range(1, count)
     if not first[0].success and too_weak(hop.design, hop.robot):  # seldom does another start help such a leg
         return first
@@ -121,7 +123,8 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
     from joblib import Parallel, delayed
 
     data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
-    jobs = (delayed(_chunk_in_worker)(data, hop.asked, hop.freedom, hop.constraints, chunk, known) for chunk in chunks)
+    more = (hop.asked, hop.freedom, hop.constraints)
+    jobs = (delayed(_chunk_in_worker)(data, *more, chunk, known, first[0]) for chunk in chunks)
     parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
     return first + [parts[k % processes][k // processes] for k in range(len(others))]
 
@@ -133,8 +136,10 @@ def _chunk_in_worker(
     constraints: tuple[Custom, ...],
     chunk: Sequence[int],
     known: bool,
+    first: StartOutcome,
 ) -> list[StartOutcome]:
-    return run_chunk(Hop(Design.model_validate(data), objective, freedom, constraints), chunk, known=known)
+    hop = Hop(Design.model_validate(data), objective, freedom, constraints)
+    return run_chunk(hop, chunk, first_solver(hop, known, known_optima(hop, [first])), known)
 
 
 def run_chunk(
@@ -159,14 +164,12 @@ def run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOu
 
 
 def noted(solver: NlpSolver, outcome: StartOutcome) -> StartOutcome:
-    """The outcome of the solver's last solve or, if it was stopped on its way to a known hop, that hop; a new one is
-    known from now on."""
+    """The outcome of the solver's last solve or, if it was stopped on its way to a known hop, that hop."""
     watch = solver.known
     if watch is None:
         return outcome
     if (met := watch.met) is not None:
         return replace(met, name=outcome.name, status=STOPPED, iterations=outcome.iterations, seconds=outcome.seconds)
-    remember(watch, outcome)
     return outcome
 
 

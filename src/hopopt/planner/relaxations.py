@@ -1,4 +1,5 @@
-"""Relaxed problems as starts: the optimum of an easier problem, tightened in steps to what was asked.
+"""Relaxed problems as starts: the optimum of an easier problem, tightened to what was asked,
+from its point and its multipliers.
 
 A relaxation is the same program within wider bounds, so nothing is built again. Its optimum often lies near a better hop
 than the guessed starts do: without the friction cone, say, the leg lies down before it pushes.
@@ -6,11 +7,11 @@ than the guessed starts do: without the friction cone, say, the leg lies down be
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from hopopt.nlp.ipopt import CARRIED, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import CARRIED, Bounds, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import make_guess, starts
@@ -22,10 +23,11 @@ from hopopt.planner.multistart import (
     known_optima,
     noted,
     outcome_of,
+    remember,
 )
 
 Loosen = Callable[[Transcription, Bounds, float], None]  # writes into the bounds; share 1 is the whole relaxation
-SHARES = (0.3, 0.0)  # after the whole relaxation: with the friction cone, one step more or less finds the same hops
+SHARES = (0.0,)  # after the whole relaxation: more steps between found the same hops, from multipliers, in 40 trials
 PULL = 1.0  # of the range of forces, by which the foot may leave its friction cone at a share of 1
 DEEPER = 0.3  # of the leg's length, by which joints may pass through the ground
 WIDER = 0.4  # rad by which each joint may pass its limits
@@ -104,9 +106,8 @@ def together(*each: Loosen) -> Loosen:
 CONE, HEIGHT = "friction cone", "height above ground"
 QUICK = (
     Relaxation("no friction limit", (CONE,), friction_cone),
-    Relaxation(
-        "wider joints, no ground for them", (HEIGHT,), together(friction_cone, joints_below_ground, joint_range)
-    ),
+    Relaxation("wider joint range", (), joint_range),
+    Relaxation("no ground for joints", (HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
 )
 THOROUGH = (
     *QUICK,
@@ -117,35 +118,40 @@ THOROUGH = (
 
 
 def relaxed_starts(
-    hop: Hop, chosen: Sequence[Relaxation], known: Sequence[StartOutcome] = (), begun_from: Sequence[int] = (0,)
+    hop: Hop, chosen: Sequence[Relaxation], known: Sequence[StartOutcome] = (), begun_from: Sequence[int] = BEGUN_FROM
 ) -> list[StartOutcome]:
     """What the relaxed problems lead to once they are tightened, on the first mesh.
 
     chosen: the relaxations, of which those are tried that suit the problem; known: hops to which none need be followed
     again; begun_from: numbers of the starts that each relaxed problem is solved from.
     """
-    t, watch = first_transcription(hop), known_optima(hop, known)
-    solver = first_solver(hop, True, watch)
-    warm = NlpSolver(t, first_options(hop, True) | CARRIED, watch)
-    return [_relaxed(hop, solver, warm, r, k) for r in chosen if r.suits(t) for k in begun_from]
+    watch, relaxed_watch = known_optima(hop, known), known_optima(hop)
+    asked = NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch)
+    relaxed = first_solver(hop, True, relaxed_watch)
+    outcomes = []
+    for relaxation in (r for r in chosen if r.suits(asked.transcription)):
+        relaxed_watch.known.clear()  # each relaxed problem has its own optima
+        for k in begun_from:
+            outcome = _tightened(hop, asked, relaxed, relaxation, k)
+            if outcome is not None:
+                outcomes.append(outcome)
+                remember(watch, outcome)
+    return outcomes
 
 
-def _relaxed(hop: Hop, solver: NlpSolver, warm: NlpSolver, relaxation: Relaxation, k: int) -> StartOutcome:
-    began, start = time.perf_counter(), starts(k + 1, hop.design.solver.seed)[k]
-    s = solver(make_guess(hop, start), bounds=wider(solver.transcription, relaxation, 1.0))
-    iterations = s.iterations
-    for share in SHARES:
-        if s.success:
-            s = _tightened(solver, warm, s, wider(solver.transcription, relaxation, share))
-            iterations += s.iterations
+def _tightened(hop: Hop, asked: NlpSolver, relaxed: NlpSolver, relaxation: Relaxation, k: int) -> StartOutcome | None:
+    """The relaxed problem from start k and, from its optimum and multipliers, what is asked; None if the relaxed optimum
+    was known already."""
+    began, start, t = time.perf_counter(), starts(k + 1, hop.design.solver.seed)[k], asked.transcription
+    s = relaxed(make_guess(hop, start), bounds=wider(t, relaxation, 1.0))
+    if relaxed.stopped:
+        return None
+    if s.success and relaxed.known is not None:
+        remember(relaxed.known, outcome_of(relaxation.name, s, 0.0))
+        s = asked.again(s, wider(t, relaxation, 0.0))
     name = relaxation.name if k == 0 else f"{relaxation.name}, from {start.name}"
-    return noted(solver, outcome_of(name, replace(s, iterations=iterations), time.perf_counter() - began))
-
-
-def _tightened(solver: NlpSolver, warm: NlpSolver, last: NlpSolution, bounds: Bounds) -> NlpSolution:
-    """The next step: from the last one's multipliers or, if that fails, from its point alone."""
-    s = warm.again(last, bounds)
-    return s if s.success or solver.stopped else solver.again(last, bounds)
+    outcome = outcome_of(name, s, time.perf_counter() - began)
+    return noted(asked, outcome) if asked.stopped else outcome
 
 
 def wider(t: Transcription, relaxation: Relaxation, share: float) -> Bounds:

@@ -11,8 +11,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.ocp.objectives import find
-from hopopt.plots.style import BLACK, COLOR, DPI, GREEN, GREY, PALE, SMALL, TEXT, describe, legend, new_figure
-from hopopt.problem.render import rows
+from hopopt.plots.style import (
+    BLACK,
+    COLOR,
+    DPI,
+    GREEN,
+    GREY,
+    PALE,
+    SMALL,
+    TEXT,
+    describe,
+    entry_label,
+    legend,
+    new_figure,
+)
 from hopopt.studies.sweep.store import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 
 if TYPE_CHECKING:
@@ -45,13 +57,6 @@ def _listed(study: "Study") -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _label(study: "Study", k: int) -> str:
-    """An axis's entry with its unit."""
-    entry = study.definition.axes[k].entry
-    unit = {row.path: row.unit for row in rows(study.definition.design)}.get(entry.partition("[")[0], "")
-    return f"{entry} [{unit}]" if unit not in ("", "1") else entry
-
-
 def _goal(study: "Study") -> str:
     """The objective with its unit."""
     return f"{study.definition.objective} [{find(study.definition.objective).unit}]"
@@ -69,7 +74,7 @@ def _curve(figure: Figure, study: "Study") -> None:
     ax.plot(x[order], z[order], "o-", color=BLUE, lw=2, ms=5, label="verified")  # broken where a point failed
     _failures_below(ax, study, x, z)
     _best(ax, study, x, z)
-    describe(ax, _label(study, 0), _goal(study))
+    describe(ax, entry_label(study.definition.design, study.definition.axes[0].entry), _goal(study))
 
 
 def _panels(figure: Figure, study: "Study") -> None:
@@ -80,7 +85,9 @@ def _panels(figure: Figure, study: "Study") -> None:
         ax.plot(x, z, "o", color=BLUE, ms=5, label="verified")
         _failures_below(ax, study, x, z)
         _best(ax, study, x, z)
-        describe(ax, _label(study, k), _goal(study) if k == 0 else "")
+        describe(
+            ax, entry_label(study.definition.design, study.definition.axes[k].entry), _goal(study) if k == 0 else ""
+        )
 
 
 def _failures_below(ax: Axes, study: "Study", x: np.ndarray, z: np.ndarray) -> None:
@@ -128,7 +135,11 @@ def _map(figure: Figure, study: "Study") -> None:
     bar = figure.colorbar(shown, ax=ax)
     bar.set_label(_goal(study), fontsize=TEXT)
     bar.ax.tick_params(labelsize=SMALL)
-    describe(ax, _label(study, 0), _label(study, 1))
+    describe(
+        ax,
+        entry_label(study.definition.design, study.definition.axes[0].entry),
+        entry_label(study.definition.design, study.definition.axes[1].entry),
+    )
 
 
 def _cells(ax: Axes, study: "Study", z: np.ndarray, low: float, high: float) -> None:

@@ -34,7 +34,8 @@ Say = Callable[[str], None]
 @dataclass(frozen=True)
 class Ended:
     """How one start ended on the first mesh: objective in its unit, and the motion: stance [s]; the body's place over
-    the foot when it is lowest and at lift-off [share of the reach], its dip [share of the reach], its drift [m/s]."""
+    the foot when it is lowest and at lift-off [share of the reach], its dip [share of the reach], its drift [m/s], its swing
+    [share of the reach]."""
 
     index: int
     name: str
@@ -48,6 +49,7 @@ class Ended:
     lean: float = 0.0
     dip: float = 0.0
     drift: float = 0.0
+    swing: float = 0.0
 
 
 @dataclass(frozen=True)
