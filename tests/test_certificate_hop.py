@@ -10,11 +10,14 @@ import pytest
 
 from hopopt.cli.main import run
 from hopopt.leg.kinematics import start_angles
+from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
 from hopopt.nlp.ipopt import NlpSolution
+from hopopt.ocp.constraints import HEIGHT
+from hopopt.ocp.problem import Component
 from hopopt.optimality.arcs import Activity
 from hopopt.optimality.certificate import Certificate, certify
 from hopopt.optimality.switch_times import plan
-from hopopt.optimality.switching_structure import described, runs, sentences, stretches, structure
+from hopopt.optimality.switching_structure import Acting, described, runs, sentences, stretches, structure
 from hopopt.planner.refine_and_verify import finer
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
@@ -175,12 +178,12 @@ def test_runs_join_what_is_equal_and_drop_what_is_short() -> None:
     assert [(r.limit, r.begin, r.end) for r in found] == [("a", 0.0, pytest.approx(0.6)), ("c", pytest.approx(0.6), 1)]
 
 
-def acting(columns: dict[str, Callable[[np.ndarray], np.ndarray]]) -> Activity:
+def acting(columns: dict[Component, Callable[[np.ndarray], np.ndarray]]) -> Activity:
     """100 intervals of one node over one second; which upper sides act when."""
     t = (np.arange(100)[:, None] + 0.5) / 100
     upper = np.stack([when(t) for when in columns.values()], axis=2)
     push = np.concatenate([upper, 0 * upper], axis=2).astype(float)
-    on_controls = np.array(["region" in name for name in columns])
+    on_controls = np.array([kind_of(name.of) is Kind.REGION for name in columns])
     met = np.concatenate([upper, np.zeros_like(upper)], axis=2)
     return Activity(t, upper, np.zeros_like(upper), push, met, tuple(columns), on_controls)
 
@@ -188,10 +191,10 @@ def acting(columns: dict[str, Callable[[np.ndarray], np.ndarray]]) -> Activity:
 def test_structure_in_words_and_what_may_move() -> None:
     act = acting(
         {
-            "hip operating region[a line]": lambda t: t < 0.3,
-            "hip operating region[b line]": lambda t: (t > 0.31) & (t < 0.7),
-            "hip operating region[c line]": lambda t: t > 0.7,
-            "height above ground[knee]": lambda t: (t > 0.71) & (t < 0.8),
+            Component(LimitId(Kind.REGION, "hip"), "a line"): lambda t: t < 0.3,
+            Component(LimitId(Kind.REGION, "hip"), "b line"): lambda t: (t > 0.31) & (t < 0.7),
+            Component(LimitId(Kind.REGION, "hip"), "c line"): lambda t: t > 0.7,
+            Component(HEIGHT, "knee"): lambda t: (t > 0.71) & (t < 0.8),
         }
     )
     (words,) = [s for s in stretches(act, (0.0, 1.0)) if s.subject == "hip" and s.end == 1.0]
@@ -205,18 +208,26 @@ def test_structure_in_words_and_what_may_move() -> None:
 def test_structure_tells_of_peaks_by_joint_and_nothing_of_how_work_is_counted() -> None:
     act = acting(
         {
-            "peak torque[hip forward]": lambda t: t < 0.3,
-            "peak torque[hip backward]": lambda t: (t > 0.31) & (t < 0.7),
-            "hip operating region[a line]": lambda t: t > 0.7,
-            "drawn[hip]": lambda t: t < 0.5,
-            "power drawn[hip]": lambda t: t > 0.5,
+            Component(LimitId(Kind.PEAK_TORQUE), JointWay("hip", "forward")): lambda t: t < 0.3,
+            Component(LimitId(Kind.PEAK_TORQUE), JointWay("hip", "backward")): lambda t: (t > 0.31) & (t < 0.7),
+            Component(LimitId(Kind.REGION, "hip"), "a line"): lambda t: t > 0.7,
+            Component("drawn", "hip"): lambda t: t < 0.5,
+            Component(LimitId(Kind.POWER), "hip"): lambda t: t > 0.5,
         }
     )
     told = [s.limit for s in stretches(act, (0.0, 1.0)) if s.subject == "hip"]
     assert told == ["at the peak torque forward", "at the peak torque backward", "a line forward"]
     assert {s.subject for s in stretches(act, (0.0, 1.0))} == {"hip"}
-    assert described("share used by the knee[2]", "lower") == ("knee", "at the peak share of its operating region")
-    both = acting({"share used by the knee[0]": lambda t: t > 0.5, "share used by the knee[2]": lambda t: t > 0.5})
+    assert described(Component(LimitId(Kind.SHARE, "knee"), "2"), "lower") == (
+        "knee",
+        Acting("at the peak share of its operating region"),
+    )
+    both = acting(
+        {
+            Component(LimitId(Kind.SHARE, "knee"), "0"): lambda t: t > 0.5,
+            Component(LimitId(Kind.SHARE, "knee"), "2"): lambda t: t > 0.5,
+        }
+    )
     assert [s.limit for s in stretches(both, (0.0, 1.0))] == ["free", "at the peak share of its operating region"]
 
 

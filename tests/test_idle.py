@@ -13,7 +13,7 @@ from hopopt.cli.main import run
 from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.optimality.flat_directions import CannotBeTold
-from hopopt.planner.limit_use import idle_limits
+from hopopt.planner.limit_use import as_dict, idle_uses
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.planner.summary import FINE, active_limits
@@ -52,7 +52,7 @@ def test_shares_of_the_limits(plan: Solution) -> None:
 def of_entry(plan: Solution, entry: str) -> list[dict[str, Any]]:
     """The lines about one entry."""
     fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
-    return [use for use in idle_limits(plan, fine).values() if use["entry"] == entry]
+    return [use for use in as_dict(idle_uses(plan, fine)).values() if use["entry"] == entry]
 
 
 def test_an_entry_that_joints_share_is_one_limit(plan: Solution) -> None:
@@ -129,14 +129,14 @@ def test_a_friction_cone_says_what_it_needs(plan: Solution) -> None:
     in_space = fine | {"stance": replace(fine["stance"], f=sideways)}
     for friction, idle in ((0.6, True), (0.3, False)):
         contact = plan.design.contact.model_copy(update={"friction": friction})
-        cone = idle_limits(replace(plan, design=plan.design.model_copy(update={"contact": contact})), fine)
+        cone = as_dict(idle_uses(replace(plan, design=plan.design.model_copy(update={"contact": contact})), fine))
         assert ("friction cone" in cone) is idle
         if idle:
             assert cone["friction cone"] == pytest.approx(
                 {"used": 0.5, "entry": "contact.friction", "limit": 0.6, "enough": 0.3}
             )
         design = plan.design.model_copy(update={"contact": contact})
-        space = idle_limits(replace(plan, design=design), in_space)
+        space = as_dict(idle_uses(replace(plan, design=design), in_space))
         assert ("friction cone" in space) is idle
         assert not idle or space["friction cone"]["enough"] == pytest.approx(0.3, rel=1e-3)
         acts = active_limits(replace(plan, design=design), in_space["stance"]).get("friction cone", 0.0)

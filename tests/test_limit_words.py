@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from hopopt.design import Design
+from hopopt.leg.limit_id import Kind, LimitId
+from hopopt.ocp.constraints import HEIGHT, NO_DESCENT
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.problem import Component, components
 from hopopt.optimality.infeasibility import Conflict, Part
 from hopopt.optimality.limits import Limit
 from hopopt.planner.limit_names import conflict_words, path_value, words_of
@@ -27,21 +30,21 @@ SET = {
 }
 
 
-def limit(kind: str, name: str, phase: str = "", *, upper: bool = True) -> Limit:
-    return Limit(kind, phase, name, upper, np.zeros(1, dtype=int), np.array([np.nan]), 1.0, 1.0, "", name)
+def limit(kind: str, name: Component, phase: str = "", *, upper: bool = True) -> Limit:
+    return Limit(kind, phase, name, upper, np.zeros(1, dtype=int), np.array([np.nan]), 1.0, 1.0, "", name.of)
 
 
 def limits_of(design: Design) -> Iterator[Limit]:
     """Both sides of everything that the program of a soft landing limits."""
     for constraint in Hop(design, "impact").problem.boundary:
-        yield limit("boundary", constraint.name)
+        yield limit("boundary", Component(constraint.name))
     for phase in Hop(design, "impact").problem.phases:
         for upper in (False, True):
-            yield limit("duration", "duration", phase.name, upper=upper)
+            yield limit("duration", Component("duration"), phase.name, upper=upper)
             for state in phase.states:
-                yield from (limit("state", name, phase.name, upper=upper) for name in state.component_names())
+                yield from (limit("state", name, phase.name, upper=upper) for name in state.components())
         for constraint in phase.path:
-            names = [f"{constraint.name}[{label}]" for label in constraint.labels] or [constraint.name]
+            names = components(constraint.name, max(1, len(constraint.labels)), constraint.labels)
             yield from (limit("path", name, phase.name) for name in names)
 
 
@@ -78,15 +81,15 @@ def test_the_entry_behind_each_half_plane() -> None:
         "drive torque cap": ["leg.knee.motor.torque_cap", "leg.gear.ratio"],
         "braking line": ["leg.motor.max_torque", "leg.motor.max_speed", "leg.gear.ratio"],
     }.items():
-        words, stated = words_of(design, limit("path", f"knee operating region[{label}]", "stance"))
+        words, stated = words_of(design, limit("path", Component(LimitId(Kind.REGION, "knee"), label), "stance"))
         assert list(entries(stated)) == paths
         assert words == f"the knee's {'drive' if label == 'braking line' else label} in stance"
 
 
 def test_a_list_of_names_and_a_switch_in_a_conflict() -> None:
     parts = (
-        Part(limit("path", "height above ground[foot]", "flight"), 0.1, 1.0, (0.1, 0.2)),
-        Part(limit("path", "body never descends", "stance"), 0.0, 1.0, (0.1, 0.2)),
+        Part(limit("path", Component(HEIGHT, "foot"), "flight"), 0.1, 1.0, (0.1, 0.2)),
+        Part(limit("path", Component(NO_DESCENT), "stance"), 0.0, 1.0, (0.1, 0.2)),
     )
     said = " ".join(conflict_words(load("paper", SET), Conflict(parts, {})))
     assert 'hop.above_ground = ["foot", "knee"]' in said
@@ -95,4 +98,5 @@ def test_a_list_of_names_and_a_switch_in_a_conflict() -> None:
 
 def test_a_function_of_ones_own_is_no_limit_of_the_hop() -> None:
     for name in ("clearance", "foot window", "q[hip]"):
-        assert words_of(load("paper", SET), limit("path", name, "flight")) == (f"{name} in flight", "")
+        own = Component(LimitId(Kind.USER, name))
+        assert words_of(load("paper", SET), limit("path", own, "flight")) == (f"{name} in flight", "")

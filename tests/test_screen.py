@@ -3,6 +3,7 @@
 import io
 import re
 from contextlib import redirect_stdout
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from hopopt.cli.screen.console import console, print_checks, print_lines
 from hopopt.cli.screen.runs import PARTS, _gaps, _heights, print_comparison
 from hopopt.cli.screen.sensitivity import print_sensitivity
 from hopopt.cli.screen.sweep import print_study
+from hopopt.optimality.switching_structure import Stretch
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
 from hopopt.studies.compare import compare
@@ -50,11 +52,14 @@ def test_long_lines_go_on_below_their_beginning() -> None:
 
 
 def test_of_a_chattering_structure_the_first_and_the_last_are_told() -> None:
-    words = [f"stance, {LONG}", "stance, ground: free until 0.100 s, then carries nothing", "flight, hip: free"]
-    long, short = structure_lines({"structure": {"words": words}})
+    ends = [0.1 + 0.001 * k for k in range(20)]
+    hip = [Stretch("hip", "torque-speed line backward", end - 0.001, end) for end in ends]
+    ground = [Stretch("ground", "free", 0.0, 0.1), Stretch("ground", "carries nothing", 0.1, 0.2)]
+    told = {"stance": [asdict(s) for s in (*hip, *ground)], "flight": [asdict(Stretch("hip", "free", 0.0, 1.0))]}
+    long, short = structure_lines({"structure": told})
     assert short == "ground: free until 0.100 s, then carries nothing"
     told, every = long.split(", then "), LONG.split(", then ")
-    assert told == [*every[:4], f"{len(every) - 5} more (--json tells all)", every[-1]]
+    assert told == [*every[:4], f"{len(every) - 5} more (--json tells all)", "torque-speed line backward"]
 
 
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str]) -> None:

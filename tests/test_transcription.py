@@ -174,7 +174,7 @@ def test_rows_say_what_they_are() -> None:
     assert t.rows[-1].stop == len(t.lbg) == len(t.ubg) == len(t.row_scale) == t.nlp["g"].numel()
     expected = ["defect", "defect", "duration", "boundary", "boundary"]
     assert [r.kind for r in t.rows] == expected
-    assert [r.labels for r in t.rows[1:]] == [("x", "y"), ("duration",), ("x",), ("total",)]
+    assert [tuple(map(str, r.labels)) for r in t.rows[1:]] == [("x", "y"), ("duration",), ("x",), ("total",)]
 
 
 def final_cost(e: Ends) -> ca.SX:

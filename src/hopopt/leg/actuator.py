@@ -6,6 +6,7 @@ joint torque [N m], w the joint speed [rad/s]; R is the gear ratio, tau_max and 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any, Literal
 
 import numpy as np
@@ -13,26 +14,44 @@ import numpy as np
 from hopopt.design import Leg
 
 Entry = tuple[Literal["motor", "gear"], str]
-CAPS: dict[str, tuple[Entry, ...]] = {  # half-planes that a cap draws -> its entry, then what carries it to the joint
-    "drive torque cap": (("motor", "torque_cap"), ("gear", "ratio")),
-    "gear torque cap": (("gear", "torque_cap"),),
-    "gear speed cap": (("gear", "speed_cap"), ("gear", "ratio")),
+
+
+class Line(StrEnum):
+    """What bounds an operating region; each is there forward and backward."""
+
+    TORQUE_SPEED = "torque-speed line"
+    BRAKING = "braking line"
+    DRIVE_CAP = "drive torque cap"
+    GEAR_CAP = "gear torque cap"
+    SPEED_CAP = "gear speed cap"
+
+
+FORWARD, BACKWARD = "forward", "backward"
+CAPS: dict[str, tuple[Entry, ...]] = {  # lines that a cap draws -> its entry, then what carries it to the joint
+    Line.DRIVE_CAP: (("motor", "torque_cap"), ("gear", "ratio")),
+    Line.GEAR_CAP: (("gear", "torque_cap"),),
+    Line.SPEED_CAP: (("gear", "speed_cap"), ("gear", "ratio")),
 }
 LINES: tuple[Entry, ...] = (("motor", "max_torque"), ("motor", "max_speed"), ("gear", "ratio"))  # behind the others
 
 
 @dataclass(frozen=True)
 class HalfPlane:
-    """a tau + b w <= 1, with a in 1/(N m), b in s/rad; floats, or CasADi symbols in the planner."""
+    """a tau + b w <= 1.
 
-    name: str
+    line: which line it is of; way: "forward" or "backward".
+    a [1/(N m)] and b [s/rad]: floats, or CasADi symbols in the planner.
+    """
+
+    line: str
     a: Any
     b: Any
+    way: str = ""
 
     @property
-    def line(self) -> str:
-        """The name without the direction."""
-        return self.name.rsplit(", ", 1)[0]
+    def name(self) -> str:
+        """The line with its direction."""
+        return f"{self.line}, {self.way}" if self.way else str(self.line)
 
 
 @dataclass(frozen=True)
@@ -113,30 +132,22 @@ def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingReg
     planes: list[HalfPlane] = []
     laws = leg.drive(joint, "motor", "laws")[1]
     if "paper" in laws:  # eq. con_tsat without absolute values: +-tau/(R tau_max) +- R w/omega_max <= 1
-        planes += [
-            HalfPlane("torque-speed line, forward", torque, speed),
-            HalfPlane("torque-speed line, backward", -torque, -speed),
-            HalfPlane("braking line, forward", torque, -speed),
-            HalfPlane("braking line, backward", -torque, speed),
-        ]
+        planes += [*_pair(Line.TORQUE_SPEED, torque, speed), *_pair(Line.BRAKING, torque, -speed)]
     if "four-quadrant" in laws and "paper" not in laws:  # +-(tau/(R tau_max) + R w/omega_max) <= 1
-        planes += [
-            HalfPlane("torque-speed line, forward", torque, speed),
-            HalfPlane("torque-speed line, backward", -torque, -speed),
-        ]
+        planes += _pair(Line.TORQUE_SPEED, torque, speed)
     drive_cap, gear_cap, speed_cap = (
         entry("motor", "torque_cap"),
         entry("gear", "torque_cap"),
         entry("gear", "speed_cap"),
     )
     if drive_cap is not None:
-        planes += _pair("drive torque cap", 1 / (ratio * drive_cap), 0.0)
+        planes += _pair(Line.DRIVE_CAP, 1 / (ratio * drive_cap), 0.0)
     if gear_cap is not None:
-        planes += _pair("gear torque cap", 1 / gear_cap, 0.0)
+        planes += _pair(Line.GEAR_CAP, 1 / gear_cap, 0.0)
     if speed_cap is not None:
-        planes += _pair("gear speed cap", 0.0, ratio / speed_cap)
+        planes += _pair(Line.SPEED_CAP, 0.0, ratio / speed_cap)
     return OperatingRegion(tuple(planes))
 
 
-def _pair(name: str, a: Any, b: Any) -> list[HalfPlane]:
-    return [HalfPlane(f"{name}, forward", a, b), HalfPlane(f"{name}, backward", -a, -b)]
+def _pair(line: Line, a: Any, b: Any) -> list[HalfPlane]:
+    return [HalfPlane(line, a, b, FORWARD), HalfPlane(line, -a, -b, BACKWARD)]

@@ -6,6 +6,7 @@ import numpy as np
 
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.schemes import radau
+from hopopt.ocp.problem import Component
 
 PLACES = np.linspace(0.0, 1.0, 49)  # where in every interval limits are looked at: twice as close as verification does
 
@@ -21,7 +22,7 @@ class IntervalErrors:
     local: np.ndarray
     below: np.ndarray
     above: np.ndarray
-    limits: tuple[str, ...]
+    limits: tuple[Component, ...]
 
     @property
     def excess(self) -> np.ndarray:
@@ -59,7 +60,7 @@ def _local_error(solution: NlpSolution, phase: str) -> np.ndarray:
     return np.max(np.abs(x - expected) / scale, axis=(1, 2))
 
 
-def _passed(solution: NlpSolution, phase: str) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+def _passed(solution: NlpSolution, phase: str) -> tuple[np.ndarray, np.ndarray, tuple[Component, ...]]:
     """How far the lower and the upper limits are passed in each interval, (N, limits) each, and their names."""
     layout = solution.transcription.layouts[phase]
     x, _, path = stage_values(solution, phase, PLACES)
@@ -70,7 +71,7 @@ def _passed(solution: NlpSolution, phase: str) -> tuple[np.ndarray, np.ndarray, 
         for side in ("lower", "upper", "scale")
     )
     names = [label for labels in layout.stage.path_labels for label in labels]
-    names += [name for variable in bounded for name in variable.component_names()]
+    names += [name for variable in bounded for name in variable.components()]
     value = np.concatenate([path, x, u], axis=2)
     below, above = (np.maximum(over, 0.0).max(axis=1) / scale for over in (lower - value, value - upper))
     return below, above, tuple(names)

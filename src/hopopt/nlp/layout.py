@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import Scheme, lagrange
 from hopopt.nlp.terms import Matrix, Triplets, blocks, entries, stacked, together
-from hopopt.ocp.problem import Instant, Parameter, Phase, Problem, stack, symbols
+from hopopt.ocp.problem import Component, Instant, Parameter, Phase, Problem, components, stack, symbols
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,7 @@ class Stage:
 
     phase: Phase
     function: ca.Function
-    path_labels: tuple[tuple[str, ...], ...]
+    path_labels: tuple[tuple[Component, ...], ...]
 
     @property
     def path_sizes(self) -> tuple[int, ...]:
@@ -71,17 +70,9 @@ def make_stage(phase: Phase, parameters: Sequence[Parameter]) -> Stage:
     integrands = [ca.SX(f(instant)) for f in phase.integrands.values()]
     inputs = [stack(x, phase.states), stack(u, phase.controls), t, stack(p, parameters)]
     outputs = [stack(phase.dynamics(instant), phase.states), ca.vertcat(*path), ca.vertcat(*integrands)]
-    labels = tuple(row_labels(c, int(v.numel())) for c, v in zip(phase.path, path, strict=True))
+    labels = tuple(components(c.name, int(v.numel()), c.labels) for c, v in zip(phase.path, path, strict=True))
     function = ca.Function(f"stage_{phase.name}".replace("-", "_"), inputs, [ca.densify(o) for o in outputs])
     return Stage(phase, function, labels)
-
-
-def row_labels(constraint: Any, size: int) -> tuple[str, ...]:
-    """A name for each of the ``size`` rows of a constraint."""
-    if size == 1 and not constraint.labels:
-        return (constraint.name,)
-    labels = constraint.labels or tuple(str(k) for k in range(size))
-    return tuple(f"{constraint.name}[{label}]" for label in labels)
 
 
 @dataclass(frozen=True)

@@ -5,28 +5,28 @@ every arc, the free parameters. Constraints: the collocation defects, the path c
 the boundary constraints. Each phase's right-hand sides are one SX function, mapped over its abscissae.
 """
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hopopt.nlp.layout import PhaseLayout, PhaseVariables, row_labels, stage_of
+from hopopt.nlp.layout import PhaseLayout, PhaseVariables, stage_of
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.program import Program
 from hopopt.nlp.schemes import Scheme
 from hopopt.nlp.terms import Local, Matrix, Term, Triplets, blocks, csc, entries, stacked, together
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.guess import Guess as Guess
-from hopopt.ocp.problem import Ends, Instant, Problem, split, stack, symbols
+from hopopt.ocp.problem import Component, Ends, Instant, Problem, components, split, stack, symbols
 
 SHORTEST_ARC = 1e-4  # of the phase's guessed duration: an arc that shrinks to this is spurious
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Which rows of the NLP a constraint became: kind, phase, name, component labels and where in the phase.
+    """Which rows of the NLP a constraint became: kind, phase, name, components (``labels``) and where in the phase.
 
     Rows are component-major within a place: row = start + place * len(labels) + component. ``interval`` and
     ``place`` (0 to 1 within it) tell where; both are empty for boundary constraints.
@@ -34,8 +34,8 @@ class Rows:
 
     kind: str
     phase: str
-    name: str
-    labels: tuple[str, ...]
+    name: Hashable
+    labels: tuple[Component, ...]
     start: int
     interval: np.ndarray
     place: np.ndarray
@@ -149,12 +149,14 @@ class Transcription:
         if layout.mesh.arcs > 1:
             scale = np.array([min(phase.duration[1], 1.0)])
             linear = blocks(np.ones((1, layout.mesh.arcs)) / scale, np.ones((1, 1)), 1, 1, 0, where.durations.start)
-            self._add("duration", phase.name, "duration", ("duration",), phase.duration, scale, linear, unit="s")
+            self._add(
+                "duration", phase.name, "duration", (Component("duration"),), phase.duration, scale, linear, unit="s"
+            )
 
     def _add_defects(self, layout: PhaseLayout, start: int) -> None:
         """X S - (X' times arc duration) Q = 0."""
         phase, steps, N = layout.phase, self.scheme.steps, layout.mesh.intervals
-        labels = tuple(name for s in phase.states for name in s.component_names())
+        labels = tuple(c for s in phase.states for c in s.components())
         scale = phase.columns(phase.states, "scale")
         S, Q = layout.defect_matrices()
         linear = blocks(S, np.diag(1 / scale), len(scale), len(scale), 0, start)
@@ -205,7 +207,7 @@ class Transcription:
         output, width = 1, local.outputs.numel()
         for constraint, size in zip(self.problem.boundary, sizes, strict=True):
             scale = np.broadcast_to(np.asarray(constraint.scale, dtype=float), (size,))
-            bounds, labels = (constraint.lower, constraint.upper), row_labels(constraint, size)
+            bounds, labels = (constraint.lower, constraint.upper), components(constraint.name, size, constraint.labels)
             scatter = blocks(np.ones((1, 1)), np.diag(1 / scale), 0, 0, 0, output)
             self._add("boundary", "", constraint.name, labels, bounds, scale, None, scatter, unit=constraint.unit)
             output += size
@@ -250,7 +252,7 @@ class Transcription:
         return self._by_variables(stacked(found), row + free)
 
     def _add(
-        self, kind: str, phase: str, name: str, labels: tuple[str, ...], bounds: tuple[Any, Any], scale: np.ndarray,
+        self, kind: str, phase: str, name: Hashable, labels: tuple[Component, ...], bounds: tuple[Any, Any], scale: np.ndarray,
         linear: Triplets | None, scatter: Triplets | None = None, interval: np.ndarray | None = None,
         place: np.ndarray | None = None, unit: str = "",
     ) -> None:  # fmt: skip

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.errors import UsageError
+from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
@@ -160,7 +161,12 @@ def path(c: Custom, hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathC
         return ()
     return (
         PathConstraint(
-            c.name, lambda s: c(moment(hop, motion, s)), lower=t.lower, upper=t.upper, scale=t.scale, unit=t.unit
+            LimitId(Kind.USER, c.name, unit=t.unit),
+            lambda s: c(moment(hop, motion, s)),
+            lower=t.lower,
+            upper=t.upper,
+            scale=t.scale,
+            unit=t.unit,
         ),
     )
 

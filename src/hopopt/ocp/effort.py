@@ -11,7 +11,8 @@ from typing import Any
 import casadi as ca
 
 from hopopt.design import Design
-from hopopt.leg.actuator import operating_region
+from hopopt.leg.actuator import BACKWARD, FORWARD, operating_region
+from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.motion import MovingLeg
@@ -81,7 +82,7 @@ def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], tie_break: fl
     def path(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
         return (
             PathConstraint(
-                "power drawn", lambda s: s.drawn - power(hop, motion, s), lower=0.0, scale=SHARP * power_scale(hop),
+                LimitId(Kind.POWER, unit="W"), lambda s: s.drawn - power(hop, motion, s), lower=0.0, scale=SHARP * power_scale(hop),
                 unit="W", labels=hop.leg.joints,
             ),
         )  # fmt: skip
@@ -132,7 +133,7 @@ def _region_share(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathCon
         return both
 
     return tuple(
-        PathConstraint(f"share used by the {joint}", value(joint, k), lower=0.0, scale=SHARP)
+        PathConstraint(LimitId(Kind.SHARE, joint, unit="1"), value(joint, k), lower=0.0, scale=SHARP)
         for k, joint in enumerate(hop.leg.joints)
     )
 
@@ -149,9 +150,16 @@ def _torque_peak(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathCons
     def both(s: Instant) -> ca.SX:
         return ca.vertcat(s.p["peak torque"] - motion(s).tau, s.p["peak torque"] + motion(s).tau)
 
-    labels = tuple(f"{j} {side}" for side in ("forward", "backward") for j in hop.leg.joints)
+    labels = tuple(JointWay(j, way) for way in (FORWARD, BACKWARD) for j in hop.leg.joints)
     return (
-        PathConstraint("peak torque", both, lower=0.0, scale=SHARP * largest_stall(hop), unit="N m", labels=labels),
+        PathConstraint(
+            LimitId(Kind.PEAK_TORQUE, unit="N m"),
+            both,
+            lower=0.0,
+            scale=SHARP * largest_stall(hop),
+            unit="N m",
+            labels=labels,
+        ),
     )
 
 
@@ -164,7 +172,9 @@ def _force_peak(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConst
         peak = s.p["peak force"]
         return peak - ca.sumsqr(motion(s).f) / peak
 
-    return (PathConstraint("peak ground force", value, lower=0.0, scale=SHARP * hop.force_range, unit="N"),)
+    return (
+        PathConstraint(LimitId(Kind.PEAK_FORCE, unit="N"), value, lower=0.0, scale=SHARP * hop.force_range, unit="N"),
+    )
 
 
 EFFORTS = (

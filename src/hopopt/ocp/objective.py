@@ -7,6 +7,7 @@ from typing import Any, Literal
 import casadi as ca
 
 from hopopt.design import Design
+from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.phases import points_at_apex
@@ -15,6 +16,9 @@ from hopopt.ocp.sequence import Sequence, from_rest
 
 HEIGHTS = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
 DEMAND = "hop.clearance"  # the parameter (and the problem's entry) that an economical hop must reach [m]
+
+CLEARANCE = LimitId(Kind.CLEARANCE, key=DEMAND, unit="m")
+WINDOW = LimitId(Kind.WINDOW, key="hop.foot_window", unit="m")
 
 
 @dataclass(frozen=True)
@@ -65,8 +69,8 @@ def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:
 
     window = hop.design.hop.foot_window
     return (
-        BoundaryConstraint("clearance", heights, 0.0, INF, unit="m", labels=hop.point_names),
-        BoundaryConstraint("foot window", foot_offset, -window, window, unit="m"),
+        BoundaryConstraint(CLEARANCE, heights, 0.0, INF, unit="m", labels=hop.point_names),
+        BoundaryConstraint(WINDOW, foot_offset, -window, window, unit="m"),
     )
 
 

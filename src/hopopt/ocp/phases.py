@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.ocp.constraints import (
+    HEIGHT,
     MotionAt,
     above_ground,
     friction_cone,
@@ -110,7 +111,7 @@ def descent(leg: MovingLeg) -> LegPhase:
 
 def _grazing(c: PathConstraint, by: float) -> PathConstraint:
     """A limit of heights, the foot's lower by that much [m]; any other as it is."""
-    if c.name != "height above ground":
+    if c.name != HEIGHT:
         return c
     low = np.array(c.lower, dtype=float)
     low[[label == "foot" for label in c.labels]] -= by

@@ -4,7 +4,7 @@ Phases run one after another; each has its own states, controls, differential eq
 function below takes an ``Instant`` (or the ``Ends`` of all phases) and returns CasADi expressions.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -32,6 +32,28 @@ class Instant(SimpleNamespace):
 
 
 @dataclass(frozen=True)
+class Component:
+    """One row of a constraint or component of a variable, told from all others.
+
+    of: the constraint or variable, by its name or a typed identity.
+    label: which component; "" if there is but one.
+    """
+
+    of: Hashable
+    label: Hashable = ""
+
+    def __str__(self) -> str:
+        return str(self.of) if self.label == "" else f"{self.of}[{self.label}]"
+
+
+def components(of: Hashable, size: int, labels: Sequence[Hashable]) -> tuple[Component, ...]:
+    """The ``size`` components of a constraint or variable: by their labels, else by number."""
+    if size == 1 and not labels:
+        return (Component(of),)
+    return tuple(Component(of, label) for label in labels or [str(k) for k in range(size)])
+
+
+@dataclass(frozen=True)
 class Variable:
     """A state, control or parameter of ``size`` components; bounds and scale broadcast over them."""
 
@@ -47,12 +69,9 @@ class Variable:
         """``lower``, ``upper`` or ``scale`` as an array of shape (size,)."""
         return np.broadcast_to(np.asarray(getattr(self, what), dtype=float), (self.size,)).copy()
 
-    def component_names(self) -> list[str]:
-        """Names for messages: ``q[hip]``, or just ``u``."""
-        if self.size == 1 and not self.labels:
-            return [self.name]
-        labels = self.labels or tuple(str(k) for k in range(self.size))
-        return [f"{self.name}[{label}]" for label in labels]
+    def components(self) -> tuple[Component, ...]:
+        """Its components; as text, ``q[hip]`` or just ``u``."""
+        return components(self.name, self.size, self.labels)
 
 
 class Control(Variable):
@@ -93,15 +112,20 @@ class Parameter(Variable):
 
 @dataclass(frozen=True)
 class PathConstraint:
-    """lower <= value(instant) <= upper throughout a phase; ``scale`` is the size of its range, for accuracy."""
+    """lower <= value(instant) <= upper throughout a phase.
 
-    name: str
+    name: a text, or an identity whose text it is.
+    scale: the size of its range, for accuracy.
+    labels: which component is which.
+    """
+
+    name: Hashable
     value: Callable[[Instant], Any]
     lower: Numbers = -INF
     upper: Numbers = INF
     scale: Numbers = 1.0
     unit: str = ""
-    labels: tuple[str, ...] = ()
+    labels: tuple[Hashable, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -117,15 +141,19 @@ class Ends:
 
 @dataclass(frozen=True)
 class BoundaryConstraint:
-    """lower <= value(ends) <= upper; ``joins``: it is no limit, but what one phase hands to the next."""
+    """lower <= value(ends) <= upper.
 
-    name: str
+    name, scale and labels: as of a path constraint.
+    joins: it is no limit, but what one phase hands to the next.
+    """
+
+    name: Hashable
     value: Callable[[Ends], Any]
     lower: Numbers = 0.0
     upper: Numbers = 0.0
     scale: Numbers = 1.0
     unit: str = ""
-    labels: tuple[str, ...] = ()
+    labels: tuple[Hashable, ...] = ()
     joins: bool = False
 
 

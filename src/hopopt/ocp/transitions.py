@@ -10,12 +10,14 @@ import numpy as np
 
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import PLANE
+from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.phases import BODY_SPEED, SPEED
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, linkage
 
 Transition = Callable[[MovingLeg, str, str], tuple[BoundaryConstraint, ...]]
+LANDING_WINDOW = LimitId(Kind.LANDING_WINDOW, key="hop.foot_window", unit="m")
 RISE = 3.0  # scale of the body's vertical speed at the apex [m/s]
 
 
@@ -65,7 +67,7 @@ def touchdown(leg: MovingLeg, before: str) -> tuple[BoundaryConstraint, ...]:
     window = leg.design.hop.foot_window
     return (
         linkage("touchdown", lambda e: foot(e)[0], unit="m"),
-        BoundaryConstraint("landing foot window", lambda e: foot(e)[1], -window, window, unit="m"),
+        BoundaryConstraint(LANDING_WINDOW, lambda e: foot(e)[1], -window, window, unit="m"),
         BoundaryConstraint("touchdown from above", sinking, -INF, 0.0, unit="m/s"),
     )
 

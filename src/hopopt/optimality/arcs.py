@@ -8,6 +8,7 @@ import numpy as np
 from hopopt.nlp.continuous_limits import bernstein
 from hopopt.nlp.ipopt import Bounds, NlpSolution
 from hopopt.nlp.layout import PhaseLayout
+from hopopt.ocp.problem import Component
 
 CLOSE = 2e-4  # share of its range by which a limit may be missed and still hold
 ACTS = 1e-6  # share of the phase's largest multiplier density, scaled, below which a limit does not act
@@ -25,7 +26,7 @@ class Activity:
     lower: np.ndarray
     push: np.ndarray
     met: np.ndarray
-    limits: tuple[str, ...]
+    limits: tuple[Component, ...]
     on_controls: np.ndarray
 
     @property
@@ -45,7 +46,7 @@ class Arc:
 
     first: int
     last: int
-    limits: tuple[tuple[str, str], ...]
+    limits: tuple[tuple[Component, str], ...]
 
     @property
     def steady(self) -> bool:
@@ -58,7 +59,7 @@ def activity(solution: NlpSolution, phase: str) -> Activity:
     layout, trajectory = solution.transcription.layouts[phase], solution.phases[phase]
     scheme, N = layout.scheme, layout.mesh.intervals
     weight = (trajectory.lengths[:, None] * scheme.b).clip(1e-300)[..., None]
-    pieces, names, to_moments = [], list[str](), bernstein(scheme.c)
+    pieces, names, to_moments = [], list[Component](), bernstein(scheme.c)
     t = solution.transcription
     given = replace(solution, bounds=Bounds(*t.bounds(t.guess_from(solution.phases)), t.lbg, t.ubg))
     met = [np.array([h - v, v - w]).reshape(2, N, -1, len(k)) < CLOSE for _, v, w, h, k in limits_of(given, phase)]
@@ -87,7 +88,7 @@ def _on_controls(layout: PhaseLayout) -> np.ndarray:
 
 def limits_of(
     solution: NlpSolution, phase: str
-) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]]:
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[Component, ...]]]:
     """Multipliers, values, lower and upper bounds, scaled, of groups of limits at all abscissae (path constraints,
     then states, then controls), and the components' names."""
     t, b = solution.transcription, solution.bounds
@@ -101,7 +102,7 @@ def limits_of(
         (where.x, layout.phase.states, layout.states_of[:, -n:]),
         (where.u, layout.phase.controls, layout.controls_of),
     ):
-        labels = tuple(name for v in variables for name in v.component_names())
+        labels = tuple(name for v in variables for name in v.components())
         if labels:
             at = block.start + nodes[..., None] * len(labels) + np.arange(len(labels))
             yield solution.lam_x[at], solution.z[at], b.low_z[at], b.high_z[at], labels

@@ -19,7 +19,7 @@ def initial_state_residual(solution: NlpSolution, phase: str) -> tuple[float, st
     lower, upper = (np.concatenate(side) for side in zip(*(s.end_bounds("initial") for s in states), strict=True))
     size = len(lower)
     own = slice(t.variables[phase].x.start, t.variables[phase].x.start + size)
-    names = [name for s in states for name in s.component_names()]
+    names = [str(name) for s in states for name in s.components()]
     return _left_open(solution, own, solution.phases[phase].x_start[0], lower, upper, names)
 
 
@@ -49,7 +49,7 @@ def free_parameters_residual(solution: NlpSolution) -> tuple[float, str]:
         np.concatenate([np.broadcast_to(of(q), (q.size,)) for q in t.free])
         for of in (lambda q: solution.parameters[q.name], lambda q: q.lower, lambda q: q.upper)
     )
-    names = [name for q in t.free for name in q.component_names()]
+    names = [str(name) for q in t.free for name in q.components()]
     return _left_open(solution, t.parameters, value, lower, upper, names)
 
 

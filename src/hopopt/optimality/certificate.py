@@ -20,6 +20,7 @@ from hopopt.optimality.pontryagin import FINE, PhaseCertificate, missed
 from hopopt.optimality.transversality import EndSlopes, end_slopes
 from hopopt.verify.check import Check
 
+COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself
 COSTATE, HAMILTONIAN, ENDS, WORTH = 1e-4, 5e-4, 1e-5, 1e-3  # tolerances, all relative
 
 
@@ -39,7 +40,12 @@ class Certificate:
     def as_dict(self) -> dict[str, Any]:
         """For the summary: check -> residual, tolerance, unit, where, passed."""
         entries = ({k: v for k, v in c.as_dict().items() if k != "name"} for c in self.checks)
-        return {c.name.replace(" ", "_"): entry for c, entry in zip(self.checks, entries, strict=True)}
+        return {entry(c.name): found for c, found in zip(self.checks, entries, strict=True)}
+
+
+def entry(condition: str, phase: str = "") -> str:
+    """What a condition (of a phase) is called in the summary."""
+    return f"{phase} {condition}".strip().replace(" ", "_")
 
 
 def certify(solution: NlpSolution) -> Certificate:
@@ -68,7 +74,7 @@ def phase_checks(c: PhaseCertificate) -> list[Check]:
     start, state = initial_state_residual(c.solution, name)
     duration = duration_bounds_residual(c.solution, name)
     return [
-        Check(f"{name} costates", costate, COSTATE, "relative", when),
+        Check(f"{name} {COSTATES}", costate, COSTATE, "relative", when),
         Check(f"{name} controls stationary", c.stationarity(), WORTH, "of the objective"),
         Check(f"{name} limits push where they hold", limits, WORTH, "of the objective", limit),
         Check(f"{name} Hamiltonian along arcs", within, HAMILTONIAN, "relative", at),

@@ -20,6 +20,7 @@ from hopopt.nlp.continuous_limits import bernstein
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.layout import PhaseLayout
 from hopopt.nlp.schemes import Scheme, lagrange
+from hopopt.ocp.problem import Component
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class PhaseMultipliers:
     atom: np.ndarray
     start: np.ndarray
     duration: np.ndarray
-    limits: tuple[str, ...]
+    limits: tuple[Component, ...]
 
     def moments(self, h: np.ndarray, scheme: Scheme) -> np.ndarray:
         """Each limit's density by its moments with the Bernstein polynomials of every interval (of length h), (N, n, m):
@@ -57,7 +58,7 @@ def phase_multipliers(solution: NlpSolution, phase: str) -> PhaseMultipliers:
     layout, where, scheme = t.layouts[phase], t.variables[phase], t.scheme
     N, n = layout.mesh.intervals, len(scheme.c)
     defect, mass, duration = np.zeros(0), [], -s * (solution.lam_x / t.scale)[where.durations]
-    names: list[str] = []
+    names: list[Component] = []
     for rows in t.rows:
         lam = -s * solution.lam_g[rows.start : rows.stop].reshape(-1, len(rows.labels)) / rows.scale
         if rows.phase == phase and rows.kind == "defect":
@@ -72,7 +73,7 @@ def phase_multipliers(solution: NlpSolution, phase: str) -> PhaseMultipliers:
     x = -s * (solution.lam_x / t.scale)[where.x].reshape(layout.state_nodes, -1)
     u = -s * (solution.lam_x / t.scale)[where.u].reshape(N, len(scheme.control_c), -1)
     mass += [_of_states(x, layout), _at_abscissae(u, scheme)]
-    names += [name for v in (*layout.phase.states, *layout.phase.controls) for name in v.component_names()]
+    names += [name for v in (*layout.phase.states, *layout.phase.controls) for name in v.components()]
     h, b = solution.phases[phase].lengths[:, None, None], scheme.b[:, None]
     density = np.concatenate(mass, axis=2) / (h * b)
     atom = _take_atom(density, scheme) * float(h[-1, 0, 0]) * scheme.b[-1]

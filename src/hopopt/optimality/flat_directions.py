@@ -14,7 +14,7 @@ control at a single node is felt the less the finer the mesh.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import casadi as ca
@@ -24,6 +24,7 @@ from scipy.sparse.linalg import splu
 
 from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.terms import Matrix, csc
+from hopopt.ocp.problem import Component
 
 BLOCKS = 10  # of a phase, over which a control is averaged
 FELT = 1e-4  # relative change of the objective, if a quantity is moved by its whole range, below which it is flat
@@ -39,7 +40,7 @@ PIVOTS = (  # none first: a symmetric matrix that is nearly definite then stays 
 STILL = 1e-3  # largest scaled value below which a control counts as unused; its scale is taken instead
 STRETCH = 0.1  # of a duration, by which it is moved when all else is optimised anew
 ITERATIONS = 200
-Who = tuple[str, str, str, tuple[float, float] | None]
+Who = tuple[str, str, Component, tuple[float, float] | None]
 
 
 class CannotBeTold(ArithmeticError):
@@ -54,9 +55,13 @@ class Flat:
 
     kind: str
     phase: str
-    name: str
+    name: Component
     when: tuple[float, float] | None
     felt: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the summary."""
+        return {**{f.name: getattr(self, f.name) for f in fields(self)}, "name": str(self.name)}
 
 
 def flat(solution: NlpSolution, allowed: float = FELT) -> list[Flat]:
@@ -92,9 +97,9 @@ def _quantities(solution: NlpSolution) -> Iterator[tuple[Who, np.ndarray, float]
     t = solution.transcription
     for name, where in t.variables.items():
         c = _row(solution, where.durations)
-        yield ("duration", name, "duration", None), c, float(c @ solution.z)
+        yield ("duration", name, Component("duration"), None), c, float(c @ solution.z)
         yield from _means(solution, name)
-    labels = [label for p in t.free for label in p.component_names()]
+    labels = [label for p in t.free for label in p.components()]
     for at, label in enumerate(labels, t.parameters.start):
         yield ("parameter", "", label, None), _row(solution, at), max(abs(float(solution.z[at])), 1e-3)
 
@@ -103,7 +108,7 @@ def _means(solution: NlpSolution, phase: str) -> Iterator[tuple[Who, np.ndarray,
     """The means of a phase's controls over the intervals of each of its tenths."""
     t, trajectory = solution.transcription, solution.phases[phase]
     layout, where = t.layouts[phase], t.variables[phase]
-    labels = [label for u in layout.phase.controls for label in u.component_names()]
+    labels = [label for u in layout.phase.controls for label in u.components()]
     weights = layout.control_matrix @ np.outer(trajectory.lengths, layout.scheme.b).ravel()
     interval, edges = layout.control_place[0], trajectory.edges
     block = ((edges[:-1] + edges[1:]) / 2 / trajectory.duration * BLOCKS).astype(int)[interval]

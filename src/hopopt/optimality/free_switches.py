@@ -20,6 +20,7 @@ from hopopt.nlp.mesh_refinement import Aims, MeshStep, Refinement, Report, relat
 from hopopt.nlp.tightened_refinement import refinement_of
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.problem import Component
 from hopopt.optimality.arcs import activity
 from hopopt.optimality.switch_times import Pin, Plan, plan
 from hopopt.optimality.torque_jumps import jumps
@@ -28,6 +29,7 @@ SLIVER = 8e-4  # share of the phase: shorter intervals beside a switch are joine
 BESIDE = 0.05  # share of the phase: how far beside a switch lines are held
 LEAST = 0.3  # share of an arc's duration that must remain
 PATIENCE = 200  # iterations
+Line = tuple[Component, str, np.ndarray]  # limit, side and the intervals in which it is held
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,7 @@ def switched_mesh(trajectory: PhaseTrajectory, p: Plan) -> PhaseMesh:
     return PhaseMesh(tuple((edges[kept] / T).tolist()), tuple(free))
 
 
-def _beside(edges: np.ndarray, free: Sequence[int], pins: Sequence[Pin]) -> list[tuple[str, str, np.ndarray]]:
+def _beside(edges: np.ndarray, free: Sequence[int], pins: Sequence[Pin]) -> list[Line]:
     """Limit, side and the intervals (indices) in which it is held: those that begin or end close to an edge that is free.
 
     Held throughout, lines that are not quite met elsewhere would move the times.
@@ -127,7 +129,7 @@ def _beside(edges: np.ndarray, free: Sequence[int], pins: Sequence[Pin]) -> list
     return [(p.limit, p.side, np.flatnonzero(near & (middle > p.begin) & (middle < p.end))) for p in pins]
 
 
-def held(t: Transcription, b: Bounds, phase: str, lines: Sequence[tuple[str, str, np.ndarray]]) -> Bounds:
+def held(t: Transcription, b: Bounds, phase: str, lines: Sequence[Line]) -> Bounds:
     """The bounds with lines held as equations in some intervals."""
     low, high = b.low_g.copy(), b.high_g.copy()
     for rows in t.rows:

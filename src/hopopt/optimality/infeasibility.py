@@ -7,6 +7,7 @@ Feasibility and Infeasibility in Optimization, 2008, chapter 6). Where s_k > 0, 
 pushes against those (its multiplier) cannot hold together with them.
 """
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -74,7 +75,7 @@ def _net(found: list[Limit], lam: list[np.ndarray]) -> list[np.ndarray]:
 
 def _named(parts: list[Part]) -> list[Part]:
     """What pushes enough to be told, and of every constraint that has to give at least what pushes most."""
-    most: dict[tuple[str, str, str], float] = {}
+    most: dict[tuple[Hashable, ...], float] = {}
     for p in parts:
         most[p.limit.group] = max(most.get(p.limit.group, 0.0), p.share)
     return [p for p in parts if p.share > PUSHES or (p.gives and p.share == most[p.limit.group])]

@@ -1,13 +1,13 @@
 """Every limit of a program as one thing: which rows or variables it became, in which phase, and when they are."""
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.transcription import Rows
-from hopopt.ocp.problem import State
+from hopopt.ocp.problem import Component, State
 
 
 @dataclass(frozen=True)
@@ -22,18 +22,19 @@ class Limit:
 
     kind: str
     phase: str
-    name: str
+    name: Component
     upper: bool
     places: np.ndarray
     times: np.ndarray
     bound: float
     scale: float
     unit: str
-    constraint: str = ""
+    constraint: Hashable = ""
 
     @property
-    def group(self) -> tuple[str, str, str]:
-        return self.kind, self.phase, self.constraint or f"{self.name} {'upper' if self.upper else 'lower'}"
+    def group(self) -> tuple[Hashable, ...]:
+        """What limits of one group have in common, and no others."""
+        return self.kind, self.phase, self.constraint or (self.name, self.upper)
 
 
 def limits(solution: NlpSolution) -> list[Limit]:
@@ -72,7 +73,7 @@ def _of_variables(solution: NlpSolution) -> Iterator[Limit]:
         times = {"x": nodes, "u": trajectory.edges[interval] + place * trajectory.lengths[interval]}
         for group, block, variables in (("x", where.x, phase.states), ("u", where.u, phase.controls)):
             at = offset + np.arange(block.start, block.stop).reshape(len(times[group]), -1)
-            components = [(v, label, k) for v in variables for k, label in enumerate(v.component_names())]
+            components = [(v, label, k) for v in variables for k, label in enumerate(v.components())]
             for column, (v, label, k) in enumerate(components):
                 about = (float(v.column("scale")[k]), v.unit)
                 if not isinstance(v, State):
@@ -85,18 +86,18 @@ def _of_variables(solution: NlpSolution) -> Iterator[Limit]:
         if layout.mesh.arcs == 1:
             at = offset + np.arange(where.durations.start, where.durations.stop)
             scale = float(t.scale[where.durations][0])
-            yield from _sides(("duration", name, "duration"), at, np.array([np.nan]), sides, scale, "s")
+            yield from _sides(("duration", name, Component("duration")), at, np.array([np.nan]), sides, scale, "s")
     first = offset + t.parameters.start
     for p in t.free:
-        for k, label in enumerate(p.component_names()):
+        for k, label in enumerate(p.components()):
             scale = float(p.column("scale")[k])
             yield from _sides(("parameter", "", label), np.array([first + k]), np.array([np.nan]), sides, scale, p.unit)
         first += p.size
 
 
 def _sides(
-    who: tuple[str, str, str], places: np.ndarray, times: np.ndarray, sides: tuple[np.ndarray, ...], scale: float, unit: str,
-    constraint: str = "",
+    who: tuple[str, str, Component], places: np.ndarray, times: np.ndarray, sides: tuple[np.ndarray, ...], scale: float, unit: str,
+    constraint: Hashable = "",
 ) -> Iterator[Limit]:  # fmt: skip
     for upper, side in enumerate(sides):
         if len(places) and np.isfinite(side[places[0]]):

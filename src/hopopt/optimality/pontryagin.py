@@ -148,7 +148,7 @@ class PhaseCertificate:
         )
         atom = self.multipliers.atom
         pushed = pushed + np.abs(atom) * missed(atom, self.final_limits, low, high, s, scale)
-        worst = self.multipliers.limits[int(pushed.argmax())] if pushed.size else ""
+        worst = str(self.multipliers.limits[int(pushed.argmax())]) if pushed.size else ""
         return float(pushed.sum()) / self.objective, worst
 
     # ---- Hamiltonian -----------------------------------------------------------------------------------

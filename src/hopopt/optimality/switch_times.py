@@ -6,13 +6,15 @@ held as an equation on either side. Not so where a height or an angle rides on i
 follow from that limit, and a time that is free is used to pass it between the nodes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hopopt.leg.limit_id import Kind, kind_of
+from hopopt.ocp.problem import Component
 from hopopt.optimality.arcs import Activity
-from hopopt.optimality.switching_structure import GAP, REGION, Stretch, runs
+from hopopt.optimality.switching_structure import GAP, Run, runs
 
 SAME = 0.005  # share of the phase: switches of several drives that are closer are one
 AWAY = 0.03  # share of the phase: how far a moving switch keeps from limits of heights and angles
@@ -23,7 +25,7 @@ WORTH = 1e-3  # of the objective: what one range of a line must be worth to be h
 class Pin:
     """A line of a drive (limit and side) that is held from begin to end [s]."""
 
-    limit: str
+    limit: Component
     side: str
     begin: float
     end: float
@@ -45,31 +47,24 @@ def plan(act: Activity, duration: float, objective: float) -> Plan:
     times = sorted({t for s in lines for t in (s.begin, s.end) if 0 < t < duration})
     merged = _merged(times, SAME * duration)
     near = {t: min(merged, key=lambda m: abs(m - t)) for t in times} | {0.0: 0.0, duration: duration}
-    pins = [
-        Pin(limit, side, near[s.begin], near[s.end]) for s in lines for limit, side in map(_split, s.limit.split(" & "))
-    ]
-    corners = {near[t] for s in lines if " & " in s.limit for t in (s.begin, s.end)}
+    pins = [Pin(limit, side, near[s.begin], near[s.end]) for s in lines for limit, side in s.limit]
+    corners = {near[t] for s in lines if len(s.limit) > 1 for t in (s.begin, s.end)}
     held = _state_limits(act)
     free = [m not in corners and bool((np.abs(held - m) > AWAY * duration).all()) for m in merged]
     return Plan(tuple(merged), tuple(free), tuple(pins))
 
 
-def _split(part: str) -> tuple[str, str]:
-    limit, _, side = part.partition("|")
-    return limit, side
-
-
-def _drives(limits: Sequence[str]) -> list[str]:
+def _drives(limits: Sequence[Component]) -> list[Hashable]:
     """The operating regions among the limits."""
-    return list(dict.fromkeys(name.partition("[")[0] for name in limits if name.partition("[")[0].endswith(REGION)))
+    return list(dict.fromkeys(limit.of for limit in limits if kind_of(limit.of) is Kind.REGION))
 
 
-def _lines(act: Activity, drive: str, duration: float) -> list[Stretch]:
-    """When a drive is on which line(s), as "limit|side & limit|side"; short free stretches between two are closed."""
+def _lines(act: Activity, drive: Hashable, duration: float) -> list[Run]:
+    """When a drive is on which line(s), as pairs of limit and side; short free stretches between two are closed."""
     m, t = len(act.limits), act.t.ravel()
     sides = act.sides.reshape(len(t), -1)
-    own = [k for k in range(2 * m) if act.limits[k % m].partition("[")[0] == drive]
-    says = [" & ".join(f"{act.limits[k % m]}|{'upper' if k < m else 'lower'}" for k in own if row[k]) for row in sides]
+    own = [k for k in range(2 * m) if act.limits[k % m].of == drive]
+    says = [tuple((act.limits[k % m], "upper" if k < m else "lower") for k in own if row[k]) for row in sides]
     found = [s for s in runs(says, t, (0.0, duration)) if s.limit]
     for k in range(1, len(found)):
         a, b = found[k - 1], found[k]
@@ -79,10 +74,10 @@ def _lines(act: Activity, drive: str, duration: float) -> list[Stretch]:
     return found
 
 
-def _worth(act: Activity, s: Stretch) -> float:
+def _worth(act: Activity, s: Run) -> float:
     """What one range of the line(s) is worth over a stretch, by the multipliers."""
     m, inside = len(act.limits), (act.t > s.begin) & (act.t < s.end)
-    columns = [act.limits.index(limit) + m * (side == "lower") for limit, side in map(_split, s.limit.split(" & "))]
+    columns = [act.limits.index(limit) + m * (side == "lower") for limit, side in s.limit]
     return float(act.push[inside][:, columns].sum())
 
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hopopt.leg.limit_id import Kind, kind_of
 from hopopt.nlp.interval_errors import stage_values
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.optimality.switching_structure import REGION
 
 ON = 5e-3  # share of the line: what is left of it where it counts as used up (limits may be drawn in a little)
 JUMP = 0.05  # share of the line: a smaller change is a kink, where lines meet
@@ -25,7 +25,7 @@ def _uses(solution: NlpSolution, phase: str, path: np.ndarray) -> list[np.ndarra
     """Use of every line of each drive, both ways, (N, places, 2 lines) each: 1 on the line."""
     stage, found, at = solution.transcription.layouts[phase].stage, [], 0
     for constraint, size in zip(stage.phase.path, stage.path_sizes, strict=True):
-        if constraint.name.endswith(REGION):
+        if kind_of(constraint.name) is Kind.REGION:
             own = path[:, :, at : at + size]
             found.append(np.concatenate([own, -own], axis=2))
         at += size

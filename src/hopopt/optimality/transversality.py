@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.ocp.problem import Ends, Instant, Problem, stack, symbols
+from hopopt.ocp.problem import Component, Ends, Instant, Problem, stack, symbols
 from hopopt.optimality.costates import sign
 
 PARTS: tuple[str, ...] = ("initial", "final", "duration", "integrals")
@@ -29,7 +29,7 @@ class EndSlopes:
     multiplier: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
-    labels: tuple[str, ...]
+    labels: tuple[Component, ...]
     free_multiplier: np.ndarray
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.transcription import Rows
+from hopopt.ocp.problem import Component
 
 FEASIBLE = 1e-6  # scaled violation below which a row counts as met
 
@@ -21,11 +22,11 @@ def violations(solution: NlpSolution, most: int = 3) -> list[str]:
     return [sentence for _, sentence in sorted(found, key=lambda pair: -pair[0])[:most]]
 
 
-def _sentence(solution: NlpSolution, rows: Rows, label: str, component: int, worst: int, amount: float) -> str:
-    unit, name = rows.unit, label
+def _sentence(solution: NlpSolution, rows: Rows, label: Component, component: int, worst: int, amount: float) -> str:
+    unit, name = rows.unit, str(label)
     if rows.kind == "defect":
         states = solution.transcription.problem.phase(rows.phase).states
-        unit = next(s.unit for s in states if label in s.component_names())
+        unit = next(s.unit for s in states if label in s.components())
         name = f"the motion of {label} (its state at the end of an interval)"
     text = f"{name} is missed by {amount * rows.scale[component]:.3g} {unit}".rstrip()
     if not len(rows.interval):

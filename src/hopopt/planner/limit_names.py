@@ -1,13 +1,14 @@
 """What a diagnosis of the program means for a hop: limits, conflicts and flat directions in words, with the entries of
 the problem file behind them."""
 
-import re
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.leg.actuator import CAPS, LINES
+from hopopt.leg.actuator import CAPS
+from hopopt.leg.limit_id import Kind, LimitId, kind_of
+from hopopt.ocp.phases import DESCENT, FLIGHT
 from hopopt.optimality.flat_directions import Flat
 from hopopt.optimality.infeasibility import Conflict, Part
 from hopopt.optimality.limits import Limit
@@ -15,42 +16,43 @@ from hopopt.problem.render import toml_value
 
 NAMED = 5  # limits of a conflict that are named, and parameters that would help
 MATTERS = 0.05  # least share of a conflict that a parameter of twice its size would settle, to first order
-COMPONENT = re.compile(r"(.*)\[(.*)\]")
 CONTROLS = {
     "a": "torque of the {}",
     "loop_force": "force along {} in the closed loop",
     "drawn": "drawn power of the {}",
 }
-ENTRIES = {  # kind and name of a constraint -> what it says, and the entry behind it
-    ("path", "ground force"): ("the least vertical ground force", "contact.least_force"),
-    ("path", "friction cone"): ("the foot does not slip", "contact.friction"),
-    ("path", "body never descends"): ("the body never descends", "hop.counter_movement"),
-    ("boundary", "clearance"): ("the clearance asked for", "hop.clearance"),
-    ("boundary", "foot window"): ("the foot within its window at the apex", "hop.foot_window"),
-    ("boundary", "landing foot window"): ("the foot within its window at touchdown", "hop.foot_window"),
+SAYS = {  # what a constraint says
+    Kind.GROUND_FORCE: "the least vertical ground force",
+    Kind.FRICTION: "the foot does not slip",
+    Kind.DESCENT: "the body never descends",
+    Kind.CLEARANCE: "the clearance asked for",
+    Kind.WINDOW: "the foot within its window at the apex",
+    Kind.LANDING_WINDOW: "the foot within its window at touchdown",
 }
 
 
 def words_of(design: Design, limit: Limit) -> tuple[str, str]:
     """What a limit says, and the entry that sets it with its value; the entry is empty if none does."""
-    leg, where = design.leg, f" in {limit.phase}" if limit.phase else ""
-    name, inner = (found[1], found[2]) if (found := COMPONENT.fullmatch(limit.name)) else (limit.name, "")
+    leg, of, inner = design.leg, limit.name.of, limit.name.label
+    where = f" in {limit.phase}" if limit.phase else ""
     if limit.kind == "duration":
-        phase = "flight" if limit.phase == "descent" else limit.phase
+        phase = FLIGHT if limit.phase == DESCENT else limit.phase
         return f"{'longest' if limit.upper else 'shortest'} {limit.phase}", _stated(design, f"hop.{phase}_duration")
-    if limit.kind in ("state", "final") and name == "q" and inner in leg.joints:
+    if limit.kind in ("state", "final") and of == "q" and inner in leg.joints:
         side = "upper" if limit.upper else "lower"
         return f"{side} limit of the {inner}{where}", _stated(design, f"leg.{inner}.{side}")
-    if name.endswith(" operating region"):
-        joint = name.removesuffix(" operating region")
-        paths = [leg.drive(joint, *entry)[0] for entry in CAPS.get(inner, LINES)]
-        part = inner if inner in CAPS else "drive"
-        return f"the {joint}'s {part}{where}", ", ".join(_stated(design, path) for path in paths)
-    if name == "height above ground":
-        entry = "hop.above_ground" if inner == "foot" else "hop.least_height"
-        return f"the {inner} above the ground{where}", _stated(design, entry)
-    said, entry = ENTRIES.get((limit.kind, name), (limit.name, ""))
-    return said + where, _stated(design, entry) if entry else ""
+    if not isinstance(of, LimitId):
+        return f"{limit.name}{where}", ""
+    return _said(of, inner, limit) + where, ", ".join(_stated(design, path) for path in of.keys(leg, inner))
+
+
+def _said(of: LimitId, inner: Hashable, limit: Limit) -> str:
+    """What a constraint of the leg says."""
+    if of.kind is Kind.REGION:
+        return f"the {of.joint}'s {inner if inner in CAPS else 'drive'}"
+    if of.kind is Kind.HEIGHT:
+        return f"the {inner} above the ground"
+    return SAYS.get(of.kind, str(limit.name))
 
 
 def _stated(design: Design, path: str) -> str:
@@ -102,8 +104,8 @@ def conflict_words(design: Design, found: Conflict | None) -> list[str]:
 
 def _way_out(part: Part) -> str:
     limit = part.limit
-    if " operating region[" in limit.name:
-        return f" {'higher' if any(f'[{cap}]' in limit.name for cap in CAPS) else 'stronger'} by {_percent(part.gives / abs(limit.bound))}{_when(part.when)}"
+    if kind_of(limit.name.of) is Kind.REGION:
+        return f" {'higher' if limit.name.label in CAPS else 'stronger'} by {_percent(part.gives / abs(limit.bound))}{_when(part.when)}"
     return f", loosened by {part.gives:.3g} {limit.unit}".rstrip() + _when(part.when)
 
 
@@ -137,5 +139,5 @@ def flat_words(found: Sequence[Flat]) -> list[str]:
 def _what(f: Flat) -> str:
     if f.kind == "duration":
         return f"duration of {f.phase}"
-    named = COMPONENT.fullmatch(f.name)
-    return CONTROLS.get(named[1], f.name).format(named[2]) if named else f.name
+    said = CONTROLS.get(str(f.name.of), "") if f.name.label else ""
+    return said.format(f.name.label) or str(f.name)

@@ -1,6 +1,6 @@
 """Limits that never act: how much of each a plan uses, and to what it could be tightened without effect on the plan."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
@@ -22,21 +22,42 @@ FIGURES = 4  # significant ones of a value that would do
 
 @dataclass(frozen=True)
 class Use:
-    """A limit's use in one ``place`` (joint or phase): ``name`` with {} for the places, ``entry`` and its value ``limit``,
-    the share ``used``, the value ``enough``; ``least``: the entry is a lower bound."""
+    """A limit's use.
 
-    name: str
-    place: str
-    entry: str
+    what: words for it, {} where its places (joints or phases) stand.
+    places: in which of them the same entry holds.
+    path: the entry of the problem file that sets it, "" if none does; index: which number of that entry.
+    limit, enough: the entry's value, and one that would do [the entry's unit]; used: share of it.
+    least: the entry is a lower bound.
+    """
+
+    what: str
+    places: tuple[str, ...]
+    path: str
     limit: float
     used: float
     enough: float
     least: bool = False
+    index: int | None = None
+
+    @property
+    def name(self) -> str:
+        """What is shown."""
+        return self.what.format(" and ".join(self.places))
+
+    @property
+    def entry(self) -> str:
+        """The entry as it is set on the command line."""
+        return self.path if self.index is None else f"{self.path}[{self.index}]"
 
     @property
     def key(self) -> tuple[str, str]:
         """What uses of one entry have in common; a limit that no entry sets has its place to itself."""
-        return self.entry, "" if self.entry else self.name.format(self.place)
+        return self.entry, "" if self.path else self.name
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the summary."""
+        return {"used": self.used, "entry": self.entry, "limit": self.limit, "enough": self.rounded()}
 
     def rounded(self) -> float:
         """``enough`` with few figures, away from the plan and no further than the limit."""
@@ -45,10 +66,9 @@ class Use:
         return max(value, self.limit) if self.least else min(value, self.limit)
 
 
-def idle_limits(plan: Solution, fine: Mapping[str, Samples]) -> dict[str, dict[str, Any]]:
-    """Limits that no instant of the plan touches, by name, the least used first, durations last: ``used`` (largest share
-    of the range), ``entry`` of the problem, its value ``limit`` and what it could be (``enough``, rounded to the loose
-    side), both in the entry's unit (SI). An entry that several joints or phases share is one limit.
+def idle_uses(plan: Solution, fine: Mapping[str, Samples]) -> list[Use]:
+    """Limits that no instant of the plan touches, the least used first, durations last. An entry that several joints or
+    phases share is one limit.
 
     fine: the plan's samples by phase. The plan stays what it is if such a limit is dropped or tightened to ``enough``.
     """
@@ -57,17 +77,18 @@ def idle_limits(plan: Solution, fine: Mapping[str, Samples]) -> dict[str, dict[s
     for use in (*_joints(plan, fine), *(() if shares else _regions(plan, fine)), *_whole(plan, fine)):
         together.setdefault(use.key, []).append(use)
     found = [_of_entry(uses) for uses in together.values()]
-    return {
-        use.name: {"used": use.used, "entry": use.entry, "limit": use.limit, "enough": use.rounded()}
-        for use in sorted(found, key=lambda use: ("duration" in use.entry, use.used))
-        if use.used < IDLE
-    }
+    return sorted((use for use in found if use.used < IDLE), key=lambda use: (use.index is not None, use.used))
+
+
+def as_dict(uses: Sequence[Use]) -> dict[str, dict[str, Any]]:
+    """For the summary, by name."""
+    return {use.name: use.as_dict() for use in uses}
 
 
 def _of_entry(uses: list[Use]) -> Use:
-    """The largest use of an entry, with the names of all places that share it."""
-    places = " and ".join(dict.fromkeys(use.place for use in uses))
-    return replace(max(uses, key=lambda use: use.used), name=uses[0].name.format(places))
+    """The largest use of an entry, with all places that share it."""
+    places = tuple(dict.fromkeys(place for use in uses for place in use.places))
+    return replace(max(uses, key=lambda use: use.used), what=uses[0].what, places=places)
 
 
 def _joints(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
@@ -76,8 +97,8 @@ def _joints(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
     for k, joint in enumerate(plan.robot.joints):
         (low, high), (least, most) = (leg.joint[joint].lower, leg.joint[joint].upper), (q[:, k].min(), q[:, k].max())
         shares = float((high - least) / (high - low)), float((most - low) / (high - low))
-        yield Use("{} lower angle", joint, f"leg.{joint}.lower", low, shares[0], float(least), least=True)
-        yield Use("{} upper angle", joint, f"leg.{joint}.upper", high, shares[1], float(most))
+        yield Use("{} lower angle", (joint,), f"leg.{joint}.lower", low, shares[0], float(least), least=True)
+        yield Use("{} upper angle", (joint,), f"leg.{joint}.upper", high, shares[1], float(most))
 
 
 def _regions(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
@@ -91,9 +112,9 @@ def _regions(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
         for name, share in used.items():
             if name in CAPS:
                 path, cap = leg.drive(joint, *CAPS[name][0])
-                yield Use(f"{{}} {name}", joint, path, cap, share, share * cap)
+                yield Use(f"{{}} {name}", (joint,), path, cap, share, share * cap)
             else:
-                yield Use(f"{{}} {name}", joint, "", 1.0, share, share)
+                yield Use(f"{{}} {name}", (joint,), "", 1.0, share, share)
 
 
 def _whole(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
@@ -101,17 +122,17 @@ def _whole(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
     hop, goal = plan.design.hop, plan.own[0] or find(plan.objective)
     for phase in fine:
         (shortest, longest), lasted = getattr(hop, f"{phase}_duration"), plan.phases[phase].duration
-        entry = f"hop.{'flight' if phase == 'descent' else phase}_duration"
-        yield Use("shortest {}", phase, f"{entry}[0]", shortest, shortest / lasted, lasted, least=True)
-        yield Use("longest {}", phase, f"{entry}[1]", longest, lasted / longest, lasted)
+        entry = f"hop.{FLIGHT if phase == DESCENT else phase}_duration"
+        yield Use("shortest {}", (phase,), entry, shortest, shortest / lasted, lasted, least=True, index=0)
+        yield Use("longest {}", (phase,), entry, longest, lasted / longest, lasted, index=1)
     friction, f = plan.design.contact.friction, fine["stance"].f
     if friction:
         loaded = f[:, -1] >= LOADED * force_range(plan.robot.model)
         needed = float((np.abs(f[loaded, :-1]).max(axis=1) / f[loaded, -1]).max(initial=0.0) / steepness(f.shape[1]))
-        yield Use("friction cone", "", "contact.friction", friction, needed / friction, needed)
+        yield Use("friction cone", (), "contact.friction", friction, needed / friction, needed)
     if goal.ends != "free":
         ends = [
             plan.sample_phase(p, np.array([plan.phases[p].duration])) for p in (FLIGHT, DESCENT) if p in plan.phases
         ]
         off = max(float(abs(s.points["foot"][0, 0] - s.points[plan.robot.joints[0]][0, 0])) for s in ends)
-        yield Use("foot window", "", "hop.foot_window", hop.foot_window, off / hop.foot_window, off)
+        yield Use("foot window", (), "hop.foot_window", hop.foot_window, off / hop.foot_window, off)

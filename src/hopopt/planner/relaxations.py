@@ -6,13 +6,14 @@ than the guessed starts do: without the friction cone, say, the leg lies down be
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.nlp.ipopt import CARRIED, Bounds, NlpSolver
-from hopopt.nlp.transcription import Transcription
+from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import make_guess, starts
 from hopopt.planner.multistart import (
@@ -27,7 +28,7 @@ from hopopt.planner.multistart import (
 )
 
 Loosen = Callable[[Transcription, Bounds, float], None]  # writes into the bounds; share 1 is the whole relaxation
-SHARES = (0.0,)  # after the whole relaxation: more steps between found the same hops, from multipliers, in 40 trials
+BEGUN_FROM = (0, 1)  # starts that each relaxed problem is solved from
 PULL = 1.0  # of the range of forces, by which the foot may leave its friction cone at a share of 1
 DEEPER = 0.3  # of the leg's length, by which joints may pass through the ground
 WIDER = 0.4  # rad by which each joint may pass its limits
@@ -39,32 +40,36 @@ LONGER = 1.5  # times the longest stance
 class Relaxation:
     """A problem with wider limits.
 
-    name: in words; limits: names of the constraints that it widens, all of which the problem must have;
-    widen: writes the wider bounds for a share of the relaxation (1 the whole, 0 none).
+    name: in words
+    limits: kinds of limits without which it is no relaxation of the problem
+    widen: writes the wider bounds for a share of the relaxation (1 the whole, 0 none)
     """
 
     name: str
-    limits: tuple[str, ...]
+    limits: tuple[Kind, ...]
     widen: Loosen
 
     def suits(self, t: Transcription) -> bool:
         """Whether the problem has the limits that this widens."""
-        return set(self.limits) <= {r.name for r in t.rows}
+        return all(any(rows_of(t, kind)) for kind in self.limits)
+
+
+def rows_of(t: Transcription, kind: Kind) -> Iterator[Rows]:
+    """The rows of all limits of a kind."""
+    return (r for r in t.rows if isinstance(r.name, LimitId) and r.name.kind is kind)
 
 
 def friction_cone(t: Transcription, b: Bounds, share: float) -> None:
     """Without the cone at a share of 1; below that the foot may leave it by a force."""
-    for r in t.rows:
-        if r.name == "friction cone":
-            b.low_g[r.start : r.stop] = -np.inf if share >= 1 else -PULL * share
+    for r in rows_of(t, Kind.FRICTION):
+        b.low_g[r.start : r.stop] = -np.inf if share >= 1 else -PULL * share
 
 
 def joints_below_ground(t: Transcription, b: Bounds, share: float) -> None:
     """Joints, but not the foot, may pass through the ground."""
-    for r in t.rows:
-        if r.name == "height above ground":
-            joints = np.tile([label != "foot" for label in r.labels], max(1, len(r.interval)))
-            b.low_g[r.start : r.stop] -= DEEPER * share * joints
+    for r in rows_of(t, Kind.HEIGHT):
+        joints = np.tile([str(label) != "foot" for label in r.labels], max(1, len(r.interval)))
+        b.low_g[r.start : r.stop] -= DEEPER * share * joints
 
 
 def joint_range(t: Transcription, b: Bounds, share: float) -> None:
@@ -82,10 +87,9 @@ def joint_range(t: Transcription, b: Bounds, share: float) -> None:
 
 def drives(t: Transcription, b: Bounds, share: float) -> None:
     """Drives with a larger operating region."""
-    for r in t.rows:
-        if r.name.endswith("operating region"):
-            b.low_g[r.start : r.stop] *= 1 + (STRONGER - 1) * share
-            b.high_g[r.start : r.stop] *= 1 + (STRONGER - 1) * share
+    for r in rows_of(t, Kind.REGION):
+        b.low_g[r.start : r.stop] *= 1 + (STRONGER - 1) * share
+        b.high_g[r.start : r.stop] *= 1 + (STRONGER - 1) * share
 
 
 def stance_time(t: Transcription, b: Bounds, share: float) -> None:
@@ -103,17 +107,16 @@ def together(*each: Loosen) -> Loosen:
     return widen
 
 
-CONE, HEIGHT = "friction cone", "height above ground"
 QUICK = (
-    Relaxation("no friction limit", (CONE,), friction_cone),
+    Relaxation("no friction limit", (Kind.FRICTION,), friction_cone),
     Relaxation("wider joint range", (), joint_range),
-    Relaxation("no ground for joints", (HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
+    Relaxation("no ground for joints", (Kind.HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
 )
 THOROUGH = (
     *QUICK,
     Relaxation("stronger drives", (), drives),
     Relaxation("longer stance", (), stance_time),
-    Relaxation("joints below the ground", (HEIGHT,), joints_below_ground),
+    Relaxation("joints below the ground", (Kind.HEIGHT,), joints_below_ground),
 )
 
 

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from hopopt.design import Design
@@ -86,7 +85,7 @@ def solve(
     if notes := [*alarm, *notes_on(hop, asked, structure, best, better), *flat_words(found or [])]:
         best.summary["notes"] = notes
     if found is not None:
-        best.summary["flat"] = [asdict(f) for f in found]
+        best.summary["flat"] = [f.as_dict() for f in found]
     if second_opinion:
         best = with_opinions(hop, best, clock, say)
     return best

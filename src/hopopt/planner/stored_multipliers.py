@@ -17,17 +17,17 @@ def stored(certificate: Certificate) -> dict[str, Multipliers]:
     and under "ends" the multipliers of the boundary constraints with their names."""
     found: dict[str, Multipliers] = {}
     for name, c in certificate.phases.items():
-        states = [label for s in c.layout.phase.states for label in s.component_names()]
+        states = [str(x) for s in c.layout.phase.states for x in s.components()]
         found[name] = {
             "costate": c.costate,
             "hamiltonian": c.mean_hamiltonian,
             "limit_multiplier": c.multipliers.density,
             "limit_at_end": c.multipliers.atom,
             "state": np.array(states),
-            "limit": np.array(c.multipliers.limits),
+            "limit": np.array([str(x) for x in c.multipliers.limits]),
         }
     ends = certificate.ends
-    found["ends"] = {"multiplier": ends.multiplier, "constraint": np.array(ends.labels)}
+    found["ends"] = {"multiplier": ends.multiplier, "constraint": np.array([str(x) for x in ends.labels])}
     return found
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.leg.kinematics import reach
+from hopopt.leg.limit_id import Kind, LimitId, kind_of
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.nlp.continuous_limits import of_limits
@@ -18,7 +19,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.optimality import switching_structure as structure
 from hopopt.optimality.free_switches import Resolved
-from hopopt.planner.limit_use import idle_limits
+from hopopt.planner.limit_use import as_dict, idle_uses
 from hopopt.planner.multistart import StartOutcome, distinct, same
 from hopopt.planner.solution import Samples, Solution
 from hopopt.planner.stopwatch import Stopwatch
@@ -42,7 +43,7 @@ def summarize(
     fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
     stance = fine[STANCE]
     goal, solution = hop.objective, refinement.solution
-    of_unit, own = "_m" if goal.unit == "m" else "", [c.name for c in hop.constraints]
+    of_unit = "_m" if goal.unit == "m" else ""
     summary: dict[str, Any] = {
         "problem": plan.design.name,
         "title": plan.design.title,
@@ -75,9 +76,9 @@ def summarize(
         "grip_without_load_N": float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0)),
         "saturation_mean": saturation_mean(plan, stance),
         "energy": energy(plan, fine),
-        "active_limits": most_first({**active_limits(plan, stance), **own_active(solution, own)}),
-        "idle_limits": idle_limits(plan, fine),
-        f"gain_per_percent{of_unit}": limit_gains(solution, plan.design.contact.friction, own),
+        "active_limits": most_first({**active_limits(plan, stance), **own_active(solution)}),
+        "idle_limits": as_dict(idle_uses(plan, fine)),
+        f"gain_per_percent{of_unit}": limit_gains(solution, plan.design.contact.friction),
         **checked(verdict),
         "mesh": [asdict(step) for step in refinement.history],
         "refinement_ended": refinement.ended,
@@ -183,10 +184,10 @@ def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
     for k, joint in enumerate(plan.robot.joints):
         region, angle = plan.region(joint), stance.q[:, BASE + k]
         use = np.array(region.use(stance.v[:, BASE + k], stance.tau[:, k]))
-        shares[f"{joint} operating region"] = use.max(axis=0) > 1 - ACTIVE
+        shares[str(LimitId(Kind.REGION, joint))] = use.max(axis=0) > 1 - ACTIVE
         margin = ACTIVE * (leg.joint[joint].upper - leg.joint[joint].lower)
         near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)
-        shares[f"{joint} angle"] = near < margin
+        shares[str(LimitId(Kind.ANGLE, joint))] = near < margin
     shares |= _active_at_the_ground(plan, stance)
     for name in plan.design.hop.above_ground:
         if name != "foot":
@@ -203,11 +204,11 @@ def most_first(amounts: Mapping[str, float]) -> dict[str, float]:
     return dict(sorted(amounts.items(), key=lambda pair: -pair[1]))
 
 
-def own_active(solution: NlpSolution, own: Sequence[str]) -> dict[str, float]:
+def own_active(solution: NlpSolution) -> dict[str, float]:
     """Share of stance in which sides of constraints of one's own, by name, are active, at the nodes."""
     t, b, shares = solution.transcription, solution.bounds, dict[str, float]()
     h, weights = solution.phases[STANCE].lengths, t.layouts[STANCE].scheme.b
-    for rows in (r for r in t.rows if r.phase == STANCE and r.kind == "path" and r.name in own):
+    for rows in (r for r in t.rows if r.phase == STANCE and kind_of(r.name) is Kind.USER):
         at, size = slice(rows.start, rows.stop), _own_range(t, rows)
         for side, left in (("upper", b.high_g[at] - solution.g[at]), ("lower", solution.g[at] - b.low_g[at])):
             active = (left < ACTIVE * size).reshape(len(h), len(weights), -1).any(axis=2)
@@ -237,29 +238,29 @@ def _active_at_the_ground(plan: Solution, stance: Samples) -> dict[str, np.ndarr
 
 def by_friction(solution: NlpSolution) -> np.ndarray:
     """Change of each row of the friction cone with the coefficient [N], (places, sides)."""
-    rows = {r.name: r for r in solution.transcription.rows if r.phase == STANCE}
-    ground, sides = rows["ground force"], rows["friction cone"].labels
+    rows = {kind_of(r.name): r for r in solution.transcription.rows if r.phase == STANCE}
+    ground, sides = rows[Kind.GROUND_FORCE], rows[Kind.FRICTION].labels
     force = solution.g[ground.start : ground.stop] * ground.scale
     return np.outer(force, np.full(len(sides), steepness(1 + len(sides) // 2)))
 
 
-def limit_gains(solution: NlpSolution, friction: float | None, own: Sequence[str] = ()) -> dict[str, float]:
+def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, float]:
     """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers: more
-    of what is maximised, less of what is minimised. The friction cone's range is its coefficient; ``own``: the names of
-    constraints of one's own."""
+    of what is maximised, less of what is minimised. The friction cone's range is its coefficient."""
     t, gains, lam_g = solution.transcription, {}, of_limits(solution)
     for rows in t.rows:
-        if rows.kind in ("path", "boundary") and rows.name.endswith(("operating region", "foot window")):
+        kind, said = kind_of(rows.name), str(rows.name)
+        if kind in (Kind.REGION, Kind.WINDOW, Kind.LANDING_WINDOW):
             bound = np.abs(t.ubg[rows.start : rows.stop])
-            gains[rows.name] = gains.get(rows.name, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
-        elif rows.kind == "path" and rows.name in own:
+            gains[said] = gains.get(said, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
+        elif kind is Kind.USER:
             for side, way in (("upper", 1.0), ("lower", -1.0)):
                 pushed = np.maximum(way * lam_g[rows.start : rows.stop], 0.0) @ _own_range(t, rows)
-                name = f"{rows.name} ({side})"
+                name = f"{said} ({side})"
                 gains[name] = gains.get(name, 0.0) + 0.01 * float(pushed)
-        elif rows.name == "friction cone" and friction is not None:
+        elif kind is Kind.FRICTION and friction is not None:
             lam = solution.lam_g[rows.start : rows.stop].reshape(-1, len(rows.labels)) / rows.scale
-            gains[rows.name] = -0.01 * friction * float((lam * by_friction(solution)).sum())
+            gains[said] = -0.01 * friction * float((lam * by_friction(solution)).sum())
     for name, where in t.variables.items():
         phase = t.problem.phase(name)
         gains[f"longest {name}"] = (
@@ -274,7 +275,8 @@ def limit_gains(solution: NlpSolution, friction: float | None, own: Sequence[str
         lam = solution.lam_x[where.x].reshape(-1, size)[1:, at : at + q.size]  # the start itself is given
         span = q.column("upper") - q.column("lower")
         for k, joint in enumerate(q.labels):
-            gains[f"{joint} angle"] = gains.get(f"{joint} angle", 0.0) + 0.01 * float(
+            angle = str(LimitId(Kind.ANGLE, joint))
+            gains[angle] = gains.get(angle, 0.0) + 0.01 * float(
                 np.abs(lam[:, k]).sum() * span[k] / q.column("scale")[k]
             )
     return most_first({name: gain for name, gain in gains.items() if gain > 1e-6})

@@ -1,6 +1,5 @@
 """What a stored hop leaves open: flat directions, durations that may change, limits that never act."""
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from hopopt.errors import ResultError
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.optimality.flat_directions import FELT, STRETCH, CannotBeTold, flat, longer_or_shorter
 from hopopt.planner.limit_names import flat_words
-from hopopt.planner.limit_use import idle_limits
+from hopopt.planner.limit_use import Use, as_dict, idle_uses
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import has_multipliers, without_tie_break
 from hopopt.problem.render import rows
@@ -33,12 +32,12 @@ def diagnose(solution: Solution) -> dict[str, Any]:
             words = flat_words(found)
         except CannotBeTold as error:  # no reason to lose the rest
             found, words = None, [f"what the objective does not feel cannot be told: {error}"]
-    idle = idle_limits(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
+    idle = idle_uses(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
     words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
     units = {row.path: row.unit for row in rows(solution.design)}
-    words += [_idle(name, **use, unit=units.get(use["entry"].partition("[")[0], "")) for name, use in idle.items()]
-    flat_ones = None if found is None else [asdict(f) for f in found]
-    return {"flat": flat_ones, "durations": durations, "idle_limits": idle, "words": words}
+    words += [_idle(use, units.get(use.path, "")) for use in idle]
+    flat_ones = None if found is None else [f.as_dict() for f in found]
+    return {"flat": flat_ones, "durations": durations, "idle_limits": as_dict(idle), "words": words}
 
 
 def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> str:
@@ -53,9 +52,9 @@ def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> s
     )
 
 
-def _idle(name: str, used: float, entry: str, limit: float, enough: float, unit: str) -> str:
+def _idle(use: Use, unit: str) -> str:
     could = ""
-    if entry:
-        unit = f" {unit}".removesuffix(" 1").rstrip()
-        could = f": {entry} = {limit:g}{unit} could be tightened to {enough:.4g}{unit} without effect on this hop"
-    return f"idle: {name}, at most {used:.0%} used{could}"
+    if use.path:
+        unit = "" if unit in ("", "1") else f" {unit}"
+        could = f": {use.entry} = {use.limit:g}{unit} could be tightened to {use.rounded():.4g}{unit} without effect on this hop"
+    return f"idle: {use.name}, at most {use.used:.0%} used{could}"

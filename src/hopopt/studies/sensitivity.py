@@ -14,6 +14,7 @@ import numpy as np
 from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
+from hopopt.leg.limit_id import Kind, LimitId, kind_of
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.optimality.parametric_sensitivity import Slopes, slopes
 from hopopt.planner.solution import Solution
@@ -128,14 +129,15 @@ def _rows(by: Slopes) -> Iterator[tuple[str, float]]:
     """
     for r in by.solution.transcription.rows:
         low, high = by.of_rows(r)
-        if r.name == "ground force":
-            yield "contact.least_force", float((low + high).sum())
-        elif r.name == "friction cone":
-            yield "contact.friction", -float(((low + high) * by_friction(by.solution)).sum())
-        elif r.name == "height above ground":
-            yield "hop.least_height", float((low + high)[:, [label != "foot" for label in r.labels]].sum())
-        elif r.name == "foot window":
-            yield "hop.foot_window", float(high.sum() - low.sum())
+        kind, key = kind_of(r.name), r.name.key if isinstance(r.name, LimitId) else ""
+        if kind is Kind.GROUND_FORCE:
+            yield key, float((low + high).sum())
+        elif kind is Kind.FRICTION:
+            yield key, -float(((low + high) * by_friction(by.solution)).sum())
+        elif kind is Kind.HEIGHT:
+            yield key, float((low + high)[:, [row.label != "foot" for row in r.labels]].sum())
+        elif kind is Kind.WINDOW:
+            yield key, float(high.sum() - low.sum())
 
 
 def pose_slopes(design: Design) -> Iterator[tuple[str, np.ndarray]]:

@@ -5,25 +5,31 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import reach
+from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.sim.machine import Machine
 
 
+def said(phase: str, limit: LimitId) -> str:
+    """What a check of a limit of a phase is called."""
+    return f"{phase} {'ground pushes' if limit.kind is Kind.GROUND_FORCE else limit}"
+
+
 def limits_of(
     machine: Machine, robot: Robot, design: Design, contact: bool, motion: tuple[np.ndarray, ...], windowed: bool
-) -> dict[str, np.ndarray]:
+) -> dict[LimitId, np.ndarray]:
     """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
     q, v (k, 2 + n), tau (k, n), f (k, 2); one value for those of its end; ``contact``: in
     stance; ``windowed``: the foot's window is one."""
     q, v, tau, f = motion
-    found: dict[str, np.ndarray] = {}
+    found: dict[LimitId, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
         use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k]))
-        found[f"{joint} operating region"] = (use.max(axis=0) - 1.0) / 2  # a tau + b w goes from -1 to 1
+        found[LimitId(Kind.REGION, joint)] = (use.max(axis=0) - 1.0) / 2  # a tau + b w goes from -1 to 1
         low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
         angle = q[:, BASE + k]
-        found[f"{joint} angle"] = np.maximum(low - angle, angle - high) / (high - low)
+        found[LimitId(Kind.ANGLE, joint)] = np.maximum(low - angle, angle - high) / (high - low)
     found |= _ground(machine, design, contact, q, v, f)
     if windowed and not contact:
         found |= _window(machine, robot, design, q)
@@ -32,29 +38,31 @@ def limits_of(
 
 def _ground(
     machine: Machine, design: Design, contact: bool, q: np.ndarray, v: np.ndarray, f: np.ndarray
-) -> dict[str, np.ndarray]:
+) -> dict[LimitId, np.ndarray]:
     size_of_leg = reach(design.leg)
-    paths, found = machine.paths(q), {}
+    paths, found = machine.paths(q), dict[LimitId, np.ndarray]()
     for name in design.hop.above_ground:
         if not contact or name != "foot":
             least = 0.0 if name == "foot" else design.hop.least_height
-            found[f"{name} above ground"] = (least - paths[name][:, 1]) / size_of_leg
+            found[LimitId(Kind.HEIGHT, name)] = (least - paths[name][:, 1]) / size_of_leg
     if machine.held:
-        found["body on its slider"] = np.abs(q[:, machine.held] - q[0, machine.held]).max(axis=1) / size_of_leg
+        found[LimitId(Kind.SLIDER)] = np.abs(q[:, machine.held] - q[0, machine.held]).max(axis=1) / size_of_leg
     if contact:
         size = force_range(machine.model)
         beside = np.array([machine.foot_beside(row) for row in q]) if 1 in machine.contact else np.zeros(len(q))
         moved = np.maximum(np.abs(paths["foot"]).max(axis=1), np.abs(beside - beside[0]))
-        found["foot at rest"] = moved / size_of_leg
-        found["ground pushes"] = (design.contact.least_force - f[:, -1]) / size
+        found[LimitId(Kind.FOOT)] = moved / size_of_leg
+        found[LimitId(Kind.GROUND_FORCE)] = (design.contact.least_force - f[:, -1]) / size
         if design.contact.friction is not None:
-            found["friction cone"] = (np.linalg.norm(f[:, :-1], axis=1) - design.contact.friction * f[:, -1]) / size
+            found[LimitId(Kind.FRICTION)] = (
+                np.linalg.norm(f[:, :-1], axis=1) - design.contact.friction * f[:, -1]
+            ) / size
         if not design.hop.counter_movement:
-            found["body never descends"] = -v[:, 1] / DESCENT_RANGE
+            found[LimitId(Kind.DESCENT)] = -v[:, 1] / DESCENT_RANGE
     return found
 
 
-def _window(machine: Machine, robot: Robot, design: Design, q: np.ndarray) -> dict[str, np.ndarray]:
+def _window(machine: Machine, robot: Robot, design: Design, q: np.ndarray) -> dict[LimitId, np.ndarray]:
     points = machine.points(q[-1])
     offset = abs(points["foot"][0] - points[robot.joints[0]][0])
-    return {"foot window": np.array([(offset - design.hop.foot_window) / (2 * design.hop.foot_window)])}
+    return {LimitId(Kind.WINDOW): np.array([(offset - design.hop.foot_window) / (2 * design.hop.foot_window)])}

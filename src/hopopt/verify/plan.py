@@ -18,7 +18,7 @@ from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, FIGURE, LIMIT, Check
 from hopopt.verify.landing import landing, lift_off
-from hopopt.verify.limits import limits_of
+from hopopt.verify.limits import limits_of, said
 from hopopt.verify.measures import LEAST, MEASURES
 from hopopt.verify.replay import replay
 from hopopt.verify.table import DESCENT, FLIGHT, PLACES, STANCE, Table
@@ -163,8 +163,8 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
         for x in (table.t, table.q, table.v, table.tau, table.f)
     )
     checks = []
-    for name, excess in limits_of(machine, robot, design, phase == STANCE, (q, v, tau, f), windowed).items():
+    for limit, excess in limits_of(machine, robot, design, phase == STANCE, (q, v, tau, f), windowed).items():
         at = int(np.argmax(excess))
         when = t[at] if len(excess) == len(t) else t[-1]
-        checks.append(Check(f"{phase} {name}", float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s"))
+        checks.append(Check(said(phase, limit), float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s"))
     return checks

@@ -16,10 +16,11 @@ from scipy.integrate import solve_ivp
 from hopopt.design import Design
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.kinematics import loop_axes, reach
+from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
-from hopopt.verify.limits import limits_of
+from hopopt.verify.limits import limits_of, said
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import FLIGHT, PLACES, POWERS, STANCE, TO_POWERS, Table
 
@@ -27,7 +28,6 @@ HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's ow
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it dear
 FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's worth
-DRIVES = "operating region"  # kept by clamping
 WORTH, LIMITS = (
     ("simulated in one piece", SHORT, "relative"),
     ("limits when simulated in one piece", 2 * LIMIT, "of its range"),
@@ -128,10 +128,10 @@ def worth(design: Design, tables: Mapping[str, Table], figure: str = "clearance_
     )
     values = _values(machine, robot, found, figure)
     shares = {
-        f"{name} {limit}": float(excess.max())
+        said(name, limit): float(excess.max())
         for name, table in found.items()
         for limit, excess in limits_of(machine, robot, design, name == STANCE, _motion(table), ends != "free").items()
-        if not limit.endswith(DRIVES)
+        if limit.kind is not Kind.REGION  # kept by clamping
     }
     if ends == "demand":
         shares["clearance asked for"] = float((design.hop.clearance or 0.0) - values["clearance_m"]) / reach(design.leg)

@@ -8,7 +8,6 @@ from hopopt.cli.screen.console import console, print_residuals
 if TYPE_CHECKING:
     from hopopt.verify.check import Check
 
-THEN = ", then "  # between stretches
 FIRST, FEW = 4, 4  # so many stretches of a long line are told before its last, where more than FEW are left out
 
 
@@ -17,10 +16,12 @@ def certificate_line(s: dict[str, Any]) -> list[str]:
     checks = s.get("certificate")
     if not checks:
         return []
+    from hopopt.optimality.certificate import COSTATES, entry
+
     bad = [name.replace("_", " ") for name, c in checks.items() if not c["passed"]]
     if bad:
         return [f"first-order optimality NOT certified: {', '.join(bad)} (hopopt verify lists all conditions)"]
-    costates = max(c["residual"] for name, c in checks.items() if name.endswith("_costates"))
+    costates = max(checks[entry(COSTATES, phase)]["residual"] for phase in s["phases"])
     gain = sum(c["residual"] for c in checks.values() if c["unit"] == "of the objective")
     return [
         f"first-order optimality certified: {len(checks)} conditions, costates within {costates:.0e}, what they leave "
@@ -38,18 +39,19 @@ def certified_words(s: dict[str, Any]) -> str:
     return f"; first-order optimality {words}" if checks else ""
 
 
-def _shortened(line: str) -> str:
-    """A line of very many stretches, as of torques that chatter, by its first ones and its last."""
-    parts = line.split(THEN)
+def _shortened(parts: list[str]) -> list[str]:
+    """Very many stretches, as of torques that chatter, by the first ones and the last."""
     left = len(parts) - FIRST - 1
-    return line if left <= FEW else THEN.join([*parts[:FIRST], f"{left} more (--json tells all)", parts[-1]])
+    return parts if left <= FEW else [*parts[:FIRST], f"{left} more (--json tells all)", parts[-1]]
 
 
 def structure_lines(s: dict[str, Any]) -> list[str]:
     """The switching structure of stance, a line for each joint and whatever else has limits that act."""
+    from hopopt.optimality.switching_structure import THEN, Stretch, by_subject
+
     found = s.get("structure", {})
-    words = [line for line in found.get("words", []) if line.startswith("stance, ")]
-    lines = [_shortened(line.removeprefix("stance, ")) for line in words]
+    stretches = [Stretch(**stretch) for stretch in found.get("stance", [])]
+    lines = [f"{subject}: {THEN.join(_shortened(parts))}" for subject, parts in by_subject(stretches).items()]
     if found.get("solved_again"):
         times = ", ".join(f"{t:.5f} s" for t in found["jumps_s"]["stance"])
         lines.append(

@@ -1,0 +1,77 @@
+"""Which limit: an identity that is made with the constraint and turned into words only where it is shown."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from hopopt.design import Leg
+from hopopt.leg.actuator import CAPS, LINES
+
+
+class Kind(Enum):
+    """What is limited; the value is what a limit of that kind is called."""
+
+    REGION = "operating region"
+    ANGLE = "angle"
+    HEIGHT = "height above ground"
+    GROUND_FORCE = "ground force"
+    FRICTION = "friction cone"
+    DESCENT = "body never descends"
+    CLEARANCE = "clearance"
+    WINDOW = "foot window"
+    LANDING_WINDOW = "landing foot window"
+    POWER = "power drawn"
+    SHARE = "share used by the"
+    PEAK_TORQUE = "peak torque"
+    PEAK_FORCE = "peak ground force"
+    SLIDER = "body on its slider"
+    FOOT = "foot at rest"
+    USER = "user-defined"
+
+
+@dataclass(frozen=True)
+class LimitId:
+    """A limit of a leg.
+
+    kind: what is limited.
+    joint: of which joint or point; of a user-defined limit, the function's name.
+    key: the entry of the problem file that sets it, if one does.
+    unit: of what is limited.
+    """
+
+    kind: Kind
+    joint: str = ""
+    key: str = ""
+    unit: str = ""
+
+    def keys(self, leg: Leg, part: object) -> tuple[str, ...]:
+        """Entries of the problem file that set one component of it, such as a line of an operating region."""
+        if self.kind is Kind.REGION:
+            return tuple(leg.drive(self.joint, *entry)[0] for entry in CAPS.get(str(part), LINES))
+        if self.kind is Kind.HEIGHT and part == "foot":
+            return ("hop.above_ground",)
+        return (self.key,) if self.key else ()
+
+    def __str__(self) -> str:
+        if self.kind is Kind.USER:
+            return self.joint
+        if self.kind is Kind.SHARE:
+            return f"{self.kind.value} {self.joint}"
+        if self.kind is Kind.HEIGHT and self.joint:
+            return f"{self.joint} above ground"
+        return f"{self.joint} {self.kind.value}".lstrip()
+
+
+@dataclass(frozen=True)
+class JointWay:
+    """A joint and a direction, "forward" or "backward"."""
+
+    joint: str
+    way: str
+
+    def __str__(self) -> str:
+        return f"{self.joint} {self.way}"
+
+
+def kind_of(limit: object) -> Kind | None:
+    """The kind of a leg's limit; None for any other name of a constraint or variable."""
+    return limit.kind if isinstance(limit, LimitId) else None
