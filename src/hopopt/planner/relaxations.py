@@ -68,7 +68,7 @@ def friction_cone(t: Transcription, b: Bounds, share: float) -> None:
 def joints_below_ground(t: Transcription, b: Bounds, share: float) -> None:
     """Joints, but not the foot, may pass through the ground."""
     for r in rows_of(t, Kind.HEIGHT):
-        joints = np.tile([str(label) != "foot" for label in r.labels], max(1, len(r.interval)))
+        joints = np.tile([label.label != "foot" for label in r.labels], max(1, len(r.interval)))
         b.low_g[r.start : r.stop] -= DEEPER * share * joints
 
 
