@@ -30,7 +30,7 @@ def alone(entries: dict[str, Any], changes: list[str], starts: int | None) -> tu
     """Objective, whether verified, wall and CPU seconds of one cold solve."""
     began, work = time.perf_counter(), time.process_time()
     s = ho.solve(ho.load("paper", [*changes, *(f"{k}={v!r}" for k, v in entries.items())]), starts=starts, processes=1)
-    return s.summary["objective_value"], s.verified, time.perf_counter() - began, time.process_time() - work
+    return s.summary.objective_value, s.verified, time.perf_counter() - began, time.process_time() - work
 
 
 def compare(study: ho.Study, chosen: list[int], changes: list[str], starts: int | None, rate: float) -> str:

@@ -108,7 +108,7 @@ def _gathered(design: Any, objective: str, ended: Any, grids: tuple[int, ...], s
         "reduced": simple,
         "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": study.as_dicts(found)},
         "best": {
-            "clearance_m": best.clearance, "verified": best.verified, "failed_checks": best.summary["failed_checks"],
+            "clearance_m": best.clearance, "verified": best.verified, "failed_checks": list(best.summary.failed_checks),
             "start": found[0].best.name,
         },
         "passes_the_bound": passed,

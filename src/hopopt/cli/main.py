@@ -20,6 +20,7 @@ from hopopt.cli import diagnose as cli_diagnose
 from hopopt.cli import evidence as cli_evidence
 from hopopt.cli import paper as cli_paper
 from hopopt.cli import pareto as cli_pareto
+from hopopt.cli import schema as cli_schema
 from hopopt.cli import sensitivity as cli_studies
 from hopopt.cli import sweep as cli_sweep
 from hopopt.cli.options import AsJson, Constraints, Couple, Free, Overrides, app, progress, write_new
@@ -106,15 +107,15 @@ def solve(
             from hopopt.plots.hop import save_all as draw
 
             say("drawing")
-        solution.summary["overrides"] = list(set_ or ())
-        solution.summary["wall_s"] = time.perf_counter() - began  # all but drawing and writing
+        took = time.perf_counter() - began  # all but drawing and writing
+        solution = solution.with_summary(overrides=tuple(set_ or ()), wall_s=took)
         solution = save(solution, results, draw)
         if control:
             say("simulating the paper's force control")
             with suppress(KeyboardInterrupt):  # the answer is there
                 solution = _beside(solution)
     _answer(solution, json_)
-    return int(solution.summary["exit_code"])
+    return solution.summary.exit_code
 
 
 def _import_beside(*later: str) -> None:
@@ -139,8 +140,8 @@ def _beside(solution: "Solution") -> "Solution":
 
     if (found := paper_strategy(solution)) is None:
         return solution
-    code = 3 if found["beyond_bound"] else solution.summary["exit_code"]
-    return with_more(solution, {"paper_strategy": found, "exit_code": code})
+    code = 3 if found.beyond_bound else solution.summary.exit_code
+    return with_more(solution, paper_strategy=found, exit_code=code)
 
 
 def _solved(
@@ -227,6 +228,7 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
         The function of your own that it was found with, if it was: module:function.
     """
     from hopopt.planner.summary import conditions
+    from hopopt.planner.summary_entry import as_data
     from hopopt.storage.folder import as_json
     from hopopt.storage.recheck import recheck, with_functions
     from hopopt.storage.solution import read
@@ -238,7 +240,7 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
         listed, made = [c.as_dict() for c in verdict.checks], bool(verdict.conditions)
         certificate = {
             "certified": verdict.certified if made else None,
-            "certificate": conditions(verdict) if made else None,
+            "certificate": as_data(conditions(verdict)) if made else None,
         }
         print(as_json({"verified": verdict.verified, "exit_code": code, "checks": listed, **certificate}))
     else:
@@ -265,11 +267,11 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
 
     show_it = print_details if whole or not solution.verified else print_answer
     show_it(solution)
-    if "codesign" in solution.summary:
+    if solution.summary.codesign:
         from hopopt.cli.screen.codesign import print_codesign
 
-        print_codesign(solution.summary["codesign"])
-    if "second_opinions" in solution.summary:
+        print_codesign(solution.summary.codesign)
+    if solution.summary.second_opinions:
         from hopopt.cli.screen.cross_check import print_opinions
 
         print_opinions(solution.summary)
@@ -278,7 +280,7 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
 for command in (
     cli_runs.simulate, cli_runs.compare, cli_runs.export, cli_studies.sensitivity, cli_paper.calibrate,
     cli_paper.tune, cli_paper.reproduce, cli_sweep.sweep, cli_pareto.pareto, cli_actuators.actuators,
-    cli_evidence.evidence, cli_diagnose.diagnose,
+    cli_evidence.evidence, cli_diagnose.diagnose, cli_schema.schema,
 ):  # fmt: skip
     app.command(command)
 for each in app.subapps:

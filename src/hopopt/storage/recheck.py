@@ -1,6 +1,6 @@
 """Verification of a stored result, from its files alone."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from hopopt.planner.judge import judge, plan_checks
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import has_multipliers, own_functions, stored_nlp
 from hopopt.planner.stored_multipliers import agreement
+from hopopt.planner.summary_extras import CoDesign
 from hopopt.planner.verdict import Verdict
 from hopopt.storage.folder import fitting
 from hopopt.verify.check import KKT, Check
@@ -36,21 +37,22 @@ def recheck(solution: Solution) -> Verdict:
 def reverified(solution: Solution) -> Solution:
     """A stored solution that is ``verified`` only if its summary says so and every check passes again."""
     verified = solution.verified and recheck(solution).verified
-    return replace(solution, summary={**solution.summary, "verified": verified})
+    return solution.with_summary(verified=verified)
 
 
 def _recheck(solution: Solution) -> Verdict:
     goal, constraints = own_functions(solution)
-    claims = {name: float(solution.summary[name]) for name in {"clearance_m", goal.figure} & solution.summary.keys()}
-    agree, co_design = _agreement(solution), tuple(co_design_checks(goal, solution.summary))
+    summary = solution.summary
+    claims = {name: x for name in ("clearance_m", goal.figure) if (x := summary.figure(name)) is not None}
+    agree, co_design = _agreement(solution), tuple(co_design_checks(goal, summary.objective_value, summary.codesign))
     if not has_multipliers(solution):
         missing = Check("first-order conditions", float("inf"), KKT, "scaled", "the file holds no multipliers")
         return Verdict((missing, agree, *plan_checks(solution, goal, constraints, claims), *co_design))
     nlp = stored_nlp(solution)
-    change = next(c for c in solution.summary["verification"] if c["name"] == "change of the objective")["residual"]
     of_file = replace(nlp, phases=solution.phases)
     errors = {name: interval_errors(of_file, name) for name in solution.phases}
-    found = judge(solution, of_file, goal, constraints, claims, errors, float("inf") if change is None else change)
+    change = summary.check("change of the objective").residual
+    found = judge(solution, of_file, goal, constraints, claims, errors, change)
     more = [agree, _same_program(solution, nlp), _same_limits(nlp), *_same_error(solution, nlp, found), *co_design]
     conditions = [replace(agree, name="stored torques and motion")]
     if solution.multipliers:
@@ -58,11 +60,10 @@ def _recheck(solution: Solution) -> Verdict:
     return found.with_checks(more, conditions)
 
 
-def co_design_checks(goal: HopObjective, summary: Mapping[str, Any]) -> Iterator[Check]:
-    """That the fixed design confirms the co-design that it comes from, if it does."""
-    if "codesign" in summary:
-        value = summary["objective_value"]
-        worse = goal.sign * (summary["codesign"]["objective_value"] - value) / max(abs(value), 1e-9)
+def co_design_checks(goal: HopObjective, value: float, codesign: CoDesign | None) -> Iterator[Check]:
+    """That the fixed design, with its objective's ``value``, confirms the co-design that it comes from, if it does."""
+    if codesign is not None:
+        worse = goal.sign * (codesign.objective_value - value) / max(abs(value), 1e-9)
         where = "the fixed design against the co-design"
         yield Check("co-design confirmed", max(worse, 0.0), CONFIRMED, "relative", where)
 
@@ -101,9 +102,8 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
 
 def _same_error(solution: Solution, nlp: NlpSolution, found: Verdict) -> Iterator[Check]:
     """The error of the objective, computed again, is no larger than the one that stands beside the answer."""
-    if "objective_error" in solution.summary and found.error:  # results of earlier versions state none
-        stated = solution.summary["objective_error"]["too_high_by"]
-        more = (found.error.too_high_by - (np.inf if stated is None else stated)) / nlp.magnitude
+    if found.error:
+        more = (found.error.too_high_by - solution.summary.objective_error.too_high_by) / nlp.magnitude
         yield Check("error of the objective as stated", max(more, 0.0), SAME, "relative")
 
 

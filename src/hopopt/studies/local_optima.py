@@ -24,7 +24,7 @@ from hopopt.leg.kinematics import reach
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.hop import STANCE, Hop
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
-from hopopt.planner.solution import Solution
+from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, unused, write_json
 from hopopt.studies.sweep.store import write_whole
@@ -134,16 +134,14 @@ def _program(folder: Path) -> tuple[Hop, NlpSolver]:
 def _ended(folder: Path, index: int) -> Ended:
     hop, solver = _program(folder)
     (outcome,) = run_chunk(hop, [index], solver)
-    figures = _motion(
-        hop, Solution(hop.design, hop.objective.name, solution_of(outcome, solver.transcription).phases, {})
-    )
+    figures = _motion(hop, Motion(hop.design, hop.objective.name, solution_of(outcome, solver.transcription).phases))
     return Ended(
         index, outcome.name, outcome.success, outcome.status, outcome.objective, outcome.iterations, outcome.seconds,
         **(figures if outcome.success else {}),
     )  # fmt: skip
 
 
-def _motion(hop: Hop, plan: Solution) -> dict[str, float]:
+def _motion(hop: Hop, plan: Motion) -> dict[str, float]:
     """What the body does in stance, for ``Ended``."""
     stance, size = plan.everywhere(STANCE, np.linspace(0, 1, 5)), reach(hop.leg)
     x, z = stance.q[:, 0], stance.q[:, 1]

@@ -1,37 +1,38 @@
 """What the command line shows of the certificate of first-order optimality and of the switching structure."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hopopt.cli.screen.console import console, print_residuals
 
 if TYPE_CHECKING:
+    from hopopt.planner.stored_summary import Summary
     from hopopt.verify.check import Check
 
 THEN = ", then "  # between stretches
 FIRST, FEW = 4, 4  # so many stretches of a long line are told before its last, where more than FEW are left out
 
 
-def certificate_line(s: dict[str, Any]) -> list[str]:
+def certificate_line(s: "Summary") -> list[str]:
     """One line for the answer: whether the first-order conditions hold along the whole hop, and how well."""
-    checks = s.get("certificate")
+    checks = s.certificate
     if not checks:
         return []
-    bad = [name.replace("_", " ") for name, c in checks.items() if not c["passed"]]
+    bad = [name.replace("_", " ") for name, c in checks.items() if not c.passed]
     if bad:
         return [f"first-order optimality NOT certified: {', '.join(bad)} (hopopt verify lists all conditions)"]
-    costates = max(c["residual"] for name, c in checks.items() if name.endswith("_costates"))
-    gain = sum(c["residual"] for c in checks.values() if c["unit"] == "of the objective")
+    costates = max(c.residual for name, c in checks.items() if name.endswith("_costates"))
+    gain = sum(c.residual for c in checks.values() if c.unit == "of the objective")
     return [
         f"first-order optimality certified: {len(checks)} conditions, costates within {costates:.0e}, what they leave "
         f"open is {gain:.0e} of the objective"
     ]
 
 
-def certified_words(s: dict[str, Any]) -> str:
+def certified_words(s: "Summary") -> str:
     """Whether the first-order conditions hold, to end a line."""
-    checks = s.get("certificate", {})
-    bad = sum(not c["passed"] for c in checks.values())
+    checks = s.certificate
+    bad = sum(not c.passed for c in checks.values())
     words = (
         f"NOT certified ({bad} of {len(checks)} conditions fail)" if bad else f"certified ({len(checks)} conditions)"
     )
@@ -45,20 +46,20 @@ def _shortened(line: str) -> str:
     return line if left <= FEW else THEN.join([*parts[:FIRST], f"{left} more (--json tells all)", parts[-1]])
 
 
-def structure_lines(s: dict[str, Any]) -> list[str]:
+def structure_lines(s: "Summary") -> list[str]:
     """The switching structure of stance, a line for each joint and whatever else has limits that act."""
-    found = s.get("structure", {})
-    words = [line for line in found.get("words", []) if line.startswith("stance, ")]
+    found = s.structure
+    words = [line for line in found.words if line.startswith("stance, ")]
     lines = [_shortened(line.removeprefix("stance, ")) for line in words]
-    if found.get("solved_again"):
-        times = ", ".join(f"{t:.5f} s" for t in found["jumps_s"]["stance"])
+    if found.solved_again:
+        times = ", ".join(f"{t:.5f} s" for t in (found.jumps_s or {}).get("stance", ()))
         lines.append(
             "solved again with free switching times: "
             + (f"torques jump at {times}; " if times else "")
-            + f"the optimum is within {found['difference']:.0e} of the one before"
+            + f"the optimum is within {found.difference:.0e} of the one before"
         )
-    elif "solved_again" in found:
-        lines.append(f"not solved with free switching times: {found['note']}")
+    elif found.solved_again is False:
+        lines.append(f"not solved with free switching times: {found.note}")
     return lines
 
 

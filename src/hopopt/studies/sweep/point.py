@@ -33,6 +33,7 @@ from hopopt.planner.multistart import (
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.summary import parts
+from hopopt.planner.summary_entry import as_data
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import unlike
 from hopopt.studies.sweep.store import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
@@ -105,7 +106,7 @@ def _better(hop: Hop, value: float, than: Point, by: float = BETTER) -> bool:
 def _described(point: Point, found: Answer, source: Source | None) -> Point:
     heights: dict[str, Any] = {"clearance_m": None, "unverified_clearance_m": None, "parts": None}
     if found.verified:
-        heights |= {"clearance_m": found.claims["clearance_m"], "parts": parts(found.plan)}
+        heights |= {"clearance_m": found.claims["clearance_m"], "parts": as_data(parts(found.plan))}
     else:
         heights["unverified_clearance_m"] = found.claims["clearance_m"]
     return replace(
