@@ -20,7 +20,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 import hopopt as ho
-from hopopt.studies.sweep.store import IMPOSSIBLE
+from hopopt.studies.sweep.point_file import IMPOSSIBLE
 
 GRID = {"leg.gear.ratio": "60:160:11", "leg.shank.length": "0.30:0.42:7"}
 PROCESSES = 2

@@ -22,8 +22,8 @@ from hopopt.problem.load import load
 from hopopt.studies.compare import compare
 from hopopt.studies.influence import Influence
 from hopopt.studies.sweep.definition import define
+from hopopt.studies.sweep.point_file import VERIFIED, Point
 from hopopt.studies.sweep.run import Study
-from hopopt.studies.sweep.store import VERIFIED, Point
 from hopopt.verify.check import Check
 from hopopt.verify.whole_hop import left_out
 

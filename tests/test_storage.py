@@ -94,13 +94,13 @@ def test_figures_that_fail_leave_the_data_and_a_note(
     with caplog.at_level(logging.WARNING, "hopopt"):
         saved = save(solution, tmp_path, draw)
     *before, note = saved.summary.notes
-    assert before == solution.summary.notes
+    assert tuple(before) == solution.summary.notes
     assert caplog.messages == [note]
     assert "figures" in note
     assert str(saved.result_dir) in note
     assert "\n" not in note
     again = read(str(saved.result_dir))
-    assert again.summary.notes == [*before, note]
+    assert again.summary.notes == (*before, note)
     assert again.clearance == solution.clearance
     assert contents(saved.result_dir) == DATA | {"figures"}
     assert contents(tmp_path) == {saved.result_dir.name}  # type: ignore[union-attr]

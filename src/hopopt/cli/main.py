@@ -218,23 +218,36 @@ def new(name: str) -> int:
 def verify(result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False) -> int:
     """Check a stored result again, from its files alone. Exit code 0 if it is verified, 3 if not.
 
-    The certificate of first-order optimality (docs/certificate.md) is recomputed too, and said to hold or not.
+    The certificate of first-order optimality (docs/certificate.md) is recomputed too, and said to hold or not. Files that
+    were changed are named; if every check passes their digests are written anew. Of a study every solved point is refined
+    and checked again.
 
     Parameters
     ----------
     result
-        A folder that hopopt solve wrote.
+        A folder that hopopt solve or hopopt sweep wrote.
     objective
         The function of your own that it was found with, if it was: module:function.
     """
     from hopopt.planner.summary import conditions
     from hopopt.planner.summary_entry import as_data
+
+    if (result / "sweep.json").is_file():
+        from hopopt.cli.sweep import verify_study
+
+        if objective or constraint:
+            raise UsageError("a study has no functions of one's own: leave out --objective and --constraint")
+        return verify_study(result, json_)
     from hopopt.storage.folder import as_json
-    from hopopt.storage.recheck import recheck, with_functions
+    from hopopt.storage.recheck import accept, recheck, with_functions
     from hopopt.storage.solution import read
 
     solution = with_functions(read(result), objective, constraint or ())
     verdict = recheck(solution)
+    for words in solution.doubts:
+        print(f"hopopt: {words}", file=sys.stderr)
+    if verdict.verified:
+        accept(solution)
     code = 0 if verdict.verified else 3
     if json_:
         listed, made = [c.as_dict() for c in verdict.checks], bool(verdict.conditions)
@@ -260,7 +273,7 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
         from hopopt.storage.folder import as_json
         from hopopt.storage.solution import stated
 
-        print(as_json(stated(solution.summary)))
+        print(as_json(stated(solution.shown)))
         return
     from hopopt.cli.screen.answer import print_answer
     from hopopt.cli.screen.details import print_details

@@ -89,7 +89,7 @@ def _optimum(
 
         say("verifying")
         solution = read(folder)
-        return solution, recheck(solution).failed_checks
+        return solution, [*solution.doubts, *recheck(solution).failed_checks]
     from hopopt.ocp.objective import HEIGHTS
     from hopopt.ocp.objectives import find
     from hopopt.planner.solve import solve

@@ -196,6 +196,7 @@ class Solution(Motion):
     result_dir: the folder that it lies in
     multipliers: of the certificate, by phase (planner/stored_multipliers.py)
     verdict: what the checks said; None for one that was read (storage/recheck.py makes it)
+    doubts: why its files are not to be trusted, a sentence each; such a solution is not verified
     """
 
     summary: Summary
@@ -203,6 +204,7 @@ class Solution(Motion):
     result_dir: Path | None = None
     multipliers: dict[str, Multipliers] = field(default_factory=dict)
     verdict: Verdict | None = None
+    doubts: tuple[str, ...] = ()
     # given by hopopt.api, which knows what acts on a solution
     plot: ClassVar[Callable[..., Any]]
     sensitivity: ClassVar[Callable[..., Any]]
@@ -234,8 +236,17 @@ class Solution(Motion):
 
     @property
     def verified(self) -> bool:
-        """Whether every check of the verification passed."""
-        return self.summary.verified
+        """Whether every check of the verification passed, and the files it was read from are as they were written."""
+        return self.summary.verified and not self.doubts
+
+    @property
+    def shown(self) -> Summary:
+        """The summary as it may be shown: of files that are in doubt nothing is called verified."""
+        if not self.doubts:
+            return self.summary
+        note = f"{'; '.join(self.doubts)}: hopopt verify {self.result_dir} computes every check again"
+        notes, told = (note, *self.summary.notes), {"verified": False, "status": "changed after it was stored"}
+        return replace(self.summary, **told, exit_code=3, failed_checks=("files as they were written",), notes=notes)
 
 
 def _as_derived(solution: Solution, motion: Motion) -> Solution:

@@ -77,20 +77,8 @@ def summarize(
         objective_error=error_entry(verdict.error),
         objective_value=solution.objective,
         tie_break_weighs=abs(solution.objective - plan.stated.get(goal.figure, solution.objective)),
-        upper_bound=UpperBound(**upper_bound(plan.design).figures()),
-        parts=parts(plan),
-        lowest_point=_lowest(plan),
-        phases={name: phase_figures(plan, name, s) for name, s in fine.items()},
-        lift_off=lift_off(plan),
-        vertical_at_end_of_flight_m_s=float(plan.apex.com_v[0, 1]),
-        peak_ground_force_N=float(np.linalg.norm(stance.f, axis=1).max()),
-        peak_vertical_force_N=float(stance.f[:, -1].max()),
-        friction=plan.design.contact.friction,
-        grip_without_load_N=float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0)),
-        saturation_mean=saturation_mean(plan, stance),
-        energy=energy(plan, fine),
+        **motion_figures(plan, fine),
         active_limits=most_first({**active_limits(plan, stance), **own_active(solution, own)}),
-        idle_limits={name: IdleLimit(**use) for name, use in idle_limits(plan, fine).items()},
         **in_the_objectives_unit(
             goal.unit, hop.tie_break_bias, limit_gains(solution, plan.design.contact.friction, own)
         ),
@@ -108,6 +96,26 @@ def summarize(
     )
     kkt = {name: getattr(solution, name) for name in ("z", "p", "g", "lam_g", "lam_x")} | asdict(solution.bounds)
     return Solution.of(plan, summary, kkt=kkt, multipliers=dict(verdict.multipliers), verdict=verdict)
+
+
+def motion_figures(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, Any]:
+    """Entries of the summary that follow from the motion alone; ``fine``: its samples, by phase."""
+    stance = fine[STANCE]
+    return {
+        "upper_bound": UpperBound(**upper_bound(plan.design).figures()),
+        "parts": parts(plan),
+        "lowest_point": _lowest(plan),
+        "phases": {name: phase_figures(plan, name, s) for name, s in fine.items()},
+        "lift_off": lift_off(plan),
+        "vertical_at_end_of_flight_m_s": float(plan.apex.com_v[0, 1]),
+        "peak_ground_force_N": float(np.linalg.norm(stance.f, axis=1).max()),
+        "peak_vertical_force_N": float(stance.f[:, -1].max()),
+        "friction": plan.design.contact.friction,
+        "grip_without_load_N": float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0)),
+        "saturation_mean": saturation_mean(plan, stance),
+        "energy": energy(plan, fine),
+        "idle_limits": {name: IdleLimit(**use) for name, use in idle_limits(plan, fine).items()},
+    }
 
 
 def standing(verdict: Verdict) -> dict[str, Any]:

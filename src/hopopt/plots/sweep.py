@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from hopopt.ocp.objectives import find
 from hopopt.plots.style import BLACK, COLOR, DPI, GREEN, GREY, PALE, SMALL, TEXT, describe, legend, new_figure
 from hopopt.problem.render import rows
-from hopopt.studies.sweep.store import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
+from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 
 if TYPE_CHECKING:
     from hopopt.studies.sweep.run import Study

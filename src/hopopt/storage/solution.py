@@ -4,7 +4,7 @@ results/<problem>-<hash8>/
     solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors;
                     in certificate/ costates, Hamiltonian and multipliers (storage/multipliers.py)
     summary.json    every printed number          problem.toml   all defaults filled in, runs again
-    manifest.json   versions, seed, mesh history  figures/       PNG and SVG
+    manifest.json   versions, seed, mesh history, digests of the files above        figures/       PNG and SVG
 
 Figures come last, when the data are safe: one that fails leaves a note in the summary, nothing else.
 """
@@ -28,6 +28,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.stored_summary import Summary
 from hopopt.planner.summary_entry import as_data
 from hopopt.problem.load import design_hash, load, resolved_toml
+from hopopt.storage.digests import changed, digest, seal
 from hopopt.storage.folder import reason_of, unused, write_json
 from hopopt.storage.multipliers import groups, multipliers
 from hopopt.storage.netcdf import Group, to_bytes
@@ -37,7 +38,7 @@ from hopopt.storage.summary import read_summary
 from hopopt.verify.measures import MEASURES
 
 PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
-FORMAT = 1  # of the folder's contents
+FORMAT = 2  # of the folder's contents
 Figures = Callable[[Solution, Path], Any]
 
 
@@ -82,7 +83,7 @@ def _save_data(solution: Solution, results: Path) -> Solution:
         (work / "solution.nc").write_bytes(_netcdf(solution))
         (work / "problem.toml").write_text(resolved_toml(solution.design), encoding="utf-8")
         write_json(as_data(solution.summary), work / "summary.json")
-        write_json(_manifest(solution), work / "manifest.json")
+        seal(work, more=_manifest(solution))
         os.chmod(work, 0o755)  # mkdtemp makes it private
         return _publish(solution, work, target)
     except BaseException:
@@ -126,6 +127,7 @@ def with_more(solution: Solution, **entries: Any) -> Solution:
     with suppress(OSError):
         write_json(as_data(solution.summary), folder / ".summary.json")
         (folder / ".summary.json").replace(folder / "summary.json")
+        seal(folder)
     return solution
 
 
@@ -141,6 +143,7 @@ def _publish(solution: Solution, work: Path, target: Path) -> Solution:
             target = unused(target)
             solution = _placed(solution, target)
             write_json(as_data(solution.summary), work / "summary.json")
+            seal(work)
 
 
 def _manifest(solution: Solution) -> dict[str, Any]:
@@ -151,7 +154,7 @@ def _manifest(solution: Solution) -> dict[str, Any]:
 
 def _netcdf(solution: Solution) -> bytes:
     attributes = {"objective": solution.objective, "problem": solution.design.name, "format": FORMAT}
-    attributes["problem_sha256"] = _digest(resolved_toml(solution.design).encode())
+    attributes["problem_sha256"] = digest(resolved_toml(solution.design).encode())
     found = {"/": Group(attributes=attributes)}
     for phase, trajectory in solution.phases.items():
         found[phase] = phase_group(solution, solution.tables[phase], trajectory)
@@ -159,14 +162,11 @@ def _netcdf(solution: Solution) -> bytes:
     return to_bytes(found | groups(solution.multipliers))
 
 
-def _digest(text: bytes) -> str:
-    return hashlib.sha256(text).hexdigest()
-
-
 def read(folder: str | Path) -> Solution:
     """A solution from its results folder; ResultError in a sentence if something is missing or broken.
 
-    Its ``tables`` are the stored ones, so that verification sees what the file holds.
+    Its ``tables`` are the stored ones, so that verification sees what the file holds; its ``doubts`` name files that
+    were changed.
     """
     folder = Path(folder)
     with _readable(folder):
@@ -177,7 +177,7 @@ def read(folder: str | Path) -> Solution:
             raise ResultError(f"{folder}: {what}: give a folder that `hopopt solve` wrote{_results_in(folder)}")
     problem = folder / "problem.toml"
     with _readable(problem):
-        digest = _digest(problem.read_bytes())
+        problem_digest = digest(problem.read_bytes())
     with _readable(folder / "summary.json"):
         summary = read_summary(folder / "summary.json")
     with _readable(folder / "solution.nc"):
@@ -188,13 +188,14 @@ def read(folder: str | Path) -> Solution:
         nlp = stored.get("nlp", Group())
         kkt, kept = {name: nlp[name] for name in nlp.variables}, multipliers(stored)
         objective = str(stored[""].attributes["objective"])
-        written = stored[""].attributes.get("problem_sha256", digest)
-    if written != digest:
+        written = stored[""].attributes.get("problem_sha256", problem_digest)
+    if written != problem_digest:
         raise ResultError(
             f"{problem}: it was changed after this result was written: undo that, and change a copy elsewhere instead"
         )
     figures = {name: x for name in (*MEASURES, FIGURE) if (x := summary.figure(name)) is not None}
-    solution = Solution(load(problem), objective, phases, summary, kkt, folder, kept, stated=figures)
+    doubts = (*changed(folder), *(f"summary.json contradicts itself: {words}" for words in summary.contradictions()))
+    solution = Solution(load(problem), objective, phases, summary, kkt, folder, kept, doubts=doubts, stated=figures)
     solution.__dict__["tables"] = tables
     return solution
 

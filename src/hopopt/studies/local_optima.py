@@ -27,7 +27,7 @@ from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution
 from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, unused, write_json
-from hopopt.studies.sweep.store import write_whole
+from hopopt.studies.sweep.point_file import write_whole
 
 LEANING, DIPPING = 0.05, 0.03  # share of the reach from which a lean or a dip is worth a word
 FAST = 0.3  # m/s along the ground from which a hop drifts

@@ -23,7 +23,7 @@ MOST = 4  # limits that are named
 
 def print_answer(solution: "Solution") -> None:
     """The answer, short."""
-    s = solution.summary
+    s = solution.shown
     print_parts(
         s,
         hop=hop_lines(s),

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 def print_details(solution: "Solution") -> None:
     """The whole account of an answer."""
-    s = solution.summary
+    s = solution.shown
     print_parts(
         s,
         hop=[*hop_lines(s), _ground(s)],
