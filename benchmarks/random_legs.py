@@ -109,11 +109,11 @@ def solved(leg: int, entries: dict[str, Any], starts: int) -> Outcome:
         return Outcome(leg, NOT_SOLVED, one_line(error), np.nan, np.nan, time.perf_counter() - began)
     except Exception as error:  # the point of the benchmark is that there is none
         return Outcome(leg, DEFECT, f"{type(error).__name__}: {error}", np.nan, np.nan, time.perf_counter() - began)
-    clearance, bound = s.summary["clearance_m"], s.summary["upper_bound"]["clearance_m"]
-    ended, sentence = (VERIFIED, "") if s.verified else (UNVERIFIED, ", ".join(s.summary["failed_checks"]))
+    clearance, bound = s.clearance, s.summary.upper_bound.clearance_m or np.inf
+    ended, sentence = (VERIFIED, "") if s.verified else (UNVERIFIED, ", ".join(s.summary.failed_checks))
     if not clearance <= bound:
         ended, sentence = DEFECT, f"above the bound of {bound:.3f} m"
-    followed = s.summary["objective_error"]["simulated"].get("followed", False)
+    followed = bool(s.summary.objective_error.simulated.followed)
     return Outcome(leg, ended, sentence, clearance, bound, time.perf_counter() - began, followed)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 import hopopt as ho
-from hopopt.studies.sweep.store import IMPOSSIBLE
+from hopopt.studies.sweep.point_file import IMPOSSIBLE
 
 GRID = {"leg.gear.ratio": "60:160:11", "leg.shank.length": "0.30:0.42:7"}
 PROCESSES = 2
@@ -30,7 +30,7 @@ def alone(entries: dict[str, Any], changes: list[str], starts: int | None) -> tu
     """Objective, whether verified, wall and CPU seconds of one cold solve."""
     began, work = time.perf_counter(), time.process_time()
     s = ho.solve(ho.load("paper", [*changes, *(f"{k}={v!r}" for k, v in entries.items())]), starts=starts, processes=1)
-    return s.summary["objective_value"], s.verified, time.perf_counter() - began, time.process_time() - work
+    return s.summary.objective_value, s.verified, time.perf_counter() - began, time.process_time() - work
 
 
 def compare(study: ho.Study, chosen: list[int], changes: list[str], starts: int | None, rate: float) -> str:

@@ -87,7 +87,7 @@ s.plot("joints")
 s.plot("operating_region")
 
 # %%
-means = s.summary["saturation_mean"]
+means = s.summary.saturation_mean
 print("mean saturation in stance:", ", ".join(f"{joint} {share:.0%}" for joint, share in means.items()))
 
 # %% [markdown]
@@ -133,7 +133,7 @@ s.plot("ground_force")
 # many places between the mesh points. Here are the checks, the tightest first.
 
 # %%
-checks = pd.DataFrame(s.summary["verification"])
+checks = pd.DataFrame(s.summary.verification)
 checks["share of what is allowed"] = checks["residual"] / checks["tolerance"]
 columns = ["name", "residual", "tolerance", "unit", "share of what is allowed", "passed"]
 checks.sort_values("share of what is allowed", ascending=False)[columns].head(8)
@@ -143,7 +143,7 @@ checks.sort_values("share of what is allowed", ascending=False)[columns].head(8)
 # the answer.
 
 # %%
-pd.DataFrame(s.summary["starts"]["optima"])
+pd.DataFrame(s.summary.starts.optima)
 
 # %% [markdown]
 # ## What if?

@@ -101,7 +101,7 @@ def best(*changes: str) -> ho.Solution:
 
 
 def row(found: ho.Solution) -> dict[str, object]:
-    gear, binding = found.design.leg.gear, found.summary["active_limits"]
+    gear, binding = found.design.leg.gear, found.summary.active_limits
     return {
         "clearance [m]": round(found.clearance, 3),
         "peak torque [N m]": gear.torque_cap,

@@ -48,7 +48,7 @@ print(f"the leg that comes out: {s.clearance:.4f} m")
 
 # %%
 columns = ["entry", "was", "lower", "upper", "optimal", "unit", "at_bound"]
-pd.DataFrame(s.summary["codesign"]["parameters"])[columns].round(4)
+pd.DataFrame(s.summary.codesign.parameters)[columns].round(4)
 
 # %% [markdown]
 # Both gears are at the bound we gave them: that is an answer about the bound, not about the leg. (`03_gear_ratio` says why

@@ -175,8 +175,8 @@ choices = {
 }
 assert all(hop.verified for hop in choices.values())
 pd.DataFrame({
-    name: {"clearance [m]": hop.clearance, "lift-off, up [m/s]": hop.summary["lift_off"]["vertical_m_s"],
-           **{f"{joint} C_avg": share for joint, share in hop.summary["saturation_mean"].items()}}
+    name: {"clearance [m]": hop.clearance, "lift-off, up [m/s]": hop.summary.lift_off.vertical_m_s,
+           **{f"{joint} C_avg": share for joint, share in hop.summary.saturation_mean.items()}}
     for name, hop in choices.items()
 }).round(3)  # fmt: skip
 

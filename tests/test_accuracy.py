@@ -34,6 +34,6 @@ def test_hermite_simpson_agrees(hop: Solution) -> None:
     """Another scheme, other nodes, other multipliers: the same height."""
     design = load("paper", ["solver.scheme=hermite-simpson", "solver.max_refinements=1"])
     other = solve(design, starts=1)
-    assert len(other.summary["mesh"]) > 1
+    assert len(other.summary.mesh) > 1
     assert other.phases["stance"].scheme.name == "hermite-simpson"
     assert other.clearance == pytest.approx(hop.clearance, rel=1e-4)

@@ -112,7 +112,7 @@ def test_no_hop_of_a_random_leg_crosses_it(design: Design) -> None:
         return
     bound = upper_bound(design)
     assert solution.clearance < bound.clearance
-    assert solution.summary["upper_bound"]["clearance_m"] == pytest.approx(bound.clearance)
+    assert solution.summary.upper_bound.clearance_m == pytest.approx(bound.clearance)
 
 
 @pytest.mark.slow

@@ -53,9 +53,9 @@ def test_the_refined_optimum_is_certified(hop: Solution) -> None:
     c = of(hop)
     assert c.passed, failed(c)
     assert costates_of(c) < 1e-4
-    assert hop.summary["certified"] is True
-    assert hop.summary["certificate"].keys() == {check.name.replace(" ", "_") for check in c.checks}
-    assert hop.summary["timings_s"]["certificate"] < 5
+    assert hop.summary.certified is True
+    assert hop.summary.certificate.keys() == {check.name.replace(" ", "_") for check in c.checks}
+    assert hop.summary.timings_s["certificate"] < 5
 
 
 def test_hamiltonian_is_what_a_longer_stance_would_gain() -> None:
@@ -63,7 +63,7 @@ def test_hamiltonian_is_what_a_longer_stance_would_gain() -> None:
     it likes, but for the tie-break (at most its weight times the joints)."""
     hop = solve(finer(load("paper")), starts=1, processes=1)
     c, bias = of(hop), hop.design.solver.tie_break * 2
-    gain = hop.summary["gain_per_percent_m"]["longest stance"] / (0.01 * 0.4)
+    gain = hop.summary.gains["longest stance"] / (0.01 * 0.4)
     stance, flight = c.phases["stance"], c.phases["flight"]
     assert abs(np.average(stance.mean_hamiltonian, weights=stance.h) / gain - 1) < 1e-6
     assert np.abs(np.median(stance.mean_hamiltonian) / gain - 1) < 0.01
@@ -87,14 +87,14 @@ def test_costate_at_the_start_is_what_another_start_brings(coarse: Solution, ent
     """Against central differences of the same program with another pose at the start."""
     step, value = 1e-4, {"start.hip_height": 0.28, "start.foot_x": 0.0}[entry]
     moved = [load("paper", {**COARSE, entry: value + side * step}) for side in (1, -1)]
-    up, down = (solve(design, starts=1).summary["objective_value"] for design in moved)
+    up, down = (solve(design, starts=1).summary.objective_value for design in moved)
     turned = np.subtract(*(start_angles(design) for design in moved))
     predicted = of(coarse).phases["stance"].costate[0, :2] @ turned
     assert abs(predicted / (up - down) - 1) < 1e-3
 
 
 def test_a_coarse_mesh_is_not_certified(coarse: Solution) -> None:
-    assert coarse.summary["certified"] is False
+    assert coarse.summary.certified is False
     assert {"stance controls stationary", "stance Hamiltonian across switches"} <= failed(of(coarse))
 
 
@@ -136,10 +136,10 @@ def test_stored_and_recomputed(hop: Solution, tmp_path: Path, capsys: pytest.Cap
     found = json.loads(capsys.readouterr().out)
     assert found["verified"] is True
     assert found["certified"] is True
-    for name, entry in hop.summary["certificate"].items():
+    for name, entry in hop.summary.certificate.items():
         assert found["certificate"][name]["passed"] is True
-        assert found["certificate"][name]["tolerance"] == entry["tolerance"]
-        np.testing.assert_allclose(found["certificate"][name]["residual"], entry["residual"], rtol=1e-3, atol=1e-9)
+        assert found["certificate"][name]["tolerance"] == entry.tolerance
+        np.testing.assert_allclose(found["certificate"][name]["residual"], entry.residual, rtol=1e-3, atol=1e-9)
     assert run(["verify", str(folder)]) == 0
     assert "first-order optimality certified" in capsys.readouterr().out
 
@@ -234,7 +234,7 @@ def test_structure_tells_of_peaks_by_joint_and_nothing_of_how_work_is_counted() 
 def test_structure_agrees_with_the_torques(hop: Solution) -> None:
     """Where the hip is said to be on one line throughout, its torque lies on the edge of the operating region."""
     found = structure(stored_nlp(hop))
-    assert hop.summary["structure"]["words"] == sentences(found)
+    assert hop.summary.structure.words == sentences(found)
     region, checked = hop.region("hip"), 0
     for s in found["stance"]:
         if s.subject == "hip" and s.limit != "free":
@@ -251,15 +251,15 @@ def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
     """Verified and certified, within the price of the limits that were drawn in; torques jump at edges of the mesh. The
     same tolerances, which free times make smaller than the problem's own."""
     refined, again = (solve(finer(load(name)), starts=1, processes=1, structure=s) for s in (False, True))
-    told = again.summary["structure"]
-    assert solve(load(name), starts=1, processes=1, structure=True).summary["structure"] == told
-    assert told["solved_again"], told["note"]
+    told = again.summary.structure
+    assert solve(load(name), starts=1, processes=1, structure=True).summary.structure == told
+    assert told.solved_again, told.note
     assert again.verified
-    assert again.summary["certified"]
-    a, b = refined.summary["objective_value"], again.summary["objective_value"]
-    price = max(c["residual"] for c in refined.summary["verification"] if c["name"].startswith("price"))
+    assert again.summary.certified
+    a, b = refined.summary.objective_value, again.summary.objective_value
+    price = max(c.residual for c in refined.summary.verification if c.name.startswith("price"))
     assert abs(a - b) / a < (1e-6 if name == "paper" else price)
-    edges, jumps = again.phases["stance"].edges, told["jumps_s"]["stance"]
+    edges, jumps = again.phases["stance"].edges, (told.jumps_s or {})["stance"]
     assert len(jumps) >= 2
     for t in jumps:
         assert np.abs(edges - t).min() == 0
@@ -275,8 +275,8 @@ def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
 def test_a_hop_without_switches_that_may_move_says_so(coarse: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hopopt.optimality.switch_times.AWAY", 10.0)
     s = solve(load("paper", COARSE), starts=1, structure=True)
-    assert s.summary["structure"]["solved_again"] is False
-    assert "no switch" in s.summary["structure"]["note"]
+    assert s.summary.structure.solved_again is False
+    assert "no switch" in str(s.summary.structure.note)
     assert s.clearance == coarse.clearance
 
 

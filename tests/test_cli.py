@@ -217,7 +217,9 @@ def test_a_stored_answer_is_shown_whole(solved: tuple[dict, Path]) -> None:
         (copy / "summary.json").write_text(json.dumps(summary))
         done = run("show", str(copy), cwd=folder)
         assert done.returncode == 2
-        assert done.stderr.startswith(f"hopopt: {copy}: the result is incomplete or its files do not fit together")
+        assert done.stderr.startswith(f"hopopt: {copy}")
+        assert done.stderr.endswith("solve it again\n")
+        assert len(done.stderr.splitlines()) == 1
         assert done.stdout == ""
     done = run("show", s["result_dir"], "--set", "leg.gear.ratio=80", cwd=folder)
     assert done.returncode == 2

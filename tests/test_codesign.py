@@ -27,6 +27,7 @@ from hopopt.ocp.objectives import find
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
 from hopopt.planner.multistart import first_transcription
 from hopopt.planner.solution import Solution
+from hopopt.planner.summary_extras import CoDesign
 from hopopt.problem.mass_law import mass_law
 from hopopt.storage.recheck import co_design_checks, recheck
 from hopopt.storage.solution import read, save
@@ -232,7 +233,7 @@ def test_a_gear_as_strong_as_its_mass_is_worth() -> None:
     free = {"leg.gear.torque_cap": (50.0, 204.0), "leg.body.mass": (3.0, 9.0)}
     text = "catalogue: leg.body.mass by leg.gear.torque_cap"
     s = ho.codesign(design, free, couple=[text], starts=1, processes=1)
-    assert s.verified, s.summary["failed_checks"]
+    assert s.verified, s.summary.failed_checks
     torque, law = chosen(s)["leg.gear.torque_cap"], mass_law("gear")
     assert 60 < torque < 200
     slopes = {i.name: i.m_per_unit for i in sensitivity(s)}
@@ -254,30 +255,35 @@ def lengths() -> Solution:
 
 
 def chosen(s: Solution) -> dict[str, float]:
-    return {p["entry"]: p["optimal"] for p in s.summary["codesign"]["parameters"]}
+    return {p.entry: p.optimal for p in codesign_of(s).parameters}
+
+
+def codesign_of(s: Solution) -> CoDesign:
+    assert s.summary.codesign is not None
+    return s.summary.codesign
 
 
 @pytest.mark.slow
 @pytest.mark.slow
 def test_verify_asks_again_whether_the_design_confirms_the_co_design(lengths: Solution, tmp_path: Path) -> None:
-    goal, found = find("clearance"), lengths.summary["codesign"]
-    (check,) = co_design_checks(goal, lengths.summary)
+    goal, found, value = find("clearance"), codesign_of(lengths), lengths.summary.objective_value
+    (check,) = co_design_checks(goal, value, found)
     assert check.passed
     assert check.name in [c.name for c in recheck(read(str(save(lengths, tmp_path).result_dir))).checks]
-    more = {**lengths.summary, "codesign": {**found, "objective_value": 1.001 * found["objective_value"]}}
-    (check,) = co_design_checks(goal, more)
+    more = replace(found, objective_value=1.001 * found.objective_value)
+    (check,) = co_design_checks(goal, value, more)
     assert not check.passed
     assert check.residual == pytest.approx(1e-3, rel=0.2)
 
 
 def test_lengths_meet_their_coupling_and_gain(lengths: Solution, hop: Solution) -> None:
-    assert lengths.verified, lengths.summary["failed_checks"]
+    assert lengths.verified, lengths.summary.failed_checks
     found = chosen(lengths)
     assert sum(found.values()) == pytest.approx(0.741, abs=1e-9)
     assert lengths.design.leg.link["thigh"].length == found["leg.thigh.length"]
     assert lengths.clearance > hop.clearance + 0.005
-    assert lengths.clearance == pytest.approx(lengths.summary["codesign"]["objective_value"], rel=1e-4)
-    assert lengths.summary["codesign"]["couplings"][0]["active"]
+    assert lengths.clearance == pytest.approx(codesign_of(lengths).objective_value, rel=1e-4)
+    assert codesign_of(lengths).couplings[0].active
 
 
 @pytest.mark.slow

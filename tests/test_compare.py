@@ -18,6 +18,7 @@ from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
+from hopopt.planner.summary_extras import Functions
 from hopopt.problem.load import changed, load
 from hopopt.storage.runs import save_runs
 from hopopt.storage.solution import save
@@ -141,9 +142,9 @@ def test_a_hop_that_is_none_has_no_share(solution, told, monkeypatch):
 
 def test_no_share_is_told_of_what_is_no_bound_for_it(solution):
     assert paper_strategy(dataclasses.replace(solution, objective="apex")) is None
-    functions = {"objective": None, "constraints": ["module:stay_low"]}
-    assert paper_strategy(solution.noted(summary={**solution.summary, "functions": functions})) is None
-    assert paper_strategy(solution.noted(summary={**solution.summary, "verified": False})) is None
+    functions = Functions(None, ("module:stay_low",))
+    assert paper_strategy(solution.with_summary(functions=functions)) is None
+    assert paper_strategy(solution.with_summary(verified=False)) is None
     assert paper_strategy(dataclasses.replace(solution, design=load("three_joint"))) is None  # the strategy needs two
     slider = load("paper", ['leg.guides=["z"]', "start.foot_x=0.05"])
     assert paper_strategy(dataclasses.replace(solution, design=slider)) is None  # not simulated
@@ -173,7 +174,7 @@ def test_nobody_passes_the_bound(comparison):
 
 
 def test_a_bound_that_is_passed_is_called_wrong(comparison, solution):
-    low = dataclasses.replace(solution, summary={**solution.summary, "clearance_m": 0.3})
+    low = solution.with_summary(clearance_m=0.3)
     wrong = Comparison(low, comparison.plan, comparison.runs)
     within = [n for n, f in comparison.figures.items() if n != OPTIMUM and not f.limits_exceeded and f.clearance > 0.31]
     assert within, "some strategy must keep every limit, or this test shows nothing"
@@ -182,7 +183,7 @@ def test_a_bound_that_is_passed_is_called_wrong(comparison, solution):
 
 
 def test_an_unverified_bound_is_not_stated(comparison, solution):
-    doubtful = dataclasses.replace(solution, summary={**solution.summary, "verified": False})
+    doubtful = solution.with_summary(verified=False)
     data = Comparison(doubtful, comparison.plan, comparison.runs).as_dict()
     assert data["bound_m"] is None
     assert data["exit_code"] == 3
@@ -348,7 +349,7 @@ def test_the_command_that_the_answer_names_runs_on_its_leg(solution, tmp_path, c
     """Whatever the problem was, and however accurately it was solved."""
     design = changed(solution.design, {"name": "mine", "solver.tolerance": 2e-5})
     kept = save(dataclasses.replace(solution, design=design), tmp_path)
-    print_answer(kept.noted(summary={**kept.summary, "paper_strategy": paper_strategy(kept)}))
+    print_answer(kept.with_summary(paper_strategy=paper_strategy(kept)))
     shown = " ".join(capsys.readouterr().out.split())
     assert f"hopopt compare --bound {kept.result_dir} has" in shown
     more = ["--strategies", "force", "--no-figures", "--json", "--results", str(tmp_path)]

@@ -16,6 +16,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import find
 from hopopt.planner.custom_check import custom_checks
 from hopopt.planner.solution import Solution
+from hopopt.planner.summary_extras import Functions
 from hopopt.storage.recheck import with_functions
 from hopopt.verify.measures import positive_work
 
@@ -74,11 +75,11 @@ def softly() -> Solution:
 
 
 def test_a_constraint_of_ones_own_holds_and_costs(softly: Solution, hop: Solution) -> None:
-    assert softly.verified, softly.summary["failed_checks"]
+    assert softly.verified, softly.summary.failed_checks
     assert softly.tables["stance"].f[..., 1].max() == pytest.approx(FORCE, rel=1e-3)
     assert hop.tables["stance"].f[..., 1].max() > 1.2 * FORCE
     assert softly.clearance < hop.clearance
-    assert softly.summary["functions"]["constraints"] == [f"{__name__}:soft"]
+    assert softly.summary.functions.constraints == (f"{__name__}:soft",)
 
 
 def test_a_constraint_of_ones_own_is_among_the_limits(softly: Solution) -> None:
@@ -90,10 +91,10 @@ def test_a_constraint_of_ones_own_is_among_the_limits(softly: Solution) -> None:
 
     gained = (best(1.01 * FORCE) - best(0.99 * FORCE)) / 2
     name = f"{__name__}:soft (upper)"
-    assert softly.summary["gain_per_percent_m"][name] == pytest.approx(gained, rel=0.03)
+    assert softly.summary.gains[name] == pytest.approx(gained, rel=0.03)
     stance = softly.tables["stance"]
     at, h = (stance.f[..., 1] > 0.999 * FORCE).mean(axis=1), softly.phases["stance"].lengths
-    assert softly.summary["active_limits"][name] == pytest.approx(h @ at / h.sum(), abs=0.03)
+    assert softly.summary.active_limits[name] == pytest.approx(h @ at / h.sum(), abs=0.03)
 
 
 def test_a_constraint_is_checked_between_the_nodes(softly: Solution) -> None:
@@ -126,11 +127,11 @@ def test_the_checks_leg_is_pinocchios(softly: Solution) -> None:
 
 def test_an_objective_of_ones_own_at_the_end() -> None:
     s = ho.solve(ho.load("paper", {"solver.max_refinements": 12}), foot_height, starts=1, processes=1)
-    assert s.verified, s.summary["failed_checks"]
+    assert s.verified, s.summary.failed_checks
     height = s.tables["flight"].q[-1, -1]
     from hopopt.sim.machine import Machine
 
-    assert s.summary["user_objective"] == pytest.approx(Machine(s.robot).points(height)["foot"][1], rel=1e-6)
+    assert s.summary.reached == pytest.approx(Machine(s.robot).points(height)["foot"][1], rel=1e-6)
 
 
 @pytest.mark.slow
@@ -138,8 +139,8 @@ def test_a_running_objective_is_the_integral() -> None:
     """The integral of one is the time: the same least time as the built-in objective's."""
     design = ho.load("paper", {"hop.clearance": 0.3})
     own, built_in = (ho.solve(design, o, starts=1, processes=1) for o in (lasting, "time"))
-    assert own.verified, own.summary["failed_checks"]
-    assert own.summary["user_objective"] == pytest.approx(built_in.summary["time_s"], rel=1e-4)
+    assert own.verified, own.summary.failed_checks
+    assert own.summary.reached == pytest.approx(built_in.summary.reached, rel=1e-4)
     assert own.clearance == pytest.approx(0.3, abs=1e-6)
 
 
@@ -202,10 +203,9 @@ def test_a_stored_result_names_its_function_and_does_not_run_it(
 ) -> None:
     (tmp_path / "ours.py").write_text(MODULE)
     monkeypatch.syspath_prepend(str(tmp_path))
-    summary = {**softly.summary, "functions": {"objective": None, "constraints": ["ours:soft"]}}
-    saved = ho.save(replace(softly, summary=summary), tmp_path / "results")
-    without = {**softly.summary, "functions": {"objective": None, "constraints": []}}
-    plain = ho.save(replace(softly, summary=without), tmp_path / "results")
+    named, without = Functions(None, ("ours:soft",)), Functions(None, ())
+    saved = ho.save(softly.with_summary(functions=named), tmp_path / "results")
+    plain = ho.save(softly.with_summary(functions=without), tmp_path / "results")
     assert saved.result_dir is not None
     assert plain.result_dir is not None
     assert saved.result_dir != plain.result_dir

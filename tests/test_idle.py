@@ -37,15 +37,15 @@ def plan() -> Solution:
 
 def test_shares_of_the_limits(plan: Solution) -> None:
     """By hand: a cap of 250 N m that drives of 200 N m cannot reach, a window that the foot passes."""
-    idle, own = plan.summary["idle_limits"], plan.apex.points
+    idle, own = plan.summary.idle_limits, plan.apex.points
     off = abs(own["foot"][0, 0] - own["hip"][0, 0])
-    assert idle["foot window"]["used"] == pytest.approx(off / 0.1)
-    assert off <= idle["foot window"]["enough"] <= off * 1.001
-    assert idle["hip and knee gear torque cap"]["used"] == pytest.approx(0.8, abs=2e-3)
-    assert idle["hip and knee gear torque cap"]["entry"] == "leg.gear.torque_cap"
+    assert idle["foot window"].used == pytest.approx(off / 0.1)
+    assert off <= idle["foot window"].enough <= off * 1.001
+    assert idle["hip and knee gear torque cap"].used == pytest.approx(0.8, abs=2e-3)
+    assert idle["hip and knee gear torque cap"].entry == "leg.gear.torque_cap"
     lasted = plan.phases["flight"].duration
-    assert lasted <= idle["longest flight"]["enough"] <= lasted * 1.001
-    assert lasted * 0.999 <= idle["shortest flight"]["enough"] <= lasted
+    assert lasted <= idle["longest flight"].enough <= lasted * 1.001
+    assert lasted * 0.999 <= idle["shortest flight"].enough <= lasted
     assert "longest stance" not in idle  # it acts
 
 
@@ -94,28 +94,28 @@ def test_the_window_of_the_foot_holds_at_touchdown_too(plan: Solution) -> None:
 
 
 def test_one_line_for_each_entry(plan: Solution) -> None:
-    entries = [use["entry"] for use in plan.summary["idle_limits"].values() if use["entry"]]
+    entries = [use.entry for use in plan.summary.idle_limits.values() if use.entry]
     assert len(entries) == len(set(entries)) >= 5
 
 
 @pytest.mark.slow
 def test_tightening_idle_limits_has_no_effect(plan: Solution) -> None:
     """All of them at once, to what the hop uses of them: as high, but for what limits may cost."""
-    idle, entries = plan.summary["idle_limits"], {}
+    idle, entries = plan.summary.idle_limits, {}
     for use in idle.values():
-        if use["entry"].startswith("leg."):
-            slack = MARGIN if use["enough"] > 0 else -MARGIN
-            slack = -MARGIN if use["entry"].endswith("lower") else MARGIN if use["entry"].endswith("upper") else slack
-            entries[use["entry"]] = use["enough"] + slack
-    entries["hop.foot_window"] = idle["foot window"]["enough"] + MARGIN
+        if use.entry.startswith("leg."):
+            slack = MARGIN if use.enough > 0 else -MARGIN
+            slack = -MARGIN if use.entry.endswith("lower") else MARGIN if use.entry.endswith("upper") else slack
+            entries[use.entry] = use.enough + slack
+    entries["hop.foot_window"] = idle["foot window"].enough + MARGIN
     entries["hop.flight_duration"] = [
-        idle["shortest flight"]["enough"] - MARGIN,
-        idle["longest flight"]["enough"] + MARGIN,
+        idle["shortest flight"].enough - MARGIN,
+        idle["longest flight"].enough + MARGIN,
     ]
     assert len(entries) >= 5
     tight = solved(load("paper", CAPS | entries))
-    assert tight.summary["objective_value"] == pytest.approx(
-        plan.summary["objective_value"], rel=plan.design.solver.price_tolerance
+    assert tight.summary.objective_value == pytest.approx(
+        plan.summary.objective_value, rel=plan.design.solver.price_tolerance
     )
 
 
@@ -148,9 +148,9 @@ def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: P
     folder = str(save(plan, tmp_path, None).result_dir)
     assert run(["diagnose", folder, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["idle_limits"].keys() == plan.summary["idle_limits"].keys()
+    assert found["idle_limits"].keys() == plan.summary.idle_limits.keys()
     assert {(f["phase"], f["name"]) for f in found["flat"]} == {("flight", "a[hip]"), ("flight", "a[knee]")}
-    assert {f["name"] for f in plan.summary["flat"]} == {f["name"] for f in found["flat"]}  # the tie-break hides none
+    assert {f.name for f in plan.summary.flat or ()} == {f["name"] for f in found["flat"]}  # the tie-break hides none
     assert found["durations"]["stance"]["longer"] is None  # at its longest
     assert found["durations"]["stance"]["shorter"] > 1e-3
     assert found["durations"]["flight"]["shorter"] > 1e-3
@@ -189,6 +189,6 @@ def test_what_drives_use_is_no_idle_limit_where_it_is_the_objective() -> None:
     """Caps are part of the share that is made small: tightened to what is used they would be wholly used."""
     rules = {"leg.gear.torque_cap": 150.0, "leg.gear.speed_cap": 1200.0, "hop.clearance": 0.25, "solver.refine": False}
     s = solve(load("paper", rules), "saturation", starts=1, processes=1)
-    assert s.summary["idle_limits"]
-    assert not [use["entry"] for use in s.summary["idle_limits"].values() if "cap" in use["entry"]]
-    assert not [name for name in s.summary["idle_limits"] if "line" in name]
+    assert s.summary.idle_limits
+    assert not [use.entry for use in s.summary.idle_limits.values() if "cap" in use.entry]
+    assert not [name for name in s.summary.idle_limits if "line" in name]

@@ -133,13 +133,13 @@ def test_massless_links_with_rotors_by_hand() -> None:
 def test_optimum_lands_at_rest_and_is_verified() -> None:
     """Flight played backwards ends with the foot at rest: the paper's leg can land at 0 J, and does."""
     s = softest()
-    assert s.verified, s.summary["failed_checks"]
-    assert s.summary["certified"]
+    assert s.verified, s.summary.failed_checks
+    assert s.summary.certified
     assert s.clearance == pytest.approx(CLEARANCE, abs=1e-6)
     q, v = s.tables[DESCENT].q[-1, -1], s.tables[DESCENT].v[-1, -1]
-    assert s.summary["impact_J"] == pytest.approx(kinetic_difference(s.robot, q, v), abs=1e-9)
-    assert 0 <= s.summary["impact_J"] < 1e-4
-    assert "at rest" in " ".join(s.summary["notes"])
+    assert s.summary.reached == pytest.approx(kinetic_difference(s.robot, q, v), abs=1e-9)
+    assert 0 <= s.summary.reached < 1e-4
+    assert "at rest" in " ".join(s.summary.notes)
 
 
 def test_descent_is_a_fall_from_the_apex() -> None:
@@ -163,7 +163,7 @@ def test_no_harder_than_a_fall_with_the_joints_held() -> None:
     q, machine = s.tables[FLIGHT].q[-1, -1].copy(), Machine(s.robot)
     height = machine.points(q)["foot"][1]
     v = np.array([0, -np.sqrt(2 * G * height), 0, 0])
-    assert softest().summary["impact_J"] <= kinetic_difference(s.robot, q, v)
+    assert softest().summary.reached <= kinetic_difference(s.robot, q, v)
 
 
 def changed(s: Solution, phase: str, **more: np.ndarray) -> dict[str, Table]:
@@ -177,7 +177,7 @@ def names(s: Solution, tables: dict[str, Table], **claims: float) -> set[str]:
 def test_false_landings_are_found() -> None:
     s = softest()
     descent = s.tables[DESCENT]
-    assert names(s, s.tables, impact_J=s.summary["impact_J"] + 1e-5) == {"claimed impact_J"}
+    assert names(s, s.tables, impact_J=s.summary.reached + 1e-5) == {"claimed impact_J"}
     lifted = descent.q + np.array([0, 1e-3, 0, 0])
     assert {"apex", "touchdown"} <= names(s, changed(s, DESCENT, q=lifted))
     faster = descent.v.copy()
@@ -193,7 +193,7 @@ def test_false_landings_are_found() -> None:
 def test_a_stored_landing_is_read_drawn_and_verified_again(tmp_path: Path) -> None:
     s = read(save(softest(), tmp_path).result_dir or "")
     assert recheck(s).verified
-    assert impact(s.robot, s.tables) == pytest.approx(softest().summary["impact_J"], abs=1e-12)
+    assert impact(s.robot, s.tables) == pytest.approx(softest().summary.reached, abs=1e-12)
     labels = [t.get_text() for ax in FIGURES["stick"](s).axes for t in ax.get_xticklabels()]
     assert sum("apex" in t for t in labels) == sum("touchdown" in t for t in labels) == 1
     for name in ("heights", "joints", "operating_region", "ground_force"):
@@ -211,5 +211,5 @@ def test_slow_motors_cannot_land_at_rest() -> None:
     """What a slower motor may do a faster one may too: it lands no softer; here well above 0 J, and verified."""
     slow = softest(**{"hop.clearance": 0.4, "leg.motor.max_speed": 650.0})
     fast = softest(**{"hop.clearance": 0.4})
-    assert slow.verified, slow.summary["failed_checks"]
-    assert slow.summary["impact_J"] > 0.01 > fast.summary["impact_J"]
+    assert slow.verified, slow.summary.failed_checks
+    assert slow.summary.reached > 0.01 > fast.summary.reached

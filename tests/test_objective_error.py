@@ -215,24 +215,22 @@ def coarse() -> Solution:
 
 def test_the_error_beside_the_papers_hop(hop: Solution) -> None:
     """The clamped hop, which no estimate enters, is lower than the claim, and by no more than the stated error."""
-    error = hop.summary["objective_error"]
+    error = hop.summary.objective_error
     assert hop.verified
-    assert 0 < error["too_high_by"] < STATED * hop.clearance
-    assert 0 < hop.clearance - error["simulated"]["clearance_m"] <= error["too_high_by"]
-    assert error["could_be_beaten_by"] > error["too_high_by"]
-    assert {"stated error of the objective", "simulated in one piece"} <= {
-        c["name"] for c in hop.summary["verification"]
-    }
+    assert 0 < error.too_high_by < STATED * hop.clearance
+    assert 0 < hop.clearance - (error.simulated.clearance_m or 0.0) <= error.too_high_by
+    assert (error.could_be_beaten_by or 0.0) > error.too_high_by
+    assert {"stated error of the objective", "simulated in one piece"} <= {c.name for c in hop.summary.verification}
 
 
 def test_a_coarse_hop_says_so(coarse: Solution, hop: Solution) -> None:
     """Its error is large, and the refined optimum no further below its claim."""
-    stated = coarse.summary["objective_error"]
-    assert stated["relative"] > STATED
-    assert stated["too_high_by"] > 10 * hop.summary["objective_error"]["too_high_by"]
-    refined = hop.summary["objective_value"] + hop.summary["objective_error"]["could_be_beaten_by"]
-    assert coarse.summary["objective_value"] - refined <= stated["too_high_by"]
-    assert "stated error of the objective" in coarse.summary["failed_checks"]
+    stated = coarse.summary.objective_error
+    assert stated.relative > STATED
+    assert stated.too_high_by > 10 * hop.summary.objective_error.too_high_by
+    refined = hop.summary.objective_value + (hop.summary.objective_error.could_be_beaten_by or np.nan)
+    assert coarse.summary.objective_value - refined <= stated.too_high_by
+    assert "stated error of the objective" in coarse.summary.failed_checks
 
 
 def test_the_simulated_hop_is_independent_of_the_claim(hop: Solution) -> None:
@@ -247,7 +245,7 @@ def test_the_simulated_hop_is_independent_of_the_claim(hop: Solution) -> None:
 def test_momentum_that_no_force_made(hop: Solution) -> None:
     """A flight that begins 0.1 m/s faster than stance ends: rise v dv / g is missing in the simulation."""
     flight, faster = hop.tables[FLIGHT], 0.1
-    speed, t = hop.summary["lift_off"]["vertical_m_s"], flight.t - flight.t[0, 0]
+    speed, t = hop.summary.lift_off.vertical_m_s, flight.t - flight.t[0, 0]
     q, v = flight.q.copy(), flight.v.copy()
     v[..., 1] += faster
     q[..., 1] += faster * t
@@ -291,7 +289,7 @@ def test_a_stored_error_that_is_made_smaller_is_found(hop: Solution, tmp_path: P
     assert saved.result_dir
     again = read(saved.result_dir)
     assert recheck(again).verified
-    again.summary["objective_error"]["too_high_by"] = 1e-12
+    again = again.with_summary(objective_error=replace(again.summary.objective_error, too_high_by=1e-12))
     assert "error of the objective as stated" in recheck(again).failed_checks
 
 

@@ -19,6 +19,7 @@ from hopopt.planner.refine_and_verify import PRICE_TOLERANCE, TOLERANCE, finish,
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, _calmer, solve
 from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.stored_summary import Summary
 from hopopt.problem.load import load
 from hopopt.verify.check import Check
 
@@ -45,14 +46,15 @@ def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
         next(line for line in said if line.endswith(then))
     ]
     assert s.verified
-    assert s.summary["refinement_ended"] == refine.MET
+    assert s.summary.refinement_ended == refine.MET
     assert s.design.solver.tie_break == (CALMER * tie_break if tie_break == 1e-6 else tie_break)
     assert s.clearance == pytest.approx(one_push.clearance, rel=1e-4)
 
 
 def claim(name: str, height: float, verified: bool) -> Solution:
     """An answer as far as choosing among answers looks at it."""
-    return Solution(load("paper"), "clearance", {}, {"name": name, "objective_value": height, "verified": verified})
+    seen = cast("Summary", SimpleNamespace(title=name, objective_value=height, verified=verified))
+    return Solution(load("paper"), "clearance", {}, seen)
 
 
 @pytest.mark.parametrize(
@@ -78,13 +80,13 @@ def test_the_highest_verified_hop_is_chosen(
     hop = Hop(load("paper"), "clearance")
 
     def once_more(hop: Hop, doubtful: Solution, *_: object) -> tuple[Hop, Solution]:
-        name = doubtful.summary["name"]
+        name = doubtful.summary.title
         return hop, claim(name, *again[name])
 
     monkeypatch.setattr(planner, "_once_more", once_more)
     _, chosen, other = planner._settled(hop, [claim(*each) for each in finished], [], silent, Stopwatch())
-    assert chosen.summary["name"] == best
-    assert (other and other.summary["name"]) == better
+    assert chosen.summary.title == best
+    assert (other and other.summary.title) == better
 
 
 def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_and_says_so(
@@ -106,9 +108,9 @@ def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_a
     assert s.clearance == pytest.approx(one_push.clearance, rel=5e-5)
     note = f"solved with solver.tolerance = {TOLERANCE:g} and solver.price_tolerance = {PRICE_TOLERANCE:g}"
     assert any(
-        note in words and "not verified and certified with the problem's own" in words for words in s.summary["notes"]
+        note in words and "not verified and certified with the problem's own" in words for words in s.summary.notes
     )
-    assert not any("solver.tolerance" in words for words in one_push.summary["notes"])
+    assert not any("solver.tolerance" in words for words in one_push.summary.notes)
 
 
 @pytest.mark.parametrize(
@@ -131,7 +133,7 @@ def test_what_plays_no_part_and_what_is_in_the_way_of_nothing_is_said(
 ) -> None:
     """A clearance to reach beside an objective that asks for none; a foot above the body, which is a point."""
     hop, design = Hop(load("paper", ONE_PUSH)), load("paper", {**ONE_PUSH, "hop.clearance": 0.4})
-    assert not any("plays no part" in note or "ends" in note for note in one_push.summary["notes"])
+    assert not any("plays no part" in note or "ends" in note for note in one_push.summary.notes)
     noted = notes_on(hop, design, False, replace(one_push, design=design), None)
     assert any(note.startswith("hop.clearance = 0.4 plays no part") for note in noted)
     end = one_push.apex
@@ -161,7 +163,7 @@ def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_s
     hop, clock = Hop(load("paper"), "clearance"), Stopwatch()
     outcomes = run_starts(hop, 1, 1, silent)
     verified = finish(hop, outcomes[0], outcomes, silent, clock)
-    unverified = replace(verified, summary={**verified.summary, "verified": False})
+    unverified = replace(verified, summary=replace(verified.summary, verified=False))
     found = _calmer(hop, unverified, outcomes, silent, clock)
     assert found is not None
     other, again = found

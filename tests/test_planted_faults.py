@@ -278,7 +278,7 @@ def test_a_stance_too_short_for_the_clearance_asked_for() -> None:
     assert said[0].startswith("These cannot hold together: the clearance asked for (hop.clearance = 0.4); ")
     assert "longest stance (hop.stance_duration = [0.01, 0.02])" in said[0]
     (amount,) = re.findall(r"^Loosest way out: the clearance asked for, loosened by ([0-9.]+) m\.$", said[1])
-    highest = ho.solve(load("paper", short), starts=1, processes=1).summary["objective_value"]
+    highest = ho.solve(load("paper", short), starts=1, processes=1).summary.objective_value
     assert 0.4 - float(amount) == pytest.approx(highest, abs=1e-3)
     assert said[2].startswith("What would help most: less hop.clearance, more leg.motor.max_torque")
 

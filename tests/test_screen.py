@@ -3,7 +3,7 @@
 import io
 import re
 from contextlib import redirect_stdout
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,14 +15,15 @@ from hopopt.cli.screen.console import console, print_checks, print_lines
 from hopopt.cli.screen.runs import PARTS, _gaps, _heights, print_comparison
 from hopopt.cli.screen.sensitivity import print_sensitivity
 from hopopt.cli.screen.sweep import print_study
-from hopopt.optimality.switching_structure import Stretch
 from hopopt.planner.solution import Solution
+from hopopt.planner.summary_extras import Stretch, Structure
+from hopopt.planner.summary_parts import NamedCheck
 from hopopt.problem.load import load
 from hopopt.studies.compare import compare
 from hopopt.studies.influence import Influence
 from hopopt.studies.sweep.definition import define
+from hopopt.studies.sweep.point_file import VERIFIED, Point
 from hopopt.studies.sweep.run import Study
-from hopopt.studies.sweep.store import VERIFIED, Point
 from hopopt.verify.check import Check
 from hopopt.verify.whole_hop import left_out
 
@@ -51,12 +52,12 @@ def test_long_lines_go_on_below_their_beginning() -> None:
     assert " ".join(line.strip() for line in (first, *more)) == f"structure {LONG}"
 
 
-def test_of_a_chattering_structure_the_first_and_the_last_are_told() -> None:
+def test_of_a_chattering_structure_the_first_and_the_last_are_told(hop: Solution) -> None:
     ends = [0.1 + 0.001 * k for k in range(20)]
     hip = [Stretch("hip", "torque-speed line backward", end - 0.001, end) for end in ends]
     ground = [Stretch("ground", "free", 0.0, 0.1), Stretch("ground", "carries nothing", 0.1, 0.2)]
-    told = {"stance": [asdict(s) for s in (*hip, *ground)], "flight": [asdict(Stretch("hip", "free", 0.0, 1.0))]}
-    long, short = structure_lines({"structure": told})
+    told = Structure((), (*hip, *ground), (Stretch("hip", "free", 0.0, 1.0),))
+    long, short = structure_lines(replace(hop.summary, structure=told))
     assert short == "ground: free until 0.100 s, then carries nothing"
     told, every = long.split(", then "), LONG.split(", then ")
     assert told == [*every[:4], f"{len(every) - 5} more (--json tells all)", "torque-speed line backward"]
@@ -132,14 +133,13 @@ def test_checks_fit_a_narrow_screen_and_say_where_they_failed() -> None:
     assert f"FAILED {checks[0].name}: at 0.1 s" in lines
 
 
-def test_checks_that_are_left_out_are_counted_apart_with_the_reason(capsys: pytest.CaptureFixture[str]) -> None:
+def test_checks_that_are_left_out_are_counted_apart_with_the_reason(
+    hop: Solution, capsys: pytest.CaptureFixture[str]
+) -> None:
     made = [Check(f"{phase} replay", 1e-9, 1e-5, "SI") for phase in ("stance", "flight")]
     checks = [*made, *left_out("the simulated leg left the plan")]
-    summary = {
-        "verification": [c.as_dict() for c in checks],
-        "phases": {"stance": {}, "flight": {}},
-        "mesh": [{"excess": 1e-5}],
-    }
+    listed = tuple(NamedCheck(**c.as_dict()) for c in checks)
+    summary = replace(hop.summary, verification=listed)
     assert checks_line(summary).startswith("2 of 2 checks passed, 2 left out; replay")
     print_checks("x", checks)
     shown = capsys.readouterr().out

@@ -4,8 +4,10 @@ import json
 import math
 import re
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
@@ -20,6 +22,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.stored_summary import Summary
 from hopopt.problem.load import load
 from hopopt.storage.solution import read, save
 
@@ -34,32 +37,32 @@ def answer() -> Solution:
 
 
 def test_uno_agrees_on_the_same_program(answer: Solution) -> None:
-    uno, *others = answer.summary["second_opinions"]
-    assert "same program of 12 + 5 intervals" in uno["name"]
-    assert uno["agrees"], uno
-    assert abs(uno["difference"]) < 1e-6
-    assert uno["compared_with"] == answer.summary["objective_value"]
-    assert [o["name"].split(",")[0] for o in others] == ["radau-5", "hermite-simpson"]
+    uno, *others = answer.summary.second_opinions
+    assert "same program of 12 + 5 intervals" in uno.name
+    assert uno.agrees, uno
+    assert abs(uno.difference or 1.0) < 1e-6
+    assert uno.compared_with == answer.summary.objective_value
+    assert [o.name.split(",")[0] for o in others] == ["radau-5", "hermite-simpson"]
 
 
 def test_inaccurate_meshes_contradict_nothing(answer: Solution) -> None:
     """On one mesh schemes differ by their errors: that is said, and is no better hop."""
-    for o in answer.summary["second_opinions"][1:]:
-        assert not o["agrees"]
-        assert not o["contradicts"]
-        assert "local error" in o["reason"], o
+    for o in answer.summary.second_opinions[1:]:
+        assert not o.agrees
+        assert not o.contradicts
+        assert "local error" in o.reason, o
     assert not answer.verified  # as without them
-    assert answer.summary["exit_code"] == 3
-    assert not [note for note in answer.summary.get("notes", ()) if "not the best" in note]
+    assert answer.summary.exit_code == 3
+    assert not [note for note in answer.summary.notes if "not the best" in note]
 
 
 def test_opinions_are_stored_timed_and_shown(answer: Solution, tmp_path: Path) -> None:
     kept = read(save(answer, tmp_path).result_dir or tmp_path).summary
-    assert kept["second_opinions"] == answer.summary["second_opinions"]
-    assert kept["timings_s"]["second opinions"] < kept["wall_s"]
+    assert kept.second_opinions == answer.summary.second_opinions
+    assert kept.timings_s["second opinions"] < kept.wall_s
     lines = opinion_lines(kept)
     assert len(lines) == 3
-    assert f": {kept['objective_value']:.5f} m, differs by " in lines[0]
+    assert f": {kept.objective_value:.5f} m, differs by " in lines[0]
     assert all("DISAGREES" in line for line in lines[1:])
 
 
@@ -69,18 +72,18 @@ def test_a_worse_hop_passed_off_as_the_answer_is_found_out(answer: Solution, mon
     shortest = answer.design.hop.stance_duration[0]
     other = solve(load("paper", {**COARSE, "hop.stance_duration": [shortest, 0.38]}), starts=1, processes=1)
     limits = {name: answer.kkt[name] for name in ("low_z", "high_z", "low_g", "high_g")}
-    told = {**other.summary, "verified": True, "exit_code": 0}
+    told = replace(other.summary, verified=True, exit_code=0)
     tampered = replace(answer, phases=other.phases, kkt={**other.kkt, **limits}, summary=told)
     monkeypatch.setattr(second_opinion, "SCHEMES", ())
     seen = with_opinions(hop, tampered, Stopwatch()).summary
-    (uno,) = seen["second_opinions"]
-    assert uno["contradicts"]
-    assert not uno["agrees"]
-    assert uno["difference"] > 1e-4
-    assert uno["objective"] == pytest.approx(answer.summary["objective_value"], rel=1e-6)
-    assert seen["exit_code"] == 3
-    assert seen["verified"]  # it is a true hop, but not the best
-    assert any("not the best hop" in note for note in seen["notes"])
+    (uno,) = seen.second_opinions
+    assert uno.contradicts
+    assert not uno.agrees
+    assert (uno.difference or 0.0) > 1e-4
+    assert uno.objective == pytest.approx(answer.summary.objective_value, rel=1e-6)
+    assert seen.exit_code == 3
+    assert seen.verified  # it is a true hop, but not the best
+    assert any("not the best hop" in note for note in seen.notes)
     assert "DISAGREES" in opinion_lines(seen)[0]
     assert "better by" in opinion_lines(seen)[0]
 
@@ -117,7 +120,8 @@ def test_a_failing_opinion_is_a_line(error: Exception) -> None:
     o = opinion("Uno", 1.0, 1e-6, 0.8, raising(error))
     assert not o.agrees
     assert not o.contradicts
-    (line,) = opinion_lines({"objective_unit": "m", "second_opinions": [asdict(o)]})
+    summary = SimpleNamespace(objective_unit="m", second_opinions=[o])
+    (line,) = opinion_lines(cast("Summary", summary))
     assert line == f"Uno: FAILED, {' '.join(str(error).split())} (0 s)"
 
 
@@ -153,7 +157,7 @@ def test_on_the_command_line(
     out, err = capfd.readouterr()
     assert err == ""
     data = json.loads(out)  # one object and nothing else
-    assert [o["agrees"] for o in data["second_opinions"]] == [True, False]
+    assert [o.agrees for o in data["second_opinions"]] == [True, False]
     assert cli.run(asked) == 3
     out, err = capfd.readouterr()
     assert err == ""
@@ -165,11 +169,11 @@ def test_on_the_command_line(
 def test_who_agrees_on_the_paper_s_leg() -> None:
     s = solve(load("paper"), starts=1, second_opinion=True)
     assert s.verified
-    assert s.summary["exit_code"] == 0
-    uno, fifth, hermite_simpson = s.summary["second_opinions"]
-    assert " + ".join(str(n) for n in s.summary["mesh"][-1]["intervals"].values()) in uno["name"]
-    assert abs(uno["difference"]) < 1e-6
-    assert abs(fifth["difference"]) < 1e-4
-    assert uno["agrees"]
-    assert fifth["agrees"]
-    assert hermite_simpson["agrees"] or hermite_simpson["reason"]  # where Ipopt gives up on it, that is stated
+    assert s.summary.exit_code == 0
+    uno, fifth, hermite_simpson = s.summary.second_opinions
+    assert " + ".join(str(n) for n in s.summary.mesh[-1].intervals.values()) in uno.name
+    assert abs(uno.difference or 1.0) < 1e-6
+    assert abs(fifth.difference or 1.0) < 1e-4
+    assert uno.agrees
+    assert fifth.agrees
+    assert hermite_simpson.agrees or hermite_simpson.reason  # where Ipopt gives up on it, that is stated

@@ -191,7 +191,7 @@ def test_scaling_lengths_and_times_together_scales_the_clearance(leg: str) -> No
     times = dict.fromkeys(("duration[0]", "duration[1]"), 0.5)
     s = coarse(leg)
     total = weighted(influences(s), lengths | drives | times)
-    assert abs(total - s.clearance) < s.summary["tie_break_bias_m"]
+    assert abs(total - s.clearance) < s.summary.bias
 
 
 @pytest.mark.parametrize("leg", LEGS)
@@ -293,8 +293,8 @@ def test_one_sided_derivatives_are_called_so() -> None:
     """Two caps at the same torque: lowering one costs height, raising it gains nothing."""
     s = coarse("two caps")
     unsettled = {"change of the objective": 0.0}  # there is no second mesh, and none matters here
-    checks = [{**c, "residual": unsettled.get(c["name"], c["residual"])} for c in s.summary["verification"]]
-    s = replace(s, summary={**s.summary, "verification": checks})
+    checks = tuple(replace(c, residual=unsettled.get(c.name, c.residual)) for c in s.summary.verification)
+    s = s.with_summary(verification=checks)
     i = confirmed(s, influences(s)["leg.gear.torque_cap"])
     assert i.difference is not None
     assert i.difference.backward > 1e-5
@@ -466,8 +466,8 @@ def test_friction(name: str, leg: dict, mu: float) -> None:
     sideways, whose pyramid is flatter than the cone (3 %: on a mesh switches move from node to node); and as the sensitivity says it."""
     coarse = {**leg, "solver.refine": False, "contact.least_force": 1.0}
     less, here, more = (solve(load(name, {**coarse, "contact.friction": x * mu}), starts=1) for x in (0.995, 1, 1.005))
-    gain = here.summary["gain_per_percent_m"]["friction cone"]
-    assert gain == pytest.approx(more.summary["objective_value"] - less.summary["objective_value"], rel=0.03)
+    gain = here.summary.gains["friction cone"]
+    assert gain == pytest.approx(more.summary.objective_value - less.summary.objective_value, rel=0.03)
     (found,) = (i for i in sensitivity(here) if i.name == "contact.friction")
     assert found.m_per_unit * 0.01 * mu == pytest.approx(gain, rel=1e-6)
 
@@ -487,11 +487,11 @@ def held() -> Solution:
 def test_the_gain_of_a_limit_is_what_its_entries_are_worth(held: Solution, hop: Solution) -> None:
     """1 % more of an operating region is 1 % more torque and speed; the friction cone's entry is the coefficient."""
     for s in (held, hop):
-        found, gains = influences(s), s.summary["gain_per_percent_m"]
+        found, gains = influences(s), s.summary.gains
         for joint in s.design.leg.joints:
             whole = sum(found[f"leg.{joint}.motor.{figure}"].cm_per_percent for figure in ("max_torque", "max_speed"))
             assert gains[f"{joint} operating region"] == pytest.approx(whole / 100, rel=1e-3)
-    assert held.summary["gain_per_percent_m"]["friction cone"] == pytest.approx(
+    assert held.summary.gains["friction cone"] == pytest.approx(
         influences(held)["contact.friction"].cm_per_percent / 100, rel=1e-6
     )
 

@@ -42,7 +42,7 @@ def test_what_is_saved_is_read_back(solution: Solution, tmp_path: Path) -> None:
     assert contents(saved.result_dir) == DATA
     again = read(str(saved.result_dir))
     assert again.design == solution.design
-    assert again.summary["clearance_m"] == solution.clearance
+    assert again.summary.clearance_m == solution.clearance
     for phase, table in solution.tables.items():
         for name in ("t", "q", "v", "a", "tau", "f"):
             np.testing.assert_array_equal(getattr(again.tables[phase], name), getattr(table, name))
@@ -78,7 +78,7 @@ def test_data_lie_in_their_folder_before_figures_are_drawn(solution: Solution, t
     seen = []
     saved = save(solution, tmp_path, lambda s, folder: seen.append((s.result_dir, contents(folder.parent))))
     assert seen == [(saved.result_dir, DATA | {"figures"})]
-    assert saved.summary.get("notes") == solution.summary.get("notes")
+    assert saved.summary.notes == solution.summary.notes
 
 
 @pytest.mark.parametrize(
@@ -93,14 +93,14 @@ def test_figures_that_fail_leave_the_data_and_a_note(
 
     with caplog.at_level(logging.WARNING, "hopopt"):
         saved = save(solution, tmp_path, draw)
-    *before, note = saved.summary["notes"]
-    assert before == solution.summary.get("notes", [])
+    *before, note = saved.summary.notes
+    assert tuple(before) == solution.summary.notes
     assert caplog.messages == [note]
     assert "figures" in note
     assert str(saved.result_dir) in note
     assert "\n" not in note
     again = read(str(saved.result_dir))
-    assert again.summary["notes"] == [*before, note]
+    assert again.summary.notes == (*before, note)
     assert again.clearance == solution.clearance
     assert contents(saved.result_dir) == DATA | {"figures"}
     assert contents(tmp_path) == {saved.result_dir.name}  # type: ignore[union-attr]

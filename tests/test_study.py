@@ -11,11 +11,8 @@ import hopopt as ho
 from hopopt.errors import ProblemFileError, ResultError, UsageError
 from hopopt.studies.sweep.definition import Axis, Definition, define, parse
 from hopopt.studies.sweep.order import doubtful, sources, tree
+from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, VERIFIED, Point
 from hopopt.studies.sweep.store import (
-    IMPOSSIBLE,
-    NOT_SOLVED,
-    VERIFIED,
-    Point,
     check_same,
     dataset,
     load_begin,
@@ -180,7 +177,9 @@ def test_one_point_and_equal_points() -> None:
 
 def finished(definition: Definition, values: np.ndarray) -> dict[int, Point]:
     return {
-        k: Point(k, definition.values(k), VERIFIED, objective_value=float(v), clearance_m=float(v))
+        k: Point(
+            k, definition.values(k), VERIFIED, objective_value=float(v), clearance_m=float(v), parts={"sum": float(v)}
+        )
         for k, v in enumerate(values)
     }
 

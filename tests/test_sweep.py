@@ -20,7 +20,7 @@ import hopopt as ho
 from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point import Source, solve_again, solve_point
-from hopopt.studies.sweep.store import IMPOSSIBLE, NOT_SOLVED
+from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED
 
 HOPOPT = [sys.executable, "-m", "hopopt.cli.main"]
 SHORT = "hop.stance_duration=[0.03, 0.2]"

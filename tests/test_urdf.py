@@ -248,7 +248,7 @@ def test_body_on_a_slider_stands_where_it_starts_in_both_phases() -> None:
     solution = solve(changed(design, coarse), objective=_height_and_place, processes=1)
     end = solution.sample(solution.duration)
     assert end.q[0, 0] == pytest.approx(-0.05, abs=1e-9)
-    assert solution.summary["objective_value"] == pytest.approx(end.q[0, 1] + 0.1 * end.q[0, 0], abs=1e-4)
+    assert solution.summary.objective_value == pytest.approx(end.q[0, 1] + 0.1 * end.q[0, 0], abs=1e-4)
 
 
 @ho.objective(unit="m")
@@ -271,14 +271,14 @@ def test_vertical_slider_is_verified_and_no_better_than_guides() -> None:
     assert slider.clearance < with_guides.clearance + 1e-4
     x = slider.tables["flight"].q[..., 0]
     np.testing.assert_allclose(x, x[0, 0], atol=1e-12)
-    assert {c["name"] for c in slider.summary["verification"]} >= {"stance body on its slider", "stance foot at rest"}
+    assert {c.name for c in slider.summary.verification} >= {"stance body on its slider", "stance foot at rest"}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*PUBLIC, "three_joint"])
 def test_public_legs_solve_and_verify(name: str) -> None:
     solution = solve(load(name), starts=2)
-    assert solution.verified, solution.summary["failed_checks"]
+    assert solution.verified, solution.summary.failed_checks
     assert solution.clearance > 0.2
 
 

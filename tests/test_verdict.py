@@ -23,6 +23,7 @@ from hopopt.studies.sweep.point import solve_point
 from hopopt.verify.check import Check
 
 OF_FILES = {  # checks that only files can fail: that they belong together
+    "figures of the summary as computed",
     "tables agree with the collocation data", "the program is the problem's", "limits are the problem's or tighter",
     "error of the objective as stated",
 }  # fmt: skip

@@ -68,8 +68,8 @@ def longest(plan: Solution, phase: str) -> int:
 
 def test_the_papers_leg_is_verified(hop: Solution) -> None:
     assert hop.verified
-    assert hop.summary["failed_checks"] == []
-    assert all(c["passed"] for c in hop.summary["verification"])
+    assert hop.summary.failed_checks == []
+    assert all(c.passed for c in hop.summary.verification)
     assert failures(hop) == {}
 
 
@@ -83,20 +83,20 @@ def test_clearance_is_the_lowest_points_height_by_pinocchio(hop: Solution) -> No
 
 def test_parts_sum_to_the_clearance(hop: Solution) -> None:
     """Height at lift-off + ballistic rise - height over the lowest point then; each by Pinocchio and by g."""
-    p = hop.summary["parts"]
-    assert abs(sum(p.values()) - hop.clearance) < 1e-12
+    p = hop.summary.parts
+    assert abs(p.sum - hop.clearance) < 1e-12
     machine, stance, flight = Machine(hop.robot), hop.tables[STANCE], hop.tables[FLIGHT]
-    assert abs(machine.points(stance.q[-1, -1])["com"][1] - p["com_height_at_lift_off_m"]) < 1e-9
-    assert abs(machine.points(flight.q[-1, -1])["com"][1] + p["com_height_over_lowest_point_m"] - hop.clearance) < 1e-9
+    assert abs(machine.points(stance.q[-1, -1])["com"][1] - p.com_height_at_lift_off_m) < 1e-9
+    assert abs(machine.points(flight.q[-1, -1])["com"][1] + p.com_height_over_lowest_point_m - hop.clearance) < 1e-9
     speed, T = machine.com_velocity(stance.q[-1, -1], stance.v[-1, -1])[1], hop.phases[FLIGHT].duration
-    assert abs(speed * T - G * T**2 / 2 - p["ballistic_rise_m"]) < 1e-8
-    assert p["ballistic_rise_m"] <= speed**2 / (2 * G) + 1e-9
+    assert abs(speed * T - G * T**2 / 2 - p.ballistic_rise_m) < 1e-8
+    assert p.ballistic_rise_m <= speed**2 / (2 * G) + 1e-9
 
 
 def test_saturation_is_a_share(hop: Solution) -> None:
-    assert set(hop.summary["saturation_mean"]) == {"hip", "knee"}
-    assert all(0 <= c <= 1 for c in hop.summary["saturation_mean"].values())
-    assert all(0 < share <= 1 + 1e-12 for share in hop.summary["active_limits"].values())
+    assert set(hop.summary.saturation_mean) == {"hip", "knee"}
+    assert all(0 <= c <= 1 for c in hop.summary.saturation_mean.values())
+    assert all(0 < share <= 1 + 1e-12 for share in hop.summary.active_limits.values())
 
 
 def share_of_stance(plan: Solution, active: np.ndarray) -> float:
@@ -107,7 +107,7 @@ def share_of_stance(plan: Solution, active: np.ndarray) -> float:
 
 def test_active_limits_of_the_paper(hop: Solution) -> None:
     """More time would help, the ground may not pull, the foot never slips and the body may descend."""
-    active, f = hop.summary["active_limits"], hop.tables[STANCE].f
+    active, f = hop.summary.active_limits, hop.tables[STANCE].f
     assert active["longest stance"] == pytest.approx(1.0, abs=1e-12)
     assert active["ground cannot pull"] == pytest.approx(share_of_stance(hop, f[..., 1] < 0.5), abs=0.02)
     assert not {"shortest stance", "friction cone", "body never descends"} & active.keys()
@@ -116,7 +116,7 @@ def test_active_limits_of_the_paper(hop: Solution) -> None:
 def test_active_limits_on_slippery_ground() -> None:
     limits = {"contact.friction": 0.3, "hop.counter_movement": False}
     plan = solve(load("paper", {**COARSE, **limits}), starts=1)
-    active, table = plan.summary["active_limits"], plan.tables[STANCE]
+    active, table = plan.summary.active_limits, plan.tables[STANCE]
     sliding = np.abs(table.f[..., 0]) > 0.299 * table.f[..., 1]
     assert active["friction cone"] == pytest.approx(share_of_stance(plan, sliding), abs=0.03)
     level = table.v[..., 1] < 1e-3  # at the limit, or past it between the nodes: the mesh is not refined
@@ -128,13 +128,13 @@ def test_active_limits_on_slippery_ground() -> None:
 
 def test_a_stance_that_must_be_long() -> None:
     plan = solve(load("paper", {**COARSE, "hop.stance_duration": [0.35, 0.35]}), starts=1)
-    assert {"longest stance", "shortest stance"} <= plan.summary["active_limits"].keys()
+    assert {"longest stance", "shortest stance"} <= plan.summary.active_limits.keys()
 
 
 @pytest.mark.parametrize("phase", [STANCE, FLIGHT])
 def test_work_of_the_joints_is_what_the_leg_gains(hop: Solution, phase: str) -> None:
     """By energies of Pinocchio; the summary's trapezoids are good to a per cent."""
-    machine, table, figures = Machine(hop.robot), hop.tables[phase], hop.summary["energy"]
+    machine, table, figures = Machine(hop.robot), hop.tables[phase], hop.summary.energy
     gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
     positive = figures[f"{phase}_positive_J"]
     assert abs(figures[f"{phase}_net_J"] - gained) < 1e-2 * positive
@@ -147,7 +147,7 @@ def test_work_pays_for_the_rise(hop: Solution) -> None:
     potential = [
         machine.mass * G * machine.points(q)["com"][1] for q in (start.q[0, 0], end.q[-1, -1])
     ]  # fmt: skip
-    work = sum(hop.summary["energy"][f"{phase}_net_J"] for phase in (STANCE, FLIGHT))
+    work = sum(hop.summary.energy[f"{phase}_net_J"] for phase in (STANCE, FLIGHT))
     assert work >= (potential[1] - potential[0]) * (1 - 1e-3)
 
 
@@ -304,15 +304,15 @@ def test_a_solved_program_is_not_a_verified_hop() -> None:
     """Twelve intervals a phase: Ipopt is content, the replay is not."""
     few = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 12}
     s = solve(load("paper", few), starts=1)
-    assert s.summary["starts"]["each"][0]["status"] == "Solve_Succeeded"
+    assert s.summary.starts.each[0].status == "Solve_Succeeded"
     assert not s.verified
-    assert s.summary["status"] == "solved, not verified"
-    assert s.summary["exit_code"] == 3
-    assert {"stance replay", "local error of the intervals"} <= set(s.summary["failed_checks"])
+    assert s.summary.status == "solved, not verified"
+    assert s.summary.exit_code == 3
+    assert {"stance replay", "local error of the intervals"} <= set(s.summary.failed_checks)
 
 
 def residuals(s: Solution) -> dict[str, float]:
-    return {c["name"]: c["residual"] for c in s.summary["verification"]}
+    return {c.name: c.residual for c in s.summary.verification}
 
 
 def test_replay_of_a_coarse_radau_plan_improves_with_its_mesh(coarse: Solution) -> None:
@@ -342,9 +342,9 @@ WIDER = {  # one per cent of each limit's range, up and down
 def test_gain_of_a_limit_is_what_moving_it_brings(coarse: Solution, limit: str) -> None:
     """The multipliers' prediction against the same mesh solved with the limit one per cent wider and narrower."""
     wide, narrow = (solve(load("paper", {**COARSE, **change}), starts=1) for change in WIDER[limit])
-    gain = coarse.summary["gain_per_percent_m"][limit]
+    gain = coarse.summary.gains[limit]
     assert gain > 0
-    values = [s.summary["objective_value"] for s in (wide, coarse, narrow)]
+    values = [s.summary.objective_value for s in (wide, coarse, narrow)]
     assert abs((values[0] - values[2]) / 2 / gain - 1) < 0.01
     assert abs((values[0] - values[1]) / gain - 1) < 0.05
 
@@ -352,8 +352,8 @@ def test_gain_of_a_limit_is_what_moving_it_brings(coarse: Solution, limit: str) 
 @pytest.mark.slow
 def test_gain_of_a_longer_stance_on_refined_meshes(hop: Solution) -> None:
     longer = solve(load("paper", {"hop.stance_duration": [0.03, 0.404]}), starts=1)
-    gain = longer.summary["objective_value"] - hop.summary["objective_value"]
-    assert abs(gain / hop.summary["gain_per_percent_m"]["longest stance"] - 1) < 0.05
+    gain = longer.summary.objective_value - hop.summary.objective_value
+    assert abs(gain / hop.summary.gains["longest stance"] - 1) < 0.05
 
 
 # ---- no hop ---------------------------------------------------------------------------------------------------

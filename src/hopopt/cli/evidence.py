@@ -116,6 +116,7 @@ def _gathered(
     from hopopt.planner.families import families
     from hopopt.planner.multistart import contenders, run_chunk
     from hopopt.planner.solve import solve_from
+    from hopopt.planner.summary_entry import as_data
     from hopopt.studies import local_optima as study
     from hopopt.studies.dynamic_programming import CONTRADICTED, TELLING
     from hopopt.verify.upper_bound import upper_bound
@@ -139,10 +140,10 @@ def _gathered(
         "problem": design.name, "objective": objective, "upper_bound": bound.figures(),
         "reduced": simple, "global": overall,
         "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": study.as_dicts(found)},
-        "families": families(hop, outcomes, [best]),
+        "families": as_data(families(hop, outcomes, [best])),
         "best": {
-            "clearance_m": best.clearance, "verified": best.verified, "failed_checks": best.summary["failed_checks"],
-            "start": best.summary["starts"]["chosen"],
+            "clearance_m": best.clearance, "verified": best.verified, "failed_checks": list(best.summary.failed_checks),
+            "start": best.summary.starts.chosen,
         },
         "passes_the_bound": passed,
         "contradicted": contradicted,

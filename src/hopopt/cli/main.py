@@ -21,6 +21,7 @@ from hopopt.cli import evidence as cli_evidence
 from hopopt.cli import families as cli_families
 from hopopt.cli import paper as cli_paper
 from hopopt.cli import pareto as cli_pareto
+from hopopt.cli import schema as cli_schema
 from hopopt.cli import sensitivity as cli_studies
 from hopopt.cli import sweep as cli_sweep
 from hopopt.cli.options import AsJson, Constraints, Couple, Free, Overrides, app, progress, write_new
@@ -107,15 +108,15 @@ def solve(
             from hopopt.plots.hop import save_all as draw
 
             say("drawing")
-        solution.summary["overrides"] = list(set_ or ())
-        solution.summary["wall_s"] = time.perf_counter() - began  # all but drawing and writing
+        took = time.perf_counter() - began  # all but drawing and writing
+        solution = solution.with_summary(overrides=tuple(set_ or ()), wall_s=took)
         solution = save(solution, results, draw)
         if control:
             say("simulating the paper's force control")
             with suppress(KeyboardInterrupt):  # the answer is there
                 solution = _beside(solution)
     _answer(solution, json_)
-    return int(solution.summary["exit_code"])
+    return solution.summary.exit_code
 
 
 def _import_beside(*later: str) -> None:
@@ -140,8 +141,8 @@ def _beside(solution: "Solution") -> "Solution":
 
     if (found := paper_strategy(solution)) is None:
         return solution
-    code = 3 if found["beyond_bound"] else solution.summary["exit_code"]
-    return with_more(solution, {"paper_strategy": found, "exit_code": code})
+    code = 3 if found.beyond_bound else solution.summary.exit_code
+    return with_more(solution, paper_strategy=found, exit_code=code)
 
 
 def _solved(
@@ -218,28 +219,42 @@ def new(name: str) -> int:
 def verify(result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False) -> int:
     """Check a stored result again, from its files alone. Exit code 0 if it is verified, 3 if not.
 
-    The certificate of first-order optimality (docs/certificate.md) is recomputed too, and said to hold or not.
+    The certificate of first-order optimality (docs/certificate.md) is recomputed too, and said to hold or not. Files that
+    were changed are named; if every check passes their digests are written anew. Of a study every solved point is refined
+    and checked again.
 
     Parameters
     ----------
     result
-        A folder that hopopt solve wrote.
+        A folder that hopopt solve or hopopt sweep wrote.
     objective
         The function of your own that it was found with, if it was: module:function.
     """
     from hopopt.planner.summary import conditions
+    from hopopt.planner.summary_entry import as_data
+
+    if (result / "sweep.json").is_file():
+        from hopopt.cli.sweep import verify_study
+
+        if objective or constraint:
+            raise UsageError("a study has no functions of one's own: leave out --objective and --constraint")
+        return verify_study(result, json_)
     from hopopt.storage.folder import as_json
-    from hopopt.storage.recheck import recheck, with_functions
+    from hopopt.storage.recheck import accept, recheck, with_functions
     from hopopt.storage.solution import read
 
     solution = with_functions(read(result), objective, constraint or ())
     verdict = recheck(solution)
+    for words in solution.doubts:
+        print(f"hopopt: {words}", file=sys.stderr)
+    if verdict.verified:
+        accept(solution)
     code = 0 if verdict.verified else 3
     if json_:
         listed, made = [c.as_dict() for c in verdict.checks], bool(verdict.conditions)
         certificate = {
             "certified": verdict.certified if made else None,
-            "certificate": conditions(verdict) if made else None,
+            "certificate": as_data(conditions(verdict)) if made else None,
         }
         print(as_json({"verified": verdict.verified, "exit_code": code, "checks": listed, **certificate}))
     else:
@@ -259,18 +274,18 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
         from hopopt.storage.folder import as_json
         from hopopt.storage.solution import stated
 
-        print(as_json(stated(solution.summary)))
+        print(as_json(stated(solution.shown)))
         return
     from hopopt.cli.screen.answer import print_answer
     from hopopt.cli.screen.details import print_details
 
     show_it = print_details if whole or not solution.verified else print_answer
     show_it(solution)
-    if "codesign" in solution.summary:
+    if solution.summary.codesign:
         from hopopt.cli.screen.codesign import print_codesign
 
-        print_codesign(solution.summary["codesign"])
-    if "second_opinions" in solution.summary:
+        print_codesign(solution.summary.codesign)
+    if solution.summary.second_opinions:
         from hopopt.cli.screen.cross_check import print_opinions
 
         print_opinions(solution.summary)
@@ -279,7 +294,7 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
 for command in (
     cli_runs.simulate, cli_runs.compare, cli_runs.export, cli_studies.sensitivity, cli_paper.calibrate,
     cli_paper.tune, cli_paper.reproduce, cli_sweep.sweep, cli_pareto.pareto, cli_actuators.actuators,
-    cli_evidence.evidence, cli_families.families, cli_diagnose.diagnose,
+    cli_evidence.evidence, cli_families.families, cli_diagnose.diagnose, cli_schema.schema,
 ):  # fmt: skip
     app.command(command)
 for each in app.subapps:

@@ -89,7 +89,7 @@ def _optimum(
 
         say("verifying")
         solution = read(folder)
-        return solution, recheck(solution).failed_checks
+        return solution, [*solution.doubts, *recheck(solution).failed_checks]
     from hopopt.ocp.objective import HEIGHTS
     from hopopt.ocp.objectives import find
     from hopopt.planner.solve import solve
@@ -98,7 +98,7 @@ def _optimum(
     if find(objective).figure not in HEIGHTS:
         raise UsageError(f"what to change first is said of heights, not of {objective}: --objective clearance or apex")
     solution = solve(load(problem, overrides), objective, starts=starts, progress=say)
-    return solution, solution.summary["failed_checks"]
+    return solution, list(solution.summary.failed_checks)
 
 
 def _confirmed(

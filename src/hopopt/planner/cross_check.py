@@ -23,6 +23,7 @@ from hopopt.planner.refine_and_verify import aims_of
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.summary_extras import CrossCheck
 
 SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which opinions agree
 AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer
@@ -63,19 +64,20 @@ class Said:
 
 
 def with_opinions(hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = lambda text: None) -> Solution:
-    """The answer with ``second_opinions`` in its summary; exit code 3 and a note if one of them is better."""
+    """The answer, its verdict as before, with ``second_opinions`` in its summary; exit code 3 and a note if one of them
+    is better: such a hop is true, but not the best."""
     found = opinions(hop, answer, say)
     clock.mark("second opinions")
-    told = {"second_opinions": [asdict(o) for o in found], "wall_s": clock.last - clock.begin}
-    summary = {**answer.summary, **told, "timings_s": clock.stages}
+    told = tuple(CrossCheck(**asdict(o)) for o in found)
+    answer = answer.with_summary(second_opinions=told, wall_s=clock.last - clock.begin, timings_s=clock.stages)
     if notes := [_objection(o) for o in found if o.contradicts]:
-        summary |= {"exit_code": 3, "notes": [*summary.get("notes", ()), *notes]}
-    return replace(answer, summary=summary)
+        return answer.with_summary(exit_code=3, notes=(*answer.summary.notes, *notes))
+    return answer
 
 
 def opinions(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> list[Opinion]:
     """All opinions on an answer; ``answer.kkt`` holds the program that it came from."""
-    sign, value, own = hop.objective.sign, answer.summary["objective_value"], answer.summary["scheme"]
+    sign, value, own = hop.objective.sign, answer.summary.objective_value, answer.summary.scheme
     stored = stored_nlp(answer)
     nlp = affordable(hop, stored)
     which = "the same program" if nlp is stored else "the program with limits at the nodes alone"

@@ -1,7 +1,6 @@
 """Families of hops: the different local optima that a search found, what found them, and whether a better one is feared."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -10,61 +9,71 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
 from hopopt.planner.first_mesh import FirstMesh
 from hopopt.planner.multistart import StartOutcome, first_transcription, grouped, solution_of
-from hopopt.planner.solution import Solution
+from hopopt.planner.solution import Motion, Solution
+from hopopt.planner.summary_extras import GlobalMethod, HopFamily
 
 LEANING, DIPPING, SWINGING = 0.05, 0.03, 0.1  # share of the reach from which a lean, a dip or a swing is worth a word
 FAST = 0.3  # m/s along the ground from which a hop drifts
 ALARM = 0.01  # relative: by so much the global method's value may pass the answer
 
 
-def search_figures(hop: Hop, searched: FirstMesh, finished: Sequence[Solution], best: Solution) -> dict[str, Any]:
+def search_figures(
+    hop: Hop, searched: FirstMesh, finished: Sequence[Solution], best: Solution
+) -> tuple[tuple[HopFamily, ...], GlobalMethod]:
     """``families`` and ``global`` of the summary."""
-    return {"families": families(hop, searched.outcomes, finished), "global": global_figures(searched, best)}
+    return families(hop, searched.outcomes, finished), global_figures(searched, best)
 
 
-def families(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solution] = ()) -> list[dict[str, Any]]:
-    """The different local optima, best first: objective and clearance [m], refined if they were and else of the first
-    mesh; what found them; how many starts; what the leg does, in words."""
-    rows, refined = [], {s.summary["starts"]["chosen"]: s for s in finished if s.verified}
-    for group in grouped(sorted(outcomes, key=lambda o: -o.merit)):
-        plan = Solution(hop.design, hop.objective.name, solution_of(group[0], first_transcription(hop)).phases, {})
-        known = refined.get(group[0].name)
-        rows.append({
-            "clearance_m": known.clearance if known else plan.claims()["clearance_m"],
-            "objective_value": known.summary["objective_value"] if known else group[0].objective,
-            "refined": known is not None, "found_by": [o.name for o in group], "count": len(group),
-            "words": words(motion(hop, plan)),
-        })  # fmt: skip
-    return rows
+def families(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solution] = ()) -> tuple[HopFamily, ...]:
+    """The different local optima, best first, by the figures of those that are ``finished``, else of the first mesh."""
+    refined = {s.summary.starts.chosen: s for s in finished if s.verified}
+    groups = grouped(sorted(outcomes, key=lambda o: -o.merit))
+    return tuple(
+        _family(hop, group, next((refined[o.name] for o in group if o.name in refined), None)) for group in groups
+    )
 
 
-def global_figures(searched: FirstMesh, best: Solution) -> dict[str, Any]:
-    """What the global method says of the answer: the clearance that its best motion from the start reaches, by the motion
-    of its centre of mass at lift-off, and what the grid promised; ``alarm``: a better hop than the answer is likely."""
+def _family(hop: Hop, group: Sequence[StartOutcome], known: Solution | None) -> HopFamily:
+    plan = Motion(hop.design, hop.objective.name, solution_of(group[0], first_transcription(hop)).phases)
+    return HopFamily(
+        clearance_m=known.clearance if known else float(plan.claims()["clearance_m"]),
+        objective_value=known.summary.objective_value if known else group[0].objective,
+        refined=known is not None, found_by=tuple(o.name for o in group), count=len(group),
+        words=words(motion(hop, plan)),
+    )  # fmt: skip
+
+
+def global_figures(searched: FirstMesh, best: Solution) -> GlobalMethod:
+    """What the global method says of the answer: the clearance that its best motion from the start reaches, by its
+    centre of mass at lift-off, and what the grid promised; an alarm: a better hop than the answer is likely."""
     found = searched.overall
     if found is None:
-        return {"method": None, "grid": None, "value_m": None, "alarm": False, "reason": searched.reason}
+        return GlobalMethod(None, None, None, False, reason=searched.reason)
     value = max((r.clearance for r in found.rollouts), default=None)
-    comparable = best.objective == "clearance" and value is not None
-    return {
-        "method": found.method, "grid": list(found.grid), "steps": found.steps, "value_m": value,
-        "grid_value_m": found.value, "seconds": found.seconds,
-        "alarm": bool(comparable and value > (1 + ALARM) * best.clearance),
-    }  # fmt: skip
+    alarm = value is not None and best.objective == "clearance" and value > (1 + ALARM) * best.clearance
+    return GlobalMethod(
+        found.method,
+        tuple(int(n) for n in found.grid),
+        value,
+        bool(alarm),
+        found.steps,
+        float(found.value),
+        found.seconds,
+    )
 
 
-def alarm_note(figures: Mapping[str, Any]) -> list[str]:
+def alarm_note(figures: GlobalMethod) -> list[str]:
     """A sentence beside the answer where the global method doubts that it is the best."""
-    if not figures["alarm"]:
+    if not figures.alarm or figures.grid is None:
         return []
     return [
-        f"not called the best: a motion that the global method found on a grid of {figures['grid'][0]} nodes an axis "
-        f"reaches {figures['value_m']:.3f} m by its lift-off, over 1 % more, and no hop that high was solved from it; "
+        f"not called the best: a motion that the global method found on a grid of {figures.grid[0]} nodes an axis "
+        f"reaches {figures.value_m:.3f} m by its lift-off, over 1 % more, and no hop that high was solved from it; "
         "hopopt evidence --global looks closer"
     ]
 
 
-def motion(hop: Hop, plan: Solution) -> dict[str, float]:
+def motion(hop: Hop, plan: Motion) -> dict[str, float]:
     """What the body does in stance: duration [s]; its place over the foot when it is lowest (sway) and at lift-off (lean),
     its dip, and how far it is from where it began at most (swing, with its sign) [share of the reach]; its drift at
     lift-off [m/s]."""

@@ -16,7 +16,7 @@ from hopopt.ocp.objective import HopObjective
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.error_estimate import ObjectiveError, objective_error
 from hopopt.planner.custom_check import custom_checks
-from hopopt.planner.solution import Solution
+from hopopt.planner.solution import Motion
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_multipliers import stored
 from hopopt.planner.verdict import StatedError, Verdict
@@ -26,7 +26,7 @@ from hopopt.verify.whole_hop import left_out, not_simulated, worth
 
 
 def judge(
-    plan: Solution,
+    plan: Motion,
     solution: NlpSolution,
     goal: HopObjective,
     constraints: Sequence[Custom],
@@ -57,7 +57,7 @@ def judge(
 
 
 def plan_checks(
-    plan: Solution, goal: HopObjective, constraints: Sequence[Custom], claims: Mapping[str, float]
+    plan: Motion, goal: HopObjective, constraints: Sequence[Custom], claims: Mapping[str, float]
 ) -> list[Check]:
     """The checks of a plan's table by code that the planner did not use; arguments as those of ``judge``."""
     own = custom_checks(plan.robot, plan.tables, goal, constraints, claims.get(FIGURE))
@@ -87,7 +87,7 @@ def numerical_checks(
 
 
 def stated_error(
-    plan: Solution, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float]
+    plan: Motion, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float]
 ) -> tuple[list[Check], StatedError]:
     """Checks of the hop simulated in one piece, and the stated error; ``claims``: what is stated, by name."""
     gain = price(solution) * solution.magnitude

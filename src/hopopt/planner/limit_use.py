@@ -13,7 +13,7 @@ from hopopt.leg.scales import force_range
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.objectives import find
 from hopopt.ocp.phases import DESCENT, FLIGHT
-from hopopt.planner.solution import Samples, Solution
+from hopopt.planner.solution import Motion, Samples
 
 IDLE = 0.999  # largest share of a limit that may be used if it is to count as idle
 LOADED = 1e-3  # of the force's range: a foot with less is not loaded
@@ -66,7 +66,7 @@ class Use:
         return max(value, self.limit) if self.least else min(value, self.limit)
 
 
-def idle_uses(plan: Solution, fine: Mapping[str, Samples]) -> list[Use]:
+def idle_uses(plan: Motion, fine: Mapping[str, Samples]) -> list[Use]:
     """Limits that no instant of the plan touches, the least used first, durations last. An entry that several joints or
     phases share is one limit.
 
@@ -91,7 +91,7 @@ def _of_entry(uses: list[Use]) -> Use:
     return replace(max(uses, key=lambda use: use.used), what=uses[0].what, places=places)
 
 
-def _joints(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
+def _joints(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     """Angles, over all phases."""
     leg, q = plan.design.leg, np.concatenate([s.q[:, BASE:] for s in fine.values()])
     for k, joint in enumerate(plan.robot.joints):
@@ -101,7 +101,7 @@ def _joints(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
         yield Use("{} upper angle", (joint,), f"leg.{joint}.upper", high, shares[1], float(most))
 
 
-def _regions(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
+def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     """Operating regions, over all phases."""
     leg, v = plan.design.leg, np.concatenate([s.v[:, BASE:] for s in fine.values()])
     tau = np.concatenate([s.tau for s in fine.values()])
@@ -117,7 +117,7 @@ def _regions(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
                 yield Use(f"{{}} {name}", (joint,), "", 1.0, share, share)
 
 
-def _whole(plan: Solution, fine: Mapping[str, Samples]) -> Iterator[Use]:
+def _whole(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     """Durations, friction, and the window of the foot at the apex and at touchdown."""
     hop, goal = plan.design.hop, plan.own[0] or find(plan.objective)
     for phase in fine:

@@ -23,7 +23,7 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
             f"this is the hop with {hop.design.solver.tie_break:g}"
         )
     if better is not None:
-        value = f"{better.summary['objective_value']:.4f} {goal.unit}, {'higher' if goal.sign > 0 else 'lower'}"
+        value = f"{better.summary.objective_value:.4f} {goal.unit}, {'higher' if goal.sign > 0 else 'lower'}"
         notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
     if goal.ends != "demand" and (asked_for := best.design.hop.clearance) is not None:
         notes.append(f"hop.clearance = {asked_for:g} plays no part: the objective {goal.name} asks for no height")
@@ -33,10 +33,10 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
             f"the foot ends {over:.2f} m above the hip: the body is a point here, and no link is in its way (limits of the "
             "joints' angles can forbid it)"
         )
-    weighs = best.summary["tie_break_weighs"]
-    if best.summary.get("impact_J", np.inf) < 1e-3 * weighs:
+    weighs = best.summary.tie_break_weighs
+    if (np.inf if best.summary.impact_J is None else best.summary.impact_J) < 1e-3 * weighs:
         notes.append("the foot can land at rest, as in many hops: of these, this is one with gentle torques")
-    elif goal.sign < 0 and weighs > LOUD * abs(best.summary[goal.figure]):
+    elif goal.sign < 0 and weighs > LOUD * abs(best.summary.reached):
         notes.append(
             f"gentle torques are preferred, which weighs {weighs:.2g} {goal.unit}: the least may be lower by a part of that "
             f"(a smaller solver.tie_break than {best.design.solver.tie_break:g} tells, and takes longer)"

@@ -17,7 +17,7 @@ from hopopt.ocp.tie_break import EFFORT
 from hopopt.optimality.free_switches import Resolved
 from hopopt.planner.judge import judge
 from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, solution_of
-from hopopt.planner.solution import Solution
+from hopopt.planner.solution import Motion, Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary import summarize
 from hopopt.planner.verdict import Verdict
@@ -35,14 +35,14 @@ class Answer:
 
     hop: the question that was answered, with the tolerances that it was answered with
     refined: the last mesh's solution, and how it was reached
-    plan: the motion; its summary holds only what no table of the plan tells
+    plan: the motion
     claims: what may be stated of it, by name [the name's unit]
     verdict: whether it is true
     """
 
     hop: Hop
     refined: Refined
-    plan: Solution
+    plan: Motion
     claims: Mapping[str, float]
     verdict: Verdict
 
@@ -114,7 +114,7 @@ def judged(hop: Hop, refined: Refined, clock: Stopwatch | None = None) -> Answer
     """A refined solution with its verdict."""
     goal, solution = hop.objective, refined.solution
     stated, own = stated_figure(hop, solution), (goal if goal.custom else None, hop.constraints)
-    plan = Solution(hop.design, goal.name, solution.phases, stated, own=own)
+    plan = Motion(hop.design, goal.name, solution.phases, stated=stated, own=own)
     claims = {**plan.claims(), **stated}
     verdict = judge(plan, solution, goal, hop.constraints, claims, refined.errors, refined.change, clock)
     return Answer(hop, refined, plan, claims, verdict)

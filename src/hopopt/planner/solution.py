@@ -1,6 +1,6 @@
 """A solved hop as the user holds it: the plan as functions of time, and every figure that is printed of it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
+from hopopt.planner.stored_summary import Summary
 from hopopt.planner.verdict import Multipliers, Verdict
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import PLACES, Table
@@ -83,27 +84,20 @@ class PlanEvaluator:
 
 
 @dataclass(frozen=True, repr=False)
-class Solution:
-    """The best hop found: its problem, its trajectories by phase, its figures (``summary``) and where it lies."""
+class Motion:
+    """A hop as functions of time.
+
+    design, objective: the problem, and the name of what it was solved for
+    phases: trajectories, by phase
+    stated: figures that no table of the plan tells, by name [the name's unit]
+    own: the user's functions, which are not stored
+    """
 
     design: Design
     objective: str
     phases: dict[str, PhaseTrajectory]
-    summary: dict[str, Any]
-    kkt: dict[str, np.ndarray] = field(default_factory=dict)
-    result_dir: Path | None = None
-    multipliers: dict[str, Multipliers] = field(default_factory=dict)  # see planner/stored_multipliers.py
-    own: tuple[HopObjective | None, tuple[Custom, ...]] = (None, ())  # the user's functions, which are not stored
-    verdict: Verdict | None = None  # what the checks said; of a stored hop, see storage/recheck.py
-    # given by hopopt.api, which knows what acts on a solution
-    plot: ClassVar[Callable[..., Any]]
-    sensitivity: ClassVar[Callable[..., Any]]
-    compare: ClassVar[Callable[..., Any]]
-
-    def __repr__(self) -> str:
-        s, figure = self.summary, self.summary.get("objective_figure", "")
-        reached = f"{figure} {s.get(figure)} {s.get('objective_unit')}, {s.get('status')}"
-        return f"<Solution of {self.design.name}, objective {self.objective}: {reached}>"
+    stated: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    own: tuple[HopObjective | None, tuple[Custom, ...]] = field(default=(None, ()), kw_only=True)
 
     @cached_property
     def robot(self) -> Robot:
@@ -112,23 +106,6 @@ class Solution:
     @cached_property
     def _evaluate(self) -> PlanEvaluator:
         return PlanEvaluator(self.design, self.robot)
-
-    def noted(self, **changes: Any) -> "Solution":
-        """The same hop with another summary, folder or multipliers; what was derived of its motion is kept."""
-        other = replace(self, **changes)
-        kept = self.__dict__.keys() & {"robot", "_evaluate", "tables"}
-        other.__dict__.update({name: self.__dict__[name] for name in kept})
-        return other
-
-    @property
-    def clearance(self) -> float:
-        """Height of the leg's lowest point at the end of flight [m]."""
-        return float(self.summary["clearance_m"])
-
-    @property
-    def verified(self) -> bool:
-        """Whether every check of the verification passed."""
-        return bool(self.summary["verified"])
 
     @property
     def duration(self) -> float:
@@ -200,13 +177,82 @@ class Solution:
 
     def claims(self) -> dict[str, float]:
         """What verification is to confirm: the height of the lowest point at the apex [m]; what else the hop was made
-        for, the body's height there [m] or what ``summary`` states."""
+        for, the body's height there [m] or what is ``stated``."""
         end = self.apex
         claims = {"clearance_m": float(min(end.points[name][0, 1] for name in self.robot.points))}
         if self.objective == "apex":
             claims["apex_m"] = float(end.q[0, 1])
-        claims |= {name: float(self.summary[name]) for name in MEASURES.keys() & self.summary.keys()}
+        claims |= {name: self.stated[name] for name in MEASURES.keys() & self.stated.keys()}
         return claims
+
+
+@dataclass(frozen=True, repr=False)
+class Solution(Motion):
+    """The best hop found.
+
+    summary: every figure that is printed of it
+    kkt: the nonlinear program's vectors, by name
+    result_dir: the folder that it lies in
+    multipliers: of the certificate, by phase (planner/stored_multipliers.py)
+    verdict: what the checks said; None for one that was read (storage/recheck.py makes it)
+    doubts: why its files are not to be trusted, a sentence each; such a solution is not verified
+    """
+
+    summary: Summary
+    kkt: dict[str, np.ndarray] = field(default_factory=dict)
+    result_dir: Path | None = None
+    multipliers: dict[str, Multipliers] = field(default_factory=dict)
+    verdict: Verdict | None = None
+    doubts: tuple[str, ...] = ()
+    # given by hopopt.api, which knows what acts on a solution
+    plot: ClassVar[Callable[..., Any]]
+    sensitivity: ClassVar[Callable[..., Any]]
+    compare: ClassVar[Callable[..., Any]]
+
+    def __repr__(self) -> str:
+        s = self.summary
+        reached = f"{s.objective_figure} {s.reached} {s.objective_unit}, {s.status}"
+        return f"<Solution of {self.design.name}, objective {self.objective}: {reached}>"
+
+    @classmethod
+    def of(cls, motion: Motion, summary: Summary, **more: Any) -> "Solution":
+        """The solution that a motion is, with its summary; what was derived of the motion is kept."""
+        m = motion
+        return _as_derived(cls(m.design, m.objective, m.phases, summary, stated=m.stated, own=m.own, **more), motion)
+
+    def noted(self, **changes: Any) -> "Solution":
+        """The same hop with another summary, folder or multipliers; what was derived of its motion is kept."""
+        return _as_derived(replace(self, **changes), self)
+
+    def with_summary(self, **entries: Any) -> "Solution":
+        """The same hop with other entries of its summary."""
+        return self.noted(summary=replace(self.summary, **entries))
+
+    @property
+    def clearance(self) -> float:
+        """Height of the leg's lowest point at the end of flight [m]."""
+        return self.summary.clearance_m
+
+    @property
+    def verified(self) -> bool:
+        """Whether every check of the verification passed, and the files it was read from are as they were written."""
+        return self.summary.verified and not self.doubts
+
+    @property
+    def shown(self) -> Summary:
+        """The summary as it may be shown: of files that are in doubt nothing is called verified."""
+        if not self.doubts:
+            return self.summary
+        note = f"{'; '.join(self.doubts)}: hopopt verify {self.result_dir} computes every check again"
+        notes, told = (note, *self.summary.notes), {"verified": False, "status": "changed after it was stored"}
+        return replace(self.summary, **told, exit_code=3, failed_checks=("files as they were written",), notes=notes)
+
+
+def _as_derived(solution: Solution, motion: Motion) -> Solution:
+    """The solution with what was derived of the same motion."""
+    kept = motion.__dict__.keys() & {"robot", "_evaluate", "tables"}
+    solution.__dict__.update({name: motion.__dict__[name] for name in kept})
+    return solution
 
 
 def at_apex(vertical: float) -> bool:

@@ -26,8 +26,7 @@ def has_multipliers(solution: Solution) -> bool:
 def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]:
     """What the solution was found with; UsageError if it takes functions that were not given again: files name code,
     they do not run it."""
-    needed = solution.summary.get("functions", {})
-    objective, constraints = needed.get("objective"), list(needed.get("constraints", ()))
+    objective, constraints = solution.summary.functions.objective, solution.summary.functions.constraints
     goal, own = solution.own
     if (goal.name if goal else None) != objective or sorted(c.name for c in own) != sorted(constraints):
         options = [f"--objective {objective}"] * bool(objective) + [f"--constraint {name}" for name in constraints]
@@ -58,7 +57,7 @@ def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolutio
     bounds = Bounds(*(kkt.pop(side.name) for side in fields(Bounds)))
     phases, values = t.unpack(kkt["z"], kkt["p"])
     kkt["g"] = np.array(ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(kkt["z"], kkt["p"])).ravel()
-    objective = float(solution.summary["objective_value"])
+    objective = solution.summary.objective_value
     return NlpSolution(t, phases, values, objective, "stored", True, 0, **kkt, bounds=bounds)
 
 

@@ -32,6 +32,7 @@ from hopopt.planner.refine_and_verify import finer, finish
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.summary_extras import FlatDirection
 from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.hints import hints
 
@@ -79,13 +80,11 @@ def solve(
     hop, best, better = _settled(hop, finished, outcomes, say, clock)
     if structure:
         best = with_free_switches(hop, best, outcomes, say, clock)
-    best.summary.update(search_figures(hop, searched, finished, best))
     found = flat_directions(hop, best)
-    alarm = alarm_note(best.summary["global"])
-    if notes := [*alarm, *notes_on(hop, asked, structure, best, better), *flat_words(found or [])]:
-        best.summary["notes"] = notes
-    if found is not None:
-        best.summary["flat"] = [f.as_dict() for f in found]
+    families, overall = search_figures(hop, searched, finished, best)
+    notes = (*alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
+    told = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
+    best = best.with_summary(notes=notes, flat=told, families=families, global_=overall)
     if second_opinion:
         best = with_opinions(hop, best, clock, say)
     return best
@@ -104,7 +103,7 @@ def solve_from(
 
 def best_of(goal: HopObjective, finished: Sequence[Solution]) -> Solution:
     """The best of the verified solutions, or of all if none is."""
-    return max(finished, key=lambda s: (s.verified, goal.merit(s.summary["objective_value"])))
+    return max(finished, key=lambda s: (s.verified, goal.merit(s.summary.objective_value)))
 
 
 def _settled(
@@ -114,7 +113,7 @@ def _settled(
     best of the verified were solved again."""
 
     def merit(s: Solution) -> float:
-        return hop.objective.merit(s.summary["objective_value"])
+        return hop.objective.merit(s.summary.objective_value)
 
     chosen, best, better = hop, best_of(hop.objective, finished), None
     for doubtful in sorted((s for s in finished if not s.verified), key=merit, reverse=True):
@@ -134,7 +133,7 @@ def _once_more(
     """A hop that is not verified with a larger tie-break or, if that does not help, with restarts."""
     if again := _calmer(hop, doubtful, outcomes, say, clock):
         return again
-    if doubtful.summary["refinement_ended"] != UNSOLVED:
+    if doubtful.summary.refinement_ended != UNSOLVED:
         return hop, doubtful
     say("not verified: refining again, with restarts")
     return hop, finish(hop, outcomes[_chosen(doubtful, outcomes)], outcomes, say, clock)
@@ -156,7 +155,7 @@ def _calmer(
     if not outcome.success:
         return None
     again = finish(other, outcome, outcomes, say, clock)
-    as_good = relative(again.summary["objective_value"], doubtful.summary["objective_value"]) < CLOSE
+    as_good = relative(again.summary.objective_value, doubtful.summary.objective_value) < CLOSE
     return (other, again) if again.verified and as_good else None
 
 
@@ -172,4 +171,4 @@ def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutc
 
 def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:
     """Which start led to it."""
-    return [o.name for o in outcomes].index(found.summary["starts"]["chosen"])
+    return [o.name for o in outcomes].index(found.summary.starts.chosen)

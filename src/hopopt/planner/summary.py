@@ -21,9 +21,28 @@ from hopopt.optimality import switching_structure as structure
 from hopopt.optimality.free_switches import Resolved
 from hopopt.planner.limit_use import as_dict, idle_uses
 from hopopt.planner.multistart import StartOutcome, distinct, same
-from hopopt.planner.solution import Samples, Solution
+from hopopt.planner.solution import Motion, Samples, Solution
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.verdict import Verdict
+from hopopt.planner.stored_summary import VERSION, Summary
+from hopopt.planner.summary_extras import Functions, Stretch, Structure
+from hopopt.planner.summary_parts import (
+    Condition,
+    Error,
+    Estimate,
+    IdleLimit,
+    LiftOff,
+    Mesh,
+    NamedCheck,
+    Optimum,
+    Parts,
+    PhaseFigures,
+    Relaxed,
+    Simulated,
+    StartEnded,
+    Starts,
+    UpperBound,
+)
+from hopopt.planner.verdict import StatedError, Verdict
 from hopopt.verify.upper_bound import upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -32,7 +51,7 @@ FINE = np.linspace(0.0, 1.0, 9)
 
 def summarize(
     hop: Hop,
-    plan: Solution,
+    plan: Motion,
     refinement: Refinement | Resolved,
     verdict: Verdict,
     outcomes: Sequence[StartOutcome],
@@ -41,30 +60,49 @@ def summarize(
 ) -> Solution:
     """The plan with its summary: what ``--json`` prints and ``summary.json`` keeps."""
     fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
-    stance = fine[STANCE]
-    goal, solution = hop.objective, refinement.solution
-    of_unit = "_m" if goal.unit == "m" else ""
-    summary: dict[str, Any] = {
-        "problem": plan.design.name,
-        "title": plan.design.title,
-        "objective": plan.objective,
-        "objective_meaning": goal.meaning,
-        "objective_unit": goal.unit,
-        "objective_figure": goal.figure,
-        "maximized": goal.maximize,
-        "functions": {
-            "objective": goal.name if goal.custom else None,
-            "constraints": [c.name for c in hop.constraints],
-        },
-        "clearance_asked_for_m": plan.design.hop.clearance if goal.ends == "demand" else None,
+    stance, goal, solution = fine[STANCE], hop.objective, refinement.solution
+    assert verdict.error is not None, "a fresh solution has multipliers"
+    found = {**plan.claims(), **plan.stated}
+    summary = Summary(
+        version=VERSION,
+        problem=plan.design.name,
+        title=plan.design.title,
+        objective=plan.objective,
+        objective_meaning=goal.meaning,
+        objective_unit=goal.unit,
+        objective_figure=goal.figure,
+        maximized=goal.maximize,
+        functions=Functions(goal.name if goal.custom else None, tuple(c.name for c in hop.constraints)),
+        clearance_asked_for_m=plan.design.hop.clearance if goal.ends == "demand" else None,
         **standing(verdict),
-        **plan.claims(),
-        **plan.summary,
-        "objective_error": verdict.error.as_dict() if verdict.error else None,
-        "objective_value": solution.objective,
-        f"tie_break_bias{of_unit}": hop.tie_break_bias,
-        "tie_break_weighs": abs(solution.objective - plan.summary.get(goal.figure, solution.objective)),
-        "upper_bound": upper_bound(plan.design).figures(),
+        **found,
+        objective_error=error_entry(verdict.error),
+        objective_value=solution.objective,
+        tie_break_weighs=abs(solution.objective - plan.stated.get(goal.figure, solution.objective)),
+        **motion_figures(plan, fine),
+        active_limits=most_first({**active_limits(plan, stance), **own_active(solution)}),
+        **in_the_objectives_unit(goal.unit, hop.tie_break_bias, limit_gains(solution, plan.design.contact.friction)),
+        mesh=tuple(Mesh(**asdict(step)) for step in refinement.history),
+        refinement_ended=refinement.ended,
+        scheme=solution.transcription.scheme.name,
+        starts=start_figures(outcomes, chosen),
+        seed=plan.design.solver.seed,
+        timings_s=clock.stages,
+        wall_s=clock.last - clock.begin,
+        result_dir=None,
+        certified=verdict.certified,
+        certificate=conditions(verdict),
+        structure=structure_entry(structure.structure(solution)),
+    )
+    kkt = {name: getattr(solution, name) for name in ("z", "p", "g", "lam_g", "lam_x")} | asdict(solution.bounds)
+    return Solution.of(plan, summary, kkt=kkt, multipliers=dict(verdict.multipliers), verdict=verdict)
+
+
+def motion_figures(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, Any]:
+    """Entries of the summary that follow from the motion alone; ``fine``: its samples, by phase."""
+    stance = fine[STANCE]
+    return {
+        "upper_bound": UpperBound(**upper_bound(plan.design).figures()),
         "parts": parts(plan),
         "lowest_point": _lowest(plan),
         "phases": {name: phase_figures(plan, name, s) for name, s in fine.items()},
@@ -76,45 +114,49 @@ def summarize(
         "grip_without_load_N": float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0)),
         "saturation_mean": saturation_mean(plan, stance),
         "energy": energy(plan, fine),
-        "active_limits": most_first({**active_limits(plan, stance), **own_active(solution)}),
-        "idle_limits": as_dict(idle_uses(plan, fine)),
-        f"gain_per_percent{of_unit}": limit_gains(solution, plan.design.contact.friction),
-        **checked(verdict),
-        "mesh": [asdict(step) for step in refinement.history],
-        "refinement_ended": refinement.ended,
-        "scheme": solution.transcription.scheme.name,
-        "starts": start_figures(outcomes, chosen),
-        "seed": plan.design.solver.seed,
-        "timings_s": clock.stages,
-        "wall_s": clock.last - clock.begin,
-        "result_dir": None,
-        "certified": verdict.certified,
-        "certificate": conditions(verdict),
-        "structure": structure.as_dict(structure.structure(solution)),
+        "idle_limits": {name: IdleLimit(**use) for name, use in as_dict(idle_uses(plan, fine)).items()},
     }
-    kkt = {name: getattr(solution, name) for name in ("z", "p", "g", "lam_g", "lam_x")} | asdict(solution.bounds)
-    return plan.noted(summary=summary, kkt=kkt, multipliers=dict(verdict.multipliers), verdict=verdict)
 
 
 def standing(verdict: Verdict) -> dict[str, Any]:
-    """Whether an answer is verified: in words, and as the exit code."""
+    """Entries that say whether an answer is verified: in words, as the exit code, and check by check."""
     verified = verdict.verified
     return {
         "status": "verified" if verified else "solved, not verified",
         "verified": verified,
         "exit_code": 0 if verified else 3,
+        "verification": tuple(NamedCheck(**c.as_dict()) for c in verdict.checks),
+        "failed_checks": tuple(verdict.failed_checks),
     }
 
 
-def checked(verdict: Verdict) -> dict[str, Any]:
-    """Every check, and the names of those that failed."""
-    return {"verification": [c.as_dict() for c in verdict.checks], "failed_checks": verdict.failed_checks}
-
-
-def conditions(verdict: Verdict) -> dict[str, Any]:
+def conditions(verdict: Verdict) -> dict[str, Condition]:
     """Conditions of the certificate, by name."""
-    entries = ((c.name, c.as_dict()) for c in verdict.conditions)
-    return {name.replace(" ", "_"): {k: v for k, v in entry.items() if k != "name"} for name, entry in entries}
+    entries = {c.name.replace(" ", "_"): c.as_dict() for c in verdict.conditions}
+    return {name: Condition(**{k: v for k, v in entry.items() if k != "name"}) for name, entry in entries.items()}
+
+
+def error_entry(error: StatedError) -> Error:
+    """The stated error as a summary holds it."""
+    told = error.as_dict()
+    return Error(
+        **{k: told[k] for k in ("too_high_by", "relative", "could_be_beaten_by")},
+        estimate=Estimate(**told["estimate"]),
+        simulated=Simulated(**told["simulated"]),
+        relaxed=Relaxed(**told["relaxed"]),
+    )
+
+
+def structure_entry(found: dict[str, list[structure.Stretch]]) -> Structure:
+    """The switching structure as a summary holds it."""
+    stretches: dict[str, Any] = {phase: tuple(Stretch(**asdict(s)) for s in parts) for phase, parts in found.items()}
+    return Structure(words=tuple(structure.sentences(found)), **stretches)
+
+
+def in_the_objectives_unit(unit: str, bias: float, gains: dict[str, float]) -> dict[str, Any]:
+    """Bias of the tie-break and gains of the limits, named by whether the objective is a length."""
+    of_unit = "_m" if unit == "m" else ""
+    return {f"tie_break_bias{of_unit}": bias, f"gain_per_percent{of_unit}": gains}
 
 
 def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FINE)) -> float:
@@ -123,42 +165,38 @@ def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FIN
     return float(np.trapezoid(y, t, axis=1).sum() / (t[-1, -1] - t[0, 0]))
 
 
-def parts(plan: Solution) -> dict[str, float]:
+def parts(plan: Motion) -> Parts:
     """The three exact, signed parts [m] that sum to the clearance (COM is the whole leg's centre of mass)."""
     start, end = plan.sample_phase(FLIGHT, np.array([0.0])), plan.apex
     low, high = float(start.points["com"][0, 1]), float(end.points["com"][0, 1])
-    return {
-        "com_height_at_lift_off_m": low,
-        "ballistic_rise_m": high - low,
-        "com_height_over_lowest_point_m": plan.claims()["clearance_m"] - high,
-    }
+    return Parts(low, high - low, plan.claims()["clearance_m"] - high)
 
 
-def _lowest(plan: Solution) -> str:
+def _lowest(plan: Motion) -> str:
     end = plan.apex
     heights = {name: round(float(end.points[name][0, 1]), 9) for name in ("foot", *plan.robot.joints)}
     return min(heights, key=lambda name: heights[name])
 
 
-def phase_figures(plan: Solution, phase: str, samples: Samples) -> dict[str, Any]:
+def phase_figures(plan: Motion, phase: str, samples: Samples) -> PhaseFigures:
     """Duration, mesh and the extremes of one phase."""
     joints = plan.robot.joints
-    return {
-        "duration_s": plan.phases[phase].duration,
-        "intervals": len(plan.phases[phase].x_start),
-        "peak_torque_Nm": {j: float(np.abs(samples.tau[:, k]).max()) for k, j in enumerate(joints)},
-        "peak_speed_rad_s": {j: float(np.abs(samples.v[:, BASE + k]).max()) for k, j in enumerate(joints)},
-    }
+    return PhaseFigures(
+        duration_s=plan.phases[phase].duration,
+        intervals=len(plan.phases[phase].x_start),
+        peak_torque_Nm={j: float(np.abs(samples.tau[:, k]).max()) for k, j in enumerate(joints)},
+        peak_speed_rad_s={j: float(np.abs(samples.v[:, BASE + k]).max()) for k, j in enumerate(joints)},
+    )
 
 
-def lift_off(plan: Solution) -> dict[str, float]:
+def lift_off(plan: Motion) -> LiftOff:
     """Time [s], speed of the centre of mass [m/s] and its direction at lift-off."""
     s = plan.sample_phase(FLIGHT, np.array([0.0]))
     vx, vz = (float(x) for x in s.com_v[0])
-    return {"time_s": plan.lift_off, "speed_m_s": float(np.hypot(vx, vz)), "vertical_m_s": vz, "horizontal_m_s": vx}
+    return LiftOff(plan.lift_off, float(np.hypot(vx, vz)), vertical_m_s=vz, horizontal_m_s=vx)
 
 
-def saturation_mean(plan: Solution, stance: Samples) -> dict[str, float]:
+def saturation_mean(plan: Motion, stance: Samples) -> dict[str, float]:
     """C_avg of every joint in stance (eq. sim_cactavg), capped at 1 between the nodes."""
     means = {}
     for k, joint in enumerate(plan.robot.joints):
@@ -167,7 +205,7 @@ def saturation_mean(plan: Solution, stance: Samples) -> dict[str, float]:
     return means
 
 
-def energy(plan: Solution, fine: Mapping[str, Samples]) -> dict[str, float]:
+def energy(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, float]:
     """Mechanical work of the joints [J]: net and positive, in every phase."""
     figures = {}
     for name, s in fine.items():
@@ -177,7 +215,7 @@ def energy(plan: Solution, fine: Mapping[str, Samples]) -> dict[str, float]:
     return figures
 
 
-def active_limits(plan: Solution, stance: Samples) -> dict[str, float]:
+def active_limits(plan: Motion, stance: Samples) -> dict[str, float]:
     """Share of stance in which each limit is active, largest first; a limit of its duration is active in all of it."""
     shares: dict[str, np.ndarray | bool] = {}
     leg, size = plan.design.leg, reach(plan.design.leg)
@@ -224,7 +262,7 @@ def _own_range(t: Transcription, rows: Rows) -> np.ndarray:
     return np.where(both, np.subtract(upper, lower, out=np.zeros_like(one), where=both), one)
 
 
-def _active_at_the_ground(plan: Solution, stance: Samples) -> dict[str, np.ndarray]:
+def _active_at_the_ground(plan: Motion, stance: Samples) -> dict[str, np.ndarray]:
     """Where the ground's limits are active: it cannot pull, a loaded foot may not slip, the body may not descend."""
     margin, friction = ACTIVE * force_range(plan.robot.model), plan.design.contact.friction
     along, up = np.abs(stance.f[:, :-1]).max(axis=1) / steepness(stance.f.shape[1]), stance.f[:, -1]
@@ -282,26 +320,18 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
     return most_first({name: gain for name, gain in gains.items() if gain > 1e-6})
 
 
-def start_figures(outcomes: Sequence[StartOutcome], chosen: StartOutcome) -> dict[str, Any]:
+def start_figures(outcomes: Sequence[StartOutcome], chosen: StartOutcome) -> Starts:
     """How many starts ended where, on the first mesh."""
-    ends: list[Mapping[str, Any]] = []
-    for optimum in distinct(outcomes):
-        members = [o.name for o in outcomes if o.success and same(o.objective, optimum.objective)]
-        ends.append({"objective": optimum.objective, "count": len(members), "starts": members})
-    return {
-        "count": len(outcomes),
-        "agreeing": sum(o.success and same(o.objective, chosen.objective) for o in outcomes),
-        "failed": [o.name for o in outcomes if not o.success],
-        "chosen": chosen.name,
-        "optima": ends,
-        "each": [
-            {
-                "name": o.name,
-                "status": o.status,
-                "objective": o.objective,
-                "iterations": o.iterations,
-                "seconds": o.seconds,
-            }
-            for o in outcomes
-        ],
-    }
+
+    def optimum(best: StartOutcome) -> Optimum:
+        members = tuple(o.name for o in outcomes if o.success and same(o.objective, best.objective))
+        return Optimum(best.objective, len(members), members)
+
+    return Starts(
+        count=len(outcomes),
+        agreeing=sum(o.success and same(o.objective, chosen.objective) for o in outcomes),
+        failed=tuple(o.name for o in outcomes if not o.success),
+        chosen=chosen.name,
+        optima=tuple(optimum(best) for best in distinct(outcomes)),
+        each=tuple(StartEnded(o.name, o.status, o.objective, o.iterations, o.seconds) for o in outcomes),
+    )

@@ -1,6 +1,7 @@
 """The best hop of a leg once more with its drives' switches at free times: taken if it is verified and the same optimum."""
 
 from collections.abc import Sequence
+from dataclasses import asdict, replace
 from typing import Any
 
 from hopopt.nlp.mesh_refinement import MeshStep, relative
@@ -18,22 +19,26 @@ def with_free_switches(
 ) -> Solution:
     """The best hop solved again with its drives' switches at free times, if that is verified and agrees with it."""
     say("solving again with free switching times")
-    settled = MeshStep(**best.summary["mesh"][-1])
+    settled = MeshStep(**asdict(best.summary.mesh[-1]))
     found = resolve(stored_nlp(best), settled, aims_of(hop), lambda step: say(progress_line(hop, step)))
     clock.mark("structure")
     if isinstance(found, str):
-        return _with_structure(best, {"solved_again": False, "note": found})
-    outcome = next(o for o in outcomes if o.name == best.summary["starts"]["chosen"])
+        return _with_structure(best, solved_again=False, note=found)
+    outcome = next(o for o in outcomes if o.name == best.summary.starts.chosen)
     again = summed_up(judged(hop, found, clock), outcomes, outcome, clock)
-    difference = relative(again.summary["objective_value"], best.summary["objective_value"])
-    wrong = again.summary["failed_checks"] + ([] if again.summary["certified"] else ["the certificate"])
+    difference = relative(again.summary.objective_value, best.summary.objective_value)
+    wrong = [*again.summary.failed_checks, *([] if again.summary.certified else ["the certificate"])]
     wrong += [f"another optimum, {difference:.0e} away"] if difference > hop.design.solver.objective_tolerance else []
     note = f"with free switching times it failed: {', '.join(wrong)}" if wrong else ""
-    told = {"solved_again": not wrong, "note": note, "switches_s": found.switches, "jumps_s": found.jumps}
-    told["difference"] = difference
-    return _with_structure(best if wrong else again, told)
+    return _with_structure(
+        best if wrong else again,
+        solved_again=not wrong,
+        note=note,
+        switches_s=dict(found.switches),
+        jumps_s=dict(found.jumps),
+        difference=difference,
+    )
 
 
-def _with_structure(solution: Solution, more: dict[str, Any]) -> Solution:
-    summary = solution.summary
-    return solution.noted(summary={**summary, "structure": {**summary["structure"], **more}})
+def _with_structure(solution: Solution, **more: Any) -> Solution:
+    return solution.with_summary(structure=replace(solution.summary.structure, **more))

@@ -25,7 +25,7 @@ from hopopt.plots.style import (
     legend,
     new_figure,
 )
-from hopopt.studies.sweep.store import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
+from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 
 if TYPE_CHECKING:
     from hopopt.studies.sweep.run import Study

@@ -1,6 +1,7 @@
 """Verification of a stored result, from its files alone."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -15,12 +16,17 @@ from hopopt.planner.judge import judge, plan_checks
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import has_multipliers, own_functions, stored_nlp
 from hopopt.planner.stored_multipliers import agreement
+from hopopt.planner.summary import FINE, motion_figures
+from hopopt.planner.summary_entry import as_data
+from hopopt.planner.summary_extras import CoDesign
 from hopopt.planner.verdict import Verdict
+from hopopt.storage.digests import seal
 from hopopt.storage.folder import fitting
 from hopopt.verify.check import KKT, Check
 
 CONFIRMED = 1e-4  # relative: the fixed design may be worse than the co-design by this
 AGREE = 1e-9  # stored tables against the stored trajectories, relative
+FIGURES = 1e-6  # the summary against the motion, relative, or absolute below 1
 SAME = 1e-7  # the error of the objective against the stated one, relative to the objective
 
 
@@ -36,33 +42,48 @@ def recheck(solution: Solution) -> Verdict:
 def reverified(solution: Solution) -> Solution:
     """A stored solution that is ``verified`` only if its summary says so and every check passes again."""
     verified = solution.verified and recheck(solution).verified
-    return replace(solution, summary={**solution.summary, "verified": verified})
+    return solution.with_summary(verified=verified)
+
+
+def accept(solution: Solution) -> None:
+    """Take a solution whose every check passed again as it lies there: write the digests of its files anew."""
+    if solution.doubts and solution.result_dir is not None:
+        with suppress(OSError):  # a folder that may not be written is still verified
+            seal(solution.result_dir)
 
 
 def _recheck(solution: Solution) -> Verdict:
     goal, constraints = own_functions(solution)
-    claims = {name: float(solution.summary[name]) for name in {"clearance_m", goal.figure} & solution.summary.keys()}
-    agree, co_design = _agreement(solution), tuple(co_design_checks(goal, solution.summary))
+    summary = solution.summary
+    claims = {name: x for name in ("clearance_m", goal.figure) if (x := summary.figure(name)) is not None}
+    agree, sound = _agreement(solution), _same_figures(solution)
+    co_design = tuple(co_design_checks(goal, summary.objective_value, summary.codesign))
     if not has_multipliers(solution):
         missing = Check("first-order conditions", float("inf"), KKT, "scaled", "the file holds no multipliers")
-        return Verdict((missing, agree, *plan_checks(solution, goal, constraints, claims), *co_design))
+        return Verdict((missing, agree, sound, *plan_checks(solution, goal, constraints, claims), *co_design))
     nlp = stored_nlp(solution)
-    change = next(c for c in solution.summary["verification"] if c["name"] == "change of the objective")["residual"]
     of_file = replace(nlp, phases=solution.phases)
     errors = {name: interval_errors(of_file, name) for name in solution.phases}
-    found = judge(solution, of_file, goal, constraints, claims, errors, float("inf") if change is None else change)
-    more = [agree, _same_program(solution, nlp), _same_limits(nlp), *_same_error(solution, nlp, found), *co_design]
+    change = summary.check("change of the objective").residual
+    found = judge(solution, of_file, goal, constraints, claims, errors, change)
+    more = [
+        agree,
+        sound,
+        _same_program(solution, nlp),
+        _same_limits(nlp),
+        *_same_error(solution, nlp, found),
+        *co_design,
+    ]
     conditions = [replace(agree, name="stored torques and motion")]
     if solution.multipliers:
         conditions.append(agreement(found.multipliers, solution.multipliers))
     return found.with_checks(more, conditions)
 
 
-def co_design_checks(goal: HopObjective, summary: Mapping[str, Any]) -> Iterator[Check]:
-    """That the fixed design confirms the co-design that it comes from, if it does."""
-    if "codesign" in summary:
-        value = summary["objective_value"]
-        worse = goal.sign * (summary["codesign"]["objective_value"] - value) / max(abs(value), 1e-9)
+def co_design_checks(goal: HopObjective, value: float, codesign: CoDesign | None) -> Iterator[Check]:
+    """That the fixed design, with its objective's ``value``, confirms the co-design that it comes from, if it does."""
+    if codesign is not None:
+        worse = goal.sign * (codesign.objective_value - value) / max(abs(value), 1e-9)
         where = "the fixed design against the co-design"
         yield Check("co-design confirmed", max(worse, 0.0), CONFIRMED, "relative", where)
 
@@ -101,10 +122,30 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
 
 def _same_error(solution: Solution, nlp: NlpSolution, found: Verdict) -> Iterator[Check]:
     """The error of the objective, computed again, is no larger than the one that stands beside the answer."""
-    if "objective_error" in solution.summary and found.error:  # results of earlier versions state none
-        stated = solution.summary["objective_error"]["too_high_by"]
-        more = (found.error.too_high_by - (np.inf if stated is None else stated)) / nlp.magnitude
+    if found.error:
+        more = (found.error.too_high_by - solution.summary.objective_error.too_high_by) / nlp.magnitude
         yield Check("error of the objective as stated", max(more, 0.0), SAME, "relative")
+
+
+def _same_figures(solution: Solution) -> Check:
+    """What the summary says of the motion against the motion, and against itself."""
+    fine = {phase: solution.everywhere(phase, FINE) for phase in solution.phases}
+    fresh, wrong = as_data(motion_figures(solution, fine)), {"": 0.0}
+    for name, value in fresh.items():
+        wrong[name] = _difference(as_data(getattr(solution.summary, name)), value)
+    if words := solution.summary.contradictions():
+        wrong[words[0]] = float("inf")
+    worst = max(wrong, key=lambda name: wrong[name])
+    return Check("figures of the summary as computed", wrong[worst], FIGURES, "relative", worst)
+
+
+def _difference(stored: Any, fresh: Any) -> float:
+    """Largest relative difference of the numbers in two pieces of JSON data; infinite if anything else differs."""
+    if isinstance(fresh, float) and isinstance(stored, int | float):
+        return abs(stored - fresh) / max(1.0, abs(fresh))
+    if isinstance(fresh, dict) and isinstance(stored, dict) and stored.keys() == fresh.keys():
+        return max((_difference(stored[key], fresh[key]) for key in fresh), default=0.0)
+    return 0.0 if stored == fresh else float("inf")
 
 
 def _agreement(solution: Solution) -> Check:

@@ -4,19 +4,18 @@ results/<problem>-<hash8>/
     solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors;
                     in certificate/ costates, Hamiltonian and multipliers (storage/multipliers.py)
     summary.json    every printed number          problem.toml   all defaults filled in, runs again
-    manifest.json   versions, seed, mesh history  figures/       PNG and SVG
+    manifest.json   versions, seed, mesh history, digests of the files above        figures/       PNG and SVG
 
 Figures come last, when the data are safe: one that fails leaves a note in the summary, nothing else.
 """
 
 import hashlib
-import json
 import logging
 import os
 import platform
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -24,16 +23,22 @@ from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import ResultError
+from hopopt.ocp.custom import FIGURE
 from hopopt.planner.solution import Solution
+from hopopt.planner.stored_summary import Summary
+from hopopt.planner.summary_entry import as_data
 from hopopt.problem.load import design_hash, load, resolved_toml
+from hopopt.storage.digests import changed, digest, seal
 from hopopt.storage.folder import reason_of, unused, write_json
 from hopopt.storage.multipliers import groups, multipliers
 from hopopt.storage.netcdf import Group, to_bytes
 from hopopt.storage.netcdf import read as read_netcdf
 from hopopt.storage.phases import phase_group, table_of, trajectory_of
+from hopopt.storage.summary import read_summary
+from hopopt.verify.measures import MEASURES
 
 PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
-FORMAT = 1  # of the folder's contents
+FORMAT = 2  # of the folder's contents
 Figures = Callable[[Solution, Path], Any]
 
 
@@ -43,13 +48,14 @@ def folder_name(design: Design, objective: str, constraints: Sequence[str] = ())
     return f"{design.name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
-def stated(summary: Mapping[str, Any]) -> dict[str, Any]:
+def stated(summary: Summary) -> dict[str, Any]:
     """A summary as it may be printed: figures that are not verified are named as such, not as the answer."""
-    if summary["verified"]:
-        return dict(summary)
-    figures = dict.fromkeys(("clearance_m", "apex_m", summary.get("objective_figure", "clearance_m")))
-    heights = {k: summary[k] for k in figures if k in summary}
-    return {**summary, **dict.fromkeys(heights), **{f"unverified_{k}": v for k, v in heights.items()}}
+    data = as_data(summary)
+    if summary.verified:
+        return data
+    figures = dict.fromkeys(("clearance_m", "apex_m", summary.objective_figure))
+    heights = {k: data[k] for k in figures if k in data}
+    return {**data, **dict.fromkeys(heights), **{f"unverified_{k}": v for k, v in heights.items()}}
 
 
 def save(solution: Solution, results: str | Path = "results", figures: Figures | None = None) -> Solution:
@@ -70,14 +76,14 @@ def save(solution: Solution, results: str | Path = "results", figures: Figures |
 def _save_data(solution: Solution, results: Path) -> Solution:
     results.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
-    constraints = solution.summary.get("functions", {}).get("constraints", ())
+    constraints = solution.summary.functions.constraints
     target = unused(results / folder_name(solution.design, solution.objective, constraints))
     solution = _placed(solution, target)
     try:
         (work / "solution.nc").write_bytes(_netcdf(solution))
         (work / "problem.toml").write_text(resolved_toml(solution.design), encoding="utf-8")
-        write_json(solution.summary, work / "summary.json")
-        write_json(_manifest(solution), work / "manifest.json")
+        write_json(as_data(solution.summary), work / "summary.json")
+        seal(work, more=_manifest(solution))
         os.chmod(work, 0o755)  # mkdtemp makes it private
         return _publish(solution, work, target)
     except BaseException:
@@ -97,7 +103,7 @@ def _rescued(solution: Solution) -> str:
 
 
 def _placed(solution: Solution, target: Path) -> Solution:
-    return solution.noted(result_dir=target, summary={**solution.summary, "result_dir": str(target)})
+    return solution.noted(result_dir=target).with_summary(result_dir=str(target))
 
 
 def _with_figures(solution: Solution, figures: Figures) -> Solution:
@@ -111,16 +117,17 @@ def _with_figures(solution: Solution, figures: Figures) -> Solution:
     except (Exception, KeyboardInterrupt) as error:  # the data are what took the time: nothing here may lose them
         note = f"figures are missing ({reason_of(error)}); the data in {folder} are complete"
     logging.getLogger(__name__).warning(note)
-    return with_more(solution, {"notes": [*solution.summary.get("notes", ()), note]})
+    return with_more(solution, notes=(*solution.summary.notes, note))
 
 
-def with_more(solution: Solution, entries: Mapping[str, Any]) -> Solution:
-    """A saved solution with more in its summary, in its folder as well if that can be written."""
-    solution, folder = solution.noted(summary={**solution.summary, **entries}), solution.result_dir
+def with_more(solution: Solution, **entries: Any) -> Solution:
+    """A saved solution with other entries of its summary, in its folder as well if that can be written."""
+    solution, folder = solution.with_summary(**entries), solution.result_dir
     assert folder is not None
     with suppress(OSError):
-        write_json(solution.summary, folder / ".summary.json")
+        write_json(as_data(solution.summary), folder / ".summary.json")
         (folder / ".summary.json").replace(folder / "summary.json")
+        seal(folder)
     return solution
 
 
@@ -135,18 +142,19 @@ def _publish(solution: Solution, work: Path, target: Path) -> Solution:
                 raise
             target = unused(target)
             solution = _placed(solution, target)
-            write_json(solution.summary, work / "summary.json")
+            write_json(as_data(solution.summary), work / "summary.json")
+            seal(work)
 
 
 def _manifest(solution: Solution) -> dict[str, Any]:
     versions = {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
-    figures = {name: solution.summary.get(name) for name in ("seed", "scheme", "mesh", "timings_s")}
+    figures = {name: as_data(getattr(solution.summary, name)) for name in ("seed", "scheme", "mesh", "timings_s")}
     return {"format": FORMAT, "objective": solution.objective, "versions": versions, **figures}
 
 
 def _netcdf(solution: Solution) -> bytes:
     attributes = {"objective": solution.objective, "problem": solution.design.name, "format": FORMAT}
-    attributes["problem_sha256"] = _digest(resolved_toml(solution.design).encode())
+    attributes["problem_sha256"] = digest(resolved_toml(solution.design).encode())
     found = {"/": Group(attributes=attributes)}
     for phase, trajectory in solution.phases.items():
         found[phase] = phase_group(solution, solution.tables[phase], trajectory)
@@ -154,14 +162,11 @@ def _netcdf(solution: Solution) -> bytes:
     return to_bytes(found | groups(solution.multipliers))
 
 
-def _digest(text: bytes) -> str:
-    return hashlib.sha256(text).hexdigest()
-
-
 def read(folder: str | Path) -> Solution:
     """A solution from its results folder; ResultError in a sentence if something is missing or broken.
 
-    Its ``tables`` are the stored ones, so that verification sees what the file holds.
+    Its ``tables`` are the stored ones, so that verification sees what the file holds; its ``doubts`` name files that
+    were changed.
     """
     folder = Path(folder)
     with _readable(folder):
@@ -172,9 +177,9 @@ def read(folder: str | Path) -> Solution:
             raise ResultError(f"{folder}: {what}: give a folder that `hopopt solve` wrote{_results_in(folder)}")
     problem = folder / "problem.toml"
     with _readable(problem):
-        digest = _digest(problem.read_bytes())
+        problem_digest = digest(problem.read_bytes())
     with _readable(folder / "summary.json"):
-        summary = dict(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
+        summary = read_summary(folder / "summary.json")
     with _readable(folder / "solution.nc"):
         stored = read_netcdf(folder / "solution.nc")
         names = ("stance", "flight", *(("descent",) if "descent" in stored else ()))
@@ -183,12 +188,14 @@ def read(folder: str | Path) -> Solution:
         nlp = stored.get("nlp", Group())
         kkt, kept = {name: nlp[name] for name in nlp.variables}, multipliers(stored)
         objective = str(stored[""].attributes["objective"])
-        written = stored[""].attributes.get("problem_sha256", digest)
-    if written != digest:
+        written = stored[""].attributes.get("problem_sha256", problem_digest)
+    if written != problem_digest:
         raise ResultError(
             f"{problem}: it was changed after this result was written: undo that, and change a copy elsewhere instead"
         )
-    solution = Solution(load(problem), objective, phases, summary, kkt, folder, kept)
+    figures = {name: x for name in (*MEASURES, FIGURE) if (x := summary.figure(name)) is not None}
+    doubts = (*changed(folder), *(f"summary.json contradicts itself: {words}" for words in summary.contradictions()))
+    solution = Solution(load(problem), objective, phases, summary, kkt, folder, kept, doubts=doubts, stated=figures)
     solution.__dict__["tables"] = tables
     return solution
 

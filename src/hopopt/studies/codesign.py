@@ -8,7 +8,6 @@ must reach the same objective.
 import os
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from hopopt.ocp.free_parameters import Coupling, Freedom, parse_coupling
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import given
 from hopopt.optimality.parametric_sensitivity import slopes
-from hopopt.planner import summary as summaries
 from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import (
     Progress,
@@ -37,6 +35,8 @@ from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import best_of
 from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.summary import standing
+from hopopt.planner.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
 from hopopt.problem.load import changed
 from hopopt.problem.render import rows
 from hopopt.problem.wording import did_you_mean
@@ -123,25 +123,22 @@ def optimal(freedom: Freedom, solution: NlpSolution) -> dict[str, float]:
 
 def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
     """The answer with what was free, and the check that the fixed design confirms the co-design."""
-    found = {
-        "objective_value": best.objective,
-        "parameters": _parameters(hop, best),
-        "couplings": [_coupling(c, hop, best) for c in hop.freedom.couplings],
-        "mass_laws": laws(hop.freedom),
-    }
+    found = CoDesign(
+        best.objective,
+        parameters=tuple(_parameters(hop, best)),
+        couplings=tuple(_coupling(c, hop, best) for c in hop.freedom.couplings),
+        mass_laws={part: MassLawUsed(**law) for part, law in laws(hop.freedom).items()},
+    )
     assert answer.verdict is not None
-    verdict = answer.verdict.with_checks(co_design_checks(hop.objective, {**answer.summary, "codesign": found}))
-    summary = {**answer.summary, **summaries.standing(verdict), **summaries.checked(verdict), "codesign": found}
-    notes = beyond(hop.freedom)
-    value = answer.summary["objective_value"]
+    value, notes = answer.summary.objective_value, beyond(hop.freedom)
+    verdict = answer.verdict.with_checks(co_design_checks(hop.objective, value, found))
     if hop.objective.sign * (value - best.objective) > CONFIRMED * abs(value):
         notes.append("the fixed design has a better hop than the co-design found: try more starts")
-    if notes:
-        summary["notes"] = [*summary.get("notes", ()), *notes]
-    return replace(answer, summary=summary, verdict=verdict)
+    told = (*answer.summary.notes, *notes)
+    return answer.noted(verdict=verdict).with_summary(**standing(verdict), codesign=found, notes=told)
 
 
-def _parameters(hop: Hop, best: NlpSolution) -> list[dict[str, Any]]:
+def _parameters(hop: Hop, best: NlpSolution) -> list[FreeEntry]:
     """For each free entry: value before and now, bounds, whether it is at one and what moving that would gain."""
     t, by = best.transcription, slopes(best)
     entries = {row.path: row for row in rows(hop.design)}
@@ -154,17 +151,25 @@ def _parameters(hop: Hop, best: NlpSolution) -> list[dict[str, Any]]:
         bound = "lower" if values[p.name] == low else "upper" if values[p.name] == high else None
         slope = float((by.low_z if bound == "lower" else by.high_z)[at]) if bound else 0.0
         found.append(
-            {"entry": p.name, "unit": entries[p.name].unit, "was": float(entries[p.name].value), "lower": low,
-             "upper": high, "optimal": values[p.name], "at_bound": bound, "gain_per_unit_of_the_bound": slope}
-        )  # fmt: skip
+            FreeEntry(
+                p.name,
+                entries[p.name].unit,
+                float(entries[p.name].value),
+                low,
+                high,
+                optimal=values[p.name],
+                at_bound=bound,
+                gain_per_unit_of_the_bound=slope,
+            )
+        )
     return found
 
 
-def _coupling(c: Coupling, hop: Hop, best: NlpSolution) -> dict[str, Any]:
+def _coupling(c: Coupling, hop: Hop, best: NlpSolution) -> CouplingHeld:
     values = {**physical_parameters(hop.leg), **{k: float(v[0]) for k, v in best.parameters.items()}}
     total = c.value(values)
     active = bool(np.isclose(total, c.lower) or np.isclose(total, c.upper))
-    return {"coupling": c.text, "equation": c.equation(), "active": active}
+    return CouplingHeld(c.text, c.equation(), active)
 
 
 # ---- what may be free ---------------------------------------------------------------------------------------

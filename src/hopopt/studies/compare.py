@@ -21,6 +21,7 @@ from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.reserve import plan_to_track, reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
+from hopopt.planner.summary_extras import PaperStrategy
 from hopopt.problem.load import design_hash
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.mujoco import library
@@ -176,7 +177,7 @@ def suiting(design: Design) -> tuple[list[str], list[str]]:
     return [*tracking, *(name for name in BUILT_IN if name not in tracking)], []
 
 
-def paper_strategy(solution: Solution) -> dict[str, Any] | None:
+def paper_strategy(solution: Solution) -> PaperStrategy | None:
     """The paper's force control, a PD law clamped to what the drives can give (eq. con_tdyn, con_tdes) with the paper's
     gains, on the leg of a verified optimum.
 
@@ -184,7 +185,7 @@ def paper_strategy(solution: Solution) -> dict[str, Any] | None:
     in words, or empty); whether it is ``beyond_bound``, which then is wrong. None in all where the optimum is no bound on
     clearance (another objective, constraints of one's own), or the leg is not of two joints or cannot be simulated.
     """
-    if not solution.verified or solution.objective != OBJECTIVE or solution.summary["functions"]["constraints"]:
+    if not solution.verified or solution.objective != OBJECTIVE or solution.summary.functions.constraints:
         return None
     try:
         run = simulate(solution.design, find(PAPERS), past_apex=True)
@@ -194,13 +195,9 @@ def paper_strategy(solution: Solution) -> dict[str, Any] | None:
     fault = "" if f.trace.outcome == PAST_APEX else f.trace.outcome
     fault = "; ".join(f.limits_exceeded) or fault
     reached = None if fault else f.clearance
-    return {
-        "name": PAPERS,
-        "clearance_m": reached,
-        "share_of_bound": None if reached is None else reached / solution.clearance,
-        "fault": fault,
-        "beyond_bound": not fault and bool(Comparison(solution, None, {PAPERS: run}).beaten_by),
-    }
+    share = None if reached is None else reached / solution.clearance
+    beyond = not fault and bool(Comparison(solution, None, {PAPERS: run}).beaten_by)
+    return PaperStrategy(PAPERS, reached, share, fault, beyond_bound=beyond)
 
 
 def answering(design: Design, bound: Solution) -> Solution:

@@ -17,7 +17,7 @@ from hopopt.planner.families import motion, words
 from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import SAME, StartOutcome, first_options, first_transcription, outcome_of, solution_of
 from hopopt.planner.refine_and_verify import finish
-from hopopt.planner.solution import Solution
+from hopopt.planner.solution import Motion
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.render import design_hash
 
@@ -178,7 +178,7 @@ def _from_neighbour(p: _Program, before: Design, source: Optimum) -> NlpSolution
 
 def _optimum(p: _Program, outcome: StartOutcome) -> Optimum:
     phases = solution_of(outcome, p.t).phases
-    plan = Solution(p.hop.design, OBJECTIVE, phases, {})
+    plan = Motion(p.hop.design, OBJECTIVE, phases)
     return Optimum(
         outcome, (outcome.name,), outcome.vectors["z"] * p.t.scale, _shape(p, phases[STANCE]),
         plan.claims()["clearance_m"], words(motion(p.hop, plan)), _poses(plan),
@@ -204,7 +204,7 @@ def refined(design: Design, optimum: Optimum) -> Refined:
         found = finish(hop, optimum.outcome, [optimum.outcome], _silent, Stopwatch())
     except STOPS as error:
         return Refined(optimum.clearance, False, (f"stopped by a {type(error).__name__}",))
-    return Refined(found.clearance, found.verified, tuple(found.summary["failed_checks"]))
+    return Refined(found.clearance, found.verified, tuple(found.summary.failed_checks))
 
 
 def _silent(text: str) -> None:

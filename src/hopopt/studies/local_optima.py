@@ -23,10 +23,10 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import Directed
 from hopopt.planner.families import motion, words
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
-from hopopt.planner.solution import Solution
+from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, unused, write_json
-from hopopt.studies.sweep.store import write_whole
+from hopopt.studies.sweep.point_file import write_whole
 
 Say = Callable[[str], None]
 
@@ -133,9 +133,7 @@ def _program(folder: Path) -> tuple[Hop, NlpSolver]:
 def _ended(folder: Path, index: int) -> Ended:
     hop, solver = _program(folder)
     (outcome,) = run_chunk(hop, [index], solver)
-    figures = motion(
-        hop, Solution(hop.design, hop.objective.name, solution_of(outcome, solver.transcription).phases, {})
-    )
+    figures = motion(hop, Motion(hop.design, hop.objective.name, solution_of(outcome, solver.transcription).phases))
     return Ended(
         index, outcome.name, outcome.success, outcome.status, outcome.objective, outcome.iterations, outcome.seconds,
         **(figures if outcome.success else {}),

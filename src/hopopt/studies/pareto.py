@@ -249,7 +249,7 @@ def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> So
     if solution is None:
         found.add(FrontPoint(kind, asked, None, None, False, "refinement stopped"), None)
         return None
-    value = float(solution.summary[found.against.figure])
+    value = float(solution.summary.figure(found.against.figure) or 0.0)
     return _keep(found, kind, solution, asked, value, time.perf_counter() - began)
 
 
@@ -263,10 +263,9 @@ def _distinct(ranked: Sequence[StartOutcome]) -> list[StartOutcome]:
 
 def _keep(found: Front, kind: str, s: Solution, asked: float, value: float, seconds: float) -> Solution:
     if found.folder is not None:
-        s.summary.setdefault("wall_s", seconds)
         s = save(s, found.folder / "points")
     place = str(s.result_dir) if s.result_dir else None
     figures = (s.clearance, value) if s.verified else (None, None)
-    sentence = "" if s.verified else f"not verified: {', '.join(s.summary['failed_checks'])}"
+    sentence = "" if s.verified else f"not verified: {', '.join(s.summary.failed_checks)}"
     found.add(FrontPoint(kind, asked, *figures, s.verified, sentence, place, seconds, kind != TOP), s)
     return s

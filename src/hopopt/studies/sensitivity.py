@@ -33,7 +33,7 @@ def sensitivity(solution: Solution) -> list[Influence]:
     pose has no derivative.
     """
     design = solution.design
-    if solution.summary.get("objective_unit", "m") != "m" or solution.own != (None, ()):
+    if solution.summary.objective_unit != "m" or solution.own != (None, ()):
         raise UsageError(f"what to change first is said of heights, not of {solution.objective}")
     found = derivatives(design, slopes(stored_nlp(with_own_drives(solution))))
     entries, influences = {row.path: row for row in rows(design)}, []
@@ -47,7 +47,8 @@ def sensitivity(solution: Solution) -> list[Influence]:
 def as_dict(solution: Solution, influences: Sequence[Influence], failed: Sequence[str]) -> dict[str, Any]:
     """For JSON: the optimum, every influence on it, and what its height is known to; nothing of the first two if
     it ``failed`` checks."""
-    height = {k: None if failed else solution.summary[k] for k in ("clearance_m", "apex_m") if k in solution.summary}
+    reached = {name: solution.summary.figure(name) for name in ("clearance_m", "apex_m")}
+    height = {name: None if failed else value for name, value in reached.items() if value is not None}
     return {
         "problem": solution.design.name,
         "objective": solution.objective,
@@ -56,7 +57,7 @@ def as_dict(solution: Solution, influences: Sequence[Influence], failed: Sequenc
         "exit_code": 3 if failed else 0,
         "failed_checks": list(failed),
         "optimum": str(solution.result_dir) if solution.result_dir else None,
-        "tie_break_bias_m": solution.summary["tie_break_bias_m"],
+        "tie_break_bias_m": solution.summary.tie_break_bias_m,
         "settled_within_m": settled_within(solution),
         "parameters": [i.as_dict() for i in influences],
     }
@@ -64,9 +65,9 @@ def as_dict(solution: Solution, influences: Sequence[Influence], failed: Sequenc
 
 def settled_within(solution: Solution) -> float:
     """How far the optimal height depends on the mesh [m]: the last change with it, and the price of its limits."""
-    residuals = {c["name"]: c["residual"] for c in solution.summary["verification"]}
-    share = sum(residuals[what] or 0.0 for what in ("change of the objective", "price of drawing in the limits"))
-    return share * abs(solution.summary["objective_value"])
+    names = ("change of the objective", "price of drawing in the limits")
+    residuals = (solution.summary.check(name).residual for name in names)
+    return sum(r for r in residuals if np.isfinite(r)) * abs(solution.summary.objective_value)
 
 
 def with_own_drives(solution: Solution) -> Solution:

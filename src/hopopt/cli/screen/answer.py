@@ -3,10 +3,10 @@
 The whole account is in cli/screen/details.py.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import ceil, floor, isfinite, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
@@ -17,6 +17,7 @@ from hopopt.planner.solution import at_apex
 
 if TYPE_CHECKING:
     from hopopt.planner.solution import Solution
+    from hopopt.planner.stored_summary import Summary
 
 MOST = 4  # limits that are named
 FAMILIES = 3  # different hops that are listed
@@ -24,94 +25,93 @@ FAMILIES = 3  # different hops that are listed
 
 def print_answer(solution: "Solution") -> None:
     """The answer, short."""
-    s = solution.summary
+    s = solution.shown
     print_parts(
         s,
         hop=hop_lines(s),
         control=control_lines(s),
         limits=_limits(s),
-        structure=structure_lines(s) if "solved_again" in s.get("structure", {}) else [],
+        structure=structure_lines(s) if s.structure.solved_again is not None else [],
         evidence=_evidence(s),
-        notes=list(s.get("notes", ())),
+        notes=list(s.notes),
         results=_results(s),
     )
 
 
-def print_parts(s: dict[str, Any], **parts: Sequence[str]) -> None:
+def print_parts(s: "Summary", **parts: Sequence[str]) -> None:
     """Title and headline, and below them each part's lines under its name."""
-    head, out, changed = _headline(s), console(), " and ".join(s.get("overrides", ()))
-    which = f"{s['problem']}{f' with {changed}' if changed else ''}, objective {s['objective']}"
-    out.print(f"[bold]{escape(s['title'] or s['problem'])}[/bold]  ({escape(which)})", markup=True)
+    head, out, changed = _headline(s), console(), " and ".join(s.overrides or ())
+    which = f"{s.problem}{f' with {changed}' if changed else ''}, objective {s.objective}"
+    out.print(f"[bold]{escape(s.title or s.problem)}[/bold]  ({escape(which)})", markup=True)
     out.print(head, markup=True)
     for name, lines in parts.items():
         print_lines(out, name, lines)
 
 
-def _headline(s: dict[str, Any]) -> str:
-    if not s["verified"]:
+def _headline(s: "Summary") -> str:
+    if not s.verified:
         return (
             "[bold red]Solved, but NOT verified[/bold red]: no answer is stated. "
-            f"Failed: {', '.join(s['failed_checks'])}. Refinement ended as {s['refinement_ended']}. "
+            f"Failed: {', '.join(s.failed_checks)}. Refinement ended as {s.refinement_ended}. "
             "The attempt is kept for inspection."
         )
-    told = f"[bold green]clearance {s['clearance_m']:.4f} m[/bold green], verified"
-    if s["objective"] != "clearance":
-        told = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s['clearance_m']:.4f} m"
+    told = f"[bold green]clearance {s.clearance_m:.4f} m[/bold green], verified"
+    if s.objective != "clearance":
+        told = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s.clearance_m:.4f} m"
     return told + (
-        ", on ground where the foot cannot slip" if s["friction"] is None else f", with friction {s['friction']:g}"
+        ", on ground where the foot cannot slip" if s.friction is None else f", with friction {s.friction:g}"
     )
 
 
-def _stated(s: dict[str, Any]) -> str:
+def _stated(s: "Summary") -> str:
     """What the hop was made for, and what came of it."""
-    name = "body apex" if s["objective"] == "apex" else s["objective"].replace("_", " ")
-    value = measure(s, s[s["objective_figure"]], ".4f")
-    asked = s.get("clearance_asked_for_m")
+    name = "body apex" if s.objective == "apex" else s.objective.replace("_", " ")
+    value = measure(s, s.reached, ".4f")
+    asked = s.clearance_asked_for_m
     return f"{name} {value}" if asked is None else f"least {name} {value} to clear {asked:g} m"
 
 
-def hop_lines(s: dict[str, Any]) -> list[str]:
+def hop_lines(s: "Summary") -> list[str]:
     """Where the clearance comes from; durations, speeds at lift-off and the greatest ground force."""
-    p, stance, flight, lift = s["parts"], s["phases"]["stance"], s["phases"]["flight"], s["lift_off"]
-    lands = f", descent {s['phases']['descent']['duration_s']:.3f} s" if "descent" in s["phases"] else ""
-    end, flown = s.get("vertical_at_end_of_flight_m_s", 0.0), f"{flight['duration_s']:.3f} s"  # 0: an earlier version's
+    p, stance, flight, lift = s.parts, s.phases["stance"], s.phases["flight"], s.lift_off
+    lands = f", descent {s.phases['descent'].duration_s:.3f} s" if "descent" in s.phases else ""
+    end, flown = s.vertical_at_end_of_flight_m_s, f"{flight.duration_s:.3f} s"
     way = "rising" if end > 0 else "falling"
     flown = f"to the apex {flown}" if at_apex(end) else f"{flown} (then {way} at {abs(end):.2f} m/s)"
     parts = (
-        f"clearance = COM height at lift-off {p['com_height_at_lift_off_m']:.4f} + ballistic rise "
-        f"{p['ballistic_rise_m']:.4f} - COM height over the {s['lowest_point']} {-p['com_height_over_lowest_point_m']:.4f} m"
+        f"clearance = COM height at lift-off {p.com_height_at_lift_off_m:.4f} + ballistic rise "
+        f"{p.ballistic_rise_m:.4f} - COM height over the {s.lowest_point} {-p.com_height_over_lowest_point_m:.4f} m"
     )
     return [
-        *([parts] if s["verified"] else []),
-        f"stance {stance['duration_s']:.3f} s, flight {flown}{lands}, lift-off at "
-        f"{lift['vertical_m_s']:.2f} m/s up and {lift['horizontal_m_s']:+.2f} m/s along, peak ground force "
-        f"{s['peak_ground_force_N']:.0f} N",
+        *([parts] if s.verified else []),
+        f"stance {stance.duration_s:.3f} s, flight {flown}{lands}, lift-off at "
+        f"{lift.vertical_m_s:.2f} m/s up and {lift.horizontal_m_s:+.2f} m/s along, peak ground force "
+        f"{s.peak_ground_force_N:.0f} N",
     ]
 
 
-def control_lines(s: dict[str, Any]) -> list[str]:
+def control_lines(s: "Summary") -> list[str]:
     """What the paper's PD strategy reaches."""
-    if (found := s.get("paper_strategy")) is None:
+    if (found := s.paper_strategy) is None:
         return []
-    if found["fault"]:
-        reached = f"no hop within this leg's limits ({found['fault']})"
+    if found.fault:
+        reached = f"no hop within this leg's limits ({found.fault})"
     else:
-        reached = f"{found['clearance_m']:.3f} m, {found['share_of_bound']:.0%} of the optimum"
-    wrong = ["it passes the optimum within every limit: that is not the highest hop"] if found["beyond_bound"] else []
+        reached = f"{found.clearance_m:.3f} m, {found.share_of_bound:.0%} of the optimum"
+    wrong = ["it passes the optimum within every limit: that is not the highest hop"] if found.beyond_bound else []
     return [
         f"the paper's PD control (force control, clamped to the drives) in simulation: {reached}",
         *wrong,
-        f"hopopt compare --bound {s['result_dir']} has other controllers and tunes gains",
+        f"hopopt compare --bound {s.result_dir} has other controllers and tunes gains",
     ]
 
 
-def gains(s: dict[str, Any]) -> dict[str, str]:
+def gains(s: "Summary") -> dict[str, str]:
     """What 1 % more of a limit's range would give, the greatest gain first."""
-    found = s["gain_per_percent_m"] if "gain_per_percent_m" in s else s["gain_per_percent"]
-    return {name: _gain(s, gain) for name, gain in list(found.items())[:MOST]}
+    return {name: _gain(s, gain) for name, gain in list(s.gains.items())[:MOST]}
 
 
-def _limits(s: dict[str, Any]) -> list[str]:
+def _limits(s: "Summary") -> list[str]:
     if not (found := gains(s)):
         return ["none whose range would give more"]
     (most, gain), *others = found.items()
@@ -119,7 +119,7 @@ def _limits(s: dict[str, Any]) -> list[str]:
     return [f"{most} holds the hop back most: 1 % more of its range would give {gain}{rest}"]
 
 
-def _evidence(s: dict[str, Any]) -> list[str]:
+def _evidence(s: "Summary") -> list[str]:
     return [
         checks_line(s),
         f"{error_line(s)}{simulated_words(s)}",
@@ -128,91 +128,87 @@ def _evidence(s: dict[str, Any]) -> list[str]:
     ]
 
 
-def _results(s: dict[str, Any]) -> list[str]:
-    where = s["result_dir"]
+def _results(s: "Summary") -> list[str]:
+    where = s.result_dir or ""
     drawn = "figures inside, " if (Path(where) / "figures").is_dir() else ""
     return [
-        f"{where}   ({drawn}{s['wall_s']:.1f} s)",
+        f"{where}   ({drawn}{s.wall_s:.1f} s)",
         f"hopopt show {where} tells limits, switching structure, all evidence",
     ]
 
 
-def _gain(s: dict[str, Any], gain: float) -> str:
-    if s["objective_unit"] == "m":
+def _gain(s: "Summary", gain: float) -> str:
+    if s.objective_unit == "m":
         return f"+{1000 * gain:.1f} mm"
-    return measure(s, sign(s["maximized"]) * gain, "+.2g")
+    return measure(s, sign(s.maximized) * gain, "+.2g")
 
 
-def measure(s: dict[str, Any], value: float, form: str) -> str:
+def measure(s: "Summary", value: float, form: str) -> str:
     """A value of the objective with its unit."""
-    return f"{value:{form}} {s['objective_unit'].replace('1', '')}".strip()
+    return f"{value:{form}} {s.objective_unit.replace('1', '')}".strip()
 
 
-def checks_line(s: dict[str, Any]) -> str:
+def checks_line(s: "Summary") -> str:
     """How many checks passed, and the two that matter most."""
-    checks = {c["name"]: c for c in s["verification"]}
-    replay = max(checks[f"{phase} replay"]["residual"] for phase in s["phases"])
-    made = [c["passed"] for c in checks.values() if not c.get("left_out")]  # results of earlier versions do not hold it
+    replay = max(s.check(f"{phase} replay").residual for phase in s.phases)
+    made, checks = [c.passed for c in s.verification if not c.left_out], s.verification
     left_out = f", {len(checks) - len(made)} left out" if len(made) < len(checks) else ""
     return (
         f"{sum(made)} of {len(made)} checks passed{left_out}; replay in Pinocchio within "
-        f"{replay:.0e}, limits between nodes within {s['mesh'][-1]['excess']:.0e} of their range"
+        f"{replay:.0e}, limits between nodes within {s.mesh[-1].excess:.0e} of their range"
     )
 
 
-def starts_line(s: dict[str, Any]) -> str:
+def starts_line(s: "Summary") -> str:
     """How many different hops were found on the first mesh, and by what."""
-    starts = s["starts"]
-    if s.get("families") is None:  # a result of one start, or of an earlier version
-        ends = ", ".join(f"{o['count']} at {measure(s, o['objective'], '.3f')}" for o in starts["optima"])
-        return f"{starts['count']} start{'' if starts['count'] == 1 else 's'} on the first mesh: {ends}"
-    found = [f"{measure(s, f['objective_value'], '.3f')} (by {_found_by(f['found_by'])})" for f in s["families"]]
+    starts = s.starts
+    if s.families is None:  # a result of one start
+        ends = ", ".join(f"{o.count} at {measure(s, o.objective, '.3f')}" for o in starts.optima)
+        return f"{starts.count} start{'' if starts.count == 1 else 's'} on the first mesh: {ends}"
+    found = [f"{measure(s, f.objective_value, '.3f')} (by {_found_by(f.found_by)})" for f in s.families]
     shown = ", ".join(found[:FAMILIES]) + (f" and {len(found) - FAMILIES} lower" if len(found) > FAMILIES else "")
-    gentle = (
-        ", what prefers gentle torques counted in" if s["tie_break_weighs"] > 1e-3 * abs(s["objective_value"]) else ""
-    )
-    failed = f", {len(starts['failed'])} led nowhere" if starts["failed"] else ""
+    gentle = ", what prefers gentle torques counted in" if s.tie_break_weighs > 1e-3 * abs(s.objective_value) else ""
+    failed = f", {len(starts.failed)} led nowhere" if starts.failed else ""
     different = f"{len(found)} different hop{'' if len(found) == 1 else 's'}"
-    return f"{starts['count']} starts found {different}: {shown}{gentle}{failed}"
+    return f"{starts.count} starts found {different}: {shown}{gentle}{failed}"
 
 
 def _found_by(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
-def global_line(s: Mapping[str, Any]) -> list[str]:
+def global_line(s: "Summary") -> list[str]:
     """What the global method says of the answer, where it was used."""
-    found = s.get("global") or {}
-    if found.get("value_m") is None:
+    found = s.global_
+    if found is None or found.value_m is None or found.grid is None:
         return []
-    grid = " x ".join(map(str, found["grid"]))
-    verdict = "over 1 % more than the answer: a better hop is likely" if found["alarm"] else "no better hop"
-    return [f"a global method ({found['method']}) on {grid} states reaches about {found['value_m']:.3f} m: {verdict}"]
+    grid = " x ".join(map(str, found.grid))
+    verdict = "over 1 % more than the answer: a better hop is likely" if found.alarm else "no better hop"
+    return [f"a global method ({found.method}) on {grid} states reaches about {found.value_m:.3f} m: {verdict}"]
 
 
-def error_line(s: dict[str, Any]) -> str:
+def error_line(s: "Summary") -> str:
     """How far the claim may be too high."""
-    if (e := s.get("objective_error")) is None or e["too_high_by"] is None:  # None: a result of an earlier version
+    if not isfinite((e := s.objective_error).too_high_by):
         return "its error could not be told"
-    most = measure(s, upwards(e["too_high_by"]), ".0e")
-    side = "above" if sign(s["maximized"]) > 0 else "below"
-    return f"{measure(s, s[s['objective_figure']], '.6g')}, by estimate at most {most} {side} the optimum"
+    most = measure(s, upwards(e.too_high_by), ".0e")
+    side = "above" if sign(s.maximized) > 0 else "below"
+    return f"{measure(s, s.reached, '.6g')}, by estimate at most {most} {side} the optimum"
 
 
-def simulated_words(s: dict[str, Any]) -> str:
+def simulated_words(s: "Summary") -> str:
     """The claim from below, in brackets: what a simulation in one piece with clamped torques reaches, or why it says nothing."""
-    if (e := s.get("objective_error")) is None or e["too_high_by"] is None:
+    if not isfinite((e := s.objective_error).too_high_by):
         return ""
-    if note := e["simulated"].get("note"):
+    if note := e.simulated.note:
         return f" ({note})"
-    reached = e["simulated"].get(s["objective_figure"])
+    reached = getattr(e.simulated, s.objective_figure)
     return "" if reached is None else f" (simulated in one piece, torques clamped: {measure(s, reached, '.6g')})"
 
 
-def bound_line(s: Mapping[str, Any]) -> list[str]:
-    """What nothing can pass, of heights."""
-    bound = s.get("upper_bound", {}).get("clearance_m")
-    if bound is None or s["objective"] not in ("clearance", "apex"):
+def bound_line(bound: float | None, objective: str) -> list[str]:
+    """What nothing can pass [m], of heights."""
+    if bound is None or objective not in ("clearance", "apex"):
         return []
     return [
         f"no controller can pass {bound:.2f} m: a crude bound, by the drives' speed and their power in the longest "

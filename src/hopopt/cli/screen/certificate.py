@@ -1,38 +1,39 @@
 """What the command line shows of the certificate of first-order optimality and of the switching structure."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hopopt.cli.screen.console import console, print_residuals
 
 if TYPE_CHECKING:
+    from hopopt.planner.stored_summary import Summary
     from hopopt.verify.check import Check
 
 FIRST, FEW = 4, 4  # so many stretches of a long line are told before its last, where more than FEW are left out
 
 
-def certificate_line(s: dict[str, Any]) -> list[str]:
+def certificate_line(s: "Summary") -> list[str]:
     """One line for the answer: whether the first-order conditions hold along the whole hop, and how well."""
-    checks = s.get("certificate")
+    checks = s.certificate
     if not checks:
         return []
     from hopopt.optimality.certificate import COSTATES, entry
 
-    bad = [name.replace("_", " ") for name, c in checks.items() if not c["passed"]]
+    bad = [name.replace("_", " ") for name, c in checks.items() if not c.passed]
     if bad:
         return [f"first-order optimality NOT certified: {', '.join(bad)} (hopopt verify lists all conditions)"]
-    costates = max(checks[entry(COSTATES, phase)]["residual"] for phase in s["phases"])
-    gain = sum(c["residual"] for c in checks.values() if c["unit"] == "of the objective")
+    costates = max(checks[entry(COSTATES, phase)].residual for phase in s.phases)
+    gain = sum(c.residual for c in checks.values() if c.unit == "of the objective")
     return [
         f"first-order optimality certified: {len(checks)} conditions, costates within {costates:.0e}, what they leave "
         f"open is {gain:.0e} of the objective"
     ]
 
 
-def certified_words(s: dict[str, Any]) -> str:
+def certified_words(s: "Summary") -> str:
     """Whether the first-order conditions hold, to end a line."""
-    checks = s.get("certificate", {})
-    bad = sum(not c["passed"] for c in checks.values())
+    checks = s.certificate
+    bad = sum(not c.passed for c in checks.values())
     words = (
         f"NOT certified ({bad} of {len(checks)} conditions fail)" if bad else f"certified ({len(checks)} conditions)"
     )
@@ -45,22 +46,21 @@ def _shortened(parts: list[str]) -> list[str]:
     return parts if left <= FEW else [*parts[:FIRST], f"{left} more (--json tells all)", parts[-1]]
 
 
-def structure_lines(s: dict[str, Any]) -> list[str]:
+def structure_lines(s: "Summary") -> list[str]:
     """The switching structure of stance, a line for each joint and whatever else has limits that act."""
-    from hopopt.optimality.switching_structure import THEN, Stretch, by_subject
+    from hopopt.optimality.switching_structure import THEN, by_subject
 
-    found = s.get("structure", {})
-    stretches = [Stretch(**stretch) for stretch in found.get("stance", [])]
-    lines = [f"{subject}: {THEN.join(_shortened(parts))}" for subject, parts in by_subject(stretches).items()]
-    if found.get("solved_again"):
-        times = ", ".join(f"{t:.5f} s" for t in found["jumps_s"]["stance"])
+    found = s.structure
+    lines = [f"{subject}: {THEN.join(_shortened(parts))}" for subject, parts in by_subject(found.stance).items()]
+    if found.solved_again:
+        times = ", ".join(f"{t:.5f} s" for t in (found.jumps_s or {}).get("stance", ()))
         lines.append(
             "solved again with free switching times: "
             + (f"torques jump at {times}; " if times else "")
-            + f"the optimum is within {found['difference']:.0e} of the one before"
+            + f"the optimum is within {found.difference:.0e} of the one before"
         )
-    elif "solved_again" in found:
-        lines.append(f"not solved with free switching times: {found['note']}")
+    elif found.solved_again is False:
+        lines.append(f"not solved with free switching times: {found.note}")
     return lines
 
 

@@ -1,28 +1,31 @@
 """What the command line shows of a co-design: which numbers were free, what they became, and what holds them back."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
 
+if TYPE_CHECKING:
+    from hopopt.planner.summary_extras import CoDesign
 
-def print_codesign(found: dict[str, Any]) -> None:
+
+def print_codesign(found: "CoDesign") -> None:
     """A line for each free entry, and the couplings."""
     table = Table(title="free design parameters", title_justify="left", box=None, pad_edge=False)
     for column in ("entry", "was", "optimal", "lowest", "highest", "unit", ""):
         table.add_column(column, no_wrap=True)
-    for p in found["parameters"]:
-        figures = [f"{p[name]:.5g}" for name in ("was", "optimal", "lower", "upper")]
-        table.add_row(p["entry"], *figures, p["unit"], f"at its {p['at_bound']} bound" if p["at_bound"] else "")
+    for p in found.parameters:
+        figures = [f"{x:.5g}" for x in (p.was, p.optimal, p.lower, p.upper)]
+        table.add_row(p.entry, *figures, p.unit, f"at its {p.at_bound} bound" if p.at_bound else "")
     out = console()
     print_table(out, table)
-    for c in found["couplings"]:
-        out.print(f"{c['coupling']}   ({'active' if c['active'] else 'not active'})")
-        if c["coupling"].startswith("catalogue"):
-            out.print(f"  that is {c['equation']}")
-    for part, law in found["mass_laws"].items():
+    for c in found.couplings:
+        out.print(f"{c.coupling}   ({'active' if c.active else 'not active'})")
+        if c.coupling.startswith("catalogue"):
+            out.print(f"  that is {c.equation}")
+    for part, law in found.mass_laws.items():
         out.print(
-            f"  law of {law['entries']} {part}s from {law['lowest']:.3g} to {law['highest']:.3g} N m, "
-            f"typically off by a factor of {law['scatter']:.2g}: hopopt actuators --fit"
+            f"  law of {law.entries} {part}s from {law.lowest:.3g} to {law.highest:.3g} N m, "
+            f"typically off by a factor of {law.scatter:.2g}: hopopt actuators --fit"
         )

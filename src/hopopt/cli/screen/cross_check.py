@@ -1,28 +1,32 @@
 """What the command line shows of second opinions: a line each."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from hopopt.cli.screen.console import console, print_lines
 
+if TYPE_CHECKING:
+    from hopopt.planner.stored_summary import Summary
+    from hopopt.planner.summary_extras import CrossCheck
 
-def print_opinions(summary: dict[str, Any]) -> None:
+
+def print_opinions(summary: "Summary") -> None:
     """Every second opinion: who, what it found, how far from the answer."""
     print_lines(console(), "opinions", opinion_lines(summary))
 
 
-def opinion_lines(summary: dict[str, Any]) -> list[str]:
+def opinion_lines(summary: "Summary") -> list[str]:
     """A line for each second opinion; one that failed or disagrees is named as such."""
-    unit = summary["objective_unit"].replace("1", "")
-    return [_line(o, unit) for o in summary["second_opinions"]]
+    unit = summary.objective_unit.replace("1", "")
+    return [_line(o, unit) for o in summary.second_opinions]
 
 
-def _line(o: dict[str, Any], unit: str) -> str:
-    if o["objective"] is None:
-        return f"{o['name']}: FAILED, {o['reason']} ({o['seconds']:.0f} s)"
-    found, difference = f"{o['objective']:.5f} {unit}".strip(), abs(o["difference"])
-    if o["agrees"]:
-        return f"{o['name']}: {found}, differs by {difference:.0e} ({o['seconds']:.0f} s)"
-    how = "better" if o["difference"] > 0 else "worse"
-    said = f"DISAGREES: {found}, {how} by {difference:.0e} (allowed {o['allowed']:.0e})"
-    short = f"; {o['reason']}" if o["reason"] else ""
-    return f"{o['name']}: {said}{short} ({o['seconds']:.0f} s)"
+def _line(o: "CrossCheck", unit: str) -> str:
+    if o.objective is None:
+        return f"{o.name}: FAILED, {o.reason} ({o.seconds:.0f} s)"
+    found, difference = f"{o.objective:.5f} {unit}".strip(), abs(o.difference or 0.0)
+    if o.agrees:
+        return f"{o.name}: {found}, differs by {difference:.0e} ({o.seconds:.0f} s)"
+    how = "better" if (o.difference or 0.0) > 0 else "worse"
+    said = f"DISAGREES: {found}, {how} by {difference:.0e} (allowed {o.allowed:.0e})"
+    short = f"; {o.reason}" if o.reason else ""
+    return f"{o.name}: {said}{short} ({o.seconds:.0f} s)"

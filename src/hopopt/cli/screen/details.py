@@ -1,6 +1,6 @@
 """What the command line shows of a stored answer: all that cli/screen/answer.py leaves out."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hopopt.cli.screen.answer import (
     bound_line,
@@ -19,12 +19,16 @@ from hopopt.cli.screen.answer import (
 from hopopt.cli.screen.certificate import certificate_line, structure_lines
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from hopopt.planner.solution import Solution
+    from hopopt.planner.stored_summary import Summary
+    from hopopt.planner.summary_parts import IdleLimit, NamedCheck
 
 
 def print_details(solution: "Solution") -> None:
     """The whole account of an answer."""
-    s = solution.summary
+    s = solution.shown
     print_parts(
         s,
         hop=[*hop_lines(s), _ground(s)],
@@ -33,15 +37,15 @@ def print_details(solution: "Solution") -> None:
         control=control_lines(s),
         structure=structure_lines(s),
         evidence=_evidence(s),
-        notes=list(s.get("notes", ())),
-        results=_results(str(solution.result_dir or s["result_dir"])),
+        notes=list(s.notes),
+        results=_results(str(solution.result_dir or s.result_dir)),
     )
 
 
-def _ground(s: dict[str, Any]) -> str:
-    if s["friction"] is not None:
+def _ground(s: "Summary") -> str:
+    if s.friction is not None:
         return "the friction cone is held"
-    if (grip := s["grip_without_load_N"]) < 0.5:
+    if (grip := s.grip_without_load_N) < 0.5:
         return "the foot is pinned, but never held along the ground without load"
     return f"the foot is pinned: without load it is held along the ground by up to {grip:.0f} N (contact.friction limits that)"
 
@@ -50,66 +54,64 @@ def _results(folder: str) -> list[str]:
     return [f"{folder}, as it was stored: hopopt verify {folder} checks it again"]
 
 
-def _effort(s: dict[str, Any]) -> list[str]:
-    means = ", ".join(f"{joint} {mean:.0%}" for joint, mean in s["saturation_mean"].items())
-    e = s["energy"]
+def _effort(s: "Summary") -> list[str]:
+    means = ", ".join(f"{joint} {mean:.0%}" for joint, mean in s.saturation_mean.items())
+    e = s.energy
     return [
         f"mean saturation in stance: {means}; work in stance {e['stance_positive_J']:.0f} J in, {e['stance_net_J']:.0f} J net; "
-        f"peak vertical ground force {s['peak_vertical_force_N']:.0f} N"
+        f"peak vertical ground force {s.peak_vertical_force_N:.0f} N"
     ]
 
 
-def _limits(s: dict[str, Any]) -> list[str]:
-    active = ", ".join(f"{name} {share:.0%}" for name, share in list(s["active_limits"].items())[:5]) or "none"
+def _limits(s: "Summary") -> list[str]:
+    active = ", ".join(f"{name} {share:.0%}" for name, share in list(s.active_limits.items())[:5]) or "none"
     return [
         f"active in stance: {active}",
         f"1 % more of its range would give: {', '.join(map(' '.join, gains(s).items())) or 'nothing'}",
-        *_idle(s.get("idle_limits", {})),
+        *_idle(s.idle_limits),
     ]
 
 
-def _idle(found: dict[str, dict[str, Any]], most: int = 4) -> list[str]:
+def _idle(found: "Mapping[str, IdleLimit]", most: int = 4) -> list[str]:
     """The least used limits in one line; none if every limit acts."""
-    named = [f"{name} ({use['used']:.0%} used)" for name, use in list(found.items())[:most]]
+    named = [f"{name} ({use.used:.0%} used)" for name, use in list(found.items())[:most]]
     rest = f" and {len(found) - most} more (hopopt diagnose names them)" if len(found) > most else ""
     return [f"never act: {', '.join(named)}{rest}"] if named else []
 
 
-def _evidence(s: dict[str, Any]) -> list[str]:
-    mesh, change = s["mesh"][-1], {c["name"]: c for c in s["verification"]}["change of the objective"]["residual"]
-    sizes = " + ".join(str(n) for n in mesh["intervals"].values())
+def _evidence(s: "Summary") -> list[str]:
+    mesh, change = s.mesh[-1], s.check("change of the objective").residual
+    sizes = " + ".join(str(n) for n in mesh.intervals.values())
     settled = f"objective settled to {change:.0e}" if change < float("inf") else "no second mesh to compare with"
-    bias = f"tie-break bias below {measure(s, s['tie_break_bias_m' if s['objective_unit'] == 'm' else 'tie_break_bias'], '.0e')}"
-    if s["tie_break_weighs"] > 1e-3 * abs(s["objective_value"]):
-        bias = f"flat: gentle torques are preferred, which weighs {measure(s, s['tie_break_weighs'], '.2g')}"
+    bias = f"tie-break bias below {measure(s, s.bias, '.0e')}"
+    if s.tie_break_weighs > 1e-3 * abs(s.objective_value):
+        bias = f"flat: gentle torques are preferred, which weighs {measure(s, s.tie_break_weighs, '.2g')}"
     return [
-        *([f"{error_line(s)}{simulated_words(s)}{_beaten(s)}"] if s["verified"] else []),
+        *([f"{error_line(s)}{simulated_words(s)}{_beaten(s)}"] if s.verified else []),
         starts_line(s),
         *global_line(s),
-        f"{len(s['mesh'])} mesh{'es' if len(s['mesh']) > 1 else ''}, last {sizes} intervals ({s['scheme']}); {settled}, "
-        f"{bias}",
+        f"{len(s.mesh)} mesh{'es' if len(s.mesh) > 1 else ''}, last {sizes} intervals ({s.scheme}); {settled}, {bias}",
         checks_line(s),
-        *bound_line(s),
+        *bound_line(s.upper_bound.clearance_m, s.objective),
         *_failed(s),
         *certificate_line(s),
     ]
 
 
-def _beaten(s: dict[str, Any]) -> str:
+def _beaten(s: "Summary") -> str:
     """From above: what limits held between the nodes cost, and what hops beside it may gain."""
-    told, e = "", s.get("objective_error") or {}
-    if "relaxed" in e:
-        told += f"; limits held between the nodes cost {measure(s, e['relaxed']['gains'], '.0e')}"
-    if e.get("could_be_beaten_by") is not None:
-        told += f"; to first order hops beside it gain at most {measure(s, upwards(e['could_be_beaten_by']), '.0e')}"
+    e = s.objective_error
+    told = f"; limits held between the nodes cost {measure(s, e.relaxed.gains, '.0e')}"
+    if e.could_be_beaten_by is not None:
+        told += f"; to first order hops beside it gain at most {measure(s, upwards(e.could_be_beaten_by), '.0e')}"
     return told
 
 
-def _failed(s: dict[str, Any]) -> list[str]:
+def _failed(s: "Summary") -> list[str]:
     """The checks that failed, with their residuals."""
-    return [f"FAILED {_check_line(c)}" for c in s["verification"] if not c["passed"]]
+    return [f"FAILED {_check_line(c)}" for c in s.verification if not c.passed]
 
 
-def _check_line(c: dict[str, Any]) -> str:
-    where = f", {c['where']}" if c["where"] else ""
-    return f"{c['name']}: {c['residual']:.1e} {c['unit']} (allowed {c['tolerance']:.0e}){where}"
+def _check_line(c: "NamedCheck") -> str:
+    where = f", {c.where}" if c.where else ""
+    return f"{c.name}: {c.residual:.1e} {c.unit} (allowed {c.tolerance:.0e}){where}"

@@ -18,7 +18,7 @@ def print_evidence(data: Mapping[str, Any]) -> None:
         f"[bold]{data['problem']}[/bold]: best of {data['starts']['count']} starts {best['clearance_m']:.4f} m, {state}",
         markup=True,
     )
-    print_lines(out, "bound", bound_line(data))
+    print_lines(out, "bound", bound_line(data["upper_bound"]["clearance_m"], data["objective"]))
     if data["contradicted"]:
         out.print(
             "[bold red]the global method finds more than the planner in the reduced hop[/bold red]: neither is to be trusted",

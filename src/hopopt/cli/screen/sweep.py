@@ -9,8 +9,12 @@ from hopopt.ocp.objectives import find
 from hopopt.studies.sweep.workers import duration
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from hopopt.studies.sweep.point_file import Point
+    from hopopt.studies.sweep.recheck import Rechecked
     from hopopt.studies.sweep.run import Study
-    from hopopt.studies.sweep.store import Point
 
 SHOWN = 60  # points; the rest is in the table's file
 
@@ -39,6 +43,18 @@ def print_study(study: "Study") -> None:
         where = ", ".join(f"{entry} = {x:g}" for entry, x in best.values.items())
         out.print(f"best: {where}: clearance {best.clearance_m:.4f} m{_at_the_edge(study, best)}")
     out.print(f"results {study.folder}")
+
+
+def print_rechecked(folder: "Path", found: "Sequence[Rechecked]") -> None:
+    """Points that were verified again: what each states, and what is wrong with that."""
+    out = console()
+    for r in found:
+        stated = "nothing" if r.stated.clearance_m is None else f"{r.stated.clearance_m:.4f} m"
+        out.print(f"point {r.stated.index}: states {stated}: {f'FAILED: {r.fault}' if r.fault else 'verified'}")
+    bad = sum(bool(r.fault) for r in found)
+    out.print(
+        f"{folder}: {'NOT verified: ' if bad else 'verified: '}{len(found) - bad} of {len(found)} points confirmed"
+    )
 
 
 def _at_the_edge(study: "Study", best: "Point") -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from hopopt.studies.sweep.store import Point
+from hopopt.studies.sweep.point_file import Point
 
 Kept = tuple[Point, Any]  # a point, and what a neighbour begins from
 Job = Callable[..., Kept]

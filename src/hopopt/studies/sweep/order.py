@@ -6,7 +6,7 @@ import numpy as np
 
 from hopopt.studies.consistency import contradicted
 from hopopt.studies.sweep.definition import Definition
-from hopopt.studies.sweep.store import IMPOSSIBLE, VERIFIED, Point
+from hopopt.studies.sweep.point_file import IMPOSSIBLE, VERIFIED, Point
 
 SEED_FOR = 24  # points that one seed may lead to
 UNLIKE = 0.3  # of the scaled states: farther apart are optima of different kinds

@@ -12,6 +12,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from hopopt.design import Leg, physical_parameters
@@ -33,9 +34,10 @@ from hopopt.planner.multistart import (
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.summary import parts
+from hopopt.planner.summary_entry import as_data
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import unlike
-from hopopt.studies.sweep.store import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
+from hopopt.studies.sweep.point_file import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
 
 PATIENCE = 60  # iterations from a neighbour's multipliers
 BETTER = 1e-5  # relative: less is noise of the tolerances
@@ -96,6 +98,24 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
     return replace(best, tried=tried, seconds=seconds, corrected=corrected, after_pass=after_pass), begin
 
 
+def again(definition: Definition, point: Point, begin: Begin) -> Point:
+    """A point as it comes out when its optimum on the first mesh, ``begin``, is refined and verified once more."""
+    with _one_at_a_time, _compiling(definition):
+        hop = Hop(definition.design_at(point.index), definition.objective)
+        own = point.begun_from is None  # from starts, on a program of its own
+        t = first_transcription(hop) if own else _first_program(definition, hop, point.values)[0]
+        found = _refined(hop, _stored_outcome(hop, t, begin), t)
+    return replace(_described(point, found, None), begun_from=point.begun_from)
+
+
+def _stored_outcome(hop: Hop, t: Transcription, begin: Begin) -> StartOutcome:
+    """An optimum on the first mesh as it was stored for neighbours."""
+    z, p = begin["x"] / t.scale, t.parameter_values()
+    g = np.array(ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(z, p)).ravel()
+    vectors = {"z": z, "p": p, "g": g, "lam_g": begin["lam_g"], "lam_x": begin["lam_x"]}
+    return StartOutcome("stored", "stored", True, float(begin["objective"]), 0, 0.0, vectors, hop.objective.sign)
+
+
 def _better(hop: Hop, value: float, than: Point, by: float = BETTER) -> bool:
     """Whether a verified value beats a point's: by this share, or because that is not verified."""
     if not than.verified or than.objective_value is None:
@@ -106,7 +126,7 @@ def _better(hop: Hop, value: float, than: Point, by: float = BETTER) -> bool:
 def _described(point: Point, found: Answer, source: Source | None) -> Point:
     heights: dict[str, Any] = {"clearance_m": None, "unverified_clearance_m": None, "parts": None}
     if found.verified:
-        heights |= {"clearance_m": found.claims["clearance_m"], "parts": parts(found.plan)}
+        heights |= {"clearance_m": found.claims["clearance_m"], "parts": as_data(parts(found.plan))}
     else:
         heights["unverified_clearance_m"] = found.claims["clearance_m"]
     return replace(

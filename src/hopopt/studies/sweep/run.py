@@ -20,10 +20,8 @@ from hopopt.studies.sweep.crew import Workers
 from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.order import doubtful, sources
 from hopopt.studies.sweep.point import Source, solve_again, solve_point
+from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_VERIFIED, Point
 from hopopt.studies.sweep.store import (
-    IMPOSSIBLE,
-    NOT_VERIFIED,
-    Point,
     check_same,
     dataset,
     load_begin,

@@ -4,16 +4,15 @@ results/<problem>-sweep-<hash8>/
     sweep.json, problem.toml    the definition, written first
     points/NNNN-R.json          point N after pass R: outcome and figures; NNNN-R.npz: where its neighbours begin
     study.json, table.csv, sweep.nc, figures/      everything together, once all points are finished
+    manifest.json               digests of all but the points, which hold their own
 """
 
 import csv
 import hashlib
 import io
 import json
-import os
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,75 +22,13 @@ import numpy as np
 from hopopt.errors import ProblemFileError, ResultError
 from hopopt.ocp.objectives import find
 from hopopt.problem.load import load, resolved_toml
+from hopopt.storage.digests import digest, seal
 from hopopt.storage.folder import as_json, reason_of, unused
 from hopopt.studies.sweep.definition import Axis, Definition
+from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point, write_whole
 
 if TYPE_CHECKING:
     import xarray as xr
-
-VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE = "verified", "not verified", "not solved", "impossible problem"
-OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE)
-
-
-@dataclass(frozen=True)
-class Point:
-    """How one point ended.
-
-    index: its number in the study
-    values: of the varied entries, by entry [its unit]
-    outcome: one of OUTCOMES; VERIFIED means the checks of a single solve (planner/judge.py)
-    sentence: why it is not verified
-    objective_value: [the objective's unit]
-    clearance_m, parts: height of the lowest point and what it is the sum of [m], only if verified
-    unverified_clearance_m: [m], only if it is solved and not verified
-    error: by how much the objective may be better than the optimum, at most, by estimate [the objective's unit]
-    certified: whether the conditions of first-order optimality hold
-    begun_from: the neighbour whose solution was the guess; None: the problem's starts
-    tried: the neighbours that it was solved from, each with the pass that its solution is of
-    corrected: whether another neighbour helped
-    after_pass: how far the study was; solved_in: the pass of its solution
-    seconds: how long it took [s]
-    """
-
-    index: int
-    values: Mapping[str, float]
-    outcome: str
-    sentence: str = ""
-    objective_value: float | None = None
-    clearance_m: float | None = None
-    unverified_clearance_m: float | None = None
-    parts: Mapping[str, float] | None = None
-    error: float | None = None
-    certified: bool = False
-    begun_from: int | None = None
-    tried: tuple[tuple[int, int], ...] = ()
-    corrected: bool = False
-    after_pass: int = 0
-    solved_in: int = 0
-    seconds: float = 0.0
-
-    @property
-    def verified(self) -> bool:
-        return self.outcome == VERIFIED
-
-    @property
-    def solved(self) -> bool:
-        """Whether its solution can be where a neighbour begins."""
-        return self.outcome in (VERIFIED, NOT_VERIFIED)
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """A file that is there whole or not at all, whenever the process is killed."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
 
 
 def open_folder(definition: Definition, results: Path) -> Path:
@@ -147,12 +84,13 @@ def save_point(folder: Path, point: Point, begin: Mapping[str, np.ndarray]) -> N
 
     Nothing is ever written over: what a pass gives depends on the passes before it alone, whenever the study stopped.
     """
-    name = f"{point.index:04d}-{point.after_pass}"
+    name, begin_digest = f"{point.index:04d}-{point.after_pass}", None
     if begin:
         buffer = io.BytesIO()
         np.savez(buffer, **begin)  # type: ignore[arg-type]
+        begin_digest = digest(buffer.getvalue())
         write_whole(folder / "points" / f"{name}.npz", buffer.getvalue())
-    write_whole(folder / "points" / f"{name}.json", (as_json(point.as_dict()) + "\n").encode())
+    write_point(folder / "points" / f"{name}.json", point, begin_digest)
 
 
 def load_begin(folder: Path, point: Point) -> dict[str, np.ndarray]:
@@ -167,21 +105,17 @@ def load_begin(folder: Path, point: Point) -> dict[str, np.ndarray]:
 
 def load_points(folder: Path, definition: Definition) -> dict[int, dict[int, Point]]:
     """The finished points of every pass, by pass and index; ResultError if one does not belong to the study."""
-    names, found = {f.name for f in fields(Point)}, dict[int, dict[int, Point]]()
-    for path in sorted((folder / "points").glob("[0-9]*.json")):
-        try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-            kept: dict[str, Any] = {k: v for k, v in data.items() if k in names}
-            point = Point(**{**kept, "tried": tuple(tuple(pair) for pair in kept["tried"])})
-            wrong = point.values != definition.values(point.index) or point.outcome not in OUTCOMES
-        except (OSError, ValueError, TypeError, KeyError, IndexError) as error:
-            raise ResultError(f"{path}: it cannot be read ({reason_of(error)}); remove it and resume") from error
-        if wrong:
-            raise ResultError(f"{path}: it belongs to another study; remove it and resume")
+    found = dict[int, dict[int, Point]]()
+    for path in point_files(folder):
+        point, doubt = read_point(path, definition)
+        if doubt:
+            words = f"hopopt verify {folder} computes it again; or remove it and resume"
+            raise ResultError(f"{path}: {doubt}: {words}")
         found.setdefault(point.after_pass, {})[point.index] = point
     return found
 
 
+FILES = ("sweep.json", "problem.toml", "study.json", "table.csv", "sweep.nc")  # each point has a digest of its own
 COLUMNS = ("clearance_m", "unverified_clearance_m", "objective_value", "seconds")
 PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
 
@@ -192,6 +126,7 @@ def save_tables(folder: Path, definition: Definition, points: Sequence[Point], d
         write_whole(folder / "study.json", (as_json(data) + "\n").encode())
         write_whole(folder / "table.csv", table(definition, points).encode())
         write_whole(folder / "sweep.nc", bytes(dataset(definition, points).to_netcdf(engine="h5netcdf")))  # type: ignore[arg-type]
+        seal(folder, FILES)
     except OSError as error:
         raise ResultError(f"{folder}: the tables cannot be written ({reason_of(error)})") from error
 

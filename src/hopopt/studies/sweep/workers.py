@@ -13,7 +13,7 @@ from typing import Any
 from hopopt.errors import HopoptError
 from hopopt.studies.sweep.crew import GO_ON, Workers
 from hopopt.studies.sweep.dask_workers import dask_workers
-from hopopt.studies.sweep.store import Point
+from hopopt.studies.sweep.point_file import Point
 
 Progress = Callable[[str], None]
 

@@ -1,0 +1,119 @@
+"""The JSON schema of problem files, made from the model: editors complete and check TOML files by it.
+
+Draft 7, which editors understand. What a file may leave out depends on what it begins with: nothing is required of one
+that extends another, and no links of one with a URDF.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hopopt.design import Design, Joint, Leg, Link
+from hopopt.problem.catalogue import PARTS, names
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+OWN = ("unit", "physical", "allowed", "title", "default", "description")  # keywords that are written anew
+EXTENDS = "a built-in problem, or a file in the same folder, whose entries count where this file has none"
+URDF_ENTRIES = {
+    "urdf": "robot description that the leg is read from: beside this file or below, or example-robot-data/...",
+    "foot_frame": "link of the URDF whose origin touches the ground",
+}
+LOCKED = "joints of the URDF that do not move, each at its angle [rad]"
+TABLE = "a joint or a link of the leg, by its name"
+Schema = dict[str, Any]
+
+
+def problem_schema() -> Schema:
+    """The schema of a problem file, as JSON data."""
+    raw = Design.model_json_schema()
+    found = _plain(raw)
+    tables: dict[str, Schema] = found["definitions"]
+    for table in (found, *tables.values()):
+        table.pop("required", None)
+    for part in PARTS:
+        for table in (part.capitalize(), f"{part.capitalize()}Overrides"):
+            tables[table]["properties"]["model"] = _catalogue(part)
+    _open(tables["Leg"])
+    _named_parts(tables)
+    found["properties"]["extends"] = {"type": "string", "description": EXTENDS}
+    head = {"$schema": DRAFT, "title": "hopopt problem", "description": (Design.__doc__ or "").split("\n")[0]}
+    return {**head, **found, "allOf": [_complete()]}
+
+
+def _plain(value: Any) -> Any:
+    """Pydantic's schema without nulls, which TOML has not, and in the words of draft 7."""
+    if isinstance(value, list):
+        return [_plain(x) for x in value]
+    if not isinstance(value, Mapping):
+        return value
+    if "anyOf" in value and {"type": "null"} in value["anyOf"]:
+        others = [x for x in value["anyOf"] if x != {"type": "null"}]
+        value = {**{k: v for k, v in value.items() if k != "anyOf"}, **(others[0] if len(others) == 1 else {})}
+    return dict(_keywords(value))
+
+
+def _keywords(value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    words = {"$defs": "definitions", "prefixItems": "items"}
+    if isinstance(value.get("description"), str):
+        unit = value.get("unit") or ""
+        yield "description", f"{value['description']} [{unit}]" if unit not in ("", "1") else value["description"]
+    if value.get("default") is not None and not isinstance(value["default"], Mapping):
+        yield "default", value["default"]
+    for key, inner in value.items():
+        if key in ("properties", "$defs"):
+            yield words.get(key, key), {name: _plain(schema) for name, schema in inner.items()}
+        elif key == "$ref":
+            yield key, inner.replace("#/$defs/", "#/definitions/")
+        elif key not in OWN:
+            yield words.get(key, key), _plain(inner)
+
+
+def _catalogue(part: str) -> Schema:
+    return {"enum": names(part), "description": f"a {part} of the catalogue, beside whose numbers the others count"}
+
+
+def _named_parts(tables: dict[str, Schema]) -> None:
+    """``motor = "name"`` in place of a table."""
+    for owner in ("Leg", "Joint"):
+        for part in PARTS:
+            table = tables[owner]["properties"][part]
+            tables[owner]["properties"][part] = {"anyOf": [_catalogue(part), {"$ref": table["$ref"]}]}
+
+
+def _open(leg: Schema) -> None:
+    """[leg] as files have it: tables of joints and links by name, and a URDF."""
+    for name in ("joint", "link"):
+        del leg["properties"][name]
+    leg["properties"] |= {name: {"type": "string", "description": words} for name, words in URDF_ENTRIES.items()}
+    leg["properties"]["locked"] = {
+        "type": "object", "additionalProperties": {"type": "number"}, "description": LOCKED,
+    }  # fmt: skip
+    either = [{"$ref": "#/definitions/Joint"}, {"$ref": "#/definitions/Link"}]
+    leg["additionalProperties"] = {"anyOf": either, "description": TABLE}
+
+
+def _complete() -> Schema:
+    """What a file needs that extends no other, and a leg without a URDF."""
+    tables = {
+        name: {"if": {"type": "object", "not": {"required": ["model"]}}, "then": {"required": _required(kind)}}
+        for name, kind in _annotations(Leg)
+    }
+    stated = {name: tables.get(name, {}) for name in [*Leg.model_fields, *URDF_ENTRIES, "locked"]}
+    either = {"anyOf": [{"required": _required(kind)} for kind in (Joint, Link)]}
+    needed = [name for name in _required(Leg) if name not in ("joint", "link")]
+    leg = {
+        "if": {"not": {"required": ["urdf"]}},
+        "then": {"required": needed, "properties": stated, "additionalProperties": either},
+    }
+    then = {"required": _required(Design), "properties": {"leg": leg}}
+    return {"if": {"not": {"required": ["extends"]}}, "then": then}
+
+
+def _annotations(kind: Any) -> Iterator[tuple[str, Any]]:
+    """Tables of a table that are required, each with its model."""
+    for name, info in kind.model_fields.items():
+        if info.is_required() and hasattr(info.annotation, "model_fields"):
+            yield name, info.annotation
+
+
+def _required(kind: Any) -> list[str]:
+    return [name for name, info in kind.model_fields.items() if info.is_required()]

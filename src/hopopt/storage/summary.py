@@ -1,0 +1,45 @@
+"""summary.json read back as a summary, or refused in one sentence."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from hopopt.errors import ResultError
+from hopopt.planner.stored_summary import VERSION, Summary
+
+
+@cache
+def adapter() -> TypeAdapter[Summary]:
+    """What checks and describes summaries; made when it is first needed, for it takes a tenth of a second."""
+    return TypeAdapter(Summary)
+
+
+def read_summary(path: Path) -> Summary:
+    """The summary in a file; ResultError if it is none, naming the key at fault and what to do."""
+    try:
+        return adapter().validate_json(path.read_bytes(), strict=True)
+    except ValidationError as error:
+        raise ResultError(f"{path}: {_fault(error.errors()[0])}: solve it again") from error
+
+
+def _fault(error: Any) -> str:
+    """The first fault of a summary, in words."""
+    key, kind, given = ".".join(map(str, error["loc"])), error["type"], error["input"]
+    if kind in ("json_invalid", "dataclass_type") and not key:
+        return "it is damaged, not a JSON object"
+    if key == "version":
+        found = "no version" if kind == "missing" else f"version {given!s:.20}"
+        return f"it has {found}, and this hopopt reads version {VERSION}"
+    if kind == "missing":
+        return f"it is damaged or of an earlier version (an entry is missing: {key})"
+    if kind == "unexpected_keyword_argument":
+        return f"it has an entry that no summary has: {key}"
+    return f"its entry {key} is {given!s:.40}, which is no such entry ({error['msg'].lower()})"
+
+
+def summary_schema() -> dict[str, Any]:
+    """The JSON schema of summary.json, as JSON data."""
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return {**head, **adapter().json_schema(mode="validation"), "title": "hopopt summary"}

@@ -1,0 +1,139 @@
+"""One point of a study and its file: JSON with a digest of itself, read back only if it is as it was written."""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from hopopt.errors import ResultError
+from hopopt.storage.digests import digest
+from hopopt.storage.folder import as_json, reason_of
+from hopopt.studies.sweep.definition import Definition
+
+SUM = 1e-9  # m: by which a clearance may differ from the sum of its parts
+VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE = "verified", "not verified", "not solved", "impossible problem"
+OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE)
+
+
+@dataclass(frozen=True)
+class Point:
+    """How one point ended.
+
+    index: its number in the study
+    values: of the varied entries, by entry [its unit]
+    outcome: one of OUTCOMES; VERIFIED means the checks of a single solve (planner/judge.py)
+    sentence: why it is not verified
+    objective_value: [the objective's unit]
+    clearance_m, parts: height of the lowest point and what it is the sum of [m], only if verified
+    unverified_clearance_m: [m], only if it is solved and not verified
+    error: by how much the objective may be better than the optimum, at most, by estimate [the objective's unit]
+    certified: whether the conditions of first-order optimality hold
+    begun_from: the neighbour whose solution was the guess; None: the problem's starts
+    tried: the neighbours that it was solved from, each with the pass that its solution is of
+    corrected: whether another neighbour helped
+    after_pass: how far the study was; solved_in: the pass of its solution
+    seconds: how long it took [s]
+    """
+
+    index: int
+    values: Mapping[str, float]
+    outcome: str
+    sentence: str = ""
+    objective_value: float | None = None
+    clearance_m: float | None = None
+    unverified_clearance_m: float | None = None
+    parts: Mapping[str, float] | None = None
+    error: float | None = None
+    certified: bool = False
+    begun_from: int | None = None
+    tried: tuple[tuple[int, int], ...] = ()
+    corrected: bool = False
+    after_pass: int = 0
+    solved_in: int = 0
+    seconds: float = 0.0
+
+    @property
+    def verified(self) -> bool:
+        return self.outcome == VERIFIED
+
+    @property
+    def solved(self) -> bool:
+        """Whether its solution can be where a neighbour begins."""
+        return self.outcome in (VERIFIED, NOT_VERIFIED)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """A file that is there whole or not at all, whenever the process is killed."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(path)
+
+
+def write_point(path: Path, point: Point, begin_digest: str | None) -> None:
+    """A point's file; ``begin_digest``: of the file that its neighbours begin from, if there is one of this pass."""
+    data = {**point.as_dict(), "begin_sha256": begin_digest}
+    write_whole(path, (as_json({**data, "sha256": _digest(json.loads(as_json(data)))}) + "\n").encode())
+
+
+def point_files(folder: Path) -> list[Path]:
+    """The files of all points of a study, pass by pass."""
+    return sorted((folder / "points").glob("[0-9]*.json"))
+
+
+def read_point(path: Path, definition: Definition) -> tuple[Point, str]:
+    """The point in a file, and why it is not to be trusted (empty: it is); ResultError if the file holds no point of
+    this study."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(data, dict):
+            raise TypeError("it is no JSON object")
+        kept = {f.name: data[f.name] for f in fields(Point)}
+        point = _points().validate_json(json.dumps(kept), strict=True)
+        wrong = point.values != definition.values(point.index) or point.outcome not in OUTCOMES
+    except ValidationError as error:
+        first = error.errors()[0]
+        words = f"{'.'.join(map(str, first['loc']))}: {first['msg'].lower()}"
+        raise ResultError(f"{path}: it cannot be read ({words}); remove it and resume") from error
+    except KeyError as error:
+        raise ResultError(
+            f"{path}: it cannot be read (it has no entry {error.args[0]}); remove it and resume"
+        ) from error
+    except (OSError, ValueError, TypeError, IndexError, RecursionError) as error:
+        raise ResultError(f"{path}: it cannot be read ({reason_of(error)}); remove it and resume") from error
+    if wrong:
+        raise ResultError(f"{path}: it belongs to another study; remove it and resume")
+    return point, _doubt(path, data, point)
+
+
+@cache
+def _points() -> TypeAdapter[Point]:
+    return TypeAdapter(Point)
+
+
+def _doubt(path: Path, data: Mapping[str, Any], point: Point) -> str:
+    """Why a point is not to be trusted; empty if it is."""
+    if data.get("sha256") != _digest({k: v for k, v in data.items() if k != "sha256"}):
+        return "it was changed after it was written (its digest differs)"
+    begin = path.with_suffix(".npz")
+    if begin.is_file() and digest(begin.read_bytes()) != data.get("begin_sha256"):
+        return f"{begin.name} beside it was changed after it was written (its digest differs)"
+    parts = sum((point.parts or {}).values())
+    if point.verified and not abs((point.clearance_m or 0.0) - parts) <= SUM:
+        return f"its clearance_m is {point.clearance_m} m, but the parts sum to {parts:.6g} m"
+    return ""
+
+
+def _digest(data: Mapping[str, Any]) -> str:
+    return digest(json.dumps(data, sort_keys=True).encode())

@@ -1,0 +1,98 @@
+"""A stored study verified again: every solved point refined from its optimum on the first mesh, and judged anew."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from hopopt.errors import ResultError
+from hopopt.storage.digests import changed, digest
+from hopopt.studies.sweep.definition import Definition
+from hopopt.studies.sweep.point import again
+from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point
+from hopopt.studies.sweep.run import Study
+from hopopt.studies.sweep.store import FILES, load_begin, read_definition, save_tables
+
+SAME = 1e-5  # relative: what refining again may differ by
+
+
+@dataclass(frozen=True)
+class Rechecked:
+    """A point verified again.
+
+    path: its file
+    stated: as the file has it
+    found: as it was computed again
+    doubt: why the file is not to be trusted; empty if it is
+    fault: what is wrong with what is stated; empty if it is confirmed
+    """
+
+    path: Path
+    stated: Point
+    found: Point
+    doubt: str
+    fault: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        stated = {"clearance_m": self.stated.clearance_m, "objective_value": self.stated.objective_value}
+        found = {"clearance_m": self.found.clearance_m, "objective_value": self.found.objective_value}
+        told = {"index": self.stated.index, "verified": not self.fault, "fault": self.fault, "doubt": self.doubt}
+        return {**told, "stated": stated, "found": found}
+
+
+def recheck_study(folder: Path, say: Callable[[str], None] = lambda text: None) -> tuple[list[Rechecked], list[str]]:
+    """Every verified point of a finished or interrupted study computed again, and a sentence for each other file that was
+    changed. Point files in doubt that are confirmed are written anew, with what was computed, and so are the tables."""
+    definition, latest, found = read_definition(folder), dict[int, Point](), list[Rechecked]()
+    read = [(path, *read_point(path, definition)) for path in point_files(folder)]
+    for _, point, _ in sorted(read, key=lambda each: each[1].after_pass):
+        latest[point.index] = point
+    for path, point, doubt in read:
+        if doubt or (point.verified and point == latest[point.index]):
+            say(f"point {point.index + 1} of {len(definition.points)}")
+            found.append(_rechecked(folder, definition, path, point, doubt))
+    wrong = changed(folder, FILES) if (folder / "manifest.json").exists() else []
+    if not any(r.fault for r in found):
+        _accept(folder, definition, found, latest, bool(wrong))
+    return found, wrong
+
+
+def _rechecked(folder: Path, definition: Definition, path: Path, point: Point, doubt: str) -> Rechecked:
+    if not point.verified:
+        return Rechecked(path, point, point, doubt, "it states no verified hop: remove it and resume")
+    try:
+        found = again(definition, point, load_begin(folder, point))
+    except (ResultError, ArithmeticError, RuntimeError, ValueError) as error:
+        return Rechecked(path, point, replace(point, clearance_m=None), doubt, f"it cannot be computed again: {error}")
+    return Rechecked(path, point, found, doubt, _fault(point, found))
+
+
+def _fault(stated: Point, found: Point) -> str:
+    """How what is stated differs from what was found."""
+    if not found.verified:
+        return f"it is not verified ({found.sentence})"
+    pairs = {name: (getattr(stated, name), getattr(found, name)) for name in ("clearance_m", "objective_value")}
+    pairs |= {name: ((stated.parts or {}).get(name), value) for name, value in (found.parts or {}).items()}
+    for name, (told, value) in pairs.items():
+        if told is None or not abs(told - value) <= SAME * max(abs(value), 1e-3):
+            return f"it states {name} {told}, and {value:.6g} was computed"
+    return ""
+
+
+def _accept(
+    folder: Path, definition: Definition, found: Sequence[Rechecked], latest: dict[int, Point], changed_tables: bool
+) -> None:
+    """Write confirmed points whose files were in doubt anew, and the tables."""
+    doubted = [r for r in found if r.doubt]
+    for r in doubted:
+        write_point(r.path, r.found, _digest_of(r.path.with_suffix(".npz")))
+        if r.stated == latest[r.stated.index]:
+            latest[r.stated.index] = r.found
+    if (doubted or changed_tables) and len(latest) == len(definition.points):
+        points = tuple(latest[k] for k in range(len(definition.points)))
+        save_tables(folder, definition, points, Study(definition, points, folder, 0.0).as_dict())
+
+
+def _digest_of(path: Path) -> str | None:
+    return digest(path.read_bytes()) if path.is_file() else None
