@@ -51,14 +51,15 @@ def global_figures(searched: FirstMesh, best: Solution) -> GlobalMethod:
         return GlobalMethod(None, None, None, False, reason=searched.reason)
     value = max((r.clearance for r in found.rollouts), default=None)
     alarm = value is not None and best.objective == "clearance" and value > (1 + ALARM) * best.clearance
+    grid = tuple(int(n) for n in found.grid)
     return GlobalMethod(
         found.method,
-        tuple(int(n) for n in found.grid),
+        grid,
         value,
         bool(alarm),
-        found.steps,
-        float(found.value),
-        found.seconds,
+        steps=found.steps,
+        grid_value_m=float(found.value),
+        seconds=found.seconds,
     )
 
 

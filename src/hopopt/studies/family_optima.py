@@ -191,7 +191,7 @@ def _shape(p: _Program, stance: PhaseTrajectory) -> np.ndarray:
     return stance.sample(times)[0] / phase.columns(phase.states, "scale")
 
 
-def _poses(plan: Solution) -> np.ndarray:
+def _poses(plan: Motion) -> np.ndarray:
     names = (*plan.design.leg.joints, "foot")
     each = (plan.sample_phase(STANCE, np.array(SHARES) * plan.lift_off), plan.apex)
     return np.concatenate([np.stack([s.points[name] for name in names], axis=1) for s in each])
