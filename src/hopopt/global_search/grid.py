@@ -11,7 +11,10 @@ from hopopt.global_search.compiled import kernel
 from hopopt.global_search.constants import StanceConstants, to_link_angles
 
 MANY = 25  # nodes of a rate from which the outer cells are narrow enough to be widened in favour of those about zero
-BEND, BEND_OF_MANY = 1.0, 0.3  # by the fastest rate: 1 spaces nodes 4 times as densely at zero as at the end, 0.3 19 times
+BEND, BEND_OF_MANY = (
+    1.0,
+    0.3,
+)  # by the fastest rate: 1 spaces nodes 4 times as densely at zero as at the end, 0.3 19 times
 POSES = 201  # of each joint, to find which link angles occur
 NOWHERE = -1e3  # value [m] of a state off the grid
 EDGE = 1e-6  # cells: by so much a state may lie off the grid
