@@ -22,9 +22,9 @@ from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.leg.kinematics import reach
 from hopopt.nlp.ipopt import NlpSolver
+from hopopt.ocp.direction import Directed
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
-from hopopt.ocp.problem import Directed
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash, load, resolved_toml
