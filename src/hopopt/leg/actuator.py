@@ -4,7 +4,7 @@ One object serves the path constraint, the controller's clamp, the saturation ra
 joint torque [N m], w the joint speed [rad/s]; R is the gear ratio, tau_max and omega_max belong to the motor.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Literal
@@ -121,6 +121,20 @@ def _vertices(planes: np.ndarray) -> np.ndarray:
     return corners[np.argsort(np.arctan2(corners[:, 1] * np.max(np.abs(corners[:, 0])), corners[:, 0]))]
 
 
+def paper_law(torque: Any, speed: Any) -> list[HalfPlane]:
+    """Eq. con_tsat without absolute values: +-tau/(R tau_max) +- R w/omega_max <= 1."""
+    return [*_pair(Line.TORQUE_SPEED, torque, speed), *_pair(Line.BRAKING, torque, -speed)]
+
+
+def four_quadrant_law(torque: Any, speed: Any) -> list[HalfPlane]:
+    """+-(tau/(R tau_max) + R w/omega_max) <= 1: braking is not weakened by speed."""
+    return _pair(Line.TORQUE_SPEED, torque, speed)
+
+
+Law = Callable[[Any, Any], list[HalfPlane]]  # of 1 / stall torque [1/(N m)] and 1 / no-load speed [s/rad]
+LAWS: dict[str, Law] = {"paper": paper_law, "four-quadrant": four_quadrant_law}
+
+
 def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingRegion:
     """The AOR of one joint from the parameter values (or symbols) ``p``, paths as in the problem file."""
 
@@ -131,10 +145,8 @@ def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingReg
     torque, speed = 1 / (ratio * tau_max), ratio / omega_max  # 1/(stall torque), 1/(no-load speed) at the joint
     planes: list[HalfPlane] = []
     laws = leg.drive(joint, "motor", "laws")[1]
-    if "paper" in laws:  # eq. con_tsat without absolute values: +-tau/(R tau_max) +- R w/omega_max <= 1
-        planes += [*_pair(Line.TORQUE_SPEED, torque, speed), *_pair(Line.BRAKING, torque, -speed)]
-    if "four-quadrant" in laws and "paper" not in laws:  # +-(tau/(R tau_max) + R w/omega_max) <= 1
-        planes += _pair(Line.TORQUE_SPEED, torque, speed)
+    for law in laws:
+        planes += [plane for plane in LAWS[law](torque, speed) if plane.line not in {h.line for h in planes}]
     drive_cap, gear_cap, speed_cap = (
         entry("motor", "torque_cap"),
         entry("gear", "torque_cap"),

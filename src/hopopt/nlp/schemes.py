@@ -84,11 +84,14 @@ TRAPEZOIDAL = Scheme("trapezoidal", (0.0, 1.0), (0.0, 1.0), 2)
 HERMITE_SIMPSON = Scheme("hermite-simpson", (0.0, 0.5, 1.0), (0.0, 0.5, 1.0), 4)
 
 
+SCHEMES = {s.name: s for s in (TRAPEZOIDAL, HERMITE_SIMPSON)}  # and radau of every degree
+MOST = 12  # degree of a stored radau scheme
+
+
 def scheme(name: str, degree: int = 4) -> Scheme:
     """The scheme called ``radau``, ``hermite-simpson`` or ``trapezoidal`` (or as ``Scheme.name`` spells it)."""
-    if name.startswith("radau"):
-        return radau(int(name[6:]) if name[6:] else degree)
-    known = {s.name: s for s in (TRAPEZOIDAL, HERMITE_SIMPSON)}
-    if name not in known:
-        raise ValueError(f"there is no scheme {name!r}: use radau, hermite-simpson or trapezoidal")
-    return known[name]
+    if name == "radau":
+        return radau(degree)
+    if found := SCHEMES.get(name) or next((r for k in range(1, MOST + 1) if (r := radau(k)).name == name), None):
+        return found
+    raise ValueError(f"there is no scheme {name!r}: use radau, {' or '.join(reversed(SCHEMES))}")

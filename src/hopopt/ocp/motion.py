@@ -3,6 +3,7 @@
 Joint torques follow from inverse dynamics, so the equations of motion hold by construction.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 
 import casadi as ca
@@ -14,6 +15,8 @@ from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, rea
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import force_range, weight
 from hopopt.ocp.problem import Instant
+
+STANCE, FLIGHT = "stance", "flight"  # what the leg does
 
 
 class MovingLeg:
@@ -51,6 +54,10 @@ class MovingLeg:
     def dynamics(self, s: Instant) -> LegDynamics:
         """The leg with the instant's parameters."""
         return s.once("dynamics", lambda: LegDynamics(self.robot, s.p))
+
+    def motion_in(self, kind: str) -> Callable[[Instant], Motion]:
+        """The whole leg at an instant of a phase of that kind, "stance" or "flight"."""
+        return {STANCE: self.stance_motion, FLIGHT: self.flight_motion}[kind]
 
     # ---- stance ----------------------------------------------------------------------------------------
 

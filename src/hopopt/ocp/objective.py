@@ -9,9 +9,10 @@ import casadi as ca
 from hopopt.design import Design
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.direction import Directed
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.phases import points_at_apex
-from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Directed, Ends, Instant, Parameter, PathConstraint
+from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint
 from hopopt.ocp.sequence import Sequence, from_rest
 
 HEIGHTS = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant

@@ -9,19 +9,12 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from hopopt.ocp.constraints import (
-    HEIGHT,
-    MotionAt,
-    above_ground,
-    friction_cone,
-    no_counter_movement,
-    operating_region_constraint,
-    unilateral_contact,
-)
-from hopopt.ocp.motion import MovingLeg
+from hopopt.ocp.constraints import HEIGHT, MotionAt
+from hopopt.ocp.motion import FLIGHT, STANCE, MovingLeg
 from hopopt.ocp.problem import INF, Control, Ends, Instant, Numbers, PathConstraint, Phase, State
+from hopopt.ocp.rules import path_constraints
 
-STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"  # names; flight ends at the apex, descent at touchdown
+DESCENT = "descent"  # flight ends at the apex, descent at touchdown
 SPEED, ACCELERATION = 10.0, 300.0  # scales of joint speed [rad/s] and acceleration [rad/s^2]
 BODY_SPEED = 3.0  # scale of the body's speed [m/s]
 GRAZE = 1e-5  # share of the reach by which the foot may be below the ground before it has landed
@@ -52,24 +45,24 @@ class LegPhase:
 
 def stance(leg: MovingLeg, q: Given = None, v: Given = None) -> LegPhase:
     """The foot on the ground; q and v: joint angles [rad] and speeds [rad/s] with which it begins."""
-    names, (lower, upper), motion = leg.leg.joints, leg.limits, leg.stance_motion
-    contact, hop = leg.design.contact, leg.design.hop
-    path = [operating_region_constraint(leg.leg, j, motion) for j in names]
-    path.append(unilateral_contact(motion, leg.force_range, contact.least_force))
-    if contact.friction is not None:
-        path.append(friction_cone(motion, contact.friction, leg.force_range, leg.contact_axes))
-    if clear := [name for name in hop.above_ground if name != "foot"]:
-        path.append(above_ground(clear, motion, leg.dynamics, leg.reach, hop.least_height))
-    if not hop.counter_movement:
-        path.append(no_counter_movement(motion))
+    names, (lower, upper) = leg.leg.joints, leg.limits
     states = (
         State("q", leg.n, lower, upper, 1.0, "rad", names, initial=q),
         State("v", leg.n, scale=SPEED, unit="rad/s", labels=names, initial=v),
     )
-    rates = lambda s: {"q": s.v, "v": leg.joint_acceleration(s)}  # noqa: E731
-    return LegPhase(
-        Phase(STANCE, states, _stance_controls(leg), rates, hop.stance_duration, tuple(path)), STANCE, motion
-    )
+    return _phase(
+        leg, STANCE, states, _stance_controls(leg), lambda s: {"q": s.v, "v": leg.joint_acceleration(s)},
+        leg.design.hop.stance_duration,
+    )  # fmt: skip
+
+
+def _phase(
+    leg: MovingLeg, kind: str, states: tuple[State, ...], controls: tuple[Control, ...],
+    rates: Callable[[Instant], Mapping[str, ca.SX]], duration: tuple[float, float],
+) -> LegPhase:  # fmt: skip
+    """A phase in which the rules of its kind hold."""
+    path = path_constraints(leg, kind)
+    return LegPhase(Phase(kind, states, controls, rates, duration, path), kind, leg.motion_in(kind))
 
 
 def _stance_controls(leg: MovingLeg) -> tuple[Control, ...]:
@@ -84,9 +77,7 @@ def _stance_controls(leg: MovingLeg) -> tuple[Control, ...]:
 
 def flight(leg: MovingLeg) -> LegPhase:
     """The leg in the air, rising: it ends at the apex, or before."""
-    motion, (lower, upper), names = leg.flight_motion, leg.limits, leg.leg.joints
-    path: list[PathConstraint] = [operating_region_constraint(leg.leg, j, motion) for j in names]
-    path.append(above_ground(leg.design.hop.above_ground, motion, leg.dynamics, leg.reach, leg.design.hop.least_height))
+    (lower, upper), names = leg.limits, leg.leg.joints
     plane, m = tuple("xz"[k] for k in leg.falling), len(leg.falling)
     rises = ([-INF, 0.0][-m:], [INF] * m)
     states = (
@@ -96,8 +87,11 @@ def flight(leg: MovingLeg) -> LegPhase:
         State("v", leg.n, scale=SPEED, unit="rad/s", labels=names),
     )
     controls = (Control("a", leg.n, scale=ACCELERATION, unit="rad/s^2", labels=names),)
-    rates = lambda s: {"com": s.com_v, "com_v": leg.dynamics(s).gravity[leg.falling], "q": s.v, "v": s.a}  # noqa: E731
-    return LegPhase(Phase(FLIGHT, states, controls, rates, leg.design.hop.flight_duration, tuple(path)), FLIGHT, motion)
+    return _phase(
+        leg, FLIGHT, states, controls,
+        lambda s: {"com": s.com_v, "com_v": leg.dynamics(s).gravity[leg.falling], "q": s.v, "v": s.a},
+        leg.design.hop.flight_duration,
+    )  # fmt: skip
 
 
 def descent(leg: MovingLeg) -> LegPhase:

@@ -12,6 +12,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hopopt.ocp.direction import Directed
+
 INF = float("inf")
 Numbers = float | Sequence[float] | np.ndarray
 
@@ -160,30 +162,6 @@ class BoundaryConstraint:
 def linkage(name: str, value: Callable[[Ends], Any], scale: Numbers = 1.0, **more: Any) -> BoundaryConstraint:
     """value(ends) = 0, what one phase hands to the next."""
     return BoundaryConstraint(name, value, 0.0, 0.0, scale, joins=True, **more)
-
-
-def sign(maximize: bool) -> float:
-    """1 where more is better, -1 where less is: the one place where that becomes a number."""
-    return 1.0 if maximize else -1.0
-
-
-class Directed:
-    """Something of which more is better, or less: what has a field ``maximize``."""
-
-    maximize: bool
-
-    @property
-    def sign(self) -> float:
-        """1 where more is better, -1 where less is."""
-        return sign(self.maximize)
-
-    def merit(self, value: Any) -> Any:
-        """More is better; of a merit, the value."""
-        return self.sign * value
-
-    def cost(self, value: Any) -> Any:
-        """Less is better, as the solver has it; of a cost, the value."""
-        return -self.sign * value
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from typing import Any
 from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.nlp.ipopt import NlpSolver
+from hopopt.ocp.direction import Directed
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.problem import Directed
 from hopopt.planner.families import motion, words
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Motion

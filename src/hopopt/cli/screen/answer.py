@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from hopopt.cli.screen.certificate import certified_words, structure_lines
 from hopopt.cli.screen.console import console, print_lines
-from hopopt.ocp.problem import sign
+from hopopt.ocp.direction import sign
 from hopopt.planner.solution import at_apex
 
 if TYPE_CHECKING:
