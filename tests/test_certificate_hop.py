@@ -234,7 +234,7 @@ def test_structure_tells_of_peaks_by_joint_and_nothing_of_how_work_is_counted() 
 def test_structure_agrees_with_the_torques(hop: Solution) -> None:
     """Where the hip is said to be on one line throughout, its torque lies on the edge of the operating region."""
     found = structure(stored_nlp(hop))
-    assert hop.summary.structure.words == sentences(found)
+    assert hop.summary.structure.words == tuple(sentences(found))
     region, checked = hop.region("hip"), 0
     for s in found["stance"]:
         if s.subject == "hip" and s.limit != "free":

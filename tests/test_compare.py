@@ -18,6 +18,7 @@ from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
+from hopopt.planner.summary_entry import as_data
 from hopopt.planner.summary_extras import Functions
 from hopopt.problem.load import changed, load
 from hopopt.storage.runs import save_runs
@@ -153,10 +154,10 @@ def test_no_share_is_told_of_what_is_no_bound_for_it(solution):
 def test_the_optimum_is_measured_as_a_simulation_is(comparison, solution):
     """The simulator's figures of the plan's own samples are those that the planner printed."""
     row, s = comparison.as_dict()["strategies"][OPTIMUM], solution.summary
-    assert row["clearance_m"] == pytest.approx(s["clearance_m"], abs=1e-7)
-    assert row["parts"] == pytest.approx(s["parts"], abs=1e-7)
-    assert row["saturation_mean"] == pytest.approx(s["saturation_mean"], abs=2e-3)
-    assert row["energy"]["stance_net_J"] == pytest.approx(s["energy"]["stance_net_J"], rel=1e-4)
+    assert row["clearance_m"] == pytest.approx(s.clearance_m, abs=1e-7)
+    assert row["parts"] == pytest.approx(as_data(s.parts), abs=1e-7)
+    assert row["saturation_mean"] == pytest.approx(s.saturation_mean, abs=2e-3)
+    assert row["energy"]["stance_net_J"] == pytest.approx(s.energy["stance_net_J"], rel=1e-4)
     assert planned_trace(solution).energy_error < 1e-5
     assert row["limits_exceeded"] == []
 

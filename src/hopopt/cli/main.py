@@ -230,8 +230,8 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
     objective
         The function of your own that it was found with, if it was: module:function.
     """
-    from hopopt.planner.summary import conditions
     from hopopt.planner.summary_entry import as_data
+    from hopopt.planner.verdict_entries import conditions
 
     if (result / "sweep.json").is_file():
         from hopopt.cli.sweep import verify_study

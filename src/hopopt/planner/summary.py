@@ -24,25 +24,20 @@ from hopopt.planner.multistart import StartOutcome, distinct, same
 from hopopt.planner.solution import Motion, Samples, Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import VERSION, Summary
-from hopopt.planner.summary_extras import Functions, Stretch, Structure
+from hopopt.planner.summary_extras import Functions
 from hopopt.planner.summary_parts import (
-    Condition,
-    Error,
-    Estimate,
     IdleLimit,
     LiftOff,
     Mesh,
-    NamedCheck,
     Optimum,
     Parts,
     PhaseFigures,
-    Relaxed,
-    Simulated,
     StartEnded,
     Starts,
     UpperBound,
 )
-from hopopt.planner.verdict import StatedError, Verdict
+from hopopt.planner.verdict import Verdict
+from hopopt.planner.verdict_entries import conditions, error_entry, standing, structure_entry
 from hopopt.verify.upper_bound import upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -116,41 +111,6 @@ def motion_figures(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, Any]:
         "energy": energy(plan, fine),
         "idle_limits": {name: IdleLimit(**use) for name, use in as_dict(idle_uses(plan, fine)).items()},
     }
-
-
-def standing(verdict: Verdict) -> dict[str, Any]:
-    """Entries that say whether an answer is verified: in words, as the exit code, and check by check."""
-    verified = verdict.verified
-    return {
-        "status": "verified" if verified else "solved, not verified",
-        "verified": verified,
-        "exit_code": 0 if verified else 3,
-        "verification": tuple(NamedCheck(**c.as_dict()) for c in verdict.checks),
-        "failed_checks": tuple(verdict.failed_checks),
-    }
-
-
-def conditions(verdict: Verdict) -> dict[str, Condition]:
-    """Conditions of the certificate, by name."""
-    entries = {c.name.replace(" ", "_"): c.as_dict() for c in verdict.conditions}
-    return {name: Condition(**{k: v for k, v in entry.items() if k != "name"}) for name, entry in entries.items()}
-
-
-def error_entry(error: StatedError) -> Error:
-    """The stated error as a summary holds it."""
-    told = error.as_dict()
-    return Error(
-        **{k: told[k] for k in ("too_high_by", "relative", "could_be_beaten_by")},
-        estimate=Estimate(**told["estimate"]),
-        simulated=Simulated(**told["simulated"]),
-        relaxed=Relaxed(**told["relaxed"]),
-    )
-
-
-def structure_entry(found: dict[str, list[structure.Stretch]]) -> Structure:
-    """The switching structure as a summary holds it."""
-    stretches: dict[str, Any] = {phase: tuple(Stretch(**asdict(s)) for s in parts) for phase, parts in found.items()}
-    return Structure(words=tuple(structure.sentences(found)), **stretches)
 
 
 def in_the_objectives_unit(unit: str, bias: float, gains: dict[str, float]) -> dict[str, Any]:

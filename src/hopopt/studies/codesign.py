@@ -35,8 +35,8 @@ from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import best_of
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.summary import standing
 from hopopt.planner.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
+from hopopt.planner.verdict_entries import standing
 from hopopt.problem.load import changed
 from hopopt.problem.render import rows
 from hopopt.problem.wording import did_you_mean
