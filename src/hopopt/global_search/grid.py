@@ -10,7 +10,11 @@ import numpy as np
 from hopopt.global_search.compiled import kernel
 from hopopt.global_search.constants import StanceConstants, to_link_angles
 
-DENSER = 1.0  # bend of the rates' axes by the fastest: 1 spaces them four times as densely at zero as at the end
+MANY = 25  # nodes of a rate from which the outer cells are narrow enough to be widened in favour of those about zero
+BEND, BEND_OF_MANY = (
+    1.0,
+    0.3,
+)  # by the fastest rate: 1 spaces nodes 4 times as densely at zero as at the end, 0.3 19 times
 POSES = 201  # of each joint, to find which link angles occur
 NOWHERE = -1e3  # value [m] of a state off the grid
 EDGE = 1e-6  # cells: by so much a state may lie off the grid
@@ -56,7 +60,7 @@ def make_grid(counts: tuple[int, ...], angles: np.ndarray, rates: np.ndarray) ->
 
 def _rate_axis(n: int, least: float, most: float) -> tuple[int, float, float]:
     """Index of zero, bend [rad/s] and stretch of an axis of n rates that reaches from ``least`` < 0 to ``most`` > 0."""
-    bend = DENSER * max(most, -least)
+    bend = (BEND_OF_MANY if n >= MANY else BEND) * max(most, -least)
     back, ahead = -least / (bend - least), most / (bend + most)
     zero = min(max(round((n - 1) * back / (back + ahead)), 1), n - 2)
     return zero, bend, min(zero / back, (n - 1 - zero) / ahead)

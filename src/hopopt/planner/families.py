@@ -44,33 +44,28 @@ def _family(hop: Hop, group: Sequence[StartOutcome], known: Solution | None) -> 
 
 
 def global_figures(searched: FirstMesh, best: Solution) -> GlobalMethod:
-    """What the global method says of the answer: the clearance that its best motion from the start reaches, by its
-    centre of mass at lift-off, and what the grid promised; an alarm: a better hop than the answer is likely."""
+    """What the global method says of the answer: what its grid promises from the start, and what the best motion followed
+    from there reaches by its centre of mass at lift-off; an alarm: a better hop than the answer is likely."""
     found = searched.overall
     if found is None:
         return GlobalMethod(None, None, None, False, reason=searched.reason)
-    value = max((r.clearance for r in found.rollouts), default=None)
-    alarm = value is not None and best.objective == "clearance" and value > (1 + ALARM) * best.clearance
+    motion = max((r.clearance for r in found.rollouts), default=None)
+    highest = max(float(found.value), motion or 0.0)
+    alarm = best.objective == "clearance" and highest > (1 + ALARM) * best.clearance
     grid = tuple(int(n) for n in found.grid)
     return GlobalMethod(
-        found.method,
-        grid,
-        value,
-        bool(alarm),
-        steps=found.steps,
-        grid_value_m=float(found.value),
-        seconds=found.seconds,
+        found.method, grid, float(found.value), bool(alarm), steps=found.steps, motion_m=motion, seconds=found.seconds
     )
 
 
 def alarm_note(figures: GlobalMethod) -> list[str]:
     """A sentence beside the answer where the global method doubts that it is the best."""
-    if not figures.alarm or figures.grid is None:
+    if not figures.alarm or figures.grid is None or figures.value_m is None:
         return []
+    highest = max(figures.value_m, figures.motion_m or 0.0)
     return [
-        f"not called the best: a motion that the global method found on a grid of {figures.grid[0]} nodes an axis "
-        f"reaches {figures.value_m:.3f} m by its lift-off, over 1 % more, and no hop that high was solved from it; "
-        "hopopt evidence --global looks closer"
+        f"not called the best: a global method on a grid of {figures.grid[0]} nodes an axis promises {highest:.3f} m, over "
+        "1 % more, and no hop that high was solved from its motions; hopopt evidence --global looks closer"
     ]
 
 

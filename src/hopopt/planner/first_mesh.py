@@ -26,7 +26,7 @@ from hopopt.planner.multistart import (
 from hopopt.planner.relaxations import QUICK, relaxed_starts
 
 SIZE = 15  # nodes along each axis of the global method's grid in a plain solve
-ROLLOUTS = 4  # of its motions, that are solved from
+ROLLOUTS = 6  # of its motions, that are solved from
 HEIGHTS = ("clearance", "apex")  # objectives that its motions suit
 
 

@@ -140,9 +140,9 @@ class GlobalMethod(Strict):
 
     method: str | None = stated("which; null where none was used")
     grid: tuple[int, ...] | None = stated("nodes along each axis of the states")
-    value_m: float | None = stated("clearance that its best motion from the start reaches, by its lift-off [m]")
-    alarm: bool = stated("whether that is over 1 % more than the answer, which then is not called the best")
+    value_m: float | None = stated("clearance that the grid promises at the start [m]")
+    alarm: bool = stated("whether it finds over 1 % more than the answer, which then is not called the best")
     steps: int | None = if_any("steps of time")
-    grid_value_m: float | None = if_any("clearance that the grid promises at the start [m]")
+    motion_m: float | None = if_any("clearance that its best motion from the start reaches, by its lift-off [m]")
     seconds: float | None = if_any("[s]")
     reason: str | None = if_any("why no global method was used")

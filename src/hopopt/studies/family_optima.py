@@ -11,8 +11,9 @@ from hopopt.nlp.ipopt import CARRIED, NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.feasibility import unresisted
-from hopopt.ocp.hop import STANCE, Hop
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import motion_guess
+from hopopt.ocp.phases import STANCE
 from hopopt.planner.families import motion, words
 from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import SAME, StartOutcome, first_options, first_transcription, outcome_of, solution_of

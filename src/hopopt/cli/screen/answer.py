@@ -184,7 +184,7 @@ def global_line(s: "Summary") -> list[str]:
         return []
     grid = " x ".join(map(str, found.grid))
     verdict = "over 1 % more than the answer: a better hop is likely" if found.alarm else "no better hop"
-    return [f"a global method ({found.method}) on {grid} states reaches about {found.value_m:.3f} m: {verdict}"]
+    return [f"a global method ({found.method}) on {grid} states promises about {found.value_m:.3f} m: {verdict}"]
 
 
 def error_line(s: "Summary") -> str:

@@ -49,6 +49,7 @@ FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
 Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
 Kept = tuple[Point, Begin]
 Found = tuple["Source | None", StartOutcome, Begin, Transcription]  # on the first mesh
+FromSource = tuple["Source", StartOutcome, Begin, Transcription]
 _compiled: dict[str, tuple[Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
 _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several threads, a compiled program may not
 
@@ -196,7 +197,7 @@ def _other_answers(
 
 def _on_the_first_mesh(
     definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source]
-) -> list[Found]:
+) -> list[FromSource]:
     """What the sources lead to on the first mesh, the best first."""
     found = []
     for source in sources:
