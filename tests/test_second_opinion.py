@@ -157,7 +157,7 @@ def test_on_the_command_line(
     out, err = capfd.readouterr()
     assert err == ""
     data = json.loads(out)  # one object and nothing else
-    assert [o.agrees for o in data["second_opinions"]] == [True, False]
+    assert [o["agrees"] for o in data["second_opinions"]] == [True, False]
     assert cli.run(asked) == 3
     out, err = capfd.readouterr()
     assert err == ""
