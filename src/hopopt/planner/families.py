@@ -13,6 +13,7 @@ from hopopt.planner.solution import Motion, Solution
 from hopopt.planner.summary_extras import GlobalMethod, HopFamily
 
 LEANING, DIPPING, SWINGING = 0.05, 0.03, 0.1  # share of the reach from which a lean, a dip or a swing is worth a word
+DOWN = 0.02  # share of the reach below which a joint is on the ground
 FAST = 0.3  # m/s along the ground from which a hop drifts
 ALARM = 0.01  # relative: by so much the global method's value may pass the answer
 
@@ -71,15 +72,16 @@ def alarm_note(figures: GlobalMethod) -> list[str]:
 
 def motion(hop: Hop, plan: Motion) -> dict[str, float]:
     """What the body does in stance: duration [s]; its place over the foot when it is lowest (sway) and at lift-off (lean),
-    its dip, and how far it is from where it began at most (swing, with its sign) [share of the reach]; its drift at
-    lift-off [m/s]."""
+    its dip, how far it is from where it began at most (swing, with its sign), and the least height of a joint below it
+    (knee) [share of the reach]; its drift at lift-off [m/s]."""
     stance, size = plan.everywhere(STANCE, np.linspace(0, 1, 5)), reach(hop.leg)
     x, z = stance.q[:, 0], stance.q[:, 1]
     lowest, farthest = int(np.argmin(z)), int(np.argmax(np.abs(x - x[0])))
+    below = [stance.points[joint][:, 1].min() for joint in hop.leg.joints[1:]]
     return {
         "stance": plan.lift_off, "sway": float(x[lowest] / size), "lean": float(x[-1] / size),
         "dip": float((z[0] - z[lowest]) / size), "swing": float((x[farthest] - x[0]) / size),
-        "drift": float(stance.com_v[-1, 0]),
+        "drift": float(stance.com_v[-1, 0]), "knee": float(min(below, default=size) / size),
     }  # fmt: skip
 
 
@@ -91,6 +93,8 @@ def words(m: Mapping[str, float]) -> str:
         moves[0] += f" {_side(m['sway'])}"
     if abs(m["swing"]) > SWINGING and abs(m["swing"]) > 2 * abs(m["lean"]):
         moves.append(f"swings {_way(m['swing'])} by {abs(m['swing']):.0%} of the leg and back")
+    if m["knee"] < DOWN:
+        moves.append("lowers the knee to the ground")
     moves.append(f"leaves {_side(m['lean'])}" if abs(m["lean"]) > LEANING else "leaves upright")
     if abs(m["drift"]) > FAST:
         moves[-1] += f", drifting {_way(m['drift'])}"

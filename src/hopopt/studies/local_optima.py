@@ -35,7 +35,7 @@ Say = Callable[[str], None]
 class Ended:
     """How one start ended on the first mesh: objective in its unit, and the motion: stance [s]; the body's place over
     the foot when it is lowest and at lift-off [share of the reach], its dip [share of the reach], its drift [m/s], its swing
-    [share of the reach]."""
+    and its lowest joint [share of the reach]."""
 
     index: int
     name: str
@@ -50,6 +50,7 @@ class Ended:
     dip: float = 0.0
     drift: float = 0.0
     swing: float = 0.0
+    knee: float = 1.0
 
 
 @dataclass(frozen=True)
