@@ -21,7 +21,7 @@ from hopopt.cli.screen.answer import print_answer
 from hopopt.errors import NotSolvedError, one_line
 from hopopt.planner.summary_extras import GlobalMethod, HopFamily
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 HOPOPT = [sys.executable, "-m", "hopopt.cli.main"]
 COARSE = ["--starts", "1", "--no-figures", "--set", "solver.refine=false"]
 

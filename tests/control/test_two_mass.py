@@ -347,7 +347,7 @@ M, M_E, K, Y_NEU, C_AMP, C_MAX = 5.6, 0.8, 1700.0, 0.45, 0.12, 0.11  # tables ta
 BOTH, AMPLITUDE = M + M_E, C_AMP + M * G / K
 OMEGA_S, OMEGA_F = np.sqrt(K / M), np.sqrt(K * BOTH / (M * M_E))
 LEG = 0.38 + 0.361  # m, thigh and shank
-DOCUMENT = (Path(__file__).parents[1] / "docs" / "paper.md").read_text(encoding="utf-8")
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "paper.md").read_text(encoding="utf-8")
 
 
 def printed_y_s(t: Any) -> Any:

@@ -25,10 +25,9 @@ from hopopt.ocp.transitions import impact
 from hopopt.planner.multistart import first_solver
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from known_problems import minimum_effort
-from test_transcription import guesses
+from known_problems import guesses, minimum_effort
 
-PAGE = (Path(__file__).parents[1] / "docs" / "extending.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "extending.md").read_text(encoding="utf-8")
 SNIPPETS = dict(re.findall(r"^## ([^\n]+)\n.*?```python\n(.*?)```", PAGE, re.MULTILINE | re.DOTALL))
 COARSE = {"solver.stance_intervals": 8, "solver.flight_intervals": 4, "solver.refine": False}
 

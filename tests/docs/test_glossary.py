@@ -15,7 +15,7 @@ from hopopt.storage.summary import summary_schema
 from hopopt.verify import whole_hop
 
 SOURCE = Path(hopopt.__file__).parent
-TEXT = (Path(__file__).parents[1] / "docs" / "glossary.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "glossary.md").read_text(encoding="utf-8")
 HEADS = [line.partition(": ")[0] for line in TEXT.replace("\n  ", " ").splitlines() if line.startswith("- **")]
 WORDS = {word for head in HEADS for word in re.findall(r"\*\*(.+?)\*\*", head)}
 KEYS = {

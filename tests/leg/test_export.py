@@ -10,11 +10,11 @@ import pinocchio as pin
 import pytest
 from hypothesis import assume, given
 
+from drawn_legs import legs_in_motion, mass_matrix, quick
 from hopopt.design import Leg
 from hopopt.leg.export import to_mjcf, to_urdf
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.problem.load import load
-from test_leg import legs_in_motion, mass_matrix, quick
 
 mujoco: Any = importlib.import_module("mujoco")  # compiled, without type information
 Case = tuple[Leg, np.ndarray, np.ndarray, np.ndarray]

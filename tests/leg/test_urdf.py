@@ -24,7 +24,7 @@ from hopopt.problem.load import changed
 from hopopt.sim.machine import Machine
 
 PUBLIC = ("solo12_leg", "a1_leg", "go1_leg", "go2_leg", "b1_leg", "hyq_leg")
-PROBLEMS = Path(__file__).parents[1] / "problems"
+PROBLEMS = Path(__file__).parents[2] / "problems"
 SIMPLE = (PROBLEMS / "three_joint.urdf").read_text()
 JOINTS = ("hip", "knee", "ankle")
 

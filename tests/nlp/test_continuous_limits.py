@@ -11,8 +11,7 @@ from hopopt.nlp.mesh import PhaseMesh, uniform
 from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.tightening_cost import drawn_prices, price, switch_places
 from hopopt.ocp.problem import Objective, PathConstraint, Problem
-from known_problems import SCHEMES, Known, moved
-from test_refine import first
+from known_problems import SCHEMES, Known, moved, solve
 
 LIMIT = 1.3
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
@@ -62,7 +61,7 @@ def test_coefficients_bound_what_is_between_the_nodes(method: Scheme) -> None:
 def test_what_is_held_is_kept_between_the_nodes(method: Scheme, intervals: int) -> None:
     """The force passes its limit between the nodes where it switches, or does not once it is held; then nothing is gained."""
     known = bang_bang()
-    before = first(known, method, uniform(intervals))
+    before = solve(known, method, uniform(intervals))
     _, after = held(before)
     if method.name == "radau-3":  # others can keep it by their nodes, here
         assert interval_errors(before, "move").excess.max() > 0.1
@@ -73,7 +72,7 @@ def test_what_is_held_is_kept_between_the_nodes(method: Scheme, intervals: int) 
 @each_scheme
 def test_at_the_nodes_it_is_an_optimum_of_the_given_program(method: Scheme) -> None:
     """Drawn in to where the held limits keep it, the given program has the same optimum with the moved multipliers."""
-    solution, after = held(first(bang_bang(), method, uniform(5)))
+    solution, after = held(solve(bang_bang(), method, uniform(5)))
     r = residuals(after)
     assert max(r.stationarity, r.feasibility, r.complementarity) < 1e-8
     again = NlpSolver(after.transcription).again(after, after.bounds)
@@ -81,7 +80,7 @@ def test_at_the_nodes_it_is_an_optimum_of_the_given_program(method: Scheme) -> N
 
 
 def test_nothing_chosen_changes_nothing() -> None:
-    before = first(bang_bang(), radau(3), uniform(5))
+    before = solve(bang_bang(), radau(3), uniform(5))
     program = held_between(before.transcription, {"move": np.zeros((5, 1), dtype=bool)})
     assert not program.touched.any()
     assert program.at_nodes(before).objective == before.objective
@@ -94,7 +93,7 @@ def test_price_is_what_holding_costs(method: Scheme, factor: float, intervals: i
     """Against the closed form: with a density b t about the switch and a force straight from limit to limit the loss is
     b h^2 / 12, the estimate b h^2 / 9 for two nodes and the loss for three; the better the shorter the interval."""
     known = bang_bang()
-    _, after = held(first(known, method, uniform(intervals)))
+    _, after = held(solve(known, method, uniform(intervals)))
     loss = after.objective / known.optimum - 1
     assert loss > 0
     assert price(after) == pytest.approx(factor * loss, rel=3 / intervals)
@@ -105,16 +104,16 @@ def test_price_is_what_holding_costs(method: Scheme, factor: float, intervals: i
 def test_the_place_of_a_switch_is_told(share: float) -> None:
     """Half-way in time, wherever the interval that contains it begins and ends."""
     low = 0.5 - 0.1 * share
-    before = first(bang_bang(), radau(3), PhaseMesh((0.0, low / 2, low, low + 0.1, (low + 1.1) / 2, 1.0)))
+    before = solve(bang_bang(), radau(3), PhaseMesh((0.0, low / 2, low, low + 0.1, (low + 1.1) / 2, 1.0)))
     _, after = held(before)
     (place,) = switch_places(after)["move"][[2]]
     assert place == pytest.approx(share, abs=0.02)
 
 
 def test_a_program_is_known_by_its_mesh_and_its_limits() -> None:
-    before = first(bang_bang(), radau(3), uniform(5))
+    before = solve(bang_bang(), radau(3), uniform(5))
     t, none = before.transcription, {"move": np.zeros((5, 1), dtype=bool)}
     program = held_between(t, none)
     assert program.is_of(t, {"move": none["move"].copy()})
     assert not program.is_of(t, {"move": ~none["move"]})
-    assert not program.is_of(first(bang_bang(), radau(3), uniform(5)).transcription, none)
+    assert not program.is_of(solve(bang_bang(), radau(3), uniform(5)).transcription, none)

@@ -10,7 +10,7 @@ from hopopt.nlp import mesh_refinement as refine
 from hopopt.nlp.continuous_limits import held_between
 from hopopt.nlp.interval_errors import IntervalErrors, interval_errors, stage_values
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
-from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
+from hopopt.nlp.mesh import mesh_of_arcs, uniform
 from hopopt.nlp.mesh_refinement import (
     MET,
     NO_NEARER,
@@ -28,22 +28,13 @@ from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.tightened_refinement import DrawnRefinement, refinement_of
 from hopopt.nlp.tightening import drawn_in, limit_nodes, passed, tightened
 from hopopt.nlp.tightening_cost import price
-from hopopt.nlp.transcription import Guess, Transcription
+from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 from hopopt.ocp.problem import Objective, Problem
-from known_problems import SCHEMES, Known, brachistochrone, bryson_denham, moved
+from known_problems import SCHEMES, Known, brachistochrone, bryson_denham, moved, solve
 
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
 ALLOWED, PRICE = 1e-4, 1e-5
-
-
-def first(known: Known, method: Scheme, mesh: PhaseMesh) -> NlpSolution:
-    """The solution on one mesh of a problem of one phase, from its straight line."""
-    ((name, (duration, (start, end, u))),) = known.guess.items()
-    solver = NlpSolver(Transcription(known.problem, method, {name: mesh}))
-    solution = solver({name: Guess(duration, np.array([0.0, 1.0]), np.array([start, end]), np.array([[u], [u]]))})
-    assert solution.success
-    return solution
 
 
 def bang_bang() -> Known:
@@ -58,7 +49,7 @@ def bang_bang() -> Known:
 def test_bang_bang_is_neither_beaten_nor_missed(method: Scheme, intervals: int) -> None:
     """The double integrator has no error: what keeps the limits cannot be faster, and gives away the price at most."""
     known = bang_bang()
-    refinement = Refinement(first(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
+    refinement = Refinement(solve(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
     refinement.run()
     end = refinement.history[-1]
     assert end.excess <= ALLOWED
@@ -69,14 +60,14 @@ def test_bang_bang_is_neither_beaten_nor_missed(method: Scheme, intervals: int) 
 def test_unrefined_bang_bang_is_too_fast() -> None:
     """What back-off is for: held at the nodes only, the control overshoots and gains by it."""
     known = bang_bang()
-    assert first(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1])).objective < known.optimum * (1 - 1e-4)
+    assert solve(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1])).objective < known.optimum * (1 - 1e-4)
 
 
 @pytest.mark.parametrize("method", [radau(2), radau(3)], ids=lambda s: s.name)
 def test_price_of_drawing_in_covers_its_loss(method: Scheme) -> None:
     """No less than what drawing in loses against the closed form."""
     known = bryson_denham(path=True)
-    before = first(known, method, uniform(10))
+    before = solve(known, method, uniform(10))
     errors = {"move": interval_errors(before, "move")}
     assert errors["move"].excess.max() > ALLOWED
     after = NlpSolver(before.transcription, WARM).again(before, drawn_in(before, errors, ALLOWED))
@@ -89,7 +80,7 @@ def test_price_of_drawing_in_covers_its_loss(method: Scheme) -> None:
 @each_scheme
 def test_nodes_of_a_limit_hold_its_values(method: Scheme) -> None:
     """The indices by which a limit is drawn in lead to the values whose excess was measured, in their order."""
-    s = first(bryson_denham(path=True), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
+    s = solve(bryson_denham(path=True), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
     stacked = np.concatenate([s.z, s.g])
     limits = tuple(str(x) for x in interval_errors(s, "move").limits)
     assert limits == ("height", "x", "v", "u")
@@ -104,7 +95,7 @@ def test_nodes_of_a_limit_hold_its_values(method: Scheme) -> None:
 
 def test_given_values_stay() -> None:
     """Bounds that would cross, such as those of a given start, are left as they are."""
-    s = first(bryson_denham(), radau(3), uniform(6))
+    s = solve(bryson_denham(), radau(3), uniform(6))
     errors = interval_errors(s, "move")
     everywhere = replace(errors, below=np.full_like(errors.below, 0.1), above=np.full_like(errors.above, 0.1))
     drawn = drawn_in(s, {"move": everywhere}, ALLOWED)
@@ -118,7 +109,7 @@ def test_given_values_stay() -> None:
 
 
 def test_cutting_keeps_the_edges_there_are() -> None:
-    s = first(bryson_denham(), radau(3), mesh_of_arcs([0, 0.4, 1], [2, 2]))
+    s = solve(bryson_denham(), radau(3), mesh_of_arcs([0, 0.4, 1], [2, 2]))
     edges, parts = s.phases["move"].edges, np.array([1, 3, 1, 2])
     mesh = cut(s, "move", equal(parts))
     assert mesh.intervals == parts.sum()
@@ -130,7 +121,7 @@ def test_cutting_keeps_the_edges_there_are() -> None:
 def test_carried_multipliers_are_nearly_those_of_the_finer_mesh(method: Scheme) -> None:
     """Costates and densities do not depend on the mesh, and Ipopt hardly moves from them."""
     known = brachistochrone()
-    coarse = first(known, method, uniform(12))
+    coarse = solve(known, method, uniform(12))
     mesh = {"slide": cut(coarse, "slide", equal(np.where(np.arange(12) % 2, 2, 1)))}
     t = Transcription(known.problem, method, mesh)
     guess, multipliers = t.guess_from(coarse.phases), carried(coarse, t)
@@ -146,7 +137,7 @@ def test_carried_multipliers_are_nearly_those_of_the_finer_mesh(method: Scheme) 
 
 @each_scheme
 def test_multipliers_carried_to_the_same_mesh_are_the_same(method: Scheme) -> None:
-    s = first(bryson_denham(), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
+    s = solve(bryson_denham(), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
     lam_g, lam_x = carried(s, s.transcription)
     np.testing.assert_allclose(lam_g, s.lam_g, atol=1e-6)
     np.testing.assert_allclose(lam_x, s.lam_x, atol=1e-9)
@@ -154,7 +145,7 @@ def test_multipliers_carried_to_the_same_mesh_are_the_same(method: Scheme) -> No
 
 def test_bounds_are_drawn_in_by_what_is_given_interval_by_interval() -> None:
     known = bang_bang()
-    s = first(known, radau(3), uniform(6))
+    s = solve(known, radau(3), uniform(6))
     t = s.transcription
     amounts = np.zeros_like(passed(interval_errors(s, "move"), 0.0))
     amounts[1, 2, -1] = 0.25  # the upper limit of the control in the third interval
@@ -174,7 +165,7 @@ def test_bounds_are_drawn_in_by_what_is_given_interval_by_interval() -> None:
     "known", [brachistochrone(), bryson_denham(path=True)], ids=["brachistochrone", "bryson-denham"]
 )
 def test_aims_are_met_or_it_says_so(known: Known) -> None:
-    refinement = Refinement(first(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
+    refinement = Refinement(solve(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
     refinement.run()
     errors = [interval_errors(refinement.solution, name) for name in refinement.solution.phases]
     assert max(e.local.max() for e in errors) <= 1e-7
@@ -184,12 +175,12 @@ def test_aims_are_met_or_it_says_so(known: Known) -> None:
 
 
 def test_without_meshes_nothing_is_reached() -> None:
-    refinement = Refinement(first(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 0, 300))
+    refinement = Refinement(solve(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 0, 300))
     refinement.run()
     assert len(refinement.history) == 1
     assert refinement.change == float("inf")
     assert refinement.ended == NOT_ASKED
-    only = Refinement(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, PRICE, 1, 300))
+    only = Refinement(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, PRICE, 1, 300))
     only.run()
     assert only.ended == USED_UP
 
@@ -198,7 +189,7 @@ def test_without_meshes_nothing_is_reached() -> None:
 def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, monkeypatch: pytest.MonkeyPatch) -> None:
     """With too little patience for carried multipliers: restarts end where patience does; without them, or where they
     have used up their iterations, it is said."""
-    begin = first(brachistochrone(), method, uniform(8))
+    begin = solve(brachistochrone(), method, uniform(8))
     known = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
     known.run()
     monkeypatch.setattr(refine, "PATIENCE", 1)
@@ -220,7 +211,7 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
 def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Worse than the coarse mesh by more than an optimum may be: believed where another solve agrees, else refused."""
     known = bang_bang()
-    coarse = first(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1]))
+    coarse = solve(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1]))
     assert coarse.objective < known.optimum * (1 - 1e-4)
     monkeypatch.setattr(refine, "LOST", 1e-5)
     refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
@@ -235,7 +226,7 @@ def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.M
 
 def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, "FINEST", 9)
-    refinement = Refinement(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
+    refinement = Refinement(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
     refinement.run()
     assert refinement.ended == TOO_FINE
     assert len(refinement.history) == 1
@@ -244,7 +235,7 @@ def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
     monkeypatch.setattr(refine, "held_between", lambda *a: built.append(a) or held_between(*a))
-    refinement = Refinement(first(bryson_denham(), radau(3), uniform(5)), Aims(1e-6, 1e-4, 1e-6, 1e-5, 20, 300))
+    refinement = Refinement(solve(bryson_denham(), radau(3), uniform(5)), Aims(1e-6, 1e-4, 1e-6, 1e-5, 20, 300))
     refinement.run()
     assert refinement.ended == MET
     solved = [(step.intervals, step.held) for step in refinement.history[1:]]
@@ -262,7 +253,7 @@ def test_meshes_that_bring_it_no_nearer_end_it(kind: type[Refinement], monkeypat
         return replace(found, local=np.where(np.arange(len(ends)) == middle, 1e-3, 0.0))
 
     monkeypatch.setattr(refine, "interval_errors", stubborn)
-    refinement = kind(first(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
+    refinement = kind(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
     refinement.run()
     assert refinement.ended == NO_NEARER
     assert len(refinement.history) == STUCK + 1

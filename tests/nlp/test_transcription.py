@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
-from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
+from hopopt.nlp.ipopt import NlpSolver
+from hopopt.nlp.mesh import mesh_of_arcs, uniform
 from hopopt.nlp.schemes import TRAPEZOIDAL, Scheme, radau
-from hopopt.nlp.transcription import Guess, Transcription
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import Control, Ends, Objective, Phase, Problem, State
 from known_problems import (
     PROBLEMS,
@@ -22,30 +22,15 @@ from known_problems import (
     brachistochrone,
     bryson_denham,
     growth,
+    guesses,
     moved,
+    solve,
     throw,
     two_prices,
 )
 
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
 SOLVER = 1e-6  # Ipopt stops at a scaled error of 1e-9; the multipliers of these problems are below 1e3
-
-
-def guesses(known: Known) -> dict[str, Guess]:
-    """Straight lines."""
-    lines = {}
-    for name, (duration, (first, last, u)) in known.guess.items():
-        controls = np.full((2, sum(c.size for c in known.problem.phase(name).controls)), u)
-        lines[name] = Guess(duration, np.array([0.0, 1.0]), np.array([first, last]), controls)
-    return lines
-
-
-def solve(known: Known, method: Scheme, mesh: PhaseMesh | None = None, factor: int = 1) -> NlpSolution:
-    """The solution on uniform meshes of factor * N intervals, or on the mesh given."""
-    meshes = {phase.name: mesh or uniform(factor * known.intervals) for phase in known.problem.phases}
-    solution = NlpSolver(Transcription(known.problem, method, meshes))(guesses(known))
-    assert solution.success, solution.status
-    return solution
 
 
 # ---- optima -----------------------------------------------------------------------------------------------
@@ -193,7 +178,6 @@ def test_maximize_changes_the_sign_only() -> None:
 def test_an_answer_as_a_guess_is_the_answer() -> None:
     """Its trajectories alone leave out the free parameters, the height among them."""
     import hopopt as ho
-    from hopopt.nlp.ipopt import NlpSolver
     from hopopt.ocp.hop import Hop
     from hopopt.ocp.initial_guess import NAMED, make_guess
     from hopopt.planner.multistart import first_transcription

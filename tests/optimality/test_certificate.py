@@ -19,14 +19,15 @@ from known_problems import (
     brachistochrone,
     bryson_denham,
     growth,
+    guesses,
     minimum_effort,
     moved,
+    solve,
     terminal_and_integral,
     throw,
     timed,
     two_prices,
 )
-from test_transcription import guesses, solve
 
 SCHEMES = (radau(2), radau(3), radau(5), HERMITE_SIMPSON, TRAPEZOIDAL)
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)

@@ -27,8 +27,18 @@ from hopopt.ocp.problem import (
 from hopopt.optimality import flat_directions as nlp_flat
 from hopopt.optimality.flat_directions import FELT, CannotBeTold, Flat, felt, flat, longer_or_shorter
 from hopopt.optimality.infeasibility import PUSHES, Conflict, Part, conflict
-from known_problems import PROBLEMS, Known, double_integrator, growth, minimum_effort, moved, throw, two_prices
-from test_transcription import guesses, solve
+from known_problems import (
+    PROBLEMS,
+    Known,
+    double_integrator,
+    growth,
+    guesses,
+    minimum_effort,
+    moved,
+    solve,
+    throw,
+    two_prices,
+)
 
 pytestmark = pytest.mark.filterwarnings("error")
 EFFORT = {"effort": lambda s: s.u**2}

@@ -32,12 +32,11 @@ from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.verify.table import FLIGHT, STANCE, Table
 from hopopt.verify.whole_hop import _clamp, not_simulated, worth
-from known_problems import Known, brachistochrone, bryson_denham, timed, two_prices
-from test_closed_forms import G, lift_off_of_hopper, push
+from known_problems import G, Known, brachistochrone, bryson_denham, lift_off_of_hopper, push, timed, two_prices
 
 SCHEMES = (radau(2), radau(3), radau(4), HERMITE_SIMPSON, TRAPEZOIDAL)
 AIMS = aims_of(Hop(load("paper")))  # the planner's
-PEERS = Path(__file__).parents[1] / "benchmarks" / "peers"
+PEERS = Path(__file__).parents[2] / "benchmarks" / "peers"
 Case = tuple[Problem, float, dict[str, Any]]  # problem, its optimum, a guess
 
 

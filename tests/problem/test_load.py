@@ -88,7 +88,7 @@ def test_all_that_stays_above_the_ground_is_named(given: tuple | None):
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_every_value_of_a_built_in_problem_has_a_comment(name):
-    text = (Path(__file__).parents[1] / "problems" / f"{name}.toml").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "problems" / f"{name}.toml").read_text(encoding="utf-8")
     values = [line for line in text.splitlines() if "=" in line.split("#")[0]]
     bare = [line for line in values if "#" not in line and not line.startswith(("extends", "name", "title"))]
     assert not bare

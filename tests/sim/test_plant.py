@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drawn_legs import evaluate, legs_in_motion, symbols
 from hopopt.design import Design, Leg
 from hopopt.leg.actuator import HalfPlane, OperatingRegion, operating_region
 from hopopt.leg.dynamics import LegDynamics
@@ -22,7 +23,6 @@ from hopopt.sim.machine import Machine
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State, Timing
 from hopopt.sim.trace import Trace
-from test_leg import evaluate, legs_in_motion, symbols
 
 PERIOD = 1 / 4000
 quick = settings(max_examples=25, deadline=None)

@@ -14,7 +14,7 @@ from hopopt.problem.load import load
 from hopopt.studies.paper_results import NEAR, paper_results
 from hopopt.studies.stiffness import mean_stiffness, secant_stiffness
 
-DOCS = Path(__file__).parent.parent / "docs" / "paper.md"
+DOCS = Path(__file__).parents[2] / "docs" / "paper.md"
 
 
 @pytest.fixture(scope="module")
