@@ -12,7 +12,7 @@ from hopopt.cli.main import run
 from hopopt.cli.screen.answer import checks_line
 from hopopt.cli.screen.certificate import structure_lines
 from hopopt.cli.screen.console import console, print_checks, print_lines
-from hopopt.cli.screen.runs import PARTS, _gaps, _heights, print_comparison
+from hopopt.cli.screen.runs import PARTS, gap_table, height_table, print_comparison
 from hopopt.cli.screen.sensitivity import print_sensitivity
 from hopopt.cli.screen.sweep import print_study
 from hopopt.planner.solution import Solution
@@ -98,8 +98,8 @@ def test_a_clearance_that_never_was_has_no_parts() -> None:
     gap = {"push_m": 0.8, "timing_m": 0.0, "retraction_m": -0.2}
     row = {"clearance_m": 0.0, "share_of_bound": 0.0, "foot_height_m": 0.0, "parts": nothing, "gap": gap}
     with redirect_stdout(Screen()) as screen:
-        console().print(_gaps({"optimum": row, "stands": row}))
-        console().print(_heights({"stands": row}))
+        console().print(gap_table({"optimum": row, "stands": row}))
+        console().print(height_table({"stands": row}))
     plain = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue())
     gaps, heights = (line.split() for line in plain.splitlines() if line.startswith("stands"))
     assert gaps == ["stands", "-", "-", "-", "+60.0"]

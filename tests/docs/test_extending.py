@@ -63,15 +63,15 @@ def test_the_page_is_one_page_with_a_snippet_in_every_section() -> None:
 def test_an_objective() -> None:
     run("An objective")
     s = solve(load("paper", COARSE), "com_height", starts=1, processes=1)
-    assert s.summary["objective_value"] == pytest.approx(s.apex.points["com"][0, 1], abs=1e-4)
+    assert s.summary.objective_value == pytest.approx(s.apex.points["com"][0, 1], abs=1e-4)
 
 
 def test_a_constraint() -> None:
     run("A constraint")
     s = solve(load("paper"), starts=1, processes=1)
     assert s.verified
-    assert s.summary["peak_vertical_force_N"] == pytest.approx(350, rel=1e-3)
-    assert s.summary["clearance_m"] < 0.799  # of the leg without the limit
+    assert s.summary.peak_vertical_force_N == pytest.approx(350, rel=1e-3)
+    assert s.summary.clearance_m < 0.799  # of the leg without the limit
 
 
 def test_a_strategy() -> None:

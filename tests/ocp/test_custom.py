@@ -114,10 +114,10 @@ def test_the_checks_leg_is_pinocchios(softly: Solution) -> None:
         points = [now.points[name] for name in ("hip", "knee", "foot", "com")]
         return ca.vertcat(now.t, now.q, now.v, now.a, now.tau, now.f, *points, now.com_v)
 
-    from hopopt.planner.custom_check import _along
+    from hopopt.planner.custom_check import along
 
     table = softly.tables["flight"]
-    found = _along(softly.robot, "flight", table, custom(everything), np.array([0.5]))[:, 0]
+    found = along(softly.robot, "flight", table, custom(everything), np.array([0.5]))[:, 0]
     t = 0.5 * (table.t[:, 0] + table.t[:, -1]) - table.t[0, 0]
     s = softly.sample_phase("flight", t)
     points = [s.points[name] for name in ("hip", "knee", "foot", "com")]

@@ -159,13 +159,13 @@ def test_what_cannot_be_solved_without_pivots_is_solved_with_them(monkeypatch: p
     right = np.array([[1.0, 0.0], [2.0, 1.0], [0.0, 3.0]])
     for corner in (1e-14, 1e-10):
         matrix = sparse.csc_matrix(np.ones((3, 3)) + (corner - 1) * np.eye(3))
-        np.testing.assert_allclose(matrix @ nlp_flat._solved(matrix, right), right, atol=1e-9)
+        np.testing.assert_allclose(matrix @ nlp_flat.solved(matrix, right), right, atol=1e-9)
         with monkeypatch.context() as without:
             without.setattr(nlp_flat, "PIVOTS", nlp_flat.PIVOTS[:1])
             with pytest.raises(CannotBeTold, match="cannot be inverted"):
-                nlp_flat._solved(matrix, right)
+                nlp_flat.solved(matrix, right)
     with pytest.raises(CannotBeTold, match="cannot be inverted"):
-        nlp_flat._solved(sparse.csc_matrix(np.ones((3, 3))), right)
+        nlp_flat.solved(sparse.csc_matrix(np.ones((3, 3))), right)
 
 
 @pytest.mark.parametrize("reach", [1.0, 0.1, 0.01])

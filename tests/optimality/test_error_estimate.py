@@ -31,7 +31,7 @@ from hopopt.problem.load import load
 from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.verify.table import FLIGHT, STANCE, Table
-from hopopt.verify.whole_hop import _clamp, not_simulated, worth
+from hopopt.verify.whole_hop import joint_clamp, not_simulated, worth
 from known_problems import G, Known, brachistochrone, bryson_denham, lift_off_of_hopper, push, timed, two_prices
 
 SCHEMES = (radau(2), radau(3), radau(4), HERMITE_SIMPSON, TRAPEZOIDAL)
@@ -271,7 +271,7 @@ def test_clamping_is_the_operating_regions() -> None:
     leg = load("paper").leg
     robot = build_robot(leg)
     regions = [operating_region(leg, joint, robot.parameters) for joint in robot.joints]
-    clamp, random = _clamp(regions), np.random.default_rng(0)
+    clamp, random = joint_clamp(regions), np.random.default_rng(0)
     for _ in range(200):
         speed, tau = random.normal(0, 15, len(regions)), random.normal(0, 150, len(regions))
         expected = [float(r.clamp(w, t)) for r, w, t in zip(regions, speed, tau, strict=True)]

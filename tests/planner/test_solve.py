@@ -17,7 +17,7 @@ from hopopt.planner.multistart import run_starts
 from hopopt.planner.notes import notes_on
 from hopopt.planner.refine_and_verify import PRICE_TOLERANCE, TOLERANCE, finish, with_smaller_tolerances
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, _calmer, solve
+from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, calmer, solve
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import Summary
 from hopopt.problem.load import load
@@ -83,8 +83,8 @@ def test_the_highest_verified_hop_is_chosen(
         name = doubtful.summary.title
         return hop, claim(name, *again[name])
 
-    monkeypatch.setattr(planner, "_once_more", once_more)
-    _, chosen, other = planner._settled(hop, [claim(*each) for each in finished], [], silent, Stopwatch())
+    monkeypatch.setattr(planner, "once_more", once_more)
+    _, chosen, other = planner.settled(hop, [claim(*each) for each in finished], [], silent, Stopwatch())
     assert chosen.summary.title == best
     assert (other and other.summary.title) == better
 
@@ -164,7 +164,7 @@ def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_s
     outcomes = run_starts(hop, 1, 1, silent)
     verified = finish(hop, outcomes[0], outcomes, silent, clock)
     unverified = replace(verified, summary=replace(verified.summary, verified=False))
-    found = _calmer(hop, unverified, outcomes, silent, clock)
+    found = calmer(hop, unverified, outcomes, silent, clock)
     assert found is not None
     other, again = found
     asked = hop.design.solver.tie_break
@@ -174,7 +174,7 @@ def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_s
     assert again.clearance == pytest.approx(verified.clearance, abs=other.tie_break_bias + 1e-5)
     assert any(f"{asked:g}" in note and "tie_break" in note for note in notes_on(other, hop.design, False, again, None))
     for change in (f"solver.tie_break={1.1 * LARGEST_TIE_BREAK}", "solver.refine=false"):
-        assert _calmer(Hop(load("paper", [change]), "clearance"), unverified, outcomes, silent, clock) is None
+        assert calmer(Hop(load("paper", [change]), "clearance"), unverified, outcomes, silent, clock) is None
 
 
 def test_starts_end_alike_in_one_process_and_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,7 @@ from hopopt.planner.summary_extras import CoDesign
 from hopopt.problem.mass_law import mass_law
 from hopopt.storage.recheck import co_design_checks, recheck
 from hopopt.storage.solution import read, save
-from hopopt.studies.codesign import _from
+from hopopt.studies.codesign import from_motion
 from hopopt.studies.mass_coupling import catalogue_coupling
 from hopopt.studies.sensitivity import sensitivity
 
@@ -328,7 +328,7 @@ def test_the_design_that_came_out_is_solved_from_the_whole_motion(monkeypatch: p
             return super().__call__(guess, parameters, *more)
 
     monkeypatch.setattr("hopopt.studies.codesign.NlpSolver", Noting)
-    assert _from(hop, motion).objective == pytest.approx(motion.objective, rel=1e-7)
+    assert from_motion(hop, motion).objective == pytest.approx(motion.objective, rel=1e-7)
     assert asked[0]["clearance"] == motion.parameters["clearance"]
 
 

@@ -486,4 +486,4 @@ def test_a_joint_that_may_pass_the_ground_does_not_end_a_run():
         start = plant.stance_start(np.array([1.3, -2.4]))
         q = start.q.copy()
         q[1] = plant.machine.points(np.array([0, 0, *q[2:]]))["knee"][1] * -1 - 0.01  # the knee 1 cm below the ground
-        assert plant._fault(dataclasses.replace(start, q=q)) == stops
+        assert plant.fault(dataclasses.replace(start, q=q)) == stops
