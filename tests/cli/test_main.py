@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from hopopt.cli import main as cli
 from hopopt.cli.screen.answer import print_answer
 from hopopt.errors import NotSolvedError, one_line
 from hopopt.planner.summary_extras import GlobalMethod, HopFamily
+from waiting import wait_for
 
 ROOT = Path(__file__).parents[2]
 HOPOPT = [sys.executable, "-m", "hopopt.cli.main"]
@@ -125,12 +125,14 @@ def test_coarse_hop_is_not_stated_as_an_answer(tmp_path: Path) -> None:
 
 def test_ctrl_c_while_ipopt_works_is_heeded_and_said(tmp_path: Path) -> None:
     """CasADi swallows it: the solve must not go on, and nothing is left behind. (A mesh that takes many seconds.)"""
+    iterations = tmp_path / "iterations.txt"
+    (tmp_path / "ipopt.opt").write_text(f"output_file {iterations.name}\nfile_print_level 5\n")  # Ipopt reads it
     command = [*HOPOPT, "solve", *COARSE, "--set", "solver.stance_intervals=1000"]
     running = subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
-    time.sleep(5)
+    wait_for(lambda: iterations.exists() and re.search(r"^ +1 ", iterations.read_text(), re.MULTILINE), running)
     running.send_signal(signal.SIGINT)
     words = running.communicate(timeout=600)[1]
     assert running.returncode in (130, -signal.SIGINT), words

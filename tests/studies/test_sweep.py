@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -21,6 +20,7 @@ from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point import Source, solve_again, solve_point
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED
+from waiting import wait_for
 
 HOPOPT = [sys.executable, "-m", "hopopt.cli.main"]
 SHORT = "hop.stance_duration=[0.03, 0.2]"
@@ -131,22 +131,18 @@ def begun(cwd: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
     with subprocess.Popen(
         command, cwd=cwd, env=environment, start_new_session=True, stderr=subprocess.PIPE, preexec_fn=heeding_interrupts
     ) as running:
-        until = time.monotonic() + 600
-        while time.monotonic() < until and running.poll() is None:
-            folders = list(cwd.glob("results/paper-sweep-*"))
-            if folders and times(folders[0]):
-                yield running, folders[0]
-                return
-            time.sleep(0.02)
-        running.kill()
-        raise AssertionError("the sweep finished no point")
+        try:
+            (folder,) = wait_for(lambda: [f for f in cwd.glob("results/paper-sweep-*") if times(f)], running)
+            yield running, folder
+        finally:
+            running.kill()  # nothing if it has ended
 
 
 @pytest.mark.slow
 def test_killed_at_any_instant_it_goes_on(tmp_path: Path) -> None:
     with begun(tmp_path) as (running, folder):
         running.send_signal(signal.SIGKILL)
-    time.sleep(1.5)  # its workers end with it
+        running.communicate(timeout=60)  # its workers end with it: until then they hold its output open
     before = times(folder)
     assert 1 <= len(before) < 3
     done = run("sweep", "--resume", str(folder), "--json", cwd=tmp_path)

@@ -6,13 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 import hopopt as ho
 from hopopt.errors import UsageError
+from waiting import wait_for
 
 pytest.importorskip("distributed")
 
@@ -67,10 +67,7 @@ def test_a_worker_killed_on_the_way_costs_nothing(tmp_path: Path, expected: list
         "local",
     ]
     with subprocess.Popen([*command, "--no-figures"], cwd=tmp_path, stderr=subprocess.PIPE, text=True) as running:
-        until, points = time.monotonic() + 600, Path("nowhere")
-        while time.monotonic() < until and running.poll() is None and len(list(points.glob("*.npz"))) < 1:
-            points = next(tmp_path.glob("results/*/points"), points)
-            time.sleep(0.02)
+        wait_for(lambda: list(tmp_path.glob("results/*/points/*.npz")), running)
         before = workers_of(running.pid)
         assert len(before) >= 2
         os.kill(before[-1], signal.SIGKILL)

@@ -7,10 +7,13 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from waiting import wait_for
 
 KILLS = 20
 CHEAP = ["hop.stance_duration=[0.03, 0.2]", "solver.refine=false", "solver.stance_intervals=16", "solver.starts=2"]
@@ -50,13 +53,12 @@ def test_killed_at_random_instants_the_table_is_the_same(tmp_path: Path) -> None
     lasted = time.monotonic() - began
     random = np.random.default_rng(0)
     first = begin(tmp_path, *defined(), "--results", "killed")
-    while not list(tmp_path.glob("killed/*/sweep.json")):
-        assert first.poll() is None
-        time.sleep(0.02)
+    wait_for(lambda: list(tmp_path.glob("killed/*/sweep.json")), first)
     (folder,) = tmp_path.glob("killed/*")
     running, kills = first, 0
     while kills < KILLS:
-        time.sleep(float(random.uniform(0.0, 0.2 * lasted)))
+        with suppress(subprocess.TimeoutExpired):
+            running.wait(float(random.uniform(0.0, 0.2 * lasted)))
         if running.poll() is None:
             os.kill(running.pid, signal.SIGKILL)
             kills += 1
