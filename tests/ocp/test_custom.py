@@ -195,7 +195,7 @@ def test_a_leg_that_leaves_the_plane_has_a_force_of_three_parts() -> None:
 
     tilted = {"leg.knee.axis": (0.3, 0.8, 0.2), "start.joint_angles": (0.3, -0.6)}
     hop = Hop(ho.load("paper", tilted), constraints=(custom(forces),))
-    assert [c.name for phase in hop.problem.phases for c in phase.path].count(custom(forces).name) == 2
+    assert [str(c.name) for phase in hop.problem.phases for c in phase.path].count(custom(forces).name) == 2
 
 
 def test_a_stored_result_names_its_function_and_does_not_run_it(
