@@ -1,4 +1,4 @@
-"""Optimal control problems whose answers are known in closed form."""
+"""Optimal control problems whose answers are known in closed form, and their solution from a straight line."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,7 +7,10 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
-from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, radau
+from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.mesh import PhaseMesh, uniform
+from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
+from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import (
     BoundaryConstraint,
     Control,
@@ -20,6 +23,7 @@ from hopopt.ocp.problem import (
     linkage,
 )
 
+G = 9.81  # m/s^2
 SCHEMES = (radau(2), radau(3), radau(5), HERMITE_SIMPSON, TRAPEZOIDAL)
 ALL = frozenset(s.name for s in SCHEMES)
 Ends2 = tuple[list[float], list[float], float]  # states at both ends of a phase's guess, and its control
@@ -153,6 +157,48 @@ def timed() -> Known:
     return Known(problem, 1 / (0.5 + np.sin(6) / 12), {"run": (1.0, ([0], [1], 0.0))})
 
 
+def lift_off_of_hopper(m: float, F0: float, v0: float, s: float) -> tuple[float, float]:
+    """A hopper of one dimension at full force: time [s] and speed [m/s] at the end of the stroke.
+
+    x = (a/b) t - (a/b^2) (1 - exp(-b t)).
+    """
+    a, b = F0 / m - G, F0 / (m * v0)
+
+    def x(t: float) -> float:
+        return a / b * t - a / b**2 * -np.expm1(-b * t)
+
+    t: Any = brentq(lambda t: x(t) - s, 1e-6, 100.0, xtol=1e-15, rtol=1e-14)  # pyright: ignore[reportArgumentType]
+    return t, -a / b * np.expm1(-b * t)
+
+
+def push(m: float, F0: float, v0: float, s: float) -> Phase:
+    """Its push: mass [kg], force at standstill [N], speed without force [m/s], stroke [m]."""
+    place = State("x", lower=0.0, upper=s, scale=s, initial=0.0, final=s)
+    states = (place, State("v", lower=0.0, scale=v0, initial=0.0))
+    path = (
+        PathConstraint("motor", lambda i: i.F / F0 + i.v / v0, upper=1.0),
+        PathConstraint("only pushes", lambda i: i.F, lower=0.0, scale=F0, unit="N"),
+    )
+    return Phase("push", states, (Control("F", scale=F0),), lambda i: {"x": i.v, "v": i.F / m - G}, (1e-3, 5.0), path)
+
+
 PROBLEMS = (
     minimum_effort, bryson_denham, brachistochrone, growth, two_prices, throw, terminal_and_integral, timed
 )  # fmt: skip
+
+
+def guesses(known: Known) -> dict[str, Guess]:
+    """Straight lines."""
+    lines = {}
+    for name, (duration, (first, last, u)) in known.guess.items():
+        controls = np.full((2, sum(c.size for c in known.problem.phase(name).controls)), u)
+        lines[name] = Guess(duration, np.array([0.0, 1.0]), np.array([first, last]), controls)
+    return lines
+
+
+def solve(known: Known, method: Scheme, mesh: PhaseMesh | None = None, factor: int = 1) -> NlpSolution:
+    """The solution on uniform meshes of factor * N intervals, or on the mesh given."""
+    meshes = {phase.name: mesh or uniform(factor * known.intervals) for phase in known.problem.phases}
+    solution = NlpSolver(Transcription(known.problem, method, meshes))(guesses(known))
+    assert solution.success, solution.status
+    return solution

@@ -7,7 +7,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
@@ -21,8 +20,8 @@ from hopopt.ocp.phases import FLIGHT
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State, linkage
 from hopopt.planner.solution import PlanEvaluator
 from hopopt.problem.load import load
+from known_problems import G, lift_off_of_hopper, push
 
-G = 9.81
 RELATIVE = 1e-6
 HASTE = 0.1  # m/s, weight of the push's duration: full force is both the highest and the fastest, waiting is neither
 
@@ -42,27 +41,6 @@ def line(duration: float, first: list[float], last: list[float], *u: float) -> G
 
 # mass [kg], force at standstill [N], speed without force [m/s], stroke [m]
 HOPPERS = [(8.27, 500.0, 6.0, 0.2), (1.0, 100.0, 3.0, 0.1), (40.0, 900.0, 10.0, 0.5), (5.6, 400.0, 2.0, 0.3)]
-
-
-def lift_off_of_hopper(m: float, F0: float, v0: float, s: float) -> tuple[float, float]:
-    """Time [s] and speed [m/s] at the end of the stroke: x = (a/b) t - (a/b^2) (1 - exp(-b t))."""
-    a, b = F0 / m - G, F0 / (m * v0)
-
-    def x(t: float) -> float:
-        return a / b * t - a / b**2 * -np.expm1(-b * t)
-
-    t: Any = brentq(lambda t: x(t) - s, 1e-6, 100.0, xtol=1e-15, rtol=1e-14)  # pyright: ignore[reportArgumentType]
-    return t, -a / b * np.expm1(-b * t)
-
-
-def push(m: float, F0: float, v0: float, s: float) -> Phase:
-    place = State("x", lower=0.0, upper=s, scale=s, initial=0.0, final=s)
-    states = (place, State("v", lower=0.0, scale=v0, initial=0.0))
-    path = (
-        PathConstraint("motor", lambda i: i.F / F0 + i.v / v0, upper=1.0),
-        PathConstraint("only pushes", lambda i: i.F, lower=0.0, scale=F0, unit="N"),
-    )
-    return Phase("push", states, (Control("F", scale=F0),), lambda i: {"x": i.v, "v": i.F / m - G}, (1e-3, 5.0), path)
 
 
 @pytest.mark.parametrize("scheme", [radau(3), radau(4), radau(5)], ids=lambda s: s.name)

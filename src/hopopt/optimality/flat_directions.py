@@ -151,10 +151,10 @@ def _moved(
     top = (W + sparse.diags(on_z + HELD * size)).tocsr()[movable][:, movable]
     A = A[held][:, movable]
     C = np.array(rows)[:, movable]
-    return np.einsum("ij,ji->i", C, _solved(csc(top + A.T @ sparse.diags(on_g[held]) @ A), C.T))
+    return np.einsum("ij,ji->i", C, solved(csc(top + A.T @ sparse.diags(on_g[held]) @ A), C.T))
 
 
-def _solved(matrix: Matrix, right: np.ndarray) -> np.ndarray:
+def solved(matrix: Matrix, right: np.ndarray) -> np.ndarray:
     """matrix^-1 right, (n, k); CannotBeTold if it has none."""
     for pivots in PIVOTS:
         try:

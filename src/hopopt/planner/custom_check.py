@@ -35,7 +35,7 @@ def custom_checks(
 
 
 def _constraint(robot: Robot, phase: str, table: Table, c: Custom) -> Check:
-    value = _along(robot, phase, table, c, FINE[::EVERY])
+    value = along(robot, phase, table, c, FINE[::EVERY])
     low, high = c.terms.lower, c.terms.upper
     excess = np.maximum(low - value, value - high).max(axis=-1) / c.terms.scale
     k, i = np.unravel_index(int(np.argmax(excess)), excess.shape)
@@ -45,7 +45,7 @@ def _constraint(robot: Robot, phase: str, table: Table, c: Custom) -> Check:
 
 def _objective(robot: Robot, tables: Mapping[str, Table], c: Custom) -> float:
     if c.terms.running:
-        return sum(integral(t, _along(robot, phase, t, c, FINE)[..., 0]) for phase, t in tables.items())
+        return sum(integral(t, along(robot, phase, t, c, FINE)[..., 0]) for phase, t in tables.items())
     stance, flight = (tables[phase] for phase in PHASES)
     end = symbols(len(robot.joints), tuple(robot.points), True)
     assert end.lift_off is not None
@@ -58,7 +58,7 @@ def _objective(robot: Robot, tables: Mapping[str, Table], c: Custom) -> float:
     return float(function(*numbers))  # type: ignore[arg-type]
 
 
-def _along(robot: Robot, phase: str, table: Table, c: Custom, places: np.ndarray) -> np.ndarray:
+def along(robot: Robot, phase: str, table: Table, c: Custom, places: np.ndarray) -> np.ndarray:
     """The function's values (N, k, m) at the same places of every interval."""
     m = symbols(len(robot.joints), tuple(robot.points), False, kind(phase), table.f.shape[-1])
     function = ca.Function("along", [*_inputs(m), m.a, m.tau, m.f], [ca.densify(c(m))])

@@ -77,7 +77,7 @@ def solve(
     if not finished:
         say("looking for the limits that cannot hold together")
         raise not_solved(hop, outcomes, thorough=True)
-    hop, best, better = _settled(hop, finished, outcomes, say, clock)
+    hop, best, better = settled(hop, finished, outcomes, say, clock)
     if structure:
         best = with_free_switches(hop, best, outcomes, say, clock)
     found = flat_directions(hop, best)
@@ -106,7 +106,7 @@ def best_of(goal: HopObjective, finished: Sequence[Solution]) -> Solution:
     return max(finished, key=lambda s: (s.verified, goal.merit(s.summary.objective_value)))
 
 
-def _settled(
+def settled(
     hop: Hop, finished: Sequence[Solution], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
 ) -> tuple[Hop, Solution, Solution | None]:
     """The best hop with its problem, and a better one that is not verified, if any, after those that claim more than the
@@ -119,7 +119,7 @@ def _settled(
     for doubtful in sorted((s for s in finished if not s.verified), key=merit, reverse=True):
         if best.verified and merit(doubtful) <= merit(best):
             break
-        where, again = _once_more(hop, doubtful, outcomes, say, clock)
+        where, again = once_more(hop, doubtful, outcomes, say, clock)
         if again.verified and (not best.verified or merit(again) > merit(best)):
             chosen, best = where, again
         elif not again.verified:
@@ -127,11 +127,11 @@ def _settled(
     return chosen, best, better if best.verified and better and merit(better) > merit(best) else None
 
 
-def _once_more(
+def once_more(
     hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
 ) -> tuple[Hop, Solution]:
     """A hop that is not verified with a larger tie-break or, if that does not help, with restarts."""
-    if again := _calmer(hop, doubtful, outcomes, say, clock):
+    if again := calmer(hop, doubtful, outcomes, say, clock):
         return again
     if doubtful.summary.refinement_ended != UNSOLVED:
         return hop, doubtful
@@ -139,7 +139,7 @@ def _once_more(
     return hop, finish(hop, outcomes[_chosen(doubtful, outcomes)], outcomes, say, clock)
 
 
-def _calmer(
+def calmer(
     hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
 ) -> tuple[Hop, Solution] | None:
     """A hop that is not verified again with a larger tie-break, where torques that hardly matter may have chattered: with

@@ -185,7 +185,7 @@ class Plant:
             for until in (*sorted(cuts), end):
                 command = next(c for at, c in reversed(pending) if at <= s.t + EVENT)
                 s, torque = self._until(s, command, torque, until, writer)
-            outcome = self._fault(s) or outcome
+            outcome = self.fault(s) or outcome
             if landings and s.landings >= landings:
                 outcome = f"landing {landings}"
             elif falling < np.inf and not s.contact and self.machine.com_velocity(s.q, s.v)[1] < -falling:
@@ -243,7 +243,7 @@ class Plant:
         motor, tau = self.drive.torque(s.v[BASE:], command)
         writer.rows.append((s.t, s.q, s.v, command, motor, tau, self.force(s, command), s.contact, s.work))
 
-    def _fault(self, s: State) -> str:
+    def fault(self, s: State) -> str:
         """Why the simulation cannot go on, or nothing."""
         if not s.sane:
             return "the motion ran away"

@@ -81,7 +81,7 @@ def codesign(
     clock.mark("co-design")
     fixed = Hop(changed(design, optimal(freedom, best)), hop.asked, constraints=own)
     say("solving the design that came out")
-    again = search_first_mesh(fixed, count, side_by_side, say, [_from(fixed, best)]).outcomes
+    again = search_first_mesh(fixed, count, side_by_side, say, [from_motion(fixed, best)]).outcomes
     clock.mark("starts")
     finished = [finish(fixed, o, again, say, clock) for o in contenders(again)]
     if not finished:
@@ -99,10 +99,10 @@ def _begun(hop: Hop, count: int, side_by_side: int, told: Progress) -> list[Star
     given_design = Hop(hop.design, hop.asked, constraints=hop.constraints)
     found = contenders(search_first_mesh(given_design, count, side_by_side, told).outcomes)
     t = first_transcription(given_design)
-    return besides + [_from(hop, solution_of(o, t), "the design as given") for o in found[:1]]
+    return besides + [from_motion(hop, solution_of(o, t), "the design as given") for o in found[:1]]
 
 
-def _from(hop: Hop, motion: NlpSolution, name: str = "co-design") -> StartOutcome:
+def from_motion(hop: Hop, motion: NlpSolution, name: str = "co-design") -> StartOutcome:
     """The problem solved from a motion of the same leg with other numbers, or with numbers fixed that are free here."""
     began, t = time.perf_counter(), first_transcription(hop)
     solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})

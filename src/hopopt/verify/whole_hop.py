@@ -114,7 +114,7 @@ def worth(design: Design, tables: Mapping[str, Table], figure: str = "clearance_
     """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``."""
     robot = build_robot(design.leg)
     machine, found = Machine(robot), dict[str, Table]()
-    clamp = _clamp([operating_region(design.leg, joint, robot.parameters) for joint in robot.joints])
+    clamp = joint_clamp([operating_region(design.leg, joint, robot.parameters) for joint in robot.joints])
     state = tables[STANCE].q[0, 0], tables[STANCE].v[0, 0]
     try:
         for name, table in tables.items():
@@ -174,7 +174,7 @@ def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.n
     return torque
 
 
-def _clamp(regions: Sequence[OperatingRegion]) -> Clamp:
+def joint_clamp(regions: Sequence[OperatingRegion]) -> Clamp:
     """``OperatingRegion.clamp`` of all joints at once, for torques and speeds that are single numbers."""
     planes = [[(float(h.a), float(h.b)) for h in region.planes if h.a] for region in regions]
 

@@ -16,14 +16,14 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     """The bound, the table, where the centimetres are lost, the paper's figures, and warnings."""
     rows, out = comparison["strategies"], console()
     out.print(_headline(comparison))
-    print_table(out, _heights(rows))
+    print_table(out, height_table(rows))
     print_table(out, _efforts(rows))
     out.print(
         "C_avg: mean saturation ratio in stance, 1 where a drive always gives all that its speed allows; work: of the motors, "
         "net, until the clearance counts; ground: largest force, along and up together"
     )
     if comparison["verified"]:
-        print_table(out, _gaps(rows))
+        print_table(out, gap_table(rows))
     for name, row in rows.items():
         if "paper" in row:
             out.print(_paper(name, row))
@@ -96,7 +96,7 @@ def _headline(c: Mapping[str, Any]) -> str:
     return f"{c['problem']}: the bound is {c['bound_m']:.4f} m, the highest hop found, verified"
 
 
-def _heights(rows: Mapping[str, Any]) -> Table:
+def height_table(rows: Mapping[str, Any]) -> Table:
     """Clearances with their parts."""
     table = _by_strategy("clearance m", "of bound", "= lift-off", "+ rise", "- posture", "foot max m")
     for name, r in rows.items():
@@ -144,7 +144,7 @@ def _by_strategy(*heads: str, title: str | None = None) -> Table:
     return table
 
 
-def _gaps(rows: Mapping[str, Any]) -> Table:
+def gap_table(rows: Mapping[str, Any]) -> Table:
     title = "Where the centimetres are lost (+) or gained (-)"
     table = _by_strategy("push cm", "timing cm", "retraction cm", "together cm", title=title)
     for name, r in list(rows.items())[1:]:

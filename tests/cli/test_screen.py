@@ -1,0 +1,150 @@
+"""What a person sees on a screen of a given width, and what a pipe gets."""
+
+import io
+import re
+from contextlib import redirect_stdout
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from hopopt.cli.main import run
+from hopopt.cli.screen.answer import checks_line
+from hopopt.cli.screen.certificate import structure_lines
+from hopopt.cli.screen.console import console, print_checks, print_lines
+from hopopt.cli.screen.runs import PARTS, gap_table, height_table, print_comparison
+from hopopt.cli.screen.sensitivity import print_sensitivity
+from hopopt.cli.screen.sweep import print_study
+from hopopt.planner.solution import Solution
+from hopopt.planner.summary_extras import Stretch, Structure
+from hopopt.planner.summary_parts import NamedCheck
+from hopopt.problem.load import load
+from hopopt.studies.compare import compare
+from hopopt.studies.influence import Influence
+from hopopt.studies.sweep.definition import define
+from hopopt.studies.sweep.point_file import VERIFIED, Point
+from hopopt.studies.sweep.run import Study
+from hopopt.verify.check import Check
+from hopopt.verify.whole_hop import left_out
+
+LONG = "hip: " + ", then ".join(f"torque-speed line backward until 0.{k:03d} s" for k in range(100, 120))
+
+
+class Screen(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture(autouse=True)
+def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in {"COLUMNS": "80", "NO_COLOR": "1", "TERM": "xterm"}.items():
+        monkeypatch.setenv(name, value)
+
+
+def test_long_lines_go_on_below_their_beginning() -> None:
+    with redirect_stdout(Screen()) as screen:
+        print_lines(console(), "structure", [LONG, "ground: free"])
+    first, *more, last = screen.getvalue().splitlines()
+    assert first.startswith("  structure hip: torque-speed")
+    assert all(line.startswith(" " * 14) and line[14] != " " for line in more)
+    assert last == " " * 12 + "ground: free"
+    assert max(map(len, (first, *more))) <= 80
+    assert " ".join(line.strip() for line in (first, *more)) == f"structure {LONG}"
+
+
+def test_of_a_chattering_structure_the_first_and_the_last_are_told(hop: Solution) -> None:
+    ends = [0.1 + 0.001 * k for k in range(20)]
+    hip = [Stretch("hip", "torque-speed line backward", end - 0.001, end) for end in ends]
+    ground = [Stretch("ground", "free", 0.0, 0.1), Stretch("ground", "carries nothing", 0.1, 0.2)]
+    told = Structure((), (*hip, *ground), (Stretch("hip", "free", 0.0, 1.0),))
+    long, short = structure_lines(replace(hop.summary, structure=told))
+    assert short == "ground: free until 0.100 s, then carries nothing"
+    told, every = long.split(", then "), LONG.split(", then ")
+    assert told == [*every[:4], f"{len(every) - 5} more (--json tells all)", "torque-speed line backward"]
+
+
+def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    print_lines(console(), "structure", [LONG])
+    assert capsys.readouterr().out == f"  structure {LONG}\n"
+
+
+def test_a_study_whose_best_lies_at_an_edge_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    definition = define(load("paper"), {"leg.gear.ratio": [90, 100, 110], "leg.shank.length": [0.35, 0.36, 0.37]})
+    for best, words in (
+        (4, ""),
+        (1, "; leg.gear.ratio at the least that was tried: better may lie beyond"),
+        (8, "; leg.gear.ratio at the most and leg.shank.length at the most that was tried: better may lie beyond"),
+    ):
+        heights = [0.8 if k == best else 0.7 for k in range(9)]
+        points = [
+            Point(k, definition.values(k), VERIFIED, objective_value=z, clearance_m=z) for k, z in enumerate(heights)
+        ]
+        print_study(Study(definition, tuple(points), tmp_path, 1.0))
+        assert f"clearance 0.8000 m{words}\n" in capsys.readouterr().out
+
+
+def test_a_comparison_fits_a_narrow_screen(hop: Solution) -> None:
+    found = compare(hop.design, ["force"], bound=hop).as_dict()
+    with redirect_stdout(Screen()) as screen:
+        print_comparison(found, "results/here")
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue()).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert not any("…" in line for line in lines)
+    assert [len(line.split()) for line in lines if line.startswith("force ")] == [7, 10, 5]
+
+
+def test_a_clearance_that_never_was_has_no_parts() -> None:
+    nothing = dict.fromkeys(PARTS, 0.0)
+    gap = {"push_m": 0.8, "timing_m": 0.0, "retraction_m": -0.2}
+    row = {"clearance_m": 0.0, "share_of_bound": 0.0, "foot_height_m": 0.0, "parts": nothing, "gap": gap}
+    with redirect_stdout(Screen()) as screen:
+        console().print(gap_table({"optimum": row, "stands": row}))
+        console().print(height_table({"stands": row}))
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue())
+    gaps, heights = (line.split() for line in plain.splitlines() if line.startswith("stands"))
+    assert gaps == ["stands", "-", "-", "-", "+60.0"]
+    assert heights == ["stands", "0.000", "0%", "-", "-", "-", "0.000"]
+
+
+def test_names_are_whole_on_a_narrow_screen() -> None:
+    """Rows that are told apart by the ends of their names stay apart."""
+    names = ["leg.motor.max_torque", "leg.motor.max_speed", "leg.knee.motor.max_torque", "leg.knee.motor.max_speed"]
+    influences = [Influence(n, 1256.637, "rad/s", 1e-4, n.replace("knee.", "") if "knee" in n else None) for n in names]
+    data = {"problem": "x", "failed_checks": [], "clearance_m": 0.8, "settled_within_m": 1e-5, "tie_break_bias_m": 1e-6}
+    with redirect_stdout(Screen()) as screen:
+        print_sensitivity({**data, "result_dir": "results/x"}, influences)
+        run(["actuators"])
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue()).splitlines()
+    rows = [line.split()[0] for line in lines if line.strip()]
+    assert set(names) | {"maxon-ec45-150", "maxon-ec45-250", "unitree-go2-knee"} <= set(rows)
+    assert max(map(len, lines)) <= 80
+
+
+def test_checks_fit_a_narrow_screen_and_say_where_they_failed() -> None:
+    checks = [
+        Check(f"stance transversality of its duration{k}", 10.0**-k, 1e-3, "of the objective", f"at 0.{k} s")
+        for k in (1, 5)
+    ]
+    with redirect_stdout(Screen()) as screen:
+        print_checks("x", checks)
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue()).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert sum("stance transversality of its duration" in line for line in lines) == 3
+    assert f"FAILED {checks[0].name}: at 0.1 s" in lines
+
+
+def test_checks_that_are_left_out_are_counted_apart_with_the_reason(
+    hop: Solution, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = [Check(f"{phase} replay", 1e-9, 1e-5, "SI") for phase in ("stance", "flight")]
+    checks = [*made, *left_out("the simulated leg left the plan")]
+    listed = tuple(NamedCheck(**c.as_dict()) for c in checks)
+    summary = replace(hop.summary, verification=listed)
+    assert checks_line(summary).startswith("2 of 2 checks passed, 2 left out; replay")
+    print_checks("x", checks)
+    shown = capsys.readouterr().out
+    assert "verified: 2 of 2 checks passed" in shown
+    assert (
+        "left out: simulated in one piece, limits when simulated in one piece (the simulated leg left the plan)"
+        in shown
+    )

@@ -1,0 +1,104 @@
+"""What README and the pages of docs name is there; the pictures are those of today; sentences are short."""
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("*.md"))]
+COMING = {"extending.md"}  # pages that are linked and need not be there yet
+HOMES = (ROOT, ROOT / "src" / "hopopt", DOCS)  # what paths may be relative to
+LONGEST = 30  # words of a sentence
+LARGEST = 120_000  # bytes of a picture
+ids = [page.name for page in PAGES]
+
+
+def text_of(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+def paragraphs(text: str) -> list[str]:
+    """Of a page, its items and headings among them; without code, formulas and tables."""
+    text = re.sub(r"```.*?```", "", text, flags=re.S)
+    parts = re.split(r"\n\s*\n|\n\s*(?=[-*#] |#|\d+\. )", text)
+    return [
+        " ".join(p.split()) for p in parts if not p.strip("\n").startswith("    ") and p.strip()[:1] not in ("|", "!")
+    ]
+
+
+def sentences(text: str) -> list[str]:
+    return [s for p in paragraphs(text) for s in re.split(r"(?<=[.?!])[)\"*`\]]*\s+", p)]
+
+
+def script() -> ModuleType:
+    """docs/draw_packages.py"""
+    spec = importlib.util.spec_from_file_location("draw_packages", DOCS / "draw_packages.py")
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids)
+def test_every_path_that_is_named_exists(page: Path) -> None:
+    named = re.findall(
+        r"(?<![\w/.])((?:[\w-]+/)+[\w-]+\.(?:py|toml|md|png|svg))", re.sub(r"https?://\S+", "", text_of(page))
+    )
+    kept = [n for n in named if not n.startswith(("figures/", "results/")) and Path(n).name not in COMING]
+    assert not [n for n in kept if not any((home / n).exists() for home in HOMES)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)]+)\)", text_of(page)) if "://" not in link]
+    assert not [n for n in links if Path(n).name not in COMING and not (page.parent / n).exists()]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids)
+def test_every_module_that_is_named_can_be_found(page: Path) -> None:
+    for name in set(re.findall(r"\bhopopt((?:\.[a-z_]+)+)", text_of(page))) - {".strategies"}:  # of an entry point
+        home, *parts = ROOT / "src" / "hopopt", *name.strip(".").split(".")
+        while parts and (home / parts[0]).is_dir():
+            home /= parts.pop(0)
+        found = not parts or (home / f"{parts[0]}.py").is_file()
+        assert found or re.search(rf"\b{parts[0]}\b", text_of(home / "__init__.py")), name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids)
+def test_sentences_are_short(page: Path) -> None:
+    assert not [s for s in sentences(text_of(page)) if len(s.split()) > LONGEST]
+
+
+def test_the_index_has_every_page() -> None:
+    linked = set(re.findall(r"\]\((\w+\.md)\)", text_of(DOCS / "index.md")))
+    assert linked - COMING == {page.name for page in DOCS.glob("*.md")} - {"index.md"} - COMING
+
+
+def test_readme_is_short() -> None:
+    assert len(text_of(ROOT / "README.md").splitlines()) <= 100
+
+
+def test_pictures_are_small() -> None:
+    assert not [p.name for p in (DOCS / "images").iterdir() if p.stat().st_size > LARGEST]
+
+
+def test_the_picture_of_the_packages_is_that_of_today() -> None:
+    """After a change of imports: python docs/draw_packages.py"""
+    module = script()
+    assert text_of(module.PICTURE) == module.drawn()
+
+
+def test_ten_steps_name_modules() -> None:
+    """Each step of a problem's way names a module that is there."""
+    way = text_of(DOCS / "architecture.md").partition("to answer")[2].partition("\n## ")[0]
+    steps = re.split(r"\n\d+\. ", way)[1:]
+    assert len(steps) == 10
+    for step in steps:
+        modules = re.findall(r"`([\w/]+\.py)`", step)
+        assert modules
+        assert all((ROOT / "src" / "hopopt" / module).is_file() for module in modules), step

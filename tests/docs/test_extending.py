@@ -1,0 +1,121 @@
+"""Every snippet of docs/extending.md, run as it stands and used."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hopopt.control import strategies
+from hopopt.control.closed_loop import simulate
+from hopopt.leg import actuator
+from hopopt.leg.robot import BASE
+from hopopt.nlp import schemes
+from hopopt.nlp.ipopt import NlpSolver
+from hopopt.nlp.mesh import uniform
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp import objectives, rules
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.initial_guess import NAMED, make_guess
+from hopopt.ocp.problem import Instant
+from hopopt.ocp.transitions import impact
+from hopopt.planner.multistart import first_solver
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from known_problems import guesses, minimum_effort
+
+PAGE = (Path(__file__).parents[2] / "docs" / "extending.md").read_text(encoding="utf-8")
+SNIPPETS = dict(re.findall(r"^## ([^\n]+)\n.*?```python\n(.*?)```", PAGE, re.MULTILINE | re.DOTALL))
+COARSE = {"solver.stance_intervals": 8, "solver.flight_intervals": 4, "solver.refine": False}
+
+
+REGISTRIES: tuple[dict[str, Any], ...] = (
+    objectives.OBJECTIVES, strategies.BUILT_IN, actuator.LAWS, schemes.SCHEMES,
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _registries() -> Iterator[None]:
+    """What a snippet registers is gone after its test."""
+    kept, rows = [dict(registry) for registry in REGISTRIES], list(rules.RULES)
+    yield
+    for registry, before in zip(REGISTRIES, kept, strict=True):
+        registry.clear()
+        registry.update(before)
+    rules.RULES[:] = rows
+
+
+def run(title: str) -> dict[str, Any]:
+    """What a section's snippet defines."""
+    found: dict[str, Any] = {"__name__": "snippet"}
+    exec(SNIPPETS[title], found)
+    return found
+
+
+def test_the_page_is_one_page_with_a_snippet_in_every_section() -> None:
+    assert len(SNIPPETS) == PAGE.count("\n## ") == 6
+    assert len(PAGE.splitlines()) < 200
+
+
+def test_an_objective() -> None:
+    run("An objective")
+    s = solve(load("paper", COARSE), "com_height", starts=1, processes=1)
+    assert s.summary.objective_value == pytest.approx(s.apex.points["com"][0, 1], abs=1e-4)
+
+
+def test_a_constraint() -> None:
+    run("A constraint")
+    s = solve(load("paper"), starts=1, processes=1)
+    assert s.verified
+    assert s.summary.peak_vertical_force_N == pytest.approx(350, rel=1e-3)
+    assert s.summary.clearance_m < 0.799  # of the leg without the limit
+
+
+def test_a_strategy() -> None:
+    run("A strategy")
+    r = simulate(load("paper"), strategies.find("full_push"))
+    assert r.trace.t[-1] > 0
+
+
+def test_a_drive_law() -> None:
+    law = run("A drive law")["derated"]
+    region = actuator.OperatingRegion(tuple(law(1 / 200.0, 1 / 12.0)))
+    assert region.torque_bounds(0.0) == (pytest.approx(-180.0), pytest.approx(180.0))
+    design = load("paper")
+    motor = design.leg.motor.model_copy(update={"laws": ("derated",)})
+    leg = design.leg.model_copy(update={"motor": motor})
+    s = solve(design.model_copy(update={"leg": leg}), starts=1, processes=1)
+    assert s.verified
+    t = np.linspace(0, s.lift_off, 99)
+    found, w = s.sample(t).tau[:, 1], s.sample(t).v[:, 3]
+    assert np.max(np.abs(found / 180 + w / (1256.637 / 100))) == pytest.approx(1, abs=1e-3)  # the knee is at its line
+
+
+def test_a_scheme() -> None:
+    run("A collocation scheme")
+    known, lobatto = minimum_effort(), schemes.scheme("lobatto-4")
+    program = Transcription(known.problem, lobatto, {"move": uniform(known.intervals)})
+    solution = NlpSolver(program)(guesses(known))
+    assert solution.objective == pytest.approx(known.optimum, rel=1e-7)
+
+
+def test_phases_and_transitions() -> None:
+    """It closes: the state after the impact is that with which stance began."""
+    run("Phases and transitions")
+    hop = Hop(load("paper", COARSE), "hop after hop")
+    solution = first_solver(hop)(make_guess(hop, NAMED[1]))
+    assert solution.success
+    end, begin = (solution.phases[name] for name in ("descent", "stance"))
+    q, v = (ca.SX.sym(name, BASE + hop.n) for name in "qv")
+    com, com_v, joints, speeds = (ca.SX.sym(name, 2) for name in ("com", "com_v", "joints", "speeds"))
+    leg = hop.dynamics(Instant(t=0.0, p=hop.robot.parameters))
+    pose = leg.flight_pose(com, com_v, joints, speeds)[:2]
+    after = ca.Function("after", [q, v], [impact(leg, q, v)[0]])
+    at = ca.Function("at", [ca.vertcat(com, com_v, joints, speeds)], list(pose))(end.x_end)
+    np.testing.assert_allclose(
+        begin.x_start[0], np.concatenate([end.x_end[4:6], np.array(after(*at)).ravel()[2:]]), atol=1e-6
+    )
+    assert solution.objective > 0.5

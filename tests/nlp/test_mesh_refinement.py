@@ -1,0 +1,259 @@
+"""Refinement and back-off against closed forms, and their bookkeeping."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hopopt.nlp import mesh_refinement as refine
+from hopopt.nlp.continuous_limits import held_between
+from hopopt.nlp.interval_errors import IntervalErrors, interval_errors, stage_values
+from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.mesh import mesh_of_arcs, uniform
+from hopopt.nlp.mesh_refinement import (
+    MET,
+    NO_NEARER,
+    NOT_ASKED,
+    STUCK,
+    TOO_FINE,
+    UNSOLVED,
+    USED_UP,
+    WORSE,
+    Aims,
+    Refinement,
+)
+from hopopt.nlp.mesh_step import cut, equal
+from hopopt.nlp.schemes import Scheme, radau
+from hopopt.nlp.tightened_refinement import DrawnRefinement, refinement_of
+from hopopt.nlp.tightening import drawn_in, limit_nodes, passed, tightened
+from hopopt.nlp.tightening_cost import price
+from hopopt.nlp.transcription import Transcription
+from hopopt.nlp.warm_start import carried
+from hopopt.ocp.problem import Objective, Problem
+from known_problems import SCHEMES, Known, brachistochrone, bryson_denham, moved, solve
+
+each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
+ALLOWED, PRICE = 1e-4, 1e-5
+
+
+def bang_bang() -> Known:
+    """From rest to rest in the shortest time with |u| <= 1.3: T = 2 sqrt(d / 1.3), one switch half-way."""
+    phase = moved((-1.3, 1.3), 0.7, (0.1, 10.0))
+    problem = Problem("time", (phase,), Objective("time", lambda e: e.duration["move"]))
+    return Known(problem, 2 * np.sqrt(0.7 / 1.3), {"move": (1.0, ([0, 0], [0.7, 0], 0.0))})
+
+
+@each_scheme
+@pytest.mark.parametrize("intervals", [7, 10])
+def test_bang_bang_is_neither_beaten_nor_missed(method: Scheme, intervals: int) -> None:
+    """The double integrator has no error: what keeps the limits cannot be faster, and gives away the price at most."""
+    known = bang_bang()
+    refinement = Refinement(solve(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
+    refinement.run()
+    end = refinement.history[-1]
+    assert end.excess <= ALLOWED
+    assert known.optimum * (1 - ALLOWED) <= end.objective <= known.optimum * (1 + 2 * PRICE)
+    assert price(refinement.solution) <= PRICE
+
+
+def test_unrefined_bang_bang_is_too_fast() -> None:
+    """What back-off is for: held at the nodes only, the control overshoots and gains by it."""
+    known = bang_bang()
+    assert solve(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1])).objective < known.optimum * (1 - 1e-4)
+
+
+@pytest.mark.parametrize("method", [radau(2), radau(3)], ids=lambda s: s.name)
+def test_price_of_drawing_in_covers_its_loss(method: Scheme) -> None:
+    """No less than what drawing in loses against the closed form."""
+    known = bryson_denham(path=True)
+    before = solve(known, method, uniform(10))
+    errors = {"move": interval_errors(before, "move")}
+    assert errors["move"].excess.max() > ALLOWED
+    after = NlpSolver(before.transcription, WARM).again(before, drawn_in(before, errors, ALLOWED))
+    assert after.success
+    assert interval_errors(after, "move").excess.max() < errors["move"].excess.max()
+    assert price(before) == 0.0
+    assert before.objective < after.objective <= known.optimum * (1 + price(after))
+
+
+@each_scheme
+def test_nodes_of_a_limit_hold_its_values(method: Scheme) -> None:
+    """The indices by which a limit is drawn in lead to the values whose excess was measured, in their order."""
+    s = solve(bryson_denham(path=True), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
+    stacked = np.concatenate([s.z, s.g])
+    limits = tuple(str(x) for x in interval_errors(s, "move").limits)
+    assert limits == ("height", "x", "v", "u")
+    at_controls = stage_values(s, "move", np.array(method.control_c))
+    u = s.phases["move"].everywhere(np.array(method.control_c))[2]
+    nodes = np.array([0.0, *method.c][method.starts_at_node :])
+    x = s.phases["move"].everywhere(nodes)[1]
+    expected = [at_controls[2][..., 0] / 0.25, x[..., 0] / 0.5, x[..., 1], u[..., 0]]
+    for index, value in zip(limit_nodes(s.transcription, "move"), expected, strict=True):
+        np.testing.assert_allclose(stacked[index], value, atol=1e-9)
+
+
+def test_given_values_stay() -> None:
+    """Bounds that would cross, such as those of a given start, are left as they are."""
+    s = solve(bryson_denham(), radau(3), uniform(6))
+    errors = interval_errors(s, "move")
+    everywhere = replace(errors, below=np.full_like(errors.below, 0.1), above=np.full_like(errors.above, 0.1))
+    drawn = drawn_in(s, {"move": everywhere}, ALLOWED)
+    assert np.all(drawn.low_z <= drawn.high_z)
+    assert np.all(drawn.low_g <= drawn.high_g)
+    given = s.bounds.low_z == s.bounds.high_z
+    assert given.sum() == 5  # both states at both ends, and the duration
+    np.testing.assert_array_equal(drawn.low_z[given], s.bounds.low_z[given])
+    finite = np.isfinite(s.bounds.high_z) & ~given
+    np.testing.assert_allclose(drawn.high_z[finite], s.bounds.high_z[finite] - 0.1)
+
+
+def test_cutting_keeps_the_edges_there_are() -> None:
+    s = solve(bryson_denham(), radau(3), mesh_of_arcs([0, 0.4, 1], [2, 2]))
+    edges, parts = s.phases["move"].edges, np.array([1, 3, 1, 2])
+    mesh = cut(s, "move", equal(parts))
+    assert mesh.intervals == parts.sum()
+    np.testing.assert_allclose(np.array(mesh.edges)[np.concatenate([[0], np.cumsum(parts)])], edges, atol=1e-12)
+    np.testing.assert_allclose(np.array(mesh.edges)[list(mesh.free)], edges[2:3])
+
+
+@each_scheme
+def test_carried_multipliers_are_nearly_those_of_the_finer_mesh(method: Scheme) -> None:
+    """Costates and densities do not depend on the mesh, and Ipopt hardly moves from them."""
+    known = brachistochrone()
+    coarse = solve(known, method, uniform(12))
+    mesh = {"slide": cut(coarse, "slide", equal(np.where(np.arange(12) % 2, 2, 1)))}
+    t = Transcription(known.problem, method, mesh)
+    guess, multipliers = t.guess_from(coarse.phases), carried(coarse, t)
+    cold, warm = NlpSolver(t)(guess), NlpSolver(t, WARM)(guess, None, multipliers)
+    assert cold.success
+    assert warm.success
+    assert warm.objective == pytest.approx(cold.objective, rel=1e-7)
+    assert warm.iterations <= cold.iterations
+    defects = slice(0, t.rows[0].stop)
+    largest = np.abs(cold.lam_g[defects]).max()
+    assert np.abs(multipliers[0][defects] - cold.lam_g[defects]).max() < 0.1 * largest
+
+
+@each_scheme
+def test_multipliers_carried_to_the_same_mesh_are_the_same(method: Scheme) -> None:
+    s = solve(bryson_denham(), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
+    lam_g, lam_x = carried(s, s.transcription)
+    np.testing.assert_allclose(lam_g, s.lam_g, atol=1e-6)
+    np.testing.assert_allclose(lam_x, s.lam_x, atol=1e-9)
+
+
+def test_bounds_are_drawn_in_by_what_is_given_interval_by_interval() -> None:
+    known = bang_bang()
+    s = solve(known, radau(3), uniform(6))
+    t = s.transcription
+    amounts = np.zeros_like(passed(interval_errors(s, "move"), 0.0))
+    amounts[1, 2, -1] = 0.25  # the upper limit of the control in the third interval
+    own = Bounds(*t.bounds(t.guess_from(s.phases)), t.lbg, t.ubg)
+    drawn = tightened(own, t, {"move": amounts})
+    moved = np.flatnonzero(drawn.high_z != own.high_z)
+    controls = t.variables["move"].u.start + t.layouts["move"].controls_of[2]
+    np.testing.assert_array_equal(moved, controls)
+    np.testing.assert_allclose(own.high_z[moved] - drawn.high_z[moved], 0.25)
+    np.testing.assert_array_equal(drawn.low_z, own.low_z)
+    held = NlpSolver(t).again(s, drawn)
+    assert held.success
+    assert held.objective > s.objective  # slower where less is allowed
+
+
+@pytest.mark.parametrize(
+    "known", [brachistochrone(), bryson_denham(path=True)], ids=["brachistochrone", "bryson-denham"]
+)
+def test_aims_are_met_or_it_says_so(known: Known) -> None:
+    refinement = Refinement(solve(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
+    refinement.run()
+    errors = [interval_errors(refinement.solution, name) for name in refinement.solution.phases]
+    assert max(e.local.max() for e in errors) <= 1e-7
+    assert max(e.excess.max() for e in errors) <= ALLOWED
+    assert refinement.history[-1].objective == pytest.approx(known.optimum, rel=1e-4)
+    assert refinement.ended == MET
+
+
+def test_without_meshes_nothing_is_reached() -> None:
+    refinement = Refinement(solve(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 0, 300))
+    refinement.run()
+    assert len(refinement.history) == 1
+    assert refinement.change == float("inf")
+    assert refinement.ended == NOT_ASKED
+    only = Refinement(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, PRICE, 1, 300))
+    only.run()
+    assert only.ended == USED_UP
+
+
+@each_scheme
+def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With too little patience for carried multipliers: restarts end where patience does; without them, or where they
+    have used up their iterations, it is said."""
+    begin = solve(brachistochrone(), method, uniform(8))
+    known = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
+    known.run()
+    monkeypatch.setattr(refine, "PATIENCE", 1)
+    hasty = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=0))
+    hasty.run()
+    assert hasty.ended == UNSOLVED
+    assert len(hasty.history) == 1
+    patient = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
+    patient.run()
+    assert patient.ended == MET
+    assert patient.solution.objective == pytest.approx(known.solution.objective, rel=1e-7)
+    needed = patient.history[1].iterations
+    for iterations, ended in ((needed - 1, UNSOLVED), (sum(step.iterations for step in patient.history), MET)):
+        limited = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=iterations / 300))
+        limited.run()
+        assert limited.ended == ended
+
+
+def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Worse than the coarse mesh by more than an optimum may be: believed where another solve agrees, else refused."""
+    known = bang_bang()
+    coarse = solve(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1]))
+    assert coarse.objective < known.optimum * (1 - 1e-4)
+    monkeypatch.setattr(refine, "LOST", 1e-5)
+    refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
+    refinement.run()
+    assert refinement.ended == MET
+    assert refinement.solution.objective == pytest.approx(known.optimum, rel=2 * ALLOWED)
+    monkeypatch.setattr(refine, "AGREED", -1.0)
+    doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
+    doubting.run()
+    assert doubting.ended == WORSE
+
+
+def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refine, "FINEST", 9)
+    refinement = Refinement(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
+    refinement.run()
+    assert refinement.ended == TOO_FINE
+    assert len(refinement.history) == 1
+
+
+def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    monkeypatch.setattr(refine, "held_between", lambda *a: built.append(a) or held_between(*a))
+    refinement = Refinement(solve(bryson_denham(), radau(3), uniform(5)), Aims(1e-6, 1e-4, 1e-6, 1e-5, 20, 300))
+    refinement.run()
+    assert refinement.ended == MET
+    solved = [(step.intervals, step.held) for step in refinement.history[1:]]
+    assert len(built) == 1 + sum(a != b for a, b in itertools.pairwise(solved))
+    assert len(built) < len(solved)
+
+
+@pytest.mark.parametrize("kind", [Refinement, DrawnRefinement])
+def test_meshes_that_bring_it_no_nearer_end_it(kind: type[Refinement], monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error about the middle that no cut lessens, as that of an impulse."""
+
+    def stubborn(s: NlpSolution, name: str) -> IntervalErrors:
+        found, ends = interval_errors(s, name), np.cumsum(s.phases[name].lengths)
+        middle = int(np.searchsorted(ends, ends[-1] / 2))
+        return replace(found, local=np.where(np.arange(len(ends)) == middle, 1e-3, 0.0))
+
+    monkeypatch.setattr(refine, "interval_errors", stubborn)
+    refinement = kind(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
+    refinement.run()
+    assert refinement.ended == NO_NEARER
+    assert len(refinement.history) == STUCK + 1

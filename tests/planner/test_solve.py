@@ -1,0 +1,189 @@
+"""What the planner does where an answer is not verified at first."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from hopopt.errors import UsageError
+from hopopt.nlp import mesh_refinement as refine
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.initial_guess import starts
+from hopopt.planner import multistart
+from hopopt.planner import refine_and_verify as finishing
+from hopopt.planner import solve as planner
+from hopopt.planner.multistart import run_starts
+from hopopt.planner.notes import notes_on
+from hopopt.planner.refine_and_verify import PRICE_TOLERANCE, TOLERANCE, finish, with_smaller_tolerances
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, calmer, solve
+from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.stored_summary import Summary
+from hopopt.problem.load import load
+from hopopt.verify.check import Check
+
+ONE_PUSH = {"hop.stance_duration": [0.03, 0.2]}
+
+
+@pytest.fixture(scope="module")
+def one_push() -> Solution:
+    return solve(load("paper", ONE_PUSH), starts=1, processes=1)
+
+
+@pytest.mark.parametrize(
+    ("tie_break", "then"), [(1e-6, "solving again with solver.tie_break = 1e-05"), (2e-5, "with restarts")]
+)
+def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
+    tie_break: float, then: str, one_push: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Too little patience for carried multipliers: a larger tie-break or, where it is large already, restarts."""
+    monkeypatch.setattr(refine, "PATIENCE", 5)
+    said: list[str] = []
+    design = load("paper", ONE_PUSH | {"solver.tie_break": tie_break})
+    s = solve(design, starts=1, processes=1, progress=said.append)
+    assert [line for line in said if line.startswith("not verified")] == [
+        next(line for line in said if line.endswith(then))
+    ]
+    assert s.verified
+    assert s.summary.refinement_ended == refine.MET
+    assert s.design.solver.tie_break == (CALMER * tie_break if tie_break == 1e-6 else tie_break)
+    assert s.clearance == pytest.approx(one_push.clearance, rel=1e-4)
+
+
+def claim(name: str, height: float, verified: bool) -> Solution:
+    """An answer as far as choosing among answers looks at it."""
+    seen = cast("Summary", SimpleNamespace(title=name, objective_value=height, verified=verified))
+    return Solution(load("paper"), "clearance", {}, seen)
+
+
+@pytest.mark.parametrize(
+    ("finished", "again", "best", "better"),
+    [
+        ([("A", 0.500, True), ("B", 0.505, False)], {"B": (0.300, True)}, "A", None),
+        ([("A", 0.500, True), ("B", 0.505, False)], {"B": (0.503, True)}, "B", None),
+        ([("A", 0.500, True), ("B", 0.505, False)], {"B": (0.504, False)}, "A", "B"),
+        ([("A", 0.500, True), ("B", 0.490, False)], {}, "A", None),
+        ([("A", 0.505, False), ("B", 0.500, False)], {"A": (0.505, False), "B": (0.4995, True)}, "B", "A"),
+        ([("A", 0.505, False), ("B", 0.500, False)], {"A": (0.504, True)}, "A", None),
+        ([("A", 0.505, False), ("B", 0.500, False)], {"A": (0.499, False), "B": (0.498, False)}, "A", None),
+    ],
+)
+def test_the_highest_verified_hop_is_chosen(
+    finished: list[tuple[str, float, bool]],
+    again: dict[str, tuple[float, bool]],
+    best: str,
+    better: str | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Only hops that claim more than the best verified one are solved again, and what comes of them is compared."""
+    hop = Hop(load("paper"), "clearance")
+
+    def once_more(hop: Hop, doubtful: Solution, *_: object) -> tuple[Hop, Solution]:
+        name = doubtful.summary.title
+        return hop, claim(name, *again[name])
+
+    monkeypatch.setattr(planner, "once_more", once_more)
+    _, chosen, other = planner.settled(hop, [claim(*each) for each in finished], [], silent, Stopwatch())
+    assert chosen.summary.title == best
+    assert (other and other.summary.title) == better
+
+
+def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_and_says_so(
+    one_push: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Planted: what was solved with the problem's own tolerances fails."""
+
+    def failing(hop: Hop, *given: Any) -> finishing.Answer:
+        found = own(hop, *given)
+        if hop.design.solver.tolerance > TOLERANCE:
+            return replace(found, verdict=found.verdict.with_checks([Check("planted", 1.0, 0.0, "SI")]))
+        return found
+
+    own, said = finishing.judged, list[str]()
+    monkeypatch.setattr(finishing, "judged", failing)
+    s = solve(load("paper", ONE_PUSH), starts=1, processes=1, progress=said.append)
+    assert "not verified: refining again, with smaller tolerances" in said
+    assert s.verified
+    assert s.clearance == pytest.approx(one_push.clearance, rel=5e-5)
+    note = f"solved with solver.tolerance = {TOLERANCE:g} and solver.price_tolerance = {PRICE_TOLERANCE:g}"
+    assert any(
+        note in words and "not verified and certified with the problem's own" in words for words in s.summary.notes
+    )
+    assert not any("solver.tolerance" in words for words in one_push.summary.notes)
+
+
+@pytest.mark.parametrize(
+    ("verified", "ended", "entries"),
+    [
+        (True, refine.MET, {}),
+        (False, refine.UNSOLVED, {}),
+        (False, refine.MET, {"solver.tolerance": TOLERANCE, "solver.price_tolerance": PRICE_TOLERANCE}),
+    ],
+)
+def test_smaller_tolerances_are_for_hops_that_met_larger_ones(
+    verified: bool, ended: str, entries: dict[str, float]
+) -> None:
+    hop, refinement = Hop(load("paper", entries)), cast("refine.Refinement", SimpleNamespace(ended=ended))
+    assert with_smaller_tolerances(hop, refinement, verified) is None
+
+
+def test_what_plays_no_part_and_what_is_in_the_way_of_nothing_is_said(
+    one_push: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clearance to reach beside an objective that asks for none; a foot above the body, which is a point."""
+    hop, design = Hop(load("paper", ONE_PUSH)), load("paper", {**ONE_PUSH, "hop.clearance": 0.4})
+    assert not any("plays no part" in note or "ends" in note for note in one_push.summary.notes)
+    noted = notes_on(hop, design, False, replace(one_push, design=design), None)
+    assert any(note.startswith("hop.clearance = 0.4 plays no part") for note in noted)
+    end = one_push.apex
+    end.points["foot"][0, 1] = end.q[0, 1] + 0.1
+    monkeypatch.setattr(Solution, "apex", property(lambda self: end))
+    noted = notes_on(hop, design, False, one_push, None)
+    assert any(note.startswith("the foot ends 0.10 m above the hip") for note in noted)
+
+
+def test_what_is_no_problem_is_a_sentence() -> None:
+    with pytest.raises(UsageError, match="solve needs a problem, not 'paper': load it first"):
+        solve(cast("Any", "paper"))
+
+
+def test_a_solution_is_shown_on_one_line(one_push: Solution) -> None:
+    shown = repr(one_push)
+    assert shown.startswith(f"<Solution of paper, objective clearance: clearance_m {one_push.clearance}")
+    assert shown.endswith("m, verified>")
+
+
+def silent(text: str) -> None:
+    pass
+
+
+def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_so() -> None:
+    """The same hop, its bias stated by the larger weight; not for ever larger weights, nor where nothing is refined."""
+    hop, clock = Hop(load("paper"), "clearance"), Stopwatch()
+    outcomes = run_starts(hop, 1, 1, silent)
+    verified = finish(hop, outcomes[0], outcomes, silent, clock)
+    unverified = replace(verified, summary=replace(verified.summary, verified=False))
+    found = calmer(hop, unverified, outcomes, silent, clock)
+    assert found is not None
+    other, again = found
+    asked = hop.design.solver.tie_break
+    assert other.design.solver.tie_break == pytest.approx(CALMER * asked)
+    assert again.verified
+    assert again.design.solver.tie_break == other.design.solver.tie_break
+    assert again.clearance == pytest.approx(verified.clearance, abs=other.tie_break_bias + 1e-5)
+    assert any(f"{asked:g}" in note and "tie_break" in note for note in notes_on(other, hop.design, False, again, None))
+    for change in (f"solver.tie_break={1.1 * LARGEST_TIE_BREAK}", "solver.refine=false"):
+        assert calmer(Hop(load("paper", [change]), "clearance"), unverified, outcomes, silent, clock) is None
+
+
+def test_starts_end_alike_in_one_process_and_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However they are divided, in their order."""
+    hop, found = Hop(load("paper", {"solver.stance_intervals": 12, "solver.flight_intervals": 4})), []
+    for seconds in (1e9, 0.0):  # what a process is said to take to begin
+        monkeypatch.setattr(multistart, "WORKER", seconds)
+        found.append(run_starts(hop, 4, 2, silent))
+    assert [o.name for o in found[0]] == [s.name for s in starts(4, 0)]
+    for one, other in zip(*found, strict=True):
+        assert (one.name, one.iterations, one.objective) == (other.name, other.iterations, other.objective)
+        assert (one.vectors["z"] == other.vectors["z"]).all()

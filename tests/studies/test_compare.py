@@ -1,0 +1,489 @@
+"""The bound beside what controllers make of it, on the paper's leg."""
+
+import dataclasses
+import json
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hopopt.cli.main import run
+from hopopt.cli.screen.answer import print_answer
+from hopopt.control.closed_loop import clearance_in_mujoco, make_plant, simulate
+from hopopt.control.strategies import BUILT_IN, find
+from hopopt.design import Design
+from hopopt.errors import UsageError
+from hopopt.leg.actuator import operating_region
+from hopopt.leg.kinematics import start_angles
+from hopopt.planner.reserve import reserved
+from hopopt.planner.solution import Solution
+from hopopt.planner.summary_entry import as_data
+from hopopt.planner.summary_extras import Functions
+from hopopt.problem.load import changed, load
+from hopopt.storage.runs import save_runs
+from hopopt.storage.solution import save
+from hopopt.studies.compare import (
+    OPTIMUM,
+    Comparison,
+    compare,
+    integrals_to,
+    paper_strategy,
+    planned_trace,
+    reference_of,
+    suiting,
+)
+from hopopt.studies.paper_results import is_the_papers
+from hopopt.studies.robustness import mismatched, spread
+
+
+@pytest.fixture(scope="module")
+def solution(hop):
+    return hop
+
+
+@pytest.fixture(scope="module")
+def comparison(solution):
+    return compare(solution.design, ["track", "force", "force_tuck", "position"], bound=solution)
+
+
+def test_a_foot_that_leaves_before_the_plan_says_so(comparison):
+    assert [comparison.left_early(name) for name in comparison.figures] == [""] * 5
+    left = comparison.figures["track"].lift_off["time_s"]
+    other = dataclasses.replace(comparison, plan=SimpleNamespace(lift_off=2 * left))
+    assert other.left_early("track") == f"the foot left the ground at {left:.3f} s, not at {2 * left:.3f} s as planned"
+    assert not other.left_early("force")  # it follows no plan
+
+
+def test_every_row_says_what_a_script_needs(comparison):
+    data = comparison.as_dict()
+    assert data["bound_m"] == comparison.solution.clearance
+    assert list(data["strategies"]) == [OPTIMUM, "track", "force", "force_tuck", "position"]
+    for row in data["strategies"].values():
+        assert {"clearance_m", "share_of_bound", "parts", "saturation_mean", "lift_off"} <= set(row)
+    json.dumps(data)
+
+
+def test_parts_gaps_and_shares_add_up(comparison):
+    best = comparison.bound
+    for row in comparison.as_dict()["strategies"].values():
+        assert sum(row["parts"].values()) == pytest.approx(row["clearance_m"], abs=1e-12)
+        assert sum(row["budget"].values()) == pytest.approx(row["clearance_m"], abs=1e-12)
+        assert sum(row["gap"].values()) == pytest.approx(best - row["clearance_m"], abs=1e-7)
+        assert row["share_of_bound"] == pytest.approx(row["clearance_m"] / best)
+
+
+def test_the_papers_figures_stand_beside_its_leg_alone(comparison, monkeypatch):
+    assert "paper" in comparison.row("force")
+    monkeypatch.setattr("hopopt.studies.compare.is_the_papers", lambda leg: False)
+    assert "paper" not in comparison.row("force")
+    assert is_the_papers(load("paper", ["leg.gear.ratio=60"]).leg)  # it prints no figures of its motors
+    mirrored = ["leg.knee.axis=[0, 1, 0]", "leg.knee.lower=0.15", "leg.knee.upper=2.4"]
+    changes = (["leg.body.mass=5"], ["leg.shank.length=0.3"], ['leg.guides=["z"]'], mirrored)
+    for other in (*(load("paper", change) for change in changes), load("three_joint")):
+        assert not is_the_papers(other.leg)
+
+
+@pytest.fixture
+def told(solution, monkeypatch, tmp_path, capsys):
+    """Runs hopopt solve where the planner is done: exit code and what is printed."""
+    monkeypatch.setattr("hopopt.planner.solve.solve", lambda *a, **k: solution)
+
+    def told(*more):
+        code = run(["solve", "--no-figures", "--results", str(tmp_path / "results"), *more])
+        return code, capsys.readouterr().out
+
+    return told
+
+
+def test_the_answer_says_what_the_papers_control_reaches(comparison, told):
+    row = comparison.row("force")
+    code, shown = told()
+    (line,) = [line for line in shown.splitlines() if "force control" in line]
+    assert code == 0
+    assert f"{row['clearance_m']:.3f} m, {row['share_of_bound']:.0%} of the optimum" in line
+    found = json.loads(told("--json")[1])["paper_strategy"]
+    assert found["clearance_m"] == pytest.approx(row["clearance_m"], abs=1e-9)
+    assert found["share_of_bound"] == pytest.approx(row["share_of_bound"], abs=1e-9)
+    assert (found["name"], found["fault"], found["beyond_bound"]) == ("force", "", False)
+    assert "force control" not in told("--no-control")[1]
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, ValueError, ZeroDivisionError, UsageError])
+def test_nothing_beside_the_answer_loses_it(fault, told, monkeypatch, tmp_path):
+    def simulate(*a, **k):
+        raise fault
+
+    monkeypatch.setattr("hopopt.studies.compare.simulate", simulate)
+    code, shown = told()
+    assert code == 0
+    assert "verified" in shown
+    assert "force control" not in shown
+    assert len(list((tmp_path / "results").glob("*/summary.json"))) == 1
+
+
+def test_a_control_that_passes_the_answer_is_an_alarm(solution, told, monkeypatch):
+    monkeypatch.setattr(Solution, "clearance", 0.4)
+    code, shown = told()
+    assert code == 3
+    assert "it passes the optimum within every limit" in shown
+
+
+def test_a_hop_that_is_none_has_no_share(solution, told, monkeypatch):
+    fast = load("paper", ["leg.gear.speed_cap=600"])  # 6 rad/s at the joints, which the control overruns
+    monkeypatch.setattr(
+        "hopopt.studies.compare.simulate", lambda design, *a, **k: simulate(fast, find("force"), past_apex=True)
+    )
+    found = json.loads(told("--json")[1])["paper_strategy"]
+    assert found["clearance_m"] is None
+    assert found["share_of_bound"] is None
+    assert "faster than its drive may turn" in found["fault"]
+    assert f"no hop within this leg's limits ({found['fault']})" in told()[1]
+
+
+def test_no_share_is_told_of_what_is_no_bound_for_it(solution):
+    assert paper_strategy(dataclasses.replace(solution, objective="apex")) is None
+    functions = Functions(None, ("module:stay_low",))
+    assert paper_strategy(solution.with_summary(functions=functions)) is None
+    assert paper_strategy(solution.with_summary(verified=False)) is None
+    assert paper_strategy(dataclasses.replace(solution, design=load("three_joint"))) is None  # the strategy needs two
+    slider = load("paper", ['leg.guides=["z"]', "start.foot_x=0.05"])
+    assert paper_strategy(dataclasses.replace(solution, design=slider)) is None  # not simulated
+
+
+def test_the_optimum_is_measured_as_a_simulation_is(comparison, solution):
+    """The simulator's figures of the plan's own samples are those that the planner printed."""
+    row, s = comparison.as_dict()["strategies"][OPTIMUM], solution.summary
+    assert row["clearance_m"] == pytest.approx(s.clearance_m, abs=1e-7)
+    assert row["parts"] == pytest.approx(as_data(s.parts), abs=1e-7)
+    assert row["saturation_mean"] == pytest.approx(s.saturation_mean, abs=2e-3)
+    assert row["energy"]["stance_net_J"] == pytest.approx(s.energy["stance_net_J"], rel=1e-4)
+    assert planned_trace(solution).energy_error < 1e-5
+    assert row["limits_exceeded"] == []
+
+
+def test_integrals_of_a_polynomial_are_exact():
+    places = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    assert integrals_to(places) @ places**4 == pytest.approx(places**5 / 5, abs=1e-14)
+
+
+def test_nobody_passes_the_bound(comparison):
+    assert comparison.solution.verified
+    assert comparison.beaten_by == []
+    assert comparison.exit_code == 0
+    assert max(f.clearance for f in comparison.figures.values()) <= comparison.bound + 1e-4
+
+
+def test_a_bound_that_is_passed_is_called_wrong(comparison, solution):
+    low = solution.with_summary(clearance_m=0.3)
+    wrong = Comparison(low, comparison.plan, comparison.runs)
+    within = [n for n, f in comparison.figures.items() if n != OPTIMUM and not f.limits_exceeded and f.clearance > 0.31]
+    assert within, "some strategy must keep every limit, or this test shows nothing"
+    assert wrong.beaten_by == within
+    assert wrong.exit_code == 3
+
+
+def test_an_unverified_bound_is_not_stated(comparison, solution):
+    doubtful = solution.with_summary(verified=False)
+    data = Comparison(doubtful, comparison.plan, comparison.runs).as_dict()
+    assert data["bound_m"] is None
+    assert data["exit_code"] == 3
+    assert "not verified" in data["strategies"][OPTIMUM]["meaning"]
+
+
+def test_the_optimum_can_be_tracked(comparison):
+    """4 kHz, 14-bit encoders, no mismatch."""
+    clearance = comparison.figures["track"].clearance
+    assert clearance >= 0.97 * comparison.plan.clearance
+    assert clearance >= 0.97 * comparison.bound
+
+
+def test_energy_balances_close(comparison):
+    for name, f in comparison.figures.items():
+        if name != OPTIMUM:
+            assert f.trace.energy_error < 1e-6, name
+
+
+@pytest.mark.parametrize("name", ["track", "force_tuck"])
+def test_mujoco_agrees(comparison, name):
+    elsewhere = clearance_in_mujoco(comparison.solution.design, find(name), reference_of(comparison.plan))
+    assert elsewhere == pytest.approx(comparison.figures[name].clearance, rel=0.01)
+
+
+def test_a_reserve_is_taken_off_every_limit():
+    design = load("paper", ["leg.motor.torque_cap=1.5", "leg.gear.torque_cap=107", "reserve.torque=0.1"])
+    plan = reserved(design)
+    assert plan.contact.least_force == design.reserve.ground_force
+    assert plan.hop.least_height == design.reserve.height
+    w = np.linspace(-12, 12, 25)
+    for joint in design.leg.joints:
+        before, after = design.leg.joint[joint], plan.leg.joint[joint]
+        assert after.lower >= before.lower + design.reserve.angle - 1e-9
+        assert after.upper <= before.upper - design.reserve.angle + 1e-9
+        inner, outer = (operating_region(d.leg, joint, _parameters(d)).torque_bounds(w)[1] for d in (plan, design))
+        assert inner == pytest.approx(0.9 * outer)
+    slower = reserved(load("paper", ["leg.gear.speed_cap=1000", "reserve.speed=0.1", "reserve.torque=0"])).leg
+    assert slower.motor.max_speed == pytest.approx(0.9 * design.leg.motor.max_speed)
+    assert slower.motor.max_torque == design.leg.motor.max_torque
+    assert slower.gear.speed_cap == pytest.approx(900)
+    start_at_limit = load("paper", ["leg.knee.lower=-2.37"])
+    assert reserved(start_at_limit).leg.joint["knee"].lower < start_angles(start_at_limit)[1]  # it must stay possible
+
+
+def test_a_reserve_that_leaves_no_problem_is_said_before_the_work(monkeypatch):
+    for module in ("hopopt.studies.compare", "hopopt.planner.reserve"):
+        monkeypatch.setattr(f"{module}.solve", lambda *_, **__: pytest.fail("solved"))
+    design = load("paper", ["leg.gear.speed_cap=5", "reserve.speed=0.9"])
+    with pytest.raises(UsageError, match=r"\[reserve\] leaves leg.gear.speed_cap = 0.4"):
+        compare(design, ["force", "track"])
+
+
+def _parameters(design):
+    from hopopt.design import physical_parameters
+
+    return physical_parameters(design.leg)
+
+
+def test_draws_are_seeded_and_within_what_was_asked():
+    design = load("paper")
+    first, again, other = (mismatched(design, 20, seed, 0.05, 0.1) for seed in (3, 3, 4))
+    assert [leg for leg, _ in first] == [leg for leg, _ in again]
+    assert [leg for leg, _ in first] != [leg for leg, _ in other]
+    masses = np.array([[leg.leg.body.mass, leg.leg.link["shank"].mass] for leg, _ in first])
+    assert np.abs(masses / [5.6, 0.8] - 1).max() <= 0.05
+    gains = np.array([gain for _, gain in first])
+    assert 0.05 < np.abs(gains - 1).max() <= 0.1
+
+
+@pytest.mark.slow
+def test_no_mismatch_loses_nothing(comparison):
+    """Draws of no width are the believed leg: the distribution is one number."""
+    only = Comparison(comparison.solution, comparison.plan, {"track": comparison.runs["track"]})
+    found = spread(only, 2, 0, 0.0, 0.0, 2)["track"]
+    assert found["clearances_m"] == pytest.approx([comparison.figures["track"].clearance] * 2)
+    assert found["failed"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["force", "position"])
+def test_tuned_gains_clear_more_than_the_printed_ones_and_less_than_the_bound(name, solution):
+    printed, tucked, tuned = (
+        simulate(solution.design, find(f"{name}{variant}")).figures for variant in ("", "_tuck", "_tuned")
+    )
+    assert not tuned.limits_exceeded
+    assert printed.clearance < tucked.clearance < tuned.clearance < 0.8 * solution.clearance
+
+
+@pytest.mark.slow
+def test_fifty_mismatched_legs_hop_if_enough_is_held_back(solution):
+    """5 % of mass and 10 % of torque constant: a drive with too large a constant is as much slower, so speed is held back."""
+    overrides = ["reserve.torque=0.12", "reserve.speed=0.1", "reserve.ground_force=80", "reserve.height=0.02"]
+    robust = compare(load("paper", overrides), ["track"], bound=solution)
+    found = spread(robust, 50, 0, 0.05, 0.1, 2)["track"]
+    assert found["draws"] == len(found["clearances_m"]) == 50
+    assert found["failed"] == 0
+    assert robust.plan is not None
+    assert found["p05_m"] > 0.9 * robust.plan.clearance
+
+
+def test_the_command_prints_one_object(comparison, solution, tmp_path, capsys):
+    folder = str(save(solution, tmp_path).result_dir)
+    arguments = [
+        "compare",
+        "--bound",
+        folder,
+        "--strategies",
+        "force",
+        "--tune",
+        "0",
+        "--results",
+        str(tmp_path),
+        "--no-figures",
+        "--json",
+    ]
+    assert run(arguments) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["bound_m"] == pytest.approx(comparison.bound)
+    assert data["strategies"]["force"]["clearance_m"] == pytest.approx(comparison.figures["force"].clearance)
+    assert set(data["strategies"]) == {"optimum", "force"}
+    kept = json.loads((tmp_path / data["result_dir"].rsplit("/", 1)[1] / "comparison.json").read_text())
+    assert kept["strategies"].keys() == data["strategies"].keys()
+
+
+def test_the_command_speaks_plainly(comparison, solution, tmp_path, capsys):
+    folder = str(save(solution, tmp_path).result_dir)
+    arguments = ["--bound", folder, "--strategies", "force", "--tune", "0", "--results", str(tmp_path)]
+    assert run(["compare", *arguments, "--no-figures"]) == 0
+    out = capsys.readouterr().out
+    assert "the bound is 0.79" in out
+    assert "Where the centimetres are lost (+)" in out
+    assert "paper, force: foot 0.44 m simulated" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["compare", "--strategies", "forse"], "there is no strategy 'forse': choose one of force, "),
+        (["compare", "--draws", "-1"], "--draws must be 0 or more"),
+        (["simulate", "--strategy", "no.such:Thing"], "cannot be imported"),
+        (["simulate", "--option", "k_p"], "write it as name=value"),
+        (["simulate", "--option", "k_q=3"], "k_q"),
+        (["simulate", "--hops", "0"], "--hops must be at least 1"),
+        (["simulate", "--plan", "nowhere"], "--plan is for strategies that follow one"),
+        (["simulate", "--plant", "leg.body.mas=5"], "leg.body.mas"),
+    ],
+)
+def test_wrong_use_is_one_sentence(arguments, sentence, tmp_path, capsys):
+    assert run([*arguments, "--results", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert sentence in error
+    assert "Traceback" not in error
+
+
+def test_a_bound_of_another_problem_is_refused(solution, tmp_path, capsys):
+    folder = str(save(solution, tmp_path).result_dir)
+    assert run(["compare", "--set", "leg.gear.ratio=90", "--bound", folder, "--results", str(tmp_path)]) == 2
+    assert "it was solved for another problem" in capsys.readouterr().err
+
+
+def test_the_command_that_the_answer_names_runs_on_its_leg(solution, tmp_path, capsys):
+    """Whatever the problem was, and however accurately it was solved."""
+    design = changed(solution.design, {"name": "mine", "solver.tolerance": 2e-5})
+    kept = save(dataclasses.replace(solution, design=design), tmp_path)
+    print_answer(kept.with_summary(paper_strategy=paper_strategy(kept)))
+    shown = " ".join(capsys.readouterr().out.split())
+    assert f"hopopt compare --bound {kept.result_dir} has" in shown
+    more = ["--strategies", "force", "--no-figures", "--json", "--results", str(tmp_path)]
+    assert run(["compare", "--bound", str(kept.result_dir), *more]) == 0
+    assert json.loads(capsys.readouterr().out)["problem"] == "mine"
+
+
+def test_a_bound_holds_for_other_reserves_and_encoders(solution):
+    """They do not touch the optimum, and the simulations are of the problem that was asked for."""
+    design = load("paper", ["reserve.torque=0.1", "simulation.encoder_bits=12"])
+    found = compare(design, ["force"], bound=solution)
+    assert found.bound == solution.clearance
+    assert found.solution.design == found.runs["force"].design == design
+
+
+def test_a_stored_bound_is_verified_again(solution, tmp_path, capsys):
+    folder = save(solution, tmp_path).result_dir
+    assert folder is not None
+    summary = json.loads((folder / "summary.json").read_text())
+    (folder / "summary.json").write_text(json.dumps(summary | {"clearance_m": summary["clearance_m"] + 0.01}))
+    arguments = ["--bound", str(folder), "--strategies", "force", "--tune", "0", "--results", str(tmp_path)]
+    assert run(["compare", *arguments, "--no-figures", "--json"]) == 3
+    data = json.loads(capsys.readouterr().out)
+    assert data["bound_m"] is None
+    assert {row["share_of_bound"] for row in data["strategies"].values()} == {None}
+
+
+def test_strategies_that_do_not_suit_the_leg_are_refused_before_the_work(monkeypatch):
+    for module in ("hopopt.studies.compare", "hopopt.planner.reserve"):
+        monkeypatch.setattr(f"{module}.solve", lambda *_, **__: pytest.fail("solved in vain"))
+    data = load("paper").model_dump(exclude_none=True)
+    data["leg"] |= {"joints": ("hip", "knee", "ankle"), "links": ("thigh", "shank", "toe")}
+    data["leg"] |= {"ankle": {"lower": -1.0, "upper": 1.0}, "toe": {"length": 0.1, "mass": 0.2}}
+    data["start"] = {"joint_angles": (1.12, -2.3, 1.0)}
+    with pytest.raises(UsageError, match="need a leg of two joints"):
+        compare(Design.model_validate(data), ["track", "force"])
+    with pytest.raises(UsageError, match="stands on a vertical slider"):
+        compare(load("paper", {"leg.guides": ["z"]}))
+    assert run(["simulate", "--strategy", "track", "--set", 'leg.guides=["z"]']) == 2
+
+
+def test_by_default_the_strategies_are_those_that_suit_the_leg():
+    names, notes = suiting(load("paper"))
+    assert set(names) == set(BUILT_IN)
+    assert names[:2] == ["track", "track_pd"]
+    assert not notes
+    names, notes = suiting(load("three_joint"))
+    assert names == ["track", "track_pd"]
+    assert "left out: they need a leg of two joints" in notes[0]
+
+
+def test_a_hop_faster_than_a_gear_may_turn_does_not_disprove_the_bound():
+    """The plant has no brake on a gear's speed cap, the planner keeps it: the hop is not within the same limits."""
+    overrides = ["leg.motor.laws=[]", "leg.gear.torque_cap=107", "leg.gear.speed_cap=680"]
+    design = load("paper", overrides)
+    f = simulate(design, find("force")).figures
+    assert np.abs(f.trace.v[:, -1]).max() > 6.8
+    assert any("faster than its drive may turn" in words for words in f.limits_exceeded)
+    assert not any("faster" in words for words in simulate(load("paper"), find("force")).figures.limits_exceeded)
+
+
+def test_a_bound_of_another_objective_is_refused(solution):
+    with pytest.raises(UsageError, match="compared by clearance"):
+        compare(solution.design, ["force"], bound=dataclasses.replace(solution, objective="apex"))
+
+
+def test_simulating_is_told_in_words_and_numbers(tmp_path, capsys):
+    assert run(["simulate", "--strategy", "force", "--results", str(tmp_path), "--no-figures", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)
+    assert row["strategy"] == "force"
+    assert row["lift_offs"]
+    assert row["clearance_m"] == pytest.approx(sum(row["parts"].values()))
+
+
+def test_a_weaker_plant_than_believed_clears_less(tmp_path, capsys):
+    heights = []
+    for extra in ([], ["--plant", "leg.motor.max_torque=1.6"]):
+        run(["simulate", "--strategy", "force_tuck", *extra, "--results", str(tmp_path), "--no-figures", "--json"])
+        heights.append(json.loads(capsys.readouterr().out)["clearance_m"])
+    assert heights[1] < heights[0] - 0.02
+
+
+def test_every_built_in_strategy_has_words():
+    assert all(strategy.meaning for strategy in BUILT_IN.values())
+
+
+def test_a_figure_that_fails_loses_nothing(comparison, tmp_path, caplog):
+    def fails(folder):
+        raise RuntimeError("no ink")
+
+    runs = {"force": comparison.runs["force"].trace}
+    folder = save_runs("comparison", comparison.solution.design, comparison.as_dict(), runs, tmp_path, fails)
+    assert {p.name for p in folder.iterdir()} >= {"comparison.json", "runs.nc", "problem.toml"}
+    assert "no ink" in caplog.text
+    again = save_runs("comparison", comparison.solution.design, comparison.as_dict(), runs, tmp_path)
+    assert again != folder
+
+
+@pytest.mark.slow
+def test_a_leg_that_only_stands_is_said_to(tmp_path, capsys, monkeypatch):
+    (tmp_path / "standing.py").write_text(
+        "class Stand:\n"
+        "    def __init__(self, setting):\n"
+        "        assert setting.plan is None\n"
+        "        self.rest = setting.start\n\n"
+        "    def torque(self, now):\n"
+        "        return 800 * (self.rest - now.q) - 20 * now.v\n"
+    )
+    monkeypatch.setattr("sys.path", [path for path in sys.path if path not in ("", str(tmp_path))])
+    monkeypatch.chdir(tmp_path)  # where it is found, as an objective of one's own is
+    assert run(["simulate", "--strategy", "standing:Stand", "--results", str(tmp_path), "--no-figures"]) == 0
+    assert "the foot never left the ground" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("rules", "said"),
+    [
+        ({"hop.flight_duration": [0.03, 0.12]}, "flight of 0.2"),
+        ({"hop.stance_duration": [0.2, 0.4]}, "stance of 0.1"),
+        ({"hop.least_height": 0.2}, "knee down to 0.1"),
+        ({"hop.least_height": 0.2, "hop.above_ground": ["hip", "foot"]}, ""),
+    ],
+)
+def test_a_hop_that_lasts_too_long_or_hangs_too_low_is_not_within_the_limits(rules, said):
+    """Such a hop does not disprove a bound; a joint that need not stay above the ground may hang as low as it likes."""
+    found = simulate(load("paper", rules), find("force_tuck")).figures.limits_exceeded
+    assert [words[: len(said)] for words in found] == [said] * bool(said)
+
+
+def test_a_joint_that_may_pass_the_ground_does_not_end_a_run():
+    for above, stops in ((["hip", "knee"], "the knee hit the ground"), (["hip", "foot"], "")):
+        plant = make_plant(load("paper", {"hop.above_ground": above}))
+        start = plant.stance_start(np.array([1.3, -2.4]))
+        q = start.q.copy()
+        q[1] = plant.machine.points(np.array([0, 0, *q[2:]]))["knee"][1] * -1 - 0.01  # the knee 1 cm below the ground
+        assert plant.fault(dataclasses.replace(start, q=q)) == stops

@@ -1,0 +1,76 @@
+"""A study killed again and again, at instants drawn at random: after --resume its table is that of one undisturbed."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from waiting import wait_for
+
+KILLS = 20
+CHEAP = ["hop.stance_duration=[0.03, 0.2]", "solver.refine=false", "solver.stance_intervals=16", "solver.starts=2"]
+VARY = ["leg.gear.ratio=70:150:6", "leg.shank.length=0.2,0.34,0.36,0.38"]
+SWEEP = [sys.executable, "-m", "hopopt.cli.main", "sweep", "--processes", "2", "--no-figures"]
+
+
+def begin(cwd: Path, *arguments: str) -> subprocess.Popen[str]:
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    options = {"cwd": cwd, "env": environment, "start_new_session": True, "text": True}
+    return subprocess.Popen([*SWEEP, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, **options)
+
+
+def defined() -> list[str]:
+    return [word for entry in CHEAP for word in ("--set", entry)] + [
+        word for entry in VARY for word in ("--vary", entry)
+    ]
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    """The table without its timings."""
+    with (folder / "table.csv").open(encoding="utf-8") as file:
+        return [{name: text for name, text in row.items() if name != "seconds"} for row in csv.DictReader(file)]
+
+
+def points(folder: Path) -> dict[str, dict]:
+    """What is kept of every point and pass, without timings."""
+    found = {path.name: json.loads(path.read_text()) for path in (folder / "points").glob("[0-9]*.json")}
+    return {name: {k: v for k, v in data.items() if k != "seconds"} for name, data in found.items()}
+
+
+@pytest.mark.slow
+def test_killed_at_random_instants_the_table_is_the_same(tmp_path: Path) -> None:
+    began = time.monotonic()
+    whole = begin(tmp_path, *defined(), "--results", "whole")
+    assert whole.communicate(timeout=1800)[1] == ""
+    lasted = time.monotonic() - began
+    random = np.random.default_rng(0)
+    first = begin(tmp_path, *defined(), "--results", "killed")
+    wait_for(lambda: list(tmp_path.glob("killed/*/sweep.json")), first)
+    (folder,) = tmp_path.glob("killed/*")
+    running, kills = first, 0
+    while kills < KILLS:
+        with suppress(subprocess.TimeoutExpired):
+            running.wait(float(random.uniform(0.0, 0.2 * lasted)))
+        if running.poll() is None:
+            os.kill(running.pid, signal.SIGKILL)
+            kills += 1
+        running.communicate()
+        if (folder / "table.csv").exists():  # finished between two kills: the last steps once more, from the files
+            (folder / "table.csv").unlink()
+            newest = sorted((folder / "points").glob("[0-9]*-*.json"), key=lambda path: path.stat().st_mtime_ns)
+            for path in newest[len(newest) // 2 :]:
+                path.unlink()
+        running = begin(tmp_path, "--resume", str(folder))
+    assert running.communicate(timeout=1800)[1] == ""
+    (undisturbed,) = tmp_path.glob("whole/*")
+    assert table(folder) == table(undisturbed)
+    assert points(folder) == points(undisturbed)
+    assert (folder / "sweep.nc").exists()
