@@ -257,7 +257,7 @@ def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
     assert again.verified
     assert again.summary.certified
     a, b = refined.summary.objective_value, again.summary.objective_value
-    price = max(c.residual for c in refined.summary.verification if c.name.startswith("price"))
+    price = max(c.residual for c in refined.summary.verification if c.name.startswith("tightening"))
     assert abs(a - b) / a < (1e-6 if name == "paper" else price)
     edges, jumps = again.phases["stance"].edges, (told.jumps_s or {})["stance"]
     assert len(jumps) >= 2

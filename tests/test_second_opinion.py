@@ -1,4 +1,4 @@
-"""Second opinions: another solver on the same program, other schemes; what they agree on, and a planted disagreement."""
+"""Cross-checks: another solver on the same program, other schemes; what they agree on, and a planted disagreement."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from hopopt.cli import main as cli
 from hopopt.cli.screen.cross_check import opinion_lines
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop
-from hopopt.planner import cross_check as second_opinion
+from hopopt.planner import cross_check
 from hopopt.planner.cross_check import Failed, Opinion, Said, affordable, by_uno, opinion, with_opinions
 from hopopt.planner.multistart import first_transcription
 from hopopt.planner.solution import Solution
@@ -33,7 +33,7 @@ UNREFINED = [word for entry, value in COARSE.items() for word in ("--set", f"{en
 @pytest.fixture(scope="module")
 def answer() -> Solution:
     """The paper's leg on one coarse mesh, with all opinions on it."""
-    return solve(load("paper", COARSE), starts=1, processes=1, second_opinion=True)
+    return solve(load("paper", COARSE), starts=1, processes=1, cross_check=True)
 
 
 def test_uno_agrees_on_the_same_program(answer: Solution) -> None:
@@ -74,7 +74,7 @@ def test_a_worse_hop_passed_off_as_the_answer_is_found_out(answer: Solution, mon
     limits = {name: answer.kkt[name] for name in ("low_z", "high_z", "low_g", "high_g")}
     told = replace(other.summary, verified=True, exit_code=0)
     tampered = replace(answer, phases=other.phases, kkt={**other.kkt, **limits}, summary=told)
-    monkeypatch.setattr(second_opinion, "SCHEMES", ())
+    monkeypatch.setattr(cross_check, "SCHEMES", ())
     seen = with_opinions(hop, tampered, Stopwatch()).summary
     (uno,) = seen.second_opinions
     assert uno.contradicts
@@ -91,7 +91,7 @@ def test_a_worse_hop_passed_off_as_the_answer_is_found_out(answer: Solution, mon
 def test_a_solver_that_fails_is_stated_with_its_reason(
     answer: Solution, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(second_opinion, "UNO", {**second_opinion.UNO, "max_iterations": 1})
+    monkeypatch.setattr(cross_check, "UNO", {**cross_check.UNO, "max_iterations": 1})
     with pytest.raises(Failed, match="not optimal point, constraints missed by"):
         by_uno(stored_nlp(answer), 0)
     assert capfd.readouterr() == ("", "")  # nor does Uno print anything
@@ -101,7 +101,7 @@ def test_a_program_too_large_gives_way_to_the_first_mesh_s(answer: Solution, mon
     """Solved by Ipopt from the answer: here that is the same program, and so the same optimum."""
     hop, stored = Hop(answer.design), stored_nlp(answer)
     assert affordable(hop, stored) is stored
-    monkeypatch.setattr(second_opinion, "AFFORDABLE", len(stored.z) - 1)
+    monkeypatch.setattr(cross_check, "AFFORDABLE", len(stored.z) - 1)
     first = affordable(hop, stored)
     assert first.iterations > 0
     assert first.transcription.mesh == first_transcription(hop).mesh
@@ -144,15 +144,15 @@ def test_who_agrees_and_who_contradicts(sign: float, said: Said, agrees: bool, c
 
 
 def test_it_goes_with_a_design_that_is_given(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["solve", "--second-opinion", "--free", "leg.gear.ratio=80:120"]) == 2
-    assert "--second-opinion goes with a design that is given" in capsys.readouterr().err
+    assert cli.run(["solve", "--cross-check", "--free", "leg.gear.ratio=80:120"]) == 2
+    assert "--cross-check goes with a design that is given" in capsys.readouterr().err
 
 
 def test_on_the_command_line(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(second_opinion, "SCHEMES", (radau(5),))
-    asked = ["solve", *UNREFINED, "--starts", "1", "--no-figures", "--results", str(tmp_path), "--second-opinion"]
+    monkeypatch.setattr(cross_check, "SCHEMES", (radau(5),))
+    asked = ["solve", *UNREFINED, "--starts", "1", "--no-figures", "--results", str(tmp_path), "--cross-check"]
     assert cli.run([*asked, "--json"]) == 3
     out, err = capfd.readouterr()
     assert err == ""
@@ -161,13 +161,15 @@ def test_on_the_command_line(
     assert cli.run(asked) == 3
     out, err = capfd.readouterr()
     assert err == ""
-    assert re.search(r"opinions  Uno, .* of 12 \+ 5 intervals: 0\.\d{5} m, differs by \de-\d\d \(\d+ s\)\n", out), out
+    assert re.search(r"cross-check  Uno, .* of 12 \+ 5 intervals: 0\.\d{5} m, differs by \de-\d\d \(\d+ s\)\n", out), (
+        out
+    )
     assert re.search(r"radau-5, on one mesh: DISAGREES: .* its local error is \de-\d\d \(\d+ s\)\n", out), out
 
 
 @pytest.mark.slow
 def test_who_agrees_on_the_paper_s_leg() -> None:
-    s = solve(load("paper"), starts=1, second_opinion=True)
+    s = solve(load("paper"), starts=1, cross_check=True)
     assert s.verified
     assert s.summary.exit_code == 0
     uno, fifth, hermite_simpson = s.summary.second_opinions

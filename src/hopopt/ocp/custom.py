@@ -148,7 +148,7 @@ def as_objective(function: Any) -> HopObjective:
         return c(end(hop, e), 1)
 
     return HopObjective(
-        c.name, f"a function of one's own, {c.name}", terms.unit, value, FIGURE,
+        c.name, f"a user-defined function, {c.name}", terms.unit, value, FIGURE,
         "demand" if terms.clearance else "free", terms.maximize,
         scale=lambda hop: terms.scale, custom=c, **more,
     )  # fmt: skip

@@ -48,7 +48,7 @@ def find(objective: str | HopObjective) -> HopObjective:
     if isinstance(objective, HopObjective):
         return objective
     if ":" in objective:
-        raise UsageError(f"{objective} is a function of one's own, which is only run where it is given: give it again")
+        raise UsageError(f"{objective} is a user-defined function, which is only run where it is given: give it again")
     if objective not in OBJECTIVES:
         raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
     return OBJECTIVES[objective]

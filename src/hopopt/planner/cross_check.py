@@ -82,14 +82,14 @@ def opinions(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> l
     nlp = affordable(hop, stored)
     which = "the same program" if nlp is stored else "the program with limits at the nodes alone"
     name = f"Uno, filter SQP, on {which} of {_sizes(nlp.transcription)} intervals"
-    say(f"second opinion: {name}")
+    say(f"cross-check: {name}")
     found = [
         opinion(name, sign, SAME_PROGRAM, nlp.objective, lambda: by_uno(nlp, hop.design.solver.seed), stored.least)
     ]
     for other in [s for s in SCHEMES if s.name != own][:2]:
         how = f"refined on its own to {_tolerance(hop, other):.0e}" if hop.design.solver.refine else "on one mesh"
         name = f"{other.name}, {how}"
-        say(f"second opinion: {name}")
+        say(f"cross-check: {name}")
         found.append(opinion(name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored), stored.least))
     return found
 

@@ -81,7 +81,7 @@ def numerical_checks(
         Check("complementarity", r.complementarity, KKT, "scaled"),
         Check("local error of the intervals", local, s.tolerance, "scaled"),
         Check("change of the objective", change, s.objective_tolerance, "relative"),
-        Check("price of drawing in the limits", price(solution), s.price_tolerance, "relative"),
+        Check("tightening cost", price(solution), s.price_tolerance, "relative"),
         (error or objective_error(solution)).check(),
     ]
 

@@ -125,13 +125,13 @@ def _help(path: str, share: float) -> str:
 
 
 def flat_words(found: Sequence[Flat]) -> list[str]:
-    """A sentence for what the objective does not feel, by phase and time; none if it feels everything."""
+    """A sentence for what the objective does not depend on, by phase and time; none if it depends on everything."""
     together: dict[tuple[str, str], list[str]] = {}
     for f in found:
         when = f" from {f.when[0]:.3f} to {f.when[1]:.3f} s" if f.when else ""
         together.setdefault((f" in {f.phase}" if f.kind == "control" else "", when), []).append(_what(f))
     return [
-        f"flat: the objective does not feel the {' and the '.join(names)}{phase}{when}; other motions are as good"
+        f"insensitive: the objective does not depend on the {' and the '.join(names)}{phase}{when}; other motions are as good"
         for (phase, when), names in together.items()
     ]
 

@@ -59,7 +59,7 @@ def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
 
 
 def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
-    """What the objective does not feel; None if that cannot be told."""
+    """What the objective does not depend on; None if that cannot be computed."""
     try:
         return flat(without_tie_break(best, hop))
     except (CannotBeTold, RuntimeError):  # of CasADi too: no reason to lose the answer

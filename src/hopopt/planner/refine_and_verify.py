@@ -158,8 +158,8 @@ def aims_of(hop: Hop) -> Aims:
 def progress_line(hop: Hop, s: MeshStep) -> str:
     """One solve of a refinement, for whoever waits; what counts first, for narrow screens cut the rest."""
     sizes = " + ".join(str(n) for n in s.intervals.values())
-    held = f", limits held between the nodes in {s.held} intervals" if s.held else ""
-    held += f", limits drawn in {s.drawn_in} time{'s' if s.drawn_in > 1 else ''}" if s.drawn_in else ""
+    held = f", limits enforced between the nodes in {s.held} intervals" if s.held else ""
+    held += f", limits tightened {s.drawn_in} time{'s' if s.drawn_in > 1 else ''}" if s.drawn_in else ""
     return (
         f"{hop.objective.name} {s.objective:.5f} {hop.objective.unit} on {sizes} intervals, local error "
         f"{s.local_error:.0e}, limits exceeded by {s.excess:.0e}{held}"

@@ -47,7 +47,7 @@ def solve(
     starts: int | None = None,
     processes: int | None = None,
     structure: bool = False,
-    second_opinion: bool = False,
+    cross_check: bool = False,
     progress: Progress | None = None,
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified.
@@ -55,7 +55,7 @@ def solve(
     objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (optimality/free_switches.py), with smaller tolerances (planner/refine_and_verify.py); second_opinion: asked of another solver and other schemes,
+    (optimality/free_switches.py), with smaller tolerances (planner/refine_and_verify.py); cross_check: solved by another solver and other schemes too,
     in the summary's ``second_opinions`` (planner/cross_check.py); progress is called with a line of text now and then. Raises
     NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.
@@ -85,7 +85,7 @@ def solve(
     notes = (*alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
     told = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
     best = best.with_summary(notes=notes, flat=told, families=families, global_=overall)
-    if second_opinion:
+    if cross_check:
         best = with_opinions(hop, best, clock, say)
     return best
 

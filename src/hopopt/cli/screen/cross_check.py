@@ -1,4 +1,4 @@
-"""What the command line shows of second opinions: a line each."""
+"""What the command line shows of cross-checks: a line each."""
 
 from typing import TYPE_CHECKING
 
@@ -10,12 +10,12 @@ if TYPE_CHECKING:
 
 
 def print_opinions(summary: "Summary") -> None:
-    """Every second opinion: who, what it found, how far from the answer."""
-    print_lines(console(), "opinions", opinion_lines(summary))
+    """Every cross-check: which solver and scheme, what it found, how far from the answer."""
+    print_lines(console(), "cross-check", opinion_lines(summary))
 
 
 def opinion_lines(summary: "Summary") -> list[str]:
-    """A line for each second opinion; one that failed or disagrees is named as such."""
+    """A line for each cross-check; one that failed or disagrees is named as such."""
     unit = summary.objective_unit.replace("1", "")
     return [_line(o, unit) for o in summary.second_opinions]
 
