@@ -20,7 +20,7 @@ from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.mesh_step import Cuts, about, any_cut, cut, equal, pieces_of
 from hopopt.nlp.tightening import passed, tightened
-from hopopt.nlp.tightening_cost import drawn_prices, excess_prices, switch_places
+from hopopt.nlp.tightening_cost import excess_costs, normalised_switch_times, tightening_costs
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
@@ -58,7 +58,7 @@ class Aims:
     local_error: float
     change: float
     excess: float
-    price: float
+    tightening_cost: float
     meshes: int
     iterations: int
     restarts: float = 5.0
@@ -102,7 +102,7 @@ class Refinement:
         self._restarts_left = round(aims.restarts * aims.iterations)
         self._accept(solution, 0.0, 0.0)
         limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
-        self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
+        self._tightened: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
         self._before = {name: np.full(N, np.inf) for name, (N, _) in limits.items()}  # excess that was answered to
 
     def run(self) -> None:
@@ -184,11 +184,11 @@ class Refinement:
     @property
     def _budget(self) -> float:
         """What all limits may cost [objective's unit]."""
-        return BUDGET * self.aims.price * self.solution.magnitude
+        return BUDGET * self.aims.tightening_cost * self.solution.magnitude
 
     def _costs(self) -> dict[str, np.ndarray]:
         """What the limits of each interval cost, or would cost [objective's unit]."""
-        drawn, over = drawn_prices(self.solution), excess_prices(self.solution, self.errors)
+        drawn, over = tightening_costs(self.solution), excess_costs(self.solution, self.errors)
         return {name: drawn[name] + over[name] for name in drawn}
 
     def _dear(self, cost: Mapping[str, np.ndarray], others: Mapping[str, np.ndarray]) -> Cuts:
@@ -197,7 +197,7 @@ class Refinement:
         total = np.sort(np.concatenate(list(cost.values())))
         dear = total[np.searchsorted(np.cumsum(total), NEARLY * self._budget, side="right") :]
         share, least = AIM * self._budget / max(1, len(dear)), dear.min(initial=np.inf)
-        switch, found = switch_places(self.solution), {}
+        switch, found = normalised_switch_times(self.solution), {}
         for name, each in cost.items():
             shorter = np.where(each >= least, np.sqrt(each / share), 1.0)  # by which share they should be
             pieces = np.maximum(others[name], np.clip(np.ceil(shorter), 1, PIECES)).astype(int)
@@ -215,7 +215,7 @@ class Refinement:
             free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
             free[:, : held.shape[1]] = ~held
             whole = (n == 1)[:, None] & ~free
-            self._drawn[name] = np.repeat(np.where(whole, self._drawn[name] + over, 0.0), n, axis=1)
+            self._tightened[name] = np.repeat(np.where(whole, self._tightened[name] + over, 0.0), n, axis=1)
             answers = (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
             answers &= not finer  # on a finer mesh the excess is another
             self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
@@ -236,7 +236,7 @@ class Refinement:
             self._program = held_between(t, self._held)
         held = self._program
         guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
-        bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._drawn)
+        bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._tightened)
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
         solver = self._solver(held.transcription, CARRIED if finer else NEAR)
         built = time.perf_counter()

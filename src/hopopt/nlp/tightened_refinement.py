@@ -26,9 +26,8 @@ from hopopt.nlp.mesh_refinement import (
     relative,
 )
 from hopopt.nlp.mesh_step import cut, equal
-from hopopt.nlp.tightening import drawn_in
-from hopopt.nlp.tightening_cost import excess_prices
-from hopopt.nlp.tightening_cost import price as price_of
+from hopopt.nlp.tightening import tightened_by_excess
+from hopopt.nlp.tightening_cost import excess_costs, tightening_cost
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
@@ -43,10 +42,10 @@ def refinement_of(
     solution: NlpSolution, aims: Aims, report: Report = lambda step: None, held: Chosen | None = None
 ) -> Refinement:
     """The refinement that suits a program; ``held``: limits that ``solution`` holds between the nodes already."""
-    return (Refinement if holds(solution.transcription) else DrawnRefinement)(solution, aims, report, held)
+    return (Refinement if holds(solution.transcription) else TighteningRefinement)(solution, aims, report, held)
 
 
-class DrawnRefinement(Refinement):
+class TighteningRefinement(Refinement):
     """From a solution on a first mesh to an accurate one whose limits are drawn in on the last: ``solution`` and
     ``history``."""
 
@@ -77,11 +76,11 @@ class DrawnRefinement(Refinement):
 
     def _faults(self) -> Parts:
         """What is to be cut: inaccurate intervals, and the dearest until the rest is within the budget."""
-        price, budget = excess_prices(self.solution, self.errors), self.aims.price * self.solution.magnitude
-        total = np.sort(np.concatenate(list(price.values())))
+        costs, budget = excess_costs(self.solution, self.errors), self.aims.tightening_cost * self.solution.magnitude
+        total = np.sort(np.concatenate(list(costs.values())))
         dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
         return {
-            name: np.maximum(self._inaccurate(name), np.where(price[name] >= dear, MOST, 1)) for name in self.errors
+            name: np.maximum(self._inaccurate(name), np.where(costs[name] >= dear, MOST, 1)) for name in self.errors
         }
 
     def _inaccurate(self, name: str) -> np.ndarray:
@@ -98,8 +97,8 @@ class DrawnRefinement(Refinement):
             if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]):
                 break
             built = time.perf_counter()
-            solution = solver.again(self.solution, drawn_in(self.solution, self.errors, self.aims.excess))
-            if not solution.success or price_of(solution) > self.aims.price:
+            solution = solver.again(self.solution, tightened_by_excess(self.solution, self.errors, self.aims.excess))
+            if not solution.success or tightening_cost(solution) > self.aims.tightening_cost:
                 break
             self._accept(solution, built - began, time.perf_counter() - built, k + 1)
             began = time.perf_counter()

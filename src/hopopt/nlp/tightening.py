@@ -14,7 +14,7 @@ from hopopt.nlp.transcription import Transcription
 Errors = Mapping[str, IntervalErrors]
 
 
-def drawn_in(solution: NlpSolution, errors: Errors, allowed: float) -> Bounds:
+def tightened_by_excess(solution: NlpSolution, errors: Errors, allowed: float) -> Bounds:
     """The solution's bounds, drawn in by each excess above ``allowed`` at all nodes of its interval."""
     return tightened(solution.bounds, solution.transcription, {name: passed(e, allowed) for name, e in errors.items()})
 

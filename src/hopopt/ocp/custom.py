@@ -16,7 +16,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
+from hopopt.ocp.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
 from hopopt.user_code import last_line, load
 
@@ -139,8 +139,11 @@ def as_objective(function: Any) -> HopObjective:
     if terms.running:
         more["integrands"] = lambda hop, motion: {"custom": lambda s: c(moment(hop, motion, s), 1)}
     if terms.clearance:
-        more |= {"parameters": lambda hop: (demand(hop),), "boundary": lambda hop: lowest_point(hop, "hop.clearance")}
-        more["fault"] = no_demand
+        more |= {
+            "parameters": lambda hop: (required_clearance(hop),),
+            "boundary": lambda hop: lowest_point(hop, "hop.clearance"),
+        }
+        more["fault"] = no_required_clearance
 
     def value(hop: MovingLeg, e: Ends) -> ca.SX:
         if terms.running:
@@ -149,7 +152,7 @@ def as_objective(function: Any) -> HopObjective:
 
     return HopObjective(
         c.name, f"a user-defined function, {c.name}", terms.unit, value, FIGURE,
-        "demand" if terms.clearance else "free", terms.maximize,
+        "required clearance" if terms.clearance else "free", terms.maximize,
         scale=lambda hop: terms.scale, custom=c, **more,
     )  # fmt: skip
 

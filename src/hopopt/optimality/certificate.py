@@ -17,7 +17,7 @@ from hopopt.optimality.bounds import duration_bounds_residual, free_parameters_r
 from hopopt.optimality.costates import phase_multipliers, sign
 from hopopt.optimality.phase_functions import Along, PhaseFunctions
 from hopopt.optimality.pontryagin import FINE, PhaseCertificate, missed
-from hopopt.optimality.transversality import EndSlopes, end_slopes
+from hopopt.optimality.transversality import TransversalityConditions, transversality_conditions
 from hopopt.verify.check import Check
 
 COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself
@@ -30,7 +30,7 @@ class Certificate:
 
     checks: tuple[Check, ...]
     phases: Mapping[str, PhaseCertificate]
-    ends: EndSlopes
+    ends: TransversalityConditions
 
     @property
     def passed(self) -> bool:
@@ -56,7 +56,7 @@ def certify(solution: NlpSolution) -> Certificate:
         fine[name] = functions.along(solution, name, np.array(FINE.c))
         nodes[name] = functions.along(solution, name, np.array(layout.scheme.c))
         integrals[name] = np.einsum("i,k,ikl->l", solution.phases[name].lengths, FINE.b, fine[name].l)
-    ends, phases = end_slopes(solution, integrals), {}
+    ends, phases = transversality_conditions(solution, integrals), {}
     for name in fine:
         m = phase_multipliers(solution, name)
         phases[name] = PhaseCertificate(solution, name, ends.phases[name], fine[name], nodes[name], m)
@@ -87,7 +87,9 @@ def phase_checks(c: PhaseCertificate) -> list[Check]:
     ]
 
 
-def _shared(solution: NlpSolution, phases: Mapping[str, PhaseCertificate], ends: EndSlopes) -> list[Check]:
+def _shared(
+    solution: NlpSolution, phases: Mapping[str, PhaseCertificate], ends: TransversalityConditions
+) -> list[Check]:
     """Boundary constraints' complementarity, and stationarity and complementarity of the free parameters."""
     objective = solution.magnitude
     pushed = np.abs(ends.multiplier) * missed(ends.multiplier, ends.value, ends.lower, ends.upper, sign(solution), 1.0)

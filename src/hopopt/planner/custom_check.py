@@ -11,7 +11,7 @@ from hopopt.ocp.custom import PHASES, Custom, Moment, symbols
 from hopopt.ocp.objective import HopObjective
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
-from hopopt.verify.measures import FINE, dense, integral, places_of
+from hopopt.verify.measures import FINE, dense, integral, normalised_times_of
 from hopopt.verify.table import Table
 
 CLAIM = 1e-4  # relative
@@ -62,7 +62,7 @@ def _along(robot: Robot, phase: str, table: Table, c: Custom, places: np.ndarray
     """The function's values (N, k, m) at the same places of every interval."""
     m = symbols(len(robot.joints), tuple(robot.points), False, kind(phase), table.f.shape[-1])
     function = ca.Function("along", [*_inputs(m), m.a, m.tau, m.f], [ca.densify(c(m))])
-    machine, at = Machine(robot), places_of(table)
+    machine, at = Machine(robot), normalised_times_of(table)
     arrays = [dense(at, getattr(table, name), places) for name in ("t", "q", "v", "a", "tau", "f")]
     t, q, v, a, tau, f = (x.reshape(-1, *x.shape[2:]) for x in arrays)
     begin = table.t[0, 0]

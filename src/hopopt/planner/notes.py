@@ -25,7 +25,7 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
     if better is not None:
         value = f"{better.summary.objective_value:.4f} {goal.unit}, {'higher' if goal.sign > 0 else 'lower'}"
         notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
-    if goal.ends != "demand" and (asked_for := best.design.hop.clearance) is not None:
+    if goal.ends != "required clearance" and (asked_for := best.design.hop.clearance) is not None:
         notes.append(f"hop.clearance = {asked_for:g} plays no part: the objective {goal.name} asks for no height")
     over = float(best.apex.points["foot"][0, 1] - best.apex.q[0, 1])
     if over > 0:

@@ -57,7 +57,7 @@ class Answer:
         return self.refined.solution.objective
 
 
-def finish(
+def refined_and_verified(
     hop: Hop,
     outcome: StartOutcome,
     outcomes: Sequence[StartOutcome],
@@ -85,7 +85,7 @@ def refine_and_verify(
     say("verifying")
     found = judged(hop, refinement, clock)
     sound = found.verified and found.verdict.certified
-    if (closer := with_smaller_tolerances(hop, refinement, sound)) is None:
+    if (closer := hop_with_tighter_tolerances(hop, refinement, sound)) is None:
         return found
     if found.verified:  # nearly done: go on from there
         say("verified, but not certified: refining further, with smaller tolerances")
@@ -96,14 +96,14 @@ def refine_and_verify(
     return again if again.verified else found
 
 
-def with_smaller_tolerances(hop: Hop, refinement: Refinement, sound: bool) -> Hop | None:
+def hop_with_tighter_tolerances(hop: Hop, refinement: Refinement, sound: bool) -> Hop | None:
     """The question once more with smaller tolerances, if it is worth it: the hop met all
     aims of its refinement and is not ``sound`` (verified, and certified where that is asked); else None."""
-    smaller = finer(hop.design)
+    smaller = with_tighter_tolerances(hop.design)
     return None if sound or refinement.ended != MET or smaller == hop.design else hop.with_solver_of(smaller)
 
 
-def finer(design: Design) -> Design:
+def with_tighter_tolerances(design: Design) -> Design:
     """The problem with tolerances of the solver of at most AT_MOST: more accurate than a height is read."""
     s = design.solver
     smaller = {name: min(getattr(s, name), most) for name, most in AT_MOST.items()}

@@ -37,7 +37,7 @@ from hopopt.planner.summary_parts import (
     UpperBound,
 )
 from hopopt.planner.verdict import Verdict
-from hopopt.planner.verdict_entries import conditions, error_entry, standing, structure_entry
+from hopopt.planner.verdict_entries import conditions, error_entry, structure_entry, verification_entries
 from hopopt.verify.upper_bound import upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -68,8 +68,8 @@ def summarize(
         objective_figure=goal.figure,
         maximized=goal.maximize,
         functions=Functions(goal.name if goal.custom else None, tuple(c.name for c in hop.constraints)),
-        clearance_asked_for_m=plan.design.hop.clearance if goal.ends == "demand" else None,
-        **standing(verdict),
+        clearance_asked_for_m=plan.design.hop.clearance if goal.ends == "required clearance" else None,
+        **verification_entries(verdict),
         **found,
         objective_error=error_entry(verdict.error),
         objective_value=solution.objective,

@@ -9,7 +9,7 @@ from hopopt.planner.summary_parts import Condition, Error, Estimate, NamedCheck,
 from hopopt.planner.verdict import StatedError, Verdict
 
 
-def standing(verdict: Verdict) -> dict[str, Any]:
+def verification_entries(verdict: Verdict) -> dict[str, Any]:
     """Entries that say whether an answer is verified: in words, as the exit code, and check by check."""
     verified = verdict.verified
     return {

@@ -24,7 +24,7 @@ def dense(places: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.n
     return np.einsum("kp,ip...->ik...", weights, values)
 
 
-def places_of(table: Table) -> np.ndarray:
+def normalised_times_of(table: Table) -> np.ndarray:
     """Where in its intervals the table's rows lie, (K,)."""
     longest = int(np.argmax(np.ptp(table.t, axis=1)))
     t = table.t[longest]
@@ -41,7 +41,7 @@ def _over_phases(robot: Robot, tables: Tables, rate: Callable[[Robot, np.ndarray
     """Integral over all phases of rate(robot, tau, w), both (N, 201, n), summed over the joints."""
     total = 0.0
     for table in tables.values():
-        places = places_of(table)
+        places = normalised_times_of(table)
         tau, w = dense(places, table.tau), dense(places, table.v[..., BASE:])
         total += integral(table, rate(robot, tau, w).sum(axis=-1))
     return total
@@ -90,7 +90,7 @@ def region_share(robot: Robot, tables: Tables) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
-        tau, w = (dense(places_of(table), x) for x in (table.tau, table.v[..., BASE:]))
+        tau, w = (dense(normalised_times_of(table), x) for x in (table.tau, table.v[..., BASE:]))
         for k, joint in enumerate(robot.joints):
             used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k])
             worst = max(worst, float(np.max(used)))
@@ -99,12 +99,14 @@ def region_share(robot: Robot, tables: Tables) -> float:
 
 def peak_torque(robot: Robot, tables: Tables) -> float:
     """Largest torque of any joint [N m]."""
-    return max(float(np.abs(dense(places_of(table), table.tau)).max()) for table in tables.values())
+    return max(float(np.abs(dense(normalised_times_of(table), table.tau)).max()) for table in tables.values())
 
 
 def peak_force(robot: Robot, tables: Tables) -> float:
     """Largest ground force [N]."""
-    return max(float(np.linalg.norm(dense(places_of(table), table.f), axis=-1).max()) for table in tables.values())
+    return max(
+        float(np.linalg.norm(dense(normalised_times_of(table), table.f), axis=-1).max()) for table in tables.values()
+    )
 
 
 MEASURES: dict[str, Callable[[Robot, Tables], float]] = {
