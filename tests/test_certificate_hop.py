@@ -248,7 +248,7 @@ def test_structure_agrees_with_the_torques(hop: Solution) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "paper_no_countermovement"])
 def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
-    """Verified and certified, within the price of the limits that were drawn in; torques jump at edges of the mesh. The
+    """Verified and certified, within the tightening cost; torques jump at edges of the mesh. The
     same tolerances, which free times make smaller than the problem's own."""
     refined, again = (
         solve(with_tighter_tolerances(load(name)), starts=1, processes=1, structure=s) for s in (False, True)

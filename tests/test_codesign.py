@@ -1,4 +1,4 @@
-"""Co-design: closed forms, optimality of what was free, couplings, bounds, and what is said of impossible wishes."""
+"""Co-design: closed forms, optimality of what was free, couplings, bounds, and what is reported of impossible wishes."""
 
 import json
 import re

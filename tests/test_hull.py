@@ -1,4 +1,4 @@
-"""Limits held between the nodes: Bernstein polynomials, programs with them, what it costs, against closed forms."""
+"""Limits enforced between the nodes: Bernstein polynomials, programs with them, what it costs, against closed forms."""
 
 import numpy as np
 import pytest
@@ -90,7 +90,7 @@ def test_nothing_chosen_changes_nothing() -> None:
 
 @pytest.mark.parametrize(("method", "factor"), [(radau(2), 4 / 3), (radau(3), 1.0)], ids=["radau-2", "radau-3"])
 @pytest.mark.parametrize("intervals", [9, 27, 81])
-def test_price_is_what_holding_costs(method: Scheme, factor: float, intervals: int) -> None:
+def test_tightening_cost_is_what_enforcing_costs(method: Scheme, factor: float, intervals: int) -> None:
     """Against the closed form: with a density b t about the switch and a force straight from limit to limit the loss is
     b h^2 / 12, the estimate b h^2 / 9 for two nodes and the loss for three; the better the shorter the interval."""
     known = bang_bang()

@@ -108,7 +108,7 @@ def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_a
     own, said = finishing.judged, list[str]()
     monkeypatch.setattr(finishing, "judged", failing)
     s = solve(load("paper", ONE_PUSH), starts=1, processes=1, progress=said.append)
-    assert "not verified: refining again, with smaller tolerances" in said
+    assert "not verified: refining again, with tighter tolerances" in said
     assert s.verified
     assert s.clearance == pytest.approx(one_push.clearance, rel=5e-5)
     note = f"solved with solver.tolerance = {TOLERANCE:g} and solver.price_tolerance = {PRICE_TOLERANCE:g}"

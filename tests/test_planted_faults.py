@@ -180,7 +180,7 @@ def test_a_hint_is_said_before_the_solve_and_kept_with_the_answer(planted: Plant
 
 
 def diagnosis(*edits: str, objective: str = "clearance") -> list[str]:
-    """What is said of the paper's leg with entries changed, where no hop is found."""
+    """What is reported of the paper's leg with entries changed, where no hop is found."""
     design = load("paper", list(edits))
     with pytest.raises(NotSolvedError) as raised:
         ho.solve(design, objective, starts=1, processes=1)

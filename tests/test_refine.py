@@ -56,7 +56,7 @@ def bang_bang() -> Known:
 @each_scheme
 @pytest.mark.parametrize("intervals", [7, 10])
 def test_bang_bang_is_neither_beaten_nor_missed(method: Scheme, intervals: int) -> None:
-    """The double integrator has no error: what keeps the limits cannot be faster, and gives away the price at most."""
+    """The double integrator has no error: what keeps the limits cannot be faster, and gives away the tightening cost at most."""
     known = bang_bang()
     refinement = Refinement(first(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
     refinement.run()
@@ -73,7 +73,7 @@ def test_unrefined_bang_bang_is_too_fast() -> None:
 
 
 @pytest.mark.parametrize("method", [radau(2), radau(3)], ids=lambda s: s.name)
-def test_price_of_drawing_in_covers_its_loss(method: Scheme) -> None:
+def test_tightening_cost_covers_its_loss(method: Scheme) -> None:
     """No less than what drawing in loses against the closed form."""
     known = bryson_denham(path=True)
     before = first(known, method, uniform(10))
@@ -88,7 +88,7 @@ def test_price_of_drawing_in_covers_its_loss(method: Scheme) -> None:
 
 @each_scheme
 def test_nodes_of_a_limit_hold_its_values(method: Scheme) -> None:
-    """The indices by which a limit is drawn in lead to the values whose excess was measured, in their order."""
+    """The indices by which a limit is tightened lead to the values whose excess was measured, in their order."""
     s = first(bryson_denham(path=True), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
     stacked = np.concatenate([s.z, s.g])
     limits = tuple(str(x) for x in interval_errors(s, "move").limits)

@@ -161,7 +161,7 @@ def test_on_the_command_line(
     assert cli.run(asked) == 3
     out, err = capfd.readouterr()
     assert err == ""
-    assert re.search(r"cross-check  Uno, .* of 12 \+ 5 intervals: 0\.\d{5} m, differs by \de-\d\d \(\d+ s\)\n", out), (
+    assert re.search(r"cross-check +Uno, .* of 12 \+ 5 intervals: 0\.\d{5} m, differs by \de-\d\d \(\d+ s\)\n", out), (
         out
     )
     assert re.search(r"radau-5, on one mesh: DISAGREES: .* its local error is \de-\d\d \(\d+ s\)\n", out), out

@@ -1,4 +1,4 @@
-"""Refinement for programs with kinks of their own: accurate states first, then limits drawn in on the settled mesh.
+"""Refinement for programs with kinks of their own: accurate states first, then limits tightened on the settled mesh.
 
 Where a control or a least number only bounds something from above, hulls (nlp/continuous_limits.py) make its kinks dearer; schemes
 that collocate both ends of an interval, whose controls oscillate, hardly converge within them.
@@ -33,7 +33,7 @@ from hopopt.nlp.warm_start import carried
 
 MOST = 4  # pieces into which an interval is cut at once
 EARLY = 4  # meshes before an error that wanders is suspected
-ROUNDS = 10  # of drawing in the limits on one mesh
+ROUNDS = 10  # of tightening the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 
@@ -46,7 +46,7 @@ def refinement_of(
 
 
 class TighteningRefinement(Refinement):
-    """From a solution on a first mesh to an accurate one whose limits are drawn in on the last: ``solution`` and
+    """From a solution on a first mesh to an accurate one whose limits are tightened on the last: ``solution`` and
     ``history``."""
 
     def run(self) -> None:
@@ -66,12 +66,12 @@ class TighteningRefinement(Refinement):
 
     @property
     def change(self) -> float:
-        """Relative change of the objective with the last mesh, before its limits were drawn in; infinite after one."""
+        """Relative change of the objective with the last mesh, before its limits were tightened; infinite after one."""
         meshes = [step.objective for step in self.history if not step.drawn_in]
         return relative(meshes[-1], meshes[-2], self.solution.least) if len(meshes) > 1 else float("inf")
 
     def _far(self, step: MeshStep) -> float:
-        """By its local error alone: limits are drawn in afterwards."""
+        """By its local error alone: limits are tightened afterwards."""
         return step.local_error / self.aims.local_error
 
     def _faults(self) -> Parts:

@@ -1,4 +1,4 @@
-"""What it costs the objective that limits hold between the nodes too, by the multipliers, interval by interval.
+"""What it costs the objective that limits are enforced between the nodes too, by the multipliers, interval by interval.
 
 A control that switches inside an interval cannot follow its limit up to the switch, as it could if it were no polynomial.
 A multiplier whose density in time has the moments mu_k with the Bernstein polynomials lies, in the mean, at their
@@ -23,13 +23,13 @@ BARRIER = 10 * OPTIONS["ipopt.tol"]  # of the objective's scale: a smaller multi
 
 
 def tightening_cost(solution: NlpSolution) -> float:
-    """What the limits that were drawn in cost the objective, relative to it."""
+    """What the limits that were tightened cost the objective, relative to it."""
     cost = sum(float(each.sum()) for each in tightening_costs(solution).values())
     return cost / solution.magnitude
 
 
 def tightening_costs(solution: NlpSolution) -> dict[str, np.ndarray]:
-    """What the limits that were drawn in cost in each interval of each phase, (N,) [objective's unit]."""
+    """What the limits that were tightened cost in each interval of each phase, (N,) [objective's unit]."""
     found = {name: np.zeros(p.lengths.shape) for name, p in solution.phases.items()}
     for name, cost in found.items():
         for each in _limits(solution, name):
@@ -38,7 +38,7 @@ def tightening_costs(solution: NlpSolution) -> dict[str, np.ndarray]:
 
 
 def normalised_switch_times(solution: NlpSolution) -> dict[str, np.ndarray]:
-    """Where in each interval of each phase it goes from one limit to another, (N,), 0 to 1; NaN where that is not told.
+    """Where in each interval of each phase it goes from one limit to another, (N,), 0 to 1; NaN where that is unknown.
 
     A limit that is left at s, where its slack jumps from none to D, has the mean slack (1 - s) D.
     """
@@ -65,7 +65,7 @@ def normalised_switch_times(solution: NlpSolution) -> dict[str, np.ndarray]:
 @dataclass(frozen=True)
 class _Limit:
     """A limit in all N intervals: slack to the upper and to the lower side at its nodes, (2, N, nodes), scaled; what the
-    multipliers of either side cost, (2, N, nodes); whether it was drawn in, (N,); whether its nodes are the controls'."""
+    multipliers of either side cost, (2, N, nodes); whether it was tightened, (N,); whether its nodes are the controls'."""
 
     slack: np.ndarray
     costs: np.ndarray
@@ -113,7 +113,7 @@ def _finite(slack: np.ndarray) -> np.ndarray:
 
 
 def excess_costs(solution: NlpSolution, errors: Errors) -> dict[str, np.ndarray]:
-    """What drawing in the limits by their excess would cost in each interval of each phase, (N,) [objective's unit]."""
+    """What tightening the limits by their excess would cost in each interval of each phase, (N,) [objective's unit]."""
     multipliers, found = np.concatenate([solution.lam_x, solution.lam_g]), {}
     for phase, e in errors.items():
         found[phase] = np.zeros(len(e.local))

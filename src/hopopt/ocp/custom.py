@@ -1,4 +1,4 @@
-"""Objectives and path constraints of one's own: short Python functions of the leg at an instant.
+"""User-defined objectives and path constraints: short Python functions of the leg at an instant.
 
 An objective sees the end of the hop, or with ``running`` every instant of it, over which it is then integrated; a
 constraint sees every instant. Both compute with CasADi expressions: no ``if`` on a value, no ``abs`` where it matters.
@@ -85,7 +85,7 @@ def _marked(terms: Terms) -> Callable[[Any], Any]:
 
 @dataclass(frozen=True)
 class Custom:
-    """A function of one's own with its name as ``module:function`` and what it is meant as."""
+    """A user-defined function with its name as ``module:function`` and what it is meant as."""
 
     name: str
     function: Callable[[Moment], Any] = field(repr=False)
@@ -133,7 +133,7 @@ def custom(function: Any) -> Custom:
 
 
 def as_objective(function: Any) -> HopObjective:
-    """A function of one's own as an objective of the hop."""
+    """A user-defined function as an objective of the hop."""
     c = custom(function)
     terms, more = c.terms, {}
     if terms.running:
@@ -158,7 +158,7 @@ def as_objective(function: Any) -> HopObjective:
 
 
 def path(c: Custom, hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
-    """A function of one's own as a path constraint of one phase, if it holds there."""
+    """A user-defined function as a path constraint of one phase, if it holds there."""
     t = c.terms
     if phase not in t.phases:
         return ()

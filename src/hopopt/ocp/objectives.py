@@ -37,7 +37,7 @@ OBJECTIVES = {
 
 
 def given(objective: Any) -> str | HopObjective:
-    """What a user gives: the name of an objective, a function of one's own, or its name ``module:function``."""
+    """What a user gives: the name of an objective, a user-defined function, or its name ``module:function``."""
     if isinstance(objective, HopObjective) or (isinstance(objective, str) and ":" not in objective):
         return objective
     return as_objective(objective)

@@ -21,7 +21,7 @@ from hopopt.optimality.transversality import TransversalityConditions, transvers
 from hopopt.verify.check import Check
 
 COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself
-COSTATE, HAMILTONIAN, ENDS, WORTH = 1e-4, 5e-4, 1e-5, 1e-3  # tolerances, all relative
+COSTATE, HAMILTONIAN, ENDS, STATIONARY = 1e-4, 5e-4, 1e-5, 1e-3  # tolerances, all relative
 
 
 @dataclass(frozen=True)
@@ -75,10 +75,10 @@ def phase_checks(c: PhaseCertificate) -> list[Check]:
     duration = duration_bounds_residual(c.solution, name)
     return [
         Check(f"{name} {COSTATES}", costate, COSTATE, "relative", when),
-        Check(f"{name} controls stationary", c.stationarity(), WORTH, "of the objective"),
-        Check(f"{name} limits push where they hold", limits, WORTH, "of the objective", limit),
+        Check(f"{name} controls stationary", c.stationarity(), STATIONARY, "of the objective"),
+        Check(f"{name} limits push where they hold", limits, STATIONARY, "of the objective", limit),
         Check(f"{name} Hamiltonian along arcs", within, HAMILTONIAN, "relative", at),
-        Check(f"{name} Hamiltonian across switches", across, WORTH, "of the objective", edge),
+        Check(f"{name} Hamiltonian across switches", across, STATIONARY, "of the objective", edge),
         Check(f"{name} transversality at its start", c.start_residual(), ENDS, "relative"),
         Check(f"{name} transversality at its end", c.end_residual(), COSTATE, "relative"),
         Check(f"{name} transversality of its duration", c.duration_residual(), ENDS, "relative"),

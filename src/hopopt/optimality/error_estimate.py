@@ -1,4 +1,4 @@
-"""How far a claimed optimum may lie above (be better than) the true one: what its own faults were worth to it.
+"""How far a claimed optimum may lie above (be better than) the true one: what its own faults gained.
 
 The interpolated solution solves another problem exactly: its dynamics are perturbed by d = x_h' - f(x_h, u_h), its
 limits are wider by what it passes them between the nodes. What that gained is, to first order, the integral of the
@@ -89,7 +89,7 @@ def objective_error(solution: NlpSolution) -> ObjectiveError:
 
 
 def _phase_gap(solution: NlpSolution, name: str, ends: TransversalityConditions, quadrature: np.ndarray) -> np.ndarray:
-    """Worth of dynamics, controls, limits and jumps between intervals in one phase, and the sum of its faults' squares,
+    """Gain by dynamics, controls, limits and jumps between intervals in one phase, and the sum of its faults' squares,
     relative to the objective, (5,)."""
     layout, trajectory = solution.transcription.layouts[name], solution.phases[name]
     m, h, weights = phase_multipliers(solution, name), trajectory.lengths, ends.phases[name]["integrals"]
@@ -133,10 +133,10 @@ def _phase_gap(solution: NlpSolution, name: str, ends: TransversalityConditions,
 def _program_gap(solution: NlpSolution, ends: TransversalityConditions) -> float:
     """Residuals of the program times its multipliers; what the claim has beyond the trajectories."""
     b = solution.bounds
-    worth = np.abs(solution.lam_g) @ _outside(solution.g, b.low_g, b.high_g)
-    worth += np.abs(solution.lam_x) @ _outside(solution.z, b.low_z, b.high_z)
-    worth += np.abs(ends.multiplier) @ _outside(ends.value, ends.lower, ends.upper)
-    return float(worth) + abs(solution.objective - ends.objective)
+    gain = np.abs(solution.lam_g) @ _outside(solution.g, b.low_g, b.high_g)
+    gain += np.abs(solution.lam_x) @ _outside(solution.z, b.low_z, b.high_z)
+    gain += np.abs(ends.multiplier) @ _outside(ends.value, ends.lower, ends.upper)
+    return float(gain) + abs(solution.objective - ends.objective)
 
 
 class _Limits:

@@ -96,7 +96,7 @@ def opinions(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> l
 
 def affordable(hop: Hop, last: NlpSolution) -> NlpSolution:
     """Ipopt's solution on the answer's mesh or, where that is too large for Uno, on the first one; limits at the nodes
-    alone: where they are held between them too, more of them act than there are controls, and active sets fail."""
+    alone: where they are enforced between them too, more of them act than there are controls, and active sets fail."""
     fits, most = len(last.z) <= AFFORDABLE, {"ipopt.max_iter": hop.design.solver.max_iterations}
     t = last.transcription if fits else first_transcription(hop)
     if fits and np.array_equal([t.lbg, t.ubg], [last.bounds.low_g, last.bounds.high_g]):

@@ -71,7 +71,7 @@ def numerical_checks(
     change: float,
     error: ObjectiveError | None = None,
 ) -> list[Check]:
-    """First-order conditions recomputed, error of every interval, settled objective, price of the limits, and the error
+    """First-order conditions recomputed, error of every interval, settled objective, tightening cost, and the error
     of the objective, unless ``error`` is it already."""
     r, s = residuals(solution), design.solver
     local = max(float(e.local.max()) for e in errors.values())

@@ -49,7 +49,7 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
 
 
 def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
-    """That the plan was made with smaller tolerances than the problem's, and why."""
+    """That the plan was made with tighter tolerances than the problem's, and why."""
     names = [name for name in AT_MOST if getattr(used.solver, name) != getattr(asked.solver, name)]
     if not names:
         return []

@@ -88,16 +88,16 @@ def refine_and_verify(
     if (closer := hop_with_tighter_tolerances(hop, refinement, sound)) is None:
         return found
     if found.verified:  # nearly done: go on from there
-        say("verified, but not certified: refining further, with smaller tolerances")
+        say("verified, but not certified: refining further, with tighter tolerances")
         again = judged(closer, refinement.further(aims_of(closer)), clock)
         return again if again.verified and again.verdict.certified else found
-    say("not verified: refining again, with smaller tolerances")
+    say("not verified: refining again, with tighter tolerances")
     again = refine_and_verify(closer, outcome, say, first, restarts, clock)
     return again if again.verified else found
 
 
 def hop_with_tighter_tolerances(hop: Hop, refinement: Refinement, sound: bool) -> Hop | None:
-    """The question once more with smaller tolerances, if it is worth it: the hop met all
+    """The question once more with tighter tolerances, if that may help: the hop met all
     aims of its refinement and is not ``sound`` (verified, and certified where that is asked); else None."""
     smaller = with_tighter_tolerances(hop.design)
     return None if sound or refinement.ended != MET or smaller == hop.design else hop.with_solver_of(smaller)

@@ -145,9 +145,9 @@ class Motion:
         x, u = self.phases[phase].sample(t)
         return self._evaluate(phase, np.asarray(t) + self._begin(phase), x, u)
 
-    def everywhere(self, phase: str, places: np.ndarray) -> Samples:
-        """The whole leg at the same places (0 to 1) of every interval of a phase, interval by interval."""
-        t, x, u = self.phases[phase].everywhere(places)
+    def everywhere(self, phase: str, normalised_times: np.ndarray) -> Samples:
+        """The whole leg at the same normalised times (0 to 1) of every interval of a phase, interval by interval."""
+        t, x, u = self.phases[phase].everywhere(normalised_times)
         return self._evaluate(phase, t.ravel() + self._begin(phase), x.reshape(t.size, -1), u.reshape(t.size, -1))
 
     @cached_property

@@ -55,7 +55,7 @@ def solve(
     objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (optimality/free_switches.py), with smaller tolerances (planner/refine_and_verify.py); cross_check: solved by another solver and other schemes too,
+    (optimality/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another solver and other schemes too,
     in the summary's ``second_opinions`` (planner/cross_check.py); progress is called with a line of text now and then. Raises
     NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.

@@ -120,7 +120,7 @@ def in_the_objectives_unit(unit: str, bias: float, gains: dict[str, float]) -> d
 
 
 def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FINE)) -> float:
-    """Mean over time [values' unit] of values at FINE places of every interval (trapezoids)."""
+    """Mean over time [values' unit] of values at the FINE normalised times of every interval (trapezoids)."""
     t, y = samples.t.reshape(-1, per_interval), values.reshape(-1, per_interval)
     return float(np.trapezoid(y, t, axis=1).sum() / (t[-1, -1] - t[0, 0]))
 
@@ -203,7 +203,7 @@ def most_first(amounts: Mapping[str, float]) -> dict[str, float]:
 
 
 def own_active(solution: NlpSolution) -> dict[str, float]:
-    """Share of stance in which sides of constraints of one's own, by name, are active, at the nodes."""
+    """Share of stance in which sides of user-defined constraints, by name, are active, at the nodes."""
     t, b, shares = solution.transcription, solution.bounds, dict[str, float]()
     h, weights = solution.phases[STANCE].lengths, t.layouts[STANCE].scheme.b
     for rows in (r for r in t.rows if r.phase == STANCE and kind_of(r.name) is Kind.USER):
@@ -215,7 +215,7 @@ def own_active(solution: NlpSolution) -> dict[str, float]:
 
 
 def _own_range(t: Transcription, rows: Rows) -> np.ndarray:
-    """What one per cent of a limit of one's own is of: the distance of its two sides, or the size of its only one."""
+    """What one per cent of a user-defined limit is of: the distance of its two sides, or the size of its only one."""
     lower, upper = t.lbg[rows.start : rows.stop], t.ubg[rows.start : rows.stop]
     both = np.isfinite(lower) & np.isfinite(upper)
     one = np.abs(np.where(np.isfinite(upper), upper, lower))
@@ -235,7 +235,7 @@ def _active_at_the_ground(plan: Motion, stance: Samples) -> dict[str, np.ndarray
 
 
 def by_friction(solution: NlpSolution) -> np.ndarray:
-    """Change of each row of the friction cone with the coefficient [N], (places, sides)."""
+    """Change of each row of the friction cone with the coefficient [N], (instants, sides)."""
     rows = {kind_of(r.name): r for r in solution.transcription.rows if r.phase == STANCE}
     ground, sides = rows[Kind.GROUND_FORCE], rows[Kind.FRICTION].labels
     force = solution.g[ground.start : ground.stop] * ground.scale

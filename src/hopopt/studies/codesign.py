@@ -187,7 +187,7 @@ def _unknown(leg: Leg, entry: str, known: Mapping[str, float]) -> str:
 
 
 def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Sequence[str] = ()) -> FreeParameters:
-    """The freedom that is asked for, if the problem can have it; UsageError in a sentence if not."""
+    """The free parameters that are asked for, if the problem can have it; UsageError in a sentence if not."""
     known = physical_parameters(design.leg)
     if not free:
         raise UsageError("nothing is free: give --free leg.gear.ratio=50:200, say")

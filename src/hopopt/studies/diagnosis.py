@@ -6,7 +6,7 @@ import numpy as np
 
 from hopopt.errors import ResultError
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.optimality.flat_directions import FELT, STRETCH, CannotBeTold, flat, longer_or_shorter
+from hopopt.optimality.flat_directions import INSENSITIVE, STRETCH, CannotBeTold, flat, longer_or_shorter
 from hopopt.planner.limit_names import flat_words
 from hopopt.planner.limit_use import Use, as_dict, idle_uses
 from hopopt.planner.solution import Solution
@@ -45,7 +45,7 @@ def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> s
     what = f"{phase} {STRETCH:.0%} {way} ({lasts * (1 + (STRETCH if way == 'longer' else -STRETCH)):.3f} s)"
     if change is None:
         return f"{what}: the limits do not allow it, or no hop was found"
-    if abs(change) < FELT:
+    if abs(change) < INSENSITIVE:
         return f"insensitive: {what} is as good, all else following"
     return (
         f"{what} costs {change:.2%} of the objective" if change > 0 else f"{what} gains {-change:.2%} of the objective"

@@ -1,4 +1,4 @@
-"""Couplings that the catalogue's laws of mass make: a torque that is free has its price in kilograms.
+"""Couplings that the catalogue's laws of mass make: a torque that is free costs kilograms.
 
 The coupled mass changes by what the fitted motors or gears differ, so that at the problem's own torque nothing changes:
 its masses count its own motors already.

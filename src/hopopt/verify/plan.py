@@ -158,7 +158,7 @@ def _impulse(machine: Machine, phase: str, table: Table) -> Check:
 
 
 def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table, windowed: bool) -> list[Check]:
-    """Every limit at 25 places of every interval, its excess as a share of the limit's range."""
+    """Every limit at 25 normalised times of every interval, its excess as a share of the limit's range."""
     weights = BarycentricInterpolator(PLACES, np.eye(len(PLACES)))(BETWEEN)
     t, q, v, tau, f = (
         np.einsum("kp,ip...->ik...", weights, x).reshape(-1, *x.shape[2:])

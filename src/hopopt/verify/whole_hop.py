@@ -1,4 +1,4 @@
-"""What a plan is worth on the leg itself: the whole hop simulated in one piece, torques clamped to the drives' limits.
+"""Whole-hop rollout of a plan: the whole hop simulated in one piece, torques clamped to the drives' limits.
 
 Replay (verify/replay.py) begins every interval at the plan's own state; here nothing is put back. The plan's torques and a
 feedback that holds the plan, clamped exactly to the operating region at the actual speed, move Pinocchio's leg from
@@ -27,7 +27,7 @@ from hopopt.verify.table import FLIGHT, PLACES, POWERS, STANCE, TO_POWERS, Table
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it dear
-FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's worth
+FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's value
 VALUE, LIMITS = (
     ("simulated in one piece", SHORT, "relative"),
     ("limits when simulated in one piece", 2 * LIMIT, "of its range"),
@@ -40,7 +40,7 @@ Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # joint torques [N 
 
 @dataclass(frozen=True)
 class Rollout:
-    """The simulated hop: what it is worth by name (``clearance_m``, ``apex_m``, what it was made for [its unit]), how far
+    """The simulated hop: its rollout values by name (``clearance_m``, ``apex_m``, what it was made for [its unit]), how far
     it strayed from the plan [SI], the largest share by which it passed a limit, and which; infinite if the simulation
     failed."""
 
@@ -64,20 +64,20 @@ class Rollout:
         return ""
 
     def short(self, figure: str, claim: float, sign: float) -> float:
-        """By how much it is worth less than the claim, if it is [the figure's unit]; 0 for a figure it does not say.
+        """By how much the rollout value is less than the claim, if it is [the figure's unit]; 0 for a figure that it has not.
 
         sign: 1 where more is better, -1 where less is.
         """
         return max((claim - self.values.get(figure, claim)) * sign, 0.0)
 
     def checks(self, figure: str, claim: float, sign: float, size: float) -> list[Check]:
-        """That it is worth what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
+        """That the rollout value is what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
         more than the plan may and as much again; left out for a hop that did not follow the plan."""
         if self.note:
             return left_out(self.note)
         limits = _check(LIMITS, self.passed, where=self.limit)
         if self.values and figure not in self.values:
-            return [limits]  # a function of one's own
+            return [limits]  # a user-defined function
         return [_check(VALUE, self.short(figure, claim, sign) / size), limits]
 
     def as_dict(self, figure: str, claim: float, sign: float) -> dict[str, Any]:
@@ -197,7 +197,7 @@ def _clamp(regions: Sequence[OperatingRegion]) -> Clamp:
 
 
 def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
-    """Inertia that the joints feel while the body is free, (n, n)."""
+    """Inertia that acts on the joints while the body is free, (n, n)."""
     M = machine.mass_matrix(q)
     return M[BASE:, BASE:] - M[BASE:, :BASE] @ np.linalg.solve(M[:BASE, :BASE], M[:BASE, BASE:])
 
