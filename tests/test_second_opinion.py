@@ -12,11 +12,19 @@ from typing import cast
 import pytest
 
 from hopopt.cli import main as cli
-from hopopt.cli.screen.cross_check import opinion_lines
+from hopopt.cli.screen.cross_check import cross_check_lines
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop
 from hopopt.planner import cross_check
-from hopopt.planner.cross_check import Failed, Opinion, Said, affordable, by_uno, opinion, with_opinions
+from hopopt.planner.cross_check import (
+    CrossCheckAnswer,
+    CrossCheckOutcome,
+    Failed,
+    affordable,
+    by_uno,
+    cross_checked,
+    with_cross_checks,
+)
 from hopopt.planner.multistart import first_transcription
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
@@ -32,7 +40,7 @@ UNREFINED = [word for entry, value in COARSE.items() for word in ("--set", f"{en
 
 @pytest.fixture(scope="module")
 def answer() -> Solution:
-    """The paper's leg on one coarse mesh, with all opinions on it."""
+    """The paper's leg on one coarse mesh, with all cross-checks of it."""
     return solve(load("paper", COARSE), starts=1, processes=1, cross_check=True)
 
 
@@ -56,11 +64,11 @@ def test_inaccurate_meshes_contradict_nothing(answer: Solution) -> None:
     assert not [note for note in answer.summary.notes if "not the best" in note]
 
 
-def test_opinions_are_stored_timed_and_shown(answer: Solution, tmp_path: Path) -> None:
+def test_cross_checks_are_stored_timed_and_shown(answer: Solution, tmp_path: Path) -> None:
     kept = read(save(answer, tmp_path).result_dir or tmp_path).summary
     assert kept.second_opinions == answer.summary.second_opinions
     assert kept.timings_s["second opinions"] < kept.wall_s
-    lines = opinion_lines(kept)
+    lines = cross_check_lines(kept)
     assert len(lines) == 3
     assert f": {kept.objective_value:.5f} m, differs by " in lines[0]
     assert all("DISAGREES" in line for line in lines[1:])
@@ -75,7 +83,7 @@ def test_a_worse_hop_passed_off_as_the_answer_is_found_out(answer: Solution, mon
     told = replace(other.summary, verified=True, exit_code=0)
     tampered = replace(answer, phases=other.phases, kkt={**other.kkt, **limits}, summary=told)
     monkeypatch.setattr(cross_check, "SCHEMES", ())
-    seen = with_opinions(hop, tampered, Stopwatch()).summary
+    seen = with_cross_checks(hop, tampered, Stopwatch()).summary
     (uno,) = seen.second_opinions
     assert uno.contradicts
     assert not uno.agrees
@@ -84,8 +92,8 @@ def test_a_worse_hop_passed_off_as_the_answer_is_found_out(answer: Solution, mon
     assert seen.exit_code == 3
     assert seen.verified  # it is a true hop, but not the best
     assert any("not the best hop" in note for note in seen.notes)
-    assert "DISAGREES" in opinion_lines(seen)[0]
-    assert "better by" in opinion_lines(seen)[0]
+    assert "DISAGREES" in cross_check_lines(seen)[0]
+    assert "better by" in cross_check_lines(seen)[0]
 
 
 def test_a_solver_that_fails_is_stated_with_its_reason(
@@ -108,38 +116,38 @@ def test_a_program_too_large_gives_way_to_the_first_mesh_s(answer: Solution, mon
     assert first.objective == pytest.approx(stored.objective, rel=1e-8)
 
 
-def raising(error: Exception) -> Callable[[], Said]:
-    def ask() -> Said:
+def raising(error: Exception) -> Callable[[], CrossCheckAnswer]:
+    def ask() -> CrossCheckAnswer:
         raise error
 
     return ask
 
 
 @pytest.mark.parametrize("error", [Failed("no luck"), RuntimeError("Plugin 'uno'\n is not found")])
-def test_a_failing_opinion_is_a_line(error: Exception) -> None:
-    o = opinion("Uno", 1.0, 1e-6, 0.8, raising(error))
+def test_a_failing_cross_check_is_a_line(error: Exception) -> None:
+    o = cross_checked("Uno", 1.0, 1e-6, 0.8, raising(error))
     assert not o.agrees
     assert not o.contradicts
     summary = SimpleNamespace(objective_unit="m", second_opinions=[o])
-    (line,) = opinion_lines(cast("Summary", summary))
+    (line,) = cross_check_lines(cast("Summary", summary))
     assert line == f"Uno: FAILED, {' '.join(str(error).split())} (0 s)"
 
 
 @pytest.mark.parametrize(
     ("sign", "said", "agrees", "contradicts"),
     [
-        (1.0, Said(2.0 * (1 + 9e-7)), True, False),
-        (1.0, Said(2.0 * (1 + 5e-5)), False, False),
-        (1.0, Said(2.1), False, True),
-        (1.0, Said(1.9), False, False),  # another, worse optimum: no better hop
-        (-1.0, Said(1.9), False, True),  # less of what is minimised is better
-        (-1.0, Said(2.1), False, False),
-        (1.0, Said(2.1, "its local error is 1e-02"), False, False),
-        (1.0, Said(math.nan), False, False),
+        (1.0, CrossCheckAnswer(2.0 * (1 + 9e-7)), True, False),
+        (1.0, CrossCheckAnswer(2.0 * (1 + 5e-5)), False, False),
+        (1.0, CrossCheckAnswer(2.1), False, True),
+        (1.0, CrossCheckAnswer(1.9), False, False),  # another, worse optimum: no better hop
+        (-1.0, CrossCheckAnswer(1.9), False, True),  # less of what is minimised is better
+        (-1.0, CrossCheckAnswer(2.1), False, False),
+        (1.0, CrossCheckAnswer(2.1, "its local error is 1e-02"), False, False),
+        (1.0, CrossCheckAnswer(math.nan), False, False),
     ],
 )
-def test_who_agrees_and_who_contradicts(sign: float, said: Said, agrees: bool, contradicts: bool) -> None:
-    o: Opinion = opinion("other", sign, 1e-6, 2.0, lambda: said)
+def test_who_agrees_and_who_contradicts(sign: float, said: CrossCheckAnswer, agrees: bool, contradicts: bool) -> None:
+    o: CrossCheckOutcome = cross_checked("other", sign, 1e-6, 2.0, lambda: said)
     assert (o.agrees, o.contradicts) == (agrees, contradicts)
 
 

@@ -287,9 +287,9 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
 
         print_codesign(solution.summary.codesign)
     if solution.summary.second_opinions:
-        from hopopt.cli.screen.cross_check import print_opinions
+        from hopopt.cli.screen.cross_check import print_cross_checks
 
-        print_opinions(solution.summary)
+        print_cross_checks(solution.summary)
 
 
 for command in (

@@ -8,7 +8,7 @@ the objective then changes by k d^2 / 2, k = 1 / (c' C c), where C is the invers
 
 (the reduced Hessian's inverse in the tangent space of what acts; Nocedal and Wright, Numerical Optimization, 16.2 and
 17.1). D is at most S, and what acts gives way by 1 / S: C of two S tells what is left without (Richardson). What matters far
-more than FELT is still understated where limits hold it. Where C has no bound, nothing depends on the move. The quantities
+more than INSENSITIVE is still understated where limits hold it. Where C has no bound, nothing depends on the move. The quantities
 asked are the means of every control over tenths of its phase, each duration and each free parameter: means, because a
 control at a single node matters the less, the finer the mesh.
 """

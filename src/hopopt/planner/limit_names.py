@@ -87,10 +87,10 @@ def conflict_words(design: Design, found: Conflict | None) -> list[str]:
         return [
             "All limits can hold together (a motion that meets them was found): try more starts, or more iterations."
         ]
-    said: dict[str, str] = {}
+    reported: dict[str, str] = {}
     for part in found.parts:
-        said.setdefault(*words_of(design, part.limit))
-    named = [f"{words} ({entry})" if entry else words for words, entry in list(said.items())[:NAMED]]
+        reported.setdefault(*words_of(design, part.limit))
+    named = [f"{words} ({entry})" if entry else words for words, entry in list(reported.items())[:NAMED]]
     more = ", and what the leg's motion demands" if len(named) == 1 else ""
     sentences = [f"These cannot hold together: {'; '.join(named)}{more}."]
     ways: dict[str, str] = {}
@@ -139,5 +139,5 @@ def flat_words(found: Sequence[Flat]) -> list[str]:
 def _what(f: Flat) -> str:
     if f.kind == "duration":
         return f"duration of {f.phase}"
-    said = CONTROLS.get(str(f.name.of), "") if f.name.label else ""
-    return said.format(f.name.label) or str(f.name)
+    reported = CONTROLS.get(str(f.name.of), "") if f.name.label else ""
+    return reported.format(f.name.label) or str(f.name)

@@ -244,8 +244,10 @@ class Solution(Motion):
         if not self.doubts:
             return self.summary
         note = f"{'; '.join(self.doubts)}: hopopt verify {self.result_dir} computes every check again"
-        notes, told = (note, *self.summary.notes), {"verified": False, "status": "changed after it was stored"}
-        return replace(self.summary, **told, exit_code=3, failed_checks=("files as they were written",), notes=notes)
+        notes, reported = (note, *self.summary.notes), {"verified": False, "status": "changed after it was stored"}
+        return replace(
+            self.summary, **reported, exit_code=3, failed_checks=("files as they were written",), notes=notes
+        )
 
 
 def _as_derived(solution: Solution, motion: Motion) -> Solution:

@@ -13,7 +13,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import starts as all_starts
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
-from hopopt.planner.cross_check import with_opinions
+from hopopt.planner.cross_check import with_cross_checks
 from hopopt.planner.families import alarm_note, search_figures
 from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.limit_names import flat_words
@@ -85,10 +85,10 @@ def solve(
     found = flat_directions(hop, best)
     families, overall = search_figures(hop, searched, finished, best)
     notes = (*alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
-    told = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
-    best = best.with_summary(notes=notes, flat=told, families=families, global_=overall)
+    reported = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
+    best = best.with_summary(notes=notes, flat=reported, families=families, global_=overall)
     if cross_check:
-        best = with_opinions(hop, best, clock, say)
+        best = with_cross_checks(hop, best, clock, say)
     return best
 
 

@@ -247,18 +247,18 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
     of what is maximised, less of what is minimised. The friction cone's range is its coefficient."""
     t, gains, lam_g = solution.transcription, {}, of_limits(solution)
     for rows in t.rows:
-        kind, said = kind_of(rows.name), str(rows.name)
+        kind, reported = kind_of(rows.name), str(rows.name)
         if kind in (Kind.REGION, Kind.WINDOW, Kind.LANDING_WINDOW):
             bound = np.abs(t.ubg[rows.start : rows.stop])
-            gains[said] = gains.get(said, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
+            gains[reported] = gains.get(reported, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
         elif kind is Kind.USER:
             for side, way in (("upper", 1.0), ("lower", -1.0)):
                 pushed = np.maximum(way * lam_g[rows.start : rows.stop], 0.0) @ _own_range(t, rows)
-                name = f"{said} ({side})"
+                name = f"{reported} ({side})"
                 gains[name] = gains.get(name, 0.0) + 0.01 * float(pushed)
         elif kind is Kind.FRICTION and friction is not None:
             lam = solution.lam_g[rows.start : rows.stop].reshape(-1, len(rows.labels)) / rows.scale
-            gains[said] = -0.01 * friction * float((lam * by_friction(solution)).sum())
+            gains[reported] = -0.01 * friction * float((lam * by_friction(solution)).sum())
     for name, where in t.variables.items():
         phase = t.problem.phase(name)
         gains[f"longest {name}"] = (

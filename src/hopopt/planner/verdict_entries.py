@@ -29,12 +29,12 @@ def conditions(verdict: Verdict) -> dict[str, Condition]:
 
 def error_entry(error: StatedError) -> Error:
     """The stated error as a summary holds it."""
-    told = error.as_dict()
+    reported = error.as_dict()
     return Error(
-        **{k: told[k] for k in ("too_high_by", "relative", "could_be_beaten_by")},
-        estimate=Estimate(**told["estimate"]),
-        simulated=Simulated(**told["simulated"]),
-        relaxed=Relaxed(**told["relaxed"]),
+        **{k: reported[k] for k in ("too_high_by", "relative", "could_be_beaten_by")},
+        estimate=Estimate(**reported["estimate"]),
+        simulated=Simulated(**reported["simulated"]),
+        relaxed=Relaxed(**reported["relaxed"]),
     )
 
 

@@ -70,11 +70,13 @@ def codesign(
     own = tuple(custom(c) for c in constraints)
     hop = Hop(design, given(objective), free_parameters, own)
 
-    def told(text: str) -> None:
+    def reported(text: str) -> None:
         say(f"co-design: {text}")
 
-    outcomes = search_first_mesh(hop, count, side_by_side, told, _begun(hop, count, side_by_side, told)).outcomes
-    refined = [refine_outcome(hop, o, told).solution for o in contenders(outcomes)]
+    outcomes = search_first_mesh(
+        hop, count, side_by_side, reported, _begun(hop, count, side_by_side, reported)
+    ).outcomes
+    refined = [refine_outcome(hop, o, reported).solution for o in contenders(outcomes)]
     if not refined:
         raise not_solved(hop, outcomes)
     best = max(refined, key=lambda s: hop.objective.merit(s.objective))
@@ -90,14 +92,14 @@ def codesign(
     return _described(answer, hop, best)
 
 
-def _begun(hop: Hop, count: int, side_by_side: int, told: Progress) -> list[StartOutcome]:
+def _begun(hop: Hop, count: int, side_by_side: int, reported: Progress) -> list[StartOutcome]:
     """Co-designs begun from what is known: the highest hop where a clearance is asked for, and the best hop of the design
     as it is given, below which the co-design's optimum cannot lie."""
-    besides = from_highest(hop, count, told)
+    besides = from_highest(hop, count, reported)
     if count == 1 or any(o.success for o in besides):
         return besides
     given_design = Hop(hop.design, hop.asked, constraints=hop.constraints)
-    found = contenders(search_first_mesh(given_design, count, side_by_side, told).outcomes)
+    found = contenders(search_first_mesh(given_design, count, side_by_side, reported).outcomes)
     t = first_transcription(given_design)
     return besides + [_from(hop, solution_of(o, t), "the design as given") for o in found[:1]]
 
@@ -134,8 +136,8 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
     verdict = answer.verdict.with_checks(co_design_checks(hop.objective, value, found))
     if hop.objective.sign * (value - best.objective) > CONFIRMED * abs(value):
         notes.append("the fixed design has a better hop than the co-design found: try more starts")
-    told = (*answer.summary.notes, *notes)
-    return answer.noted(verdict=verdict).with_summary(**verification_entries(verdict), codesign=found, notes=told)
+    reported = (*answer.summary.notes, *notes)
+    return answer.noted(verdict=verdict).with_summary(**verification_entries(verdict), codesign=found, notes=reported)
 
 
 def _parameters(hop: Hop, best: NlpSolution) -> list[FreeEntry]:

@@ -61,16 +61,16 @@ def laws(free_parameters: FreeParameters) -> dict[str, Any]:
 
 def beyond(free_parameters: FreeParameters) -> list[str]:
     """A sentence for every torque whose bounds lie outside what its law was fitted to."""
-    said = []
+    reported = []
     for entry in _torques(free_parameters):
         part = entry.split(".")[-2]
         law, (low, high) = mass_law(part), free_parameters.bounds[entry]
         if low < law.lowest or high > law.highest:
-            said.append(
+            reported.append(
                 f"the catalogue's masses of {part}s are fitted from {law.lowest:g} to {law.highest:g} N m; "
                 f"{entry} may be {low:g} to {high:g}"
             )
-    return said
+    return reported
 
 
 def _torques(free_parameters: FreeParameters) -> list[str]:

@@ -84,15 +84,15 @@ class Rollout:
         """For the summary."""
         if not np.isfinite(self.strayed):
             return {"followed": False, "note": self.note}
-        told = {
+        reported = {
             "short_by": self.short(figure, claim, sign),
             "strayed": self.strayed,
             "passed": self.passed,
             "limit": self.limit,
         }
         if self.note:
-            told["note"] = self.note
-        return {**self.values, "followed": self.followed, **told}
+            reported["note"] = self.note
+        return {**self.values, "followed": self.followed, **reported}
 
 
 def left_out(why: str) -> list[Check]:

@@ -55,10 +55,10 @@ def _headline(s: "Summary") -> str:
             f"Failed: {', '.join(s.failed_checks)}. Refinement ended as {s.refinement_ended}. "
             "The attempt is kept for inspection."
         )
-    told = f"[bold green]clearance {s.clearance_m:.4f} m[/bold green], verified"
+    reported = f"[bold green]clearance {s.clearance_m:.4f} m[/bold green], verified"
     if s.objective != "clearance":
-        told = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s.clearance_m:.4f} m"
-    return told + (
+        reported = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s.clearance_m:.4f} m"
+    return reported + (
         ", on ground where the foot cannot slip" if s.friction is None else f", with friction {s.friction:g}"
     )
 

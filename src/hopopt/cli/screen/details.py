@@ -103,10 +103,10 @@ def _evidence(s: "Summary") -> list[str]:
 def _beaten(s: "Summary") -> str:
     """What limits enforced between the nodes cost, and what neighbouring hops may gain at most."""
     e = s.objective_error
-    told = f"; limits enforced between the nodes cost {measure(s, e.relaxed.gains, '.0e')}"
+    reported = f"; limits enforced between the nodes cost {measure(s, e.relaxed.gains, '.0e')}"
     if e.could_be_beaten_by is not None:
-        told += f"; to first order hops beside it gain at most {measure(s, upwards(e.could_be_beaten_by), '.0e')}"
-    return told
+        reported += f"; to first order hops beside it gain at most {measure(s, upwards(e.could_be_beaten_by), '.0e')}"
+    return reported
 
 
 def _failed(s: "Summary") -> list[str]:
