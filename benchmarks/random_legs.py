@@ -22,7 +22,7 @@ import hopopt as ho
 from hopopt.design import Design
 from hopopt.errors import HopoptError, NotSolvedError, one_line
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.feasibility import too_weak, unresisted
+from hopopt.ocp.feasibility import drives_too_weak, joints_without_inertia
 
 PROCESSES = 2
 GRAVITY = 9.81
@@ -73,7 +73,7 @@ def feasible_legs(count: int, seed: int) -> list[dict[str, Any]]:
         entries = draw(rng)
         try:
             design = loaded(entries)
-            if not any(faults(design, build_robot(design.leg)) for faults in (unresisted, too_weak)):
+            if not any(faults(design, build_robot(design.leg)) for faults in (joints_without_inertia, drives_too_weak)):
                 found.append(entries)
         except HopoptError:
             continue

@@ -190,7 +190,7 @@ def test_flight_of_the_leg_is_ballistic(speed: tuple[float, float]) -> None:
     q, v = np.array([0.6, -0.9]), np.array([2.0, -4.0])
     given = {"com": com, "com_v": np.array(speed), "q": q, "v": v}
     phase = replace(phase, states=tuple(replace(s, initial=given[s.name]) for s in phase.states))
-    effort = 1e-4  # decides what the joints do, which the centre of mass does not feel
+    effort = 1e-4  # decides what the joints do, on which the centre of mass does not depend
     goal = Objective("apex", lambda e: e.final[FLIGHT].com[1] - effort * e.integral[FLIGHT]["effort"], maximize=True)
     parameters = tuple(Parameter(path, value=value) for path, value in hop.robot.parameters.items())
     T = speed[1] / G

@@ -200,7 +200,11 @@ class Solver(Section):
         "relative change of the objective at which refinement has settled", "1", 1e-9, 1e-1, 1e-4
     )
     price_tolerance: float = quantity(
-        "what it may cost the objective, relatively, that limits hold between the nodes too", "1", 1e-8, 1e-2, 5e-5
+        "allowed tightening cost: what enforcing limits between the nodes may cost the objective, relatively",
+        "1",
+        1e-8,
+        1e-2,
+        5e-5,
     )
     max_refinements: int = choice("mesh refinements at most", 20, ge=0, le=40)
     max_iterations: int = choice("Ipopt iterations at most, each mesh", 600, ge=1, le=100000)

@@ -316,7 +316,7 @@ def test_readme_commands(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the strategy of one's own that docs/simulation.md shows."""
+    """With the user-defined strategy that docs/simulation.md shows."""
     shown = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "simulation.md").read_text(), re.S)[0]
     (tmp_path / "my_module.py").write_text(shown.replace("class Stand", "class MyController"))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))

@@ -305,7 +305,7 @@ def plant_foot(design: Design, q: np.ndarray) -> np.ndarray:
 
 
 class Standing:
-    """A strategy of one's own, as a user would write it."""
+    """A user-defined strategy, as a user would write it."""
 
     made: list["Standing"] = []  # noqa: RUF012
 

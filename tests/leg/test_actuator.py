@@ -1,4 +1,4 @@
-"""The drives' operating region against the closed forms of its laws, for motors drawn at random."""
+"""The drives' operating region against the closed forms of its laws, for motors chosen at random."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The leg in CasADi against Pinocchio's C++, for legs and states drawn at random, and its kinematics."""
+"""The leg in CasADi against Pinocchio's C++, for legs and states chosen at random, and its kinematics."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Limits held between the nodes: Bernstein polynomials, programs with them, what it costs, against closed forms."""
+"""Limits enforced between the nodes: Bernstein polynomials, programs with them, what it costs, against closed forms."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.kkt_residuals import residuals
 from hopopt.nlp.mesh import PhaseMesh, uniform
 from hopopt.nlp.schemes import Scheme, radau
-from hopopt.nlp.tightening_cost import drawn_prices, price, switch_places
+from hopopt.nlp.tightening_cost import normalised_switch_times, tightening_cost, tightening_costs
 from hopopt.ocp.problem import Objective, PathConstraint, Problem
 from known_problems import SCHEMES, Known, moved, solve
 
@@ -84,20 +84,20 @@ def test_nothing_chosen_changes_nothing() -> None:
     program = held_between(before.transcription, {"move": np.zeros((5, 1), dtype=bool)})
     assert not program.touched.any()
     assert program.at_nodes(before).objective == before.objective
-    assert price(program.at_nodes(before)) == 0.0
+    assert tightening_cost(program.at_nodes(before)) == 0.0
 
 
 @pytest.mark.parametrize(("method", "factor"), [(radau(2), 4 / 3), (radau(3), 1.0)], ids=["radau-2", "radau-3"])
 @pytest.mark.parametrize("intervals", [9, 27, 81])
-def test_price_is_what_holding_costs(method: Scheme, factor: float, intervals: int) -> None:
+def test_tightening_cost_is_what_enforcing_costs(method: Scheme, factor: float, intervals: int) -> None:
     """Against the closed form: with a density b t about the switch and a force straight from limit to limit the loss is
     b h^2 / 12, the estimate b h^2 / 9 for two nodes and the loss for three; the better the shorter the interval."""
     known = bang_bang()
     _, after = held(solve(known, method, uniform(intervals)))
     loss = after.objective / known.optimum - 1
     assert loss > 0
-    assert price(after) == pytest.approx(factor * loss, rel=3 / intervals)
-    assert drawn_prices(after)["move"].argmax() == intervals // 2
+    assert tightening_cost(after) == pytest.approx(factor * loss, rel=3 / intervals)
+    assert tightening_costs(after)["move"].argmax() == intervals // 2
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.7])
@@ -106,7 +106,7 @@ def test_the_place_of_a_switch_is_told(share: float) -> None:
     low = 0.5 - 0.1 * share
     before = solve(bang_bang(), radau(3), PhaseMesh((0.0, low / 2, low, low + 0.1, (low + 1.1) / 2, 1.0)))
     _, after = held(before)
-    (place,) = switch_places(after)["move"][[2]]
+    (place,) = normalised_switch_times(after)["move"][[2]]
     assert place == pytest.approx(share, abs=0.02)
 
 

@@ -25,9 +25,9 @@ from hopopt.nlp.mesh_refinement import (
 )
 from hopopt.nlp.mesh_step import cut, equal
 from hopopt.nlp.schemes import Scheme, radau
-from hopopt.nlp.tightened_refinement import DrawnRefinement, refinement_of
-from hopopt.nlp.tightening import drawn_in, limit_nodes, passed, tightened
-from hopopt.nlp.tightening_cost import price
+from hopopt.nlp.tightened_refinement import TighteningRefinement, refinement_of
+from hopopt.nlp.tightening import limit_nodes, passed, tightened, tightened_by_excess
+from hopopt.nlp.tightening_cost import tightening_cost
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 from hopopt.ocp.problem import Objective, Problem
@@ -47,14 +47,14 @@ def bang_bang() -> Known:
 @each_scheme
 @pytest.mark.parametrize("intervals", [7, 10])
 def test_bang_bang_is_neither_beaten_nor_missed(method: Scheme, intervals: int) -> None:
-    """The double integrator has no error: what keeps the limits cannot be faster, and gives away the price at most."""
+    """The double integrator has no error: what keeps the limits cannot be faster, and gives away the tightening cost at most."""
     known = bang_bang()
     refinement = Refinement(solve(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
     refinement.run()
     end = refinement.history[-1]
     assert end.excess <= ALLOWED
     assert known.optimum * (1 - ALLOWED) <= end.objective <= known.optimum * (1 + 2 * PRICE)
-    assert price(refinement.solution) <= PRICE
+    assert tightening_cost(refinement.solution) <= PRICE
 
 
 def test_unrefined_bang_bang_is_too_fast() -> None:
@@ -64,22 +64,22 @@ def test_unrefined_bang_bang_is_too_fast() -> None:
 
 
 @pytest.mark.parametrize("method", [radau(2), radau(3)], ids=lambda s: s.name)
-def test_price_of_drawing_in_covers_its_loss(method: Scheme) -> None:
+def test_tightening_cost_covers_its_loss(method: Scheme) -> None:
     """No less than what drawing in loses against the closed form."""
     known = bryson_denham(path=True)
     before = solve(known, method, uniform(10))
     errors = {"move": interval_errors(before, "move")}
     assert errors["move"].excess.max() > ALLOWED
-    after = NlpSolver(before.transcription, WARM).again(before, drawn_in(before, errors, ALLOWED))
+    after = NlpSolver(before.transcription, WARM).again(before, tightened_by_excess(before, errors, ALLOWED))
     assert after.success
     assert interval_errors(after, "move").excess.max() < errors["move"].excess.max()
-    assert price(before) == 0.0
-    assert before.objective < after.objective <= known.optimum * (1 + price(after))
+    assert tightening_cost(before) == 0.0
+    assert before.objective < after.objective <= known.optimum * (1 + tightening_cost(after))
 
 
 @each_scheme
 def test_nodes_of_a_limit_hold_its_values(method: Scheme) -> None:
-    """The indices by which a limit is drawn in lead to the values whose excess was measured, in their order."""
+    """The indices by which a limit is tightened lead to the values whose excess was measured, in their order."""
     s = solve(bryson_denham(path=True), method, mesh_of_arcs([0, 0.4, 1], [3, 4]))
     stacked = np.concatenate([s.z, s.g])
     limits = tuple(str(x) for x in interval_errors(s, "move").limits)
@@ -98,7 +98,7 @@ def test_given_values_stay() -> None:
     s = solve(bryson_denham(), radau(3), uniform(6))
     errors = interval_errors(s, "move")
     everywhere = replace(errors, below=np.full_like(errors.below, 0.1), above=np.full_like(errors.above, 0.1))
-    drawn = drawn_in(s, {"move": everywhere}, ALLOWED)
+    drawn = tightened_by_excess(s, {"move": everywhere}, ALLOWED)
     assert np.all(drawn.low_z <= drawn.high_z)
     assert np.all(drawn.low_g <= drawn.high_g)
     given = s.bounds.low_z == s.bounds.high_z
@@ -243,7 +243,7 @@ def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest
     assert len(built) < len(solved)
 
 
-@pytest.mark.parametrize("kind", [Refinement, DrawnRefinement])
+@pytest.mark.parametrize("kind", [Refinement, TighteningRefinement])
 def test_meshes_that_bring_it_no_nearer_end_it(kind: type[Refinement], monkeypatch: pytest.MonkeyPatch) -> None:
     """An error about the middle that no cut lessens, as that of an impulse."""
 

@@ -1,4 +1,4 @@
-"""Objectives and constraints of one's own: what they mean, how they are checked, what is said of wrong ones."""
+"""User-defined objectives and constraints: what they mean, how they are checked, what is reported of wrong ones."""
 
 import json
 from dataclasses import replace

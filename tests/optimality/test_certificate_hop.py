@@ -18,7 +18,7 @@ from hopopt.optimality.arcs import Activity
 from hopopt.optimality.certificate import Certificate, certify
 from hopopt.optimality.switch_times import plan
 from hopopt.optimality.switching_structure import Acting, described, runs, sentences, stretches, structure
-from hopopt.planner.refine_and_verify import finer
+from hopopt.planner.refine_and_verify import with_tighter_tolerances
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
@@ -61,7 +61,7 @@ def test_the_refined_optimum_is_certified(hop: Solution) -> None:
 def test_hamiltonian_is_what_a_longer_stance_would_gain() -> None:
     """Autonomous phases: H is the derivative by the bound on the duration in stance, and zero in flight, which ends when
     it likes, but for the tie-break (at most its weight times the joints)."""
-    hop = solve(finer(load("paper")), starts=1, processes=1)
+    hop = solve(with_tighter_tolerances(load("paper")), starts=1, processes=1)
     c, bias = of(hop), hop.design.solver.tie_break * 2
     gain = hop.summary.gains["longest stance"] / (0.01 * 0.4)
     stance, flight = c.phases["stance"], c.phases["flight"]
@@ -248,16 +248,18 @@ def test_structure_agrees_with_the_torques(hop: Solution) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "paper_no_countermovement"])
 def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
-    """Verified and certified, within the price of the limits that were drawn in; torques jump at edges of the mesh. The
+    """Verified and certified, within the tightening cost; torques jump at edges of the mesh. The
     same tolerances, which free times make smaller than the problem's own."""
-    refined, again = (solve(finer(load(name)), starts=1, processes=1, structure=s) for s in (False, True))
+    refined, again = (
+        solve(with_tighter_tolerances(load(name)), starts=1, processes=1, structure=s) for s in (False, True)
+    )
     told = again.summary.structure
     assert solve(load(name), starts=1, processes=1, structure=True).summary.structure == told
     assert told.solved_again, told.note
     assert again.verified
     assert again.summary.certified
     a, b = refined.summary.objective_value, again.summary.objective_value
-    price = max(c.residual for c in refined.summary.verification if c.name.startswith("price"))
+    price = max(c.residual for c in refined.summary.verification if c.name.startswith("tightening"))
     assert abs(a - b) / a < (1e-6 if name == "paper" else price)
     edges, jumps = again.phases["stance"].edges, (told.jumps_s or {})["stance"]
     assert len(jumps) >= 2

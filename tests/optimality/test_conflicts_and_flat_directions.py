@@ -25,7 +25,7 @@ from hopopt.ocp.problem import (
     linkage,
 )
 from hopopt.optimality import flat_directions as nlp_flat
-from hopopt.optimality.flat_directions import FELT, CannotBeTold, Flat, felt, flat, longer_or_shorter
+from hopopt.optimality.flat_directions import INSENSITIVE, CannotBeTold, Flat, flat, longer_or_shorter, sensitivities
 from hopopt.optimality.infeasibility import PUSHES, Conflict, Part, conflict
 from known_problems import (
     PROBLEMS,
@@ -144,15 +144,15 @@ def test_a_conflict_of_many_alike_is_still_told() -> None:
 def test_nothing_is_flat_where_the_optimum_is_unique(make: Callable[[], Known], method: Scheme) -> None:
     """On coarse and on fine meshes, with room of an order of magnitude to the threshold."""
     for factor in (1, 3):
-        assert min(q.felt for q in felt(solve(make(), method, factor=factor))) > 10 * FELT
+        assert min(q.felt for q in sensitivities(solve(make(), method, factor=factor))) > 10 * INSENSITIVE
 
 
 @pytest.mark.parametrize("make", PROBLEMS, ids=lambda f: f.__name__)
 def test_what_is_felt_does_not_depend_on_pivots(make: Callable[[], Known], monkeypatch: pytest.MonkeyPatch) -> None:
     solution = solve(make(), radau(3), factor=3)
-    without = np.array([q.felt for q in felt(solution)])
+    without = np.array([q.felt for q in sensitivities(solution)])
     monkeypatch.setattr(nlp_flat, "PIVOTS", ({},))
-    np.testing.assert_allclose(without, [q.felt for q in felt(solution)], rtol=1e-4)
+    np.testing.assert_allclose(without, [q.felt for q in sensitivities(solution)], rtol=1e-4)
 
 
 def test_what_cannot_be_solved_without_pivots_is_solved_with_them(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -172,9 +172,9 @@ def test_what_cannot_be_solved_without_pivots_is_solved_with_them(monkeypatch: p
 def test_what_a_limit_holds_through_two_integrations_is_not_flat(reach: float) -> None:
     """y'' = w on the rail y = a t^2 (3 - 2 t) / 2: w has no freedom, however small it is; u of the effort stays as it is."""
     alone, both = (solve(known, radau(3)) for known in (on_a_rail(0.0), on_a_rail(reach)))
-    held = [q.felt for q in felt(both) if str(q.name) == "w"]
-    assert min(held) > 100 * FELT
-    effort = [[q.felt for q in felt(s) if str(q.name) == "u"] for s in (alone, both)]
+    held = [q.felt for q in sensitivities(both) if str(q.name) == "w"]
+    assert min(held) > 100 * INSENSITIVE
+    effort = [[q.felt for q in sensitivities(s) if str(q.name) == "u"] for s in (alone, both)]
     np.testing.assert_allclose(*effort, rtol=1e-4)
 
 
@@ -191,7 +191,7 @@ def on_a_rail(a: float) -> Known:
 
 
 def quantity(solution: NlpSolution, kind: str, phase: str) -> Flat:
-    return next(q for q in felt(solution) if (q.kind, q.phase) == (kind, phase))
+    return next(q for q in sensitivities(solution) if (q.kind, q.phase) == (kind, phase))
 
 
 def test_what_is_felt_of_a_free_parameter() -> None:
@@ -219,7 +219,7 @@ def test_what_is_felt_of_a_control() -> None:
     """Least integral of the square of a change of u that keeps both ends and has the mean 1 over one tenth: with the
     functionals 1, 1 - t and the tenth's mean c it is 1 / (c' c) projected off the first two."""
     known = replace(minimum_effort(), intervals=20)
-    found = [q for q in felt(solve(known, radau(3))) if q.kind == "control"]
+    found = [q for q in sensitivities(solve(known, radau(3))) if q.kind == "control"]
     t = (np.arange(100000) + 0.5) / 100000
     basis = np.stack([np.ones_like(t), np.sqrt(12) * (t - 0.5)])  # orthonormal
     for q in found:
@@ -259,7 +259,7 @@ def decided(tie_break: float) -> Known:
 def test_a_coasting_phase_of_free_duration_is_flat() -> None:
     (found,) = flat(solve(coasting(), radau(3)))
     assert (found.kind, found.phase, found.when) == ("duration", "coast", None)
-    assert found.felt < 1e-2 * FELT
+    assert found.felt < 1e-2 * INSENSITIVE
 
 
 @pytest.mark.parametrize("tie_break", [0.0, 1e-6])
@@ -267,7 +267,7 @@ def test_a_control_after_the_outcome_is_decided_is_flat(tie_break: float) -> Non
     (found,) = flat(solve(decided(tie_break), radau(3)))
     assert (found.kind, found.phase, str(found.name)) == ("control", "after", "u")
     assert found.when == pytest.approx((0.0, 0.5))
-    assert found.felt < 1e-2 * FELT
+    assert found.felt < 1e-2 * INSENSITIVE
 
 
 def test_a_control_after_the_outcome_is_decided_is_not_flat_if_it_is_paid_for() -> None:
@@ -315,7 +315,7 @@ def test_a_jump_may_wait_on_the_ground(method: Scheme) -> None:
     solution = solve(jump(), method)
     assert [q.kind for q in flat(solution) if q.kind == "duration"] == []
     changes = longer_or_shorter(solution, "stance")
-    assert changes["longer"] == pytest.approx(0.0, abs=FELT)
+    assert changes["longer"] == pytest.approx(0.0, abs=INSENSITIVE)
     assert changes["shorter"] is None
 
 
@@ -327,7 +327,7 @@ def test_a_duration_that_is_paid_for() -> None:
     for name, factor in (("longer", 1.1), ("shorter", 0.9)):
         change = (4 * d**2 / (1 + 3 * s * factor) + s * factor) / known.optimum - 1
         assert changes[name] == pytest.approx(change, rel=1e-4)
-        assert change > 10 * FELT
+        assert change > 10 * INSENSITIVE
 
 
 def test_a_given_duration_cannot_change() -> None:

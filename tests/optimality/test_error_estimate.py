@@ -31,7 +31,7 @@ from hopopt.problem.load import load
 from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.verify.table import FLIGHT, STANCE, Table
-from hopopt.verify.whole_hop import joint_clamp, not_simulated, worth
+from hopopt.verify.whole_hop import joint_clamp, not_simulated, whole_hop_rollout
 from known_problems import G, Known, brachistochrone, bryson_denham, lift_off_of_hopper, push, timed, two_prices
 
 SCHEMES = (radau(2), radau(3), radau(4), HERMITE_SIMPSON, TRAPEZOIDAL)
@@ -234,7 +234,7 @@ def test_a_coarse_hop_says_so(coarse: Solution, hop: Solution) -> None:
 
 def test_the_simulated_hop_is_independent_of_the_claim(hop: Solution) -> None:
     """What is claimed beyond the plan is missing in the simulation."""
-    found = worth(hop.design, hop.tables)
+    found = whole_hop_rollout(hop.design, hop.tables)
     (check, limits) = found.checks("clearance_m", hop.clearance + 1e-3, True, hop.clearance)
     assert not check.passed
     assert check.residual == pytest.approx(1e-3 / hop.clearance, rel=0.01)
@@ -249,7 +249,7 @@ def test_momentum_that_no_force_made(hop: Solution) -> None:
     v[..., 1] += faster
     q[..., 1] += faster * t
     tables: dict[str, Table] = {**hop.tables, FLIGHT: replace(flight, q=q, v=v)}
-    found = worth(hop.design, tables)
+    found = whole_hop_rollout(hop.design, tables)
     assert found.strayed == pytest.approx(faster, rel=0.01) or found.strayed > faster
     claimed = hop.clearance + faster * t[-1, -1]
     assert not found.followed
@@ -263,7 +263,7 @@ def test_torques_beyond_the_drives_are_not_given(hop: Solution) -> None:
     """Torques of twice the size, and a motion to match at lift-off, are clamped: the leg gets no higher."""
     stance = hop.tables[STANCE]
     tables = {**hop.tables, STANCE: replace(stance, tau=2 * stance.tau)}
-    assert worth(hop.design, tables).values["clearance_m"] < hop.clearance + 1e-3
+    assert whole_hop_rollout(hop.design, tables).values["clearance_m"] < hop.clearance + 1e-3
 
 
 def test_clamping_is_the_operating_regions() -> None:

@@ -1,4 +1,4 @@
-"""Second opinions: another solver on the same program, other schemes; what they agree on, and a planted disagreement."""
+"""Cross-checks: another solver on the same program, other schemes; what they agree on, and a planted disagreement."""
 
 import json
 import math
@@ -12,11 +12,19 @@ from typing import cast
 import pytest
 
 from hopopt.cli import main as cli
-from hopopt.cli.screen.cross_check import opinion_lines
+from hopopt.cli.screen.cross_check import cross_check_lines
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop
-from hopopt.planner import cross_check as second_opinion
-from hopopt.planner.cross_check import Failed, Opinion, Said, affordable, by_uno, opinion, with_opinions
+from hopopt.planner import cross_check
+from hopopt.planner.cross_check import (
+    CrossCheckAnswer,
+    CrossCheckOutcome,
+    Failed,
+    affordable,
+    by_uno,
+    cross_checked,
+    with_cross_checks,
+)
 from hopopt.planner.multistart import first_transcription
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
@@ -32,8 +40,8 @@ UNREFINED = [word for entry, value in COARSE.items() for word in ("--set", f"{en
 
 @pytest.fixture(scope="module")
 def answer() -> Solution:
-    """The paper's leg on one coarse mesh, with all opinions on it."""
-    return solve(load("paper", COARSE), starts=1, processes=1, second_opinion=True)
+    """The paper's leg on one coarse mesh, with all cross-checks of it."""
+    return solve(load("paper", COARSE), starts=1, processes=1, cross_check=True)
 
 
 def test_uno_agrees_on_the_same_program(answer: Solution) -> None:
@@ -56,11 +64,11 @@ def test_inaccurate_meshes_contradict_nothing(answer: Solution) -> None:
     assert not [note for note in answer.summary.notes if "not the best" in note]
 
 
-def test_opinions_are_stored_timed_and_shown(answer: Solution, tmp_path: Path) -> None:
+def test_cross_checks_are_stored_timed_and_shown(answer: Solution, tmp_path: Path) -> None:
     kept = read(save(answer, tmp_path).result_dir or tmp_path).summary
     assert kept.second_opinions == answer.summary.second_opinions
     assert kept.timings_s["second opinions"] < kept.wall_s
-    lines = opinion_lines(kept)
+    lines = cross_check_lines(kept)
     assert len(lines) == 3
     assert f": {kept.objective_value:.5f} m, differs by " in lines[0]
     assert all("DISAGREES" in line for line in lines[1:])
@@ -74,8 +82,8 @@ def test_a_worse_hop_passed_off_as_the_answer_is_found_out(answer: Solution, mon
     limits = {name: answer.kkt[name] for name in ("low_z", "high_z", "low_g", "high_g")}
     told = replace(other.summary, verified=True, exit_code=0)
     tampered = replace(answer, phases=other.phases, kkt={**other.kkt, **limits}, summary=told)
-    monkeypatch.setattr(second_opinion, "SCHEMES", ())
-    seen = with_opinions(hop, tampered, Stopwatch()).summary
+    monkeypatch.setattr(cross_check, "SCHEMES", ())
+    seen = with_cross_checks(hop, tampered, Stopwatch()).summary
     (uno,) = seen.second_opinions
     assert uno.contradicts
     assert not uno.agrees
@@ -84,14 +92,14 @@ def test_a_worse_hop_passed_off_as_the_answer_is_found_out(answer: Solution, mon
     assert seen.exit_code == 3
     assert seen.verified  # it is a true hop, but not the best
     assert any("not the best hop" in note for note in seen.notes)
-    assert "DISAGREES" in opinion_lines(seen)[0]
-    assert "better by" in opinion_lines(seen)[0]
+    assert "DISAGREES" in cross_check_lines(seen)[0]
+    assert "better by" in cross_check_lines(seen)[0]
 
 
 def test_a_solver_that_fails_is_stated_with_its_reason(
     answer: Solution, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(second_opinion, "UNO", {**second_opinion.UNO, "max_iterations": 1})
+    monkeypatch.setattr(cross_check, "UNO", {**cross_check.UNO, "max_iterations": 1})
     with pytest.raises(Failed, match="not optimal point, constraints missed by"):
         by_uno(stored_nlp(answer), 0)
     assert capfd.readouterr() == ("", "")  # nor does Uno print anything
@@ -101,58 +109,58 @@ def test_a_program_too_large_gives_way_to_the_first_mesh_s(answer: Solution, mon
     """Solved by Ipopt from the answer: here that is the same program, and so the same optimum."""
     hop, stored = Hop(answer.design), stored_nlp(answer)
     assert affordable(hop, stored) is stored
-    monkeypatch.setattr(second_opinion, "AFFORDABLE", len(stored.z) - 1)
+    monkeypatch.setattr(cross_check, "AFFORDABLE", len(stored.z) - 1)
     first = affordable(hop, stored)
     assert first.iterations > 0
     assert first.transcription.mesh == first_transcription(hop).mesh
     assert first.objective == pytest.approx(stored.objective, rel=1e-8)
 
 
-def raising(error: Exception) -> Callable[[], Said]:
-    def ask() -> Said:
+def raising(error: Exception) -> Callable[[], CrossCheckAnswer]:
+    def ask() -> CrossCheckAnswer:
         raise error
 
     return ask
 
 
 @pytest.mark.parametrize("error", [Failed("no luck"), RuntimeError("Plugin 'uno'\n is not found")])
-def test_a_failing_opinion_is_a_line(error: Exception) -> None:
-    o = opinion("Uno", 1.0, 1e-6, 0.8, raising(error))
+def test_a_failing_cross_check_is_a_line(error: Exception) -> None:
+    o = cross_checked("Uno", 1.0, 1e-6, 0.8, raising(error))
     assert not o.agrees
     assert not o.contradicts
     summary = SimpleNamespace(objective_unit="m", second_opinions=[o])
-    (line,) = opinion_lines(cast("Summary", summary))
+    (line,) = cross_check_lines(cast("Summary", summary))
     assert line == f"Uno: FAILED, {' '.join(str(error).split())} (0 s)"
 
 
 @pytest.mark.parametrize(
     ("sign", "said", "agrees", "contradicts"),
     [
-        (1.0, Said(2.0 * (1 + 9e-7)), True, False),
-        (1.0, Said(2.0 * (1 + 5e-5)), False, False),
-        (1.0, Said(2.1), False, True),
-        (1.0, Said(1.9), False, False),  # another, worse optimum: no better hop
-        (-1.0, Said(1.9), False, True),  # less of what is minimised is better
-        (-1.0, Said(2.1), False, False),
-        (1.0, Said(2.1, "its local error is 1e-02"), False, False),
-        (1.0, Said(math.nan), False, False),
+        (1.0, CrossCheckAnswer(2.0 * (1 + 9e-7)), True, False),
+        (1.0, CrossCheckAnswer(2.0 * (1 + 5e-5)), False, False),
+        (1.0, CrossCheckAnswer(2.1), False, True),
+        (1.0, CrossCheckAnswer(1.9), False, False),  # another, worse optimum: no better hop
+        (-1.0, CrossCheckAnswer(1.9), False, True),  # less of what is minimised is better
+        (-1.0, CrossCheckAnswer(2.1), False, False),
+        (1.0, CrossCheckAnswer(2.1, "its local error is 1e-02"), False, False),
+        (1.0, CrossCheckAnswer(math.nan), False, False),
     ],
 )
-def test_who_agrees_and_who_contradicts(sign: float, said: Said, agrees: bool, contradicts: bool) -> None:
-    o: Opinion = opinion("other", sign, 1e-6, 2.0, lambda: said)
+def test_who_agrees_and_who_contradicts(sign: float, said: CrossCheckAnswer, agrees: bool, contradicts: bool) -> None:
+    o: CrossCheckOutcome = cross_checked("other", sign, 1e-6, 2.0, lambda: said)
     assert (o.agrees, o.contradicts) == (agrees, contradicts)
 
 
 def test_it_goes_with_a_design_that_is_given(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["solve", "--second-opinion", "--free", "leg.gear.ratio=80:120"]) == 2
-    assert "--second-opinion goes with a design that is given" in capsys.readouterr().err
+    assert cli.run(["solve", "--cross-check", "--free", "leg.gear.ratio=80:120"]) == 2
+    assert "--cross-check goes with a design that is given" in capsys.readouterr().err
 
 
 def test_on_the_command_line(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(second_opinion, "SCHEMES", (radau(5),))
-    asked = ["solve", *UNREFINED, "--starts", "1", "--no-figures", "--results", str(tmp_path), "--second-opinion"]
+    monkeypatch.setattr(cross_check, "SCHEMES", (radau(5),))
+    asked = ["solve", *UNREFINED, "--starts", "1", "--no-figures", "--results", str(tmp_path), "--cross-check"]
     assert cli.run([*asked, "--json"]) == 3
     out, err = capfd.readouterr()
     assert err == ""
@@ -161,13 +169,15 @@ def test_on_the_command_line(
     assert cli.run(asked) == 3
     out, err = capfd.readouterr()
     assert err == ""
-    assert re.search(r"opinions  Uno, .* of 12 \+ 5 intervals: 0\.\d{5} m, differs by \de-\d\d \(\d+ s\)\n", out), out
+    assert re.search(r"cross-check +Uno, .* of 12 \+ 5 intervals: 0\.\d{5} m, differs by \de-\d\d \(\d+ s\)\n", out), (
+        out
+    )
     assert re.search(r"radau-5, on one mesh: DISAGREES: .* its local error is \de-\d\d \(\d+ s\)\n", out), out
 
 
 @pytest.mark.slow
 def test_who_agrees_on_the_paper_s_leg() -> None:
-    s = solve(load("paper"), starts=1, second_opinion=True)
+    s = solve(load("paper"), starts=1, cross_check=True)
     assert s.verified
     assert s.summary.exit_code == 0
     uno, fifth, hermite_simpson = s.summary.second_opinions

@@ -156,7 +156,10 @@ def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: P
     assert found["durations"]["flight"]["shorter"] > 1e-3
     assert run(["diagnose", folder]) == 0
     shown = capsys.readouterr().out
-    assert "flat: the objective does not feel the torque of the hip and the torque of the knee in flight" in shown
+    assert (
+        "insensitive: the objective does not depend on the torque of the hip and the torque of the knee in flight"
+        in shown
+    )
     assert "could be tightened to" in shown
 
 
@@ -175,7 +178,7 @@ def test_diagnose_keeps_the_rest_where_matrices_are_singular(plan: Solution, tmp
     fails(CannotBeTold("Factor is exactly singular"))
     found = diagnose(saved)
     assert found["flat"] is None
-    assert found["words"][0] == "what the objective does not feel cannot be told: Factor is exactly singular"
+    assert found["words"][0] == "what the objective does not depend on cannot be computed: Factor is exactly singular"
     assert found["durations"]["stance"]["shorter"] > 1e-3
     assert found["idle_limits"]
 

@@ -2,22 +2,22 @@
 
 import pytest
 
-from hopopt.planner.refine_and_verify import PRICE_TOLERANCE, TOLERANCE, finer
+from hopopt.planner.refine_and_verify import PRICE_TOLERANCE, TOLERANCE, with_tighter_tolerances
 from hopopt.problem.load import changed, load
 
 
 def test_defaults_become_smaller_and_nothing_else_changes() -> None:
     design = load("paper")
-    fine = finer(design)
+    fine = with_tighter_tolerances(design)
     assert (fine.solver.tolerance, fine.solver.price_tolerance) == (TOLERANCE, PRICE_TOLERANCE)
     assert fine.solver.tolerance < design.solver.tolerance
     assert fine.solver.price_tolerance < design.solver.price_tolerance
     again = {"solver.tolerance": design.solver.tolerance, "solver.price_tolerance": design.solver.price_tolerance}
     assert changed(fine, again) == design
-    assert finer(fine) == fine
+    assert with_tighter_tolerances(fine) == fine
 
 
 @pytest.mark.parametrize("entry", ["tolerance", "price_tolerance"])
 def test_what_is_smaller_stays(entry: str) -> None:
     design = load("paper", {f"solver.{entry}": 3e-7})
-    assert getattr(finer(design).solver, entry) == 3e-7
+    assert getattr(with_tighter_tolerances(design).solver, entry) == 3e-7

@@ -15,7 +15,12 @@ from hopopt.planner import refine_and_verify as finishing
 from hopopt.planner import solve as planner
 from hopopt.planner.multistart import run_starts
 from hopopt.planner.notes import notes_on
-from hopopt.planner.refine_and_verify import PRICE_TOLERANCE, TOLERANCE, finish, with_smaller_tolerances
+from hopopt.planner.refine_and_verify import (
+    PRICE_TOLERANCE,
+    TOLERANCE,
+    hop_with_tighter_tolerances,
+    refined_and_verified,
+)
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, calmer, solve
 from hopopt.planner.stopwatch import Stopwatch
@@ -103,7 +108,7 @@ def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_a
     own, said = finishing.judged, list[str]()
     monkeypatch.setattr(finishing, "judged", failing)
     s = solve(load("paper", ONE_PUSH), starts=1, processes=1, progress=said.append)
-    assert "not verified: refining again, with smaller tolerances" in said
+    assert "not verified: refining again, with tighter tolerances" in said
     assert s.verified
     assert s.clearance == pytest.approx(one_push.clearance, rel=5e-5)
     note = f"solved with solver.tolerance = {TOLERANCE:g} and solver.price_tolerance = {PRICE_TOLERANCE:g}"
@@ -125,7 +130,7 @@ def test_smaller_tolerances_are_for_hops_that_met_larger_ones(
     verified: bool, ended: str, entries: dict[str, float]
 ) -> None:
     hop, refinement = Hop(load("paper", entries)), cast("refine.Refinement", SimpleNamespace(ended=ended))
-    assert with_smaller_tolerances(hop, refinement, verified) is None
+    assert hop_with_tighter_tolerances(hop, refinement, verified) is None
 
 
 def test_what_plays_no_part_and_what_is_in_the_way_of_nothing_is_said(
@@ -162,7 +167,7 @@ def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_s
     """The same hop, its bias stated by the larger weight; not for ever larger weights, nor where nothing is refined."""
     hop, clock = Hop(load("paper"), "clearance"), Stopwatch()
     outcomes = run_starts(hop, 1, 1, silent)
-    verified = finish(hop, outcomes[0], outcomes, silent, clock)
+    verified = refined_and_verified(hop, outcomes[0], outcomes, silent, clock)
     unverified = replace(verified, summary=replace(verified.summary, verified=False))
     found = calmer(hop, unverified, outcomes, silent, clock)
     assert found is not None

@@ -15,7 +15,7 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.feasibility import too_weak, unresisted
+from hopopt.ocp.feasibility import drives_too_weak, joints_without_inertia
 from hopopt.problem.hints import hints
 from hopopt.problem.load import builtin_names, load, template
 
@@ -180,7 +180,7 @@ def test_a_hint_is_said_before_the_solve_and_kept_with_the_answer(planted: Plant
 
 
 def diagnosis(*edits: str, objective: str = "clearance") -> list[str]:
-    """What is said of the paper's leg with entries changed, where no hop is found."""
+    """What is reported of the paper's leg with entries changed, where no hop is found."""
     design = load("paper", list(edits))
     with pytest.raises(NotSolvedError) as raised:
         ho.solve(design, objective, starts=1, processes=1)
@@ -204,7 +204,7 @@ def test_a_torque_too_small_to_carry_the_leg() -> None:
 def test_a_leg_that_cannot_stand_may_hop() -> None:
     """Its foot is on the ground, its body free to move along: it leaves the pose that it cannot hold."""
     design = load("paper", ["leg.motor.max_torque=0.25"])
-    assert too_weak(design, build_robot(design.leg))
+    assert drives_too_weak(design, build_robot(design.leg))
     assert ho.solve(design, starts=1, processes=1).verified
 
 
@@ -213,7 +213,7 @@ def test_a_rod_that_turns_about_itself() -> None:
     twisted = ("leg.knee.axis=[0, 0, 1]", "leg.knee.lower=-1", "leg.knee.upper=1", "start.joint_angles=[0.3, 0]")
     for rotor in (0.0, 1e-6):
         design = load("paper", [*twisted, f"leg.motor.rotor_inertia={rotor}"])
-        found = unresisted(design, build_robot(design.leg))
+        found = joints_without_inertia(design, build_robot(design.leg))
         assert bool(found) == (rotor == 0)
     with pytest.raises(NotSolvedError) as raised:
         ho.solve(load("paper", [*twisted, "leg.motor.rotor_inertia=0"]), starts=1, processes=1)
@@ -227,7 +227,7 @@ def test_small_and_light_is_not_without_inertia() -> None:
     light = ("leg.motor.rotor_inertia=0", "leg.body.mass=1000", "leg.shank.mass=1e-4", "leg.shank.length=0.01")
     pose = ("leg.thigh.mass=1e-4", "start.hip_height=0.385", "leg.knee.upper=0", "leg.knee.lower=-3")
     design = load("paper", [*light, *pose])
-    assert not any("nothing resists" in fault for fault in unresisted(design, build_robot(design.leg)))
+    assert not any("nothing resists" in fault for fault in joints_without_inertia(design, build_robot(design.leg)))
 
 
 def test_all_joints_without_inertia_are_named() -> None:
@@ -235,7 +235,7 @@ def test_all_joints_without_inertia_are_named() -> None:
         f"leg.{joint}.{entry}" for joint in ("hip", "knee") for entry in ("axis=[0, 0, 1]", "lower=-1", "upper=1")
     ]
     design = load("paper", [*twisted, "start.joint_angles=[0, 0]", "leg.motor.rotor_inertia=0"])
-    (sentence,) = unresisted(design, build_robot(design.leg))
+    (sentence,) = joints_without_inertia(design, build_robot(design.leg))
     assert sentence.startswith("nothing resists the hip and the knee in")
 
 
@@ -260,7 +260,7 @@ def test_all_joints_without_inertia_are_named() -> None:
 )
 def test_the_limit_that_binds_is_named(entries: list[str], said: str) -> None:
     design = load("paper", entries)
-    (sentence,) = too_weak(design, build_robot(design.leg))
+    (sentence,) = drives_too_weak(design, build_robot(design.leg))
     assert f"its drive gives {said}" in sentence
 
 

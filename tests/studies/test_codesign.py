@@ -1,4 +1,4 @@
-"""Co-design: closed forms, optimality of what was free, couplings, bounds, and what is said of impossible wishes."""
+"""Co-design: closed forms, optimality of what was free, couplings, bounds, and what is reported of impossible wishes."""
 
 import json
 import re
@@ -19,7 +19,7 @@ from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.free_parameters import Coupling, Freedom, parse_coupling, parse_free
+from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling, parse_free
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import NAMED, make_guess
@@ -53,7 +53,7 @@ def hopper(coupling: Coupling | None) -> dict[str, float]:
     def value(s: Any) -> Any:
         return s.u / (s.p["ratio"] * FORCE) + s.p["ratio"] * s.v / SPEED
 
-    freedom = Freedom({"ratio": (1.0, 12.0)} | ({"mass": (1.0, 20.0)} if coupling else {}))
+    free_parameters = FreeParameters({"ratio": (1.0, 12.0)} | ({"mass": (1.0, 20.0)} if coupling else {}))
     phase = Phase(
         "push",
         (
@@ -70,7 +70,7 @@ def hopper(coupling: Coupling | None) -> dict[str, float]:
         if coupling
         else ()
     )
-    parameters = freedom.parameters({"ratio": 3.0, "mass": 4.0})
+    parameters = free_parameters.parameters({"ratio": 3.0, "mass": 4.0})
     goal = Objective("speed", lambda e: e.final["push"].v, maximize=True)
     t = Transcription(Problem("hopper", (phase,), goal, parameters, boundary), radau(4), {"push": uniform(12)})
     guess = Guess(0.3, np.array([0.0, 1.0]), np.array([[0.0, 0.0], [STROKE, 2.0]]), np.full((2, 1), 60.0))
@@ -346,9 +346,9 @@ def test_the_start_stays_folded_to_its_side(height: float, zero: float, sense: i
         "leg.hip.upper": 3.0,
     }  # fmt: skip
     design = ho.load("paper", turned)
-    freedom = Freedom({"leg.shank.length": (0.3, 0.45)})
-    hop = Hop(design, freedom=freedom)
-    bounds: Any = freedom.start(hop)
+    free_parameters = FreeParameters({"leg.shank.length": (0.3, 0.45)})
+    hop = Hop(design, free_parameters=free_parameters)
+    bounds: Any = free_parameters.start(hop)
     lower, upper = bounds
     geometry, chosen = TwoJoints.of(design.leg), start_angles(design)[1]
     assert lower[1] < chosen < upper[1]

@@ -460,7 +460,7 @@ def test_a_leg_that_only_stands_is_said_to(tmp_path, capsys, monkeypatch):
         "        return 800 * (self.rest - now.q) - 20 * now.v\n"
     )
     monkeypatch.setattr("sys.path", [path for path in sys.path if path not in ("", str(tmp_path))])
-    monkeypatch.chdir(tmp_path)  # where it is found, as an objective of one's own is
+    monkeypatch.chdir(tmp_path)  # where it is found, as a user-defined objective is
     assert run(["simulate", "--strategy", "standing:Stand", "--results", str(tmp_path), "--no-figures"]) == 0
     assert "the foot never left the ground" in capsys.readouterr().out
 

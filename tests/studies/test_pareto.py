@@ -103,7 +103,7 @@ def test_figure_shows_every_point(front: Front) -> None:
 def test_stopping_keeps_what_is_finished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    real, calls = pareto.finish, []
+    real, calls = pareto.refined_and_verified, []
 
     def stopped(*arguments: object) -> object:
         calls.append(arguments)
@@ -111,7 +111,7 @@ def test_stopping_keeps_what_is_finished(
             raise KeyboardInterrupt
         return real(*arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(pareto, "finish", stopped)
+    monkeypatch.setattr(pareto, "refined_and_verified", stopped)
     asked = ["--against", "peak_force", "--points", "4", "--starts", "1", "--processes", "1", "--json", "--no-figures"]
     assert run(["pareto", *asked, "--results", str(tmp_path)]) == 130
     out, err = capfd.readouterr()

@@ -150,7 +150,7 @@ TWO_CAPS = ["leg.gear.torque_cap=120", "leg.motor.torque_cap=1.2"]  # both 120 N
 
 @cache
 def coarse(name: str) -> Solution:
-    """An optimum on a coarse mesh: what follows holds for it as for any; and one on a refined mesh, where limits are held
+    """An optimum on a coarse mesh: what follows holds for it as for any; and one on a refined mesh, where limits are enforced
     between the nodes."""
     mesh = (
         [] if name == "refined" else ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
@@ -284,7 +284,7 @@ def test_leading_derivatives_against_solving_again(paper: Solution) -> None:
 
 
 def test_scaling_of_a_refined_optimum(paper: Solution) -> None:
-    """Limits that are drawn in do not grow with the leg: the sum is off by no more than their price."""
+    """Limits that are tightened do not grow with the leg: the sum is off by no more than the tightening cost."""
     endings = ("mass", "inertia", "max_torque", "least_force")
     assert abs(weighted(influences(paper), dict.fromkeys(endings, 1.0))) < settled_within(paper)
 
@@ -472,7 +472,7 @@ def test_friction(name: str, leg: dict, mu: float) -> None:
     assert found.m_per_unit * 0.01 * mu == pytest.approx(gain, rel=1e-6)
 
 
-# ---- limits that are held between the nodes, where multipliers at the nodes have both signs ------------------------
+# ---- limits that are enforced between the nodes, where multipliers at the nodes have both signs ------------------------
 
 
 @pytest.fixture(scope="module")
@@ -480,7 +480,7 @@ def held() -> Solution:
     """A refined optimum with friction and a least force, both of which act."""
     s = solve(load("paper", {"contact.friction": 0.7, "contact.least_force": 15.0}), starts=1, processes=1)
     bounds = stored_nlp(s).bounds
-    assert (bounds.high_g != stored_nlp(s).transcription.ubg).any()  # a lower limit that is drawn in from above
+    assert (bounds.high_g != stored_nlp(s).transcription.ubg).any()  # a lower limit that is tightened from above
     return s
 
 

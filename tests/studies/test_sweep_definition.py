@@ -1,4 +1,4 @@
-"""Which points a study has, and what is said of one that makes no sense."""
+"""Which points a study has, and what is reported of one that makes no sense."""
 
 from dataclasses import replace
 from itertools import product

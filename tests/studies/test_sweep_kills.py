@@ -1,4 +1,4 @@
-"""A study killed again and again, at instants drawn at random: after --resume its table is that of one undisturbed."""
+"""A study killed again and again, at instants chosen at random: after --resume its table is that of one undisturbed."""
 
 import csv
 import json

@@ -162,7 +162,7 @@ def compare(
         found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()
         if draws:
-            say(f"tracking on {draws} drawn legs")
+            say(f"tracking on {draws} random legs")
             data["mismatch"] = spread(found, draws, seed, mass, torque, os.cpu_count() or 1)
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         traces = {name: f.trace for name, f in found.figures.items()}

@@ -8,7 +8,7 @@ from hopopt.cli.options import AsJson, Constraints, progress
 def diagnose(
     result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False
 ) -> int:
-    """Say what a stored hop leaves open: motions and durations the objective does not feel, limits that never act.
+    """Say what a stored hop leaves open: motions and durations the objective does not depend on, limits that never act.
 
     Parameters
     ----------

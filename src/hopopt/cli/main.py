@@ -24,7 +24,7 @@ from hopopt.cli import pareto as cli_pareto
 from hopopt.cli import schema as cli_schema
 from hopopt.cli import sensitivity as cli_studies
 from hopopt.cli import sweep as cli_sweep
-from hopopt.cli.options import AsJson, Constraints, Couple, Free, Overrides, app, progress, write_new
+from hopopt.cli.options import AsJson, Constraints, Couple, CrossChecked, Free, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def solve(
     starts: int | None = None,
     processes: int | None = None,
     structure: bool = False,
-    second_opinion: bool = False,
+    cross_check: CrossChecked = False,
     control: bool = True,
     results: Path = Path("results"),
     figures: bool = True,
@@ -52,8 +52,8 @@ def solve(
 ) -> int:
     """Find the highest hop of a leg (or another best one), verify it, and save it with its figures.
 
-    Exit code: 0 solved and verified, 1 not solved, 2 wrong usage, 3 solved but not verified, or a second
-    opinion, or the paper's control, found a better hop.
+    Exit code: 0 solved and verified, 1 not solved, 2 wrong usage, 3 solved but not verified, or a cross-check,
+    or the paper's control, found a better hop.
 
     Parameters
     ----------
@@ -71,8 +71,9 @@ def solve(
         How many of them side by side (default: one for each core).
     structure
         Solve the best once more with the switches of its drives at free times, so that torques jump exactly there.
-    second_opinion
-        Also ask another NLP solver (Uno) and two other transcription schemes; half a minute or more (docs/certificate.md).
+    cross_check
+        Also solve with another NLP solver (Uno) and two other transcription schemes; half a minute or more
+        (docs/certificate.md).
     control
         Also simulate the paper's force control on the same leg (hopopt compare has more); a few seconds.
     results
@@ -98,7 +99,7 @@ def solve(
     draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes, "progress": say}
-        once = {"structure": structure, "second_opinion": second_opinion}
+        once = {"structure": structure, "cross_check": cross_check}
         later = {"hopopt.storage.solution": True, "hopopt.plots.hop": figures, "hopopt.studies.compare": control}
         _import_beside(*(name for name, wanted in later.items() if wanted))
         solution = _solved(design, objective, free, couple, once, more)
@@ -237,7 +238,7 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
         from hopopt.cli.sweep import verify_study
 
         if objective or constraint:
-            raise UsageError("a study has no functions of one's own: leave out --objective and --constraint")
+            raise UsageError("a study takes no user-defined functions: leave out --objective and --constraint")
         return verify_study(result, json_)
     from hopopt.storage.folder import as_json
     from hopopt.storage.recheck import accept, recheck, with_functions
@@ -286,9 +287,9 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
 
         print_codesign(solution.summary.codesign)
     if solution.summary.second_opinions:
-        from hopopt.cli.screen.cross_check import print_opinions
+        from hopopt.cli.screen.cross_check import print_cross_checks
 
-        print_opinions(solution.summary)
+        print_cross_checks(solution.summary)
 
 
 for command in (

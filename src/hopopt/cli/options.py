@@ -47,6 +47,7 @@ Couple = Annotated[
         'A relation of free numbers, "leg.thigh.length + leg.shank.length = 0.741", powers too, or "catalogue: MASS by TORQUE" (repeat).',
     ),
 ]
+CrossChecked = Annotated[bool, Parameter(alias="--second-opinion", negative="--no-cross-check")]
 AsJson = Annotated[
     bool, Parameter(name="--json", negative=(), help="Print one JSON object on standard output, nothing else.")
 ]

@@ -37,7 +37,7 @@ def sensitivity(
 ) -> int:
     """Say what to change first: how the best height answers to every entry of the problem.
 
-    Exit code: 0 said of a verified optimum, 1 not solved, 2 wrong usage, 3 not verified: then nothing is said.
+    Exit code: 0 reported for a verified optimum, 1 not solved, 2 wrong usage, 3 not verified: nothing is reported.
 
     Parameters
     ----------
@@ -96,7 +96,9 @@ def _optimum(
     from hopopt.problem.load import load
 
     if find(objective).figure not in HEIGHTS:
-        raise UsageError(f"what to change first is said of heights, not of {objective}: --objective clearance or apex")
+        raise UsageError(
+            f"what to change first is reported for heights, not for {objective}: --objective clearance or apex"
+        )
     solution = solve(load(problem, overrides), objective, starts=starts, progress=say)
     return solution, list(solution.summary.failed_checks)
 

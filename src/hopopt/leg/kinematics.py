@@ -80,12 +80,14 @@ def dependent_joints(design: Design) -> tuple[int, ...]:
 def foot_jacobian(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
     """Derivative of the foot's place from the body by the joint angles, (3, n) [m/rad]."""
     q, turn = np.asarray(q_j, dtype=float), np.eye(3)
-    places, axes = joint_positions(leg, q), []
+    positions, axes = joint_positions(leg, q), []
     for k, joint in enumerate(leg.joints):
         axis = np.array(unit(leg.joint[joint].axis))
         axes.append(turn @ axis)
         turn = turn @ _rotation(axis, q[k])  # type: ignore[arg-type]
-    return np.stack([np.cross(axis, places[-1] - place) for axis, place in zip(axes, places, strict=False)], axis=1)
+    return np.stack(
+        [np.cross(axis, positions[-1] - place) for axis, place in zip(axes, positions, strict=False)], axis=1
+    )
 
 
 def reach(leg: Leg) -> float:

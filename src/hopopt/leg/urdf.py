@@ -65,9 +65,9 @@ def _reduced(tree: Tree, chain: Sequence[str], foot: str, locked: Mapping[str, f
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     order = [model.getJointId(name) for name in chain]
-    places = [data.oMi[k].translation for k in order] + [data.oMf[model.getFrameId(foot)].translation]
+    positions = [data.oMi[k].translation for k in order] + [data.oMf[model.getFrameId(foot)].translation]
     links = []
-    for k, name, here, beyond in zip(order, chain, places, places[1:], strict=False):
+    for k, name, here, beyond in zip(order, chain, positions, positions[1:], strict=False):
         links.append(_moving_link(tree, model, data, k, name, beyond - here))
     return UrdfLeg(float(model.inertias[1].mass), tuple(links))
 

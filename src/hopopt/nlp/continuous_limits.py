@@ -1,4 +1,4 @@
-"""Limits held between the nodes too, by the hull of their Bernstein coefficients.
+"""Limits enforced between the nodes too, by the hull of their Bernstein coefficients.
 
 Path constraints hold at the nodes; where a control switches inside an interval its polynomial passes them in between,
 on any mesh. Between its nodes a limited quantity is nearly the polynomial through their values g, and a polynomial
@@ -22,19 +22,19 @@ from hopopt.nlp.tightening import limit_nodes
 from hopopt.nlp.transcription import Transcription
 
 CLOSE = 0.3  # share of its range by which a limit may be missed and be held too, where another is passed
-LOOKED_AT = np.linspace(0.0, 1.0, 9)  # places where limits may come close
+LOOKED_AT = np.linspace(0.0, 1.0, 9)  # normalised times where limits may come close
 NOISE = 1e-10  # multipliers below this are none
 Chosen = Mapping[str, np.ndarray]  # for each phase, which path limits are held in which intervals, (N, path limits)
 
 
 def bernstein(c: Sequence[float]) -> np.ndarray:
-    """B: the len(c) Bernstein polynomials at as many places c, one in each column."""
+    """B: the len(c) Bernstein polynomials at as many normalised times c, one in each column."""
     return bernstein_at(c, len(c))
 
 
-def bernstein_at(places: Sequence[float] | np.ndarray, count: int) -> np.ndarray:
-    """The ``count`` Bernstein polynomials of degree count - 1 at any places, (places, count)."""
-    s, n = np.array(places)[:, None], count - 1
+def bernstein_at(normalised_times: Sequence[float] | np.ndarray, count: int) -> np.ndarray:
+    """The ``count`` Bernstein polynomials of degree count - 1 at any normalised times, (times, count)."""
+    s, n = np.array(normalised_times)[:, None], count - 1
     k = np.arange(count)
     return np.array([comb(n, int(j)) for j in k]) * s**k * (1 - s) ** (n - k)
 
@@ -45,7 +45,7 @@ def centres(count: int) -> np.ndarray:
 
 
 def holds(t: Transcription) -> bool:
-    """Whether holding limits between the nodes pays: not where a control or a least number only bounds from above, nor
+    """Whether enforcing limits between the nodes pays: not where a control or a least number only bounds from above, nor
     with both ends of an interval collocated, where controls oscillate."""
     least = bool(t.free) and t.problem.objective.sign < 0
     return not least and not t.scheme.starts_at_node and all(len(phase.controls) <= 1 for phase in t.problem.phases)
@@ -75,7 +75,7 @@ def coming_close(solution: NlpSolution, errors: Mapping[str, IntervalErrors], al
 
 @dataclass(frozen=True)
 class Held:
-    """A program in which the ``chosen`` limits are held between the nodes: its rows are M times those of ``given``, the
+    """A program in which the ``chosen`` limits are enforced between the nodes: its rows are M times those of ``given``, the
     one with limits at the nodes alone; ``touched``: which rows that changes."""
 
     given: Transcription
@@ -94,7 +94,7 @@ class Held:
         return self.inverse.T @ lam_g
 
     def at_nodes(self, s: NlpSolution) -> NlpSolution:
-        """A solution as one of the given program, its limits drawn in at the nodes to where the held ones keep it."""
+        """A solution as one of the given program, its limits tightened at the nodes to where the held ones keep it."""
         lam, g, b = self.M.T @ s.lam_g, self.inverse @ s.g, s.bounds
         low, high = (np.where(self.touched, *pair) for pair in ((self.given.lbg, b.low_g), (self.given.ubg, b.high_g)))
         up, down = self.touched & (lam > NOISE), self.touched & (lam < -NOISE)
@@ -103,7 +103,7 @@ class Held:
 
 
 def held_in(s: NlpSolution) -> Chosen:
-    """Which path limits a solution holds between the nodes, told by its bounds: those that are drawn in, if holding pays."""
+    """Which path limits a solution enforces between the nodes, seen from its bounds: those that are tightened, if enforcing pays."""
     t, b = s.transcription, s.bounds
     drawn, found = ((b.low_g != t.lbg) | (b.high_g != t.ubg)) & holds(t), nothing_held(t)
     for name, held in found.items():
@@ -119,7 +119,7 @@ def of_limits(s: NlpSolution) -> np.ndarray:
 
 
 def held_between(t: Transcription, chosen: Chosen) -> Held:
-    """The program of ``t`` with the chosen limits held between the nodes."""
+    """The program of ``t`` with the chosen limits enforced between the nodes."""
     groups, touched = _touching(t, chosen)
     inverse, M = (_by_blocks(groups, np.flatnonzero(~touched), invert) for invert in (False, True))
     p, other = t.program, copy(t)

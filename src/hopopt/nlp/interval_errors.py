@@ -31,7 +31,7 @@ class IntervalErrors:
 
 
 def stage_values(solution: NlpSolution, phase: str, places: np.ndarray) -> tuple[np.ndarray, ...]:
-    """States (N, k, nx), derivatives (N, k, nx) and path values (N, k, ng) at the same places of every interval."""
+    """States (N, k, nx), derivatives (N, k, nx) and path values (N, k, ng) at the same normalised times of every interval."""
     layout = solution.transcription.layouts[phase]
     t, x, u = solution.phases[phase].everywhere(places)
     values = [np.atleast_1d(solution.parameters[q.name]) for q in solution.transcription.problem.parameters]

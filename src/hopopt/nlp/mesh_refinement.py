@@ -1,8 +1,8 @@
-"""Mesh refinement: accurate states, limits that hold between the nodes too, at a price that does not matter.
+"""Mesh refinement: accurate states, limits enforced between the nodes too, at a cost that does not matter.
 
-An interval is cut at once into as many pieces as its error and its price ask for by their orders: the local error falls
-with its length to the power of the nodes and one, the price of a switch with its square. Where limits are passed they
-are held between the nodes on the next mesh (nlp/continuous_limits.py); what still passes them is drawn in, and an interval that does
+An interval is cut at once into as many pieces as its error and its tightening cost ask for by their orders: the local error falls
+with its length to the power of the nodes and one, the cost of a switch with its square. Where limits are passed they
+are enforced between the nodes on the next mesh (nlp/continuous_limits.py); what still passes them is tightened, and an interval that does
 not answer to that on the same mesh is cut.
 """
 
@@ -20,12 +20,12 @@ from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.mesh_step import Cuts, about, any_cut, cut, equal, pieces_of
 from hopopt.nlp.tightening import passed, tightened
-from hopopt.nlp.tightening_cost import drawn_prices, excess_prices, switch_places
+from hopopt.nlp.tightening_cost import excess_costs, normalised_switch_times, tightening_costs
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
-BUDGET = 0.5  # share of the allowed price that a refinement is content with
-AIM = 0.3  # share of the allowed local error, and of the price, that a cut aims at
+BUDGET = 0.5  # share of the allowed tightening cost that a refinement is content with
+AIM = 0.3  # share of the allowed local error, and of the tightening cost, that a cut aims at
 NEARLY = 0.3  # share of what is allowed, above which an interval is cut where others must be
 PIECES = 8  # into which an interval is cut at most
 STUBBORN = 4  # pieces for an interval that does not answer
@@ -45,12 +45,12 @@ MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its mes
 TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
 NO_NEARER = f"its last {STUCK} meshes brought it no nearer to its aims"
 UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
-Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are drawn in, (2, N, limits)
+Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are tightened, (2, N, limits)
 
 
 @dataclass(frozen=True)
 class Aims:
-    """Local error (scaled), relative change of the objective, excess over the limits, their price relative to the
+    """Local error (scaled), relative change of the objective, excess over the limits, the tightening cost relative to the
     objective; at most so many meshes and iterations of each; ``restarts``: so many times ``iterations`` may go, over all
     meshes, into solving again without the last one's multipliers (those that only a doubt asks
     for are counted, but never refused)."""
@@ -58,7 +58,7 @@ class Aims:
     local_error: float
     change: float
     excess: float
-    price: float
+    tightening_cost: float
     meshes: int
     iterations: int
     restarts: float = 5.0
@@ -67,7 +67,7 @@ class Aims:
 @dataclass(frozen=True)
 class MeshStep:
     """One solve: intervals by phase, in how many of them limits are held, objective, largest errors, effort; how often
-    limits were drawn in on this mesh before."""
+    limits were tightened on this mesh before."""
 
     intervals: dict[str, int]
     held: int
@@ -86,7 +86,7 @@ Report = Callable[[MeshStep], None]
 
 class Refinement:
     """From a solution on a first mesh to an accurate one that keeps its limits: ``solution``, ``history`` and how it
-    ``ended``; ``held``: those that the first one holds between the nodes already."""
+    ``ended``; ``held``: those that the first one enforces between the nodes already."""
 
     def __init__(
         self,
@@ -102,7 +102,7 @@ class Refinement:
         self._restarts_left = round(aims.restarts * aims.iterations)
         self._accept(solution, 0.0, 0.0)
         limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
-        self._drawn: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
+        self._tightened: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
         self._before = {name: np.full(N, np.inf) for name, (N, _) in limits.items()}  # excess that was answered to
 
     def run(self) -> None:
@@ -120,7 +120,7 @@ class Refinement:
                 self.ended = NO_NEARER
                 return
             if accurate:
-                cuts = {name: equal(np.full(len(places), 2)) for name, places in cuts.items()}
+                cuts = {name: equal(np.full(len(normalised_times), 2)) for name, normalised_times in cuts.items()}
             self._prepare(cuts)
             meshes += any_cut(cuts)
             solved = self._solve(cuts)
@@ -184,11 +184,11 @@ class Refinement:
     @property
     def _budget(self) -> float:
         """What all limits may cost [objective's unit]."""
-        return BUDGET * self.aims.price * self.solution.magnitude
+        return BUDGET * self.aims.tightening_cost * self.solution.magnitude
 
     def _costs(self) -> dict[str, np.ndarray]:
         """What the limits of each interval cost, or would cost [objective's unit]."""
-        drawn, over = drawn_prices(self.solution), excess_prices(self.solution, self.errors)
+        drawn, over = tightening_costs(self.solution), excess_costs(self.solution, self.errors)
         return {name: drawn[name] + over[name] for name in drawn}
 
     def _dear(self, cost: Mapping[str, np.ndarray], others: Mapping[str, np.ndarray]) -> Cuts:
@@ -197,7 +197,7 @@ class Refinement:
         total = np.sort(np.concatenate(list(cost.values())))
         dear = total[np.searchsorted(np.cumsum(total), NEARLY * self._budget, side="right") :]
         share, least = AIM * self._budget / max(1, len(dear)), dear.min(initial=np.inf)
-        switch, found = switch_places(self.solution), {}
+        switch, found = normalised_switch_times(self.solution), {}
         for name, each in cost.items():
             shorter = np.where(each >= least, np.sqrt(each / share), 1.0)  # by which share they should be
             pieces = np.maximum(others[name], np.clip(np.ceil(shorter), 1, PIECES)).astype(int)
@@ -208,14 +208,14 @@ class Refinement:
         return found
 
     def _prepare(self, cuts: Cuts) -> None:
-        """What is held and drawn in on the next mesh, and the excess it answers to."""
+        """What is held and tightened on the next mesh, and the excess it answers to."""
         close, finer = coming_close(self.solution, self.errors, self.aims.excess), any_cut(cuts)
         for name, e in self.errors.items():
             n, held, over = pieces_of(cuts[name]), self._held[name], passed(e, self.aims.excess)
             free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
             free[:, : held.shape[1]] = ~held
             whole = (n == 1)[:, None] & ~free
-            self._drawn[name] = np.repeat(np.where(whole, self._drawn[name] + over, 0.0), n, axis=1)
+            self._tightened[name] = np.repeat(np.where(whole, self._tightened[name] + over, 0.0), n, axis=1)
             answers = (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
             answers &= not finer  # on a finer mesh the excess is another
             self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
@@ -224,19 +224,21 @@ class Refinement:
     # ---- doing it ----------------------------------------------------------------------------------------
 
     def _solve(self, cuts: Cuts) -> bool:
-        """Solve on the next mesh, which may be the same, with limits held and drawn in."""
+        """Solve on the next mesh, which may be the same, with limits held and tightened."""
         began, old, finer = time.perf_counter(), self.solution, any_cut(cuts)
-        if sum(int(pieces_of(places).sum()) for places in cuts.values()) > FINEST:
+        if sum(int(pieces_of(normalised_times).sum()) for normalised_times in cuts.values()) > FINEST:
             self.ended = TOO_FINE
             return False
         t = old.transcription
         if finer:
-            t = Transcription(t.problem, t.scheme, {name: cut(old, name, places) for name, places in cuts.items()})
+            t = Transcription(
+                t.problem, t.scheme, {name: cut(old, name, normalised_times) for name, normalised_times in cuts.items()}
+            )
         if self._program is None or not self._program.is_of(t, self._held):
             self._program = held_between(t, self._held)
         held = self._program
         guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
-        bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._drawn)
+        bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._tightened)
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
         solver = self._solver(held.transcription, CARRIED if finer else NEAR)
         built = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Refinement for programs with kinks of their own: accurate states first, then limits drawn in on the settled mesh.
+"""Refinement for programs with kinks of their own: accurate states first, then limits tightened on the settled mesh.
 
 Where a control or a least number only bounds something from above, hulls (nlp/continuous_limits.py) make its kinks dearer; schemes
 that collocate both ends of an interval, whose controls oscillate, hardly converge within them.
@@ -26,15 +26,14 @@ from hopopt.nlp.mesh_refinement import (
     relative,
 )
 from hopopt.nlp.mesh_step import cut, equal
-from hopopt.nlp.tightening import drawn_in
-from hopopt.nlp.tightening_cost import excess_prices
-from hopopt.nlp.tightening_cost import price as price_of
+from hopopt.nlp.tightening import tightened_by_excess
+from hopopt.nlp.tightening_cost import excess_costs, tightening_cost
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
 MOST = 4  # pieces into which an interval is cut at once
 EARLY = 4  # meshes before an error that wanders is suspected
-ROUNDS = 10  # of drawing in the limits on one mesh
+ROUNDS = 10  # of tightening the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 
@@ -43,11 +42,11 @@ def refinement_of(
     solution: NlpSolution, aims: Aims, report: Report = lambda step: None, held: Chosen | None = None
 ) -> Refinement:
     """The refinement that suits a program; ``held``: limits that ``solution`` holds between the nodes already."""
-    return (Refinement if holds(solution.transcription) else DrawnRefinement)(solution, aims, report, held)
+    return (Refinement if holds(solution.transcription) else TighteningRefinement)(solution, aims, report, held)
 
 
-class DrawnRefinement(Refinement):
-    """From a solution on a first mesh to an accurate one whose limits are drawn in on the last: ``solution`` and
+class TighteningRefinement(Refinement):
+    """From a solution on a first mesh to an accurate one whose limits are tightened on the last: ``solution`` and
     ``history``."""
 
     def run(self) -> None:
@@ -67,21 +66,21 @@ class DrawnRefinement(Refinement):
 
     @property
     def change(self) -> float:
-        """Relative change of the objective with the last mesh, before its limits were drawn in; infinite after one."""
+        """Relative change of the objective with the last mesh, before its limits were tightened; infinite after one."""
         meshes = [step.objective for step in self.history if not step.drawn_in]
         return relative(meshes[-1], meshes[-2], self.solution.least) if len(meshes) > 1 else float("inf")
 
     def _far(self, step: MeshStep) -> float:
-        """By its local error alone: limits are drawn in afterwards."""
+        """By its local error alone: limits are tightened afterwards."""
         return step.local_error / self.aims.local_error
 
     def _faults(self) -> Parts:
         """What is to be cut: inaccurate intervals, and the dearest until the rest is within the budget."""
-        price, budget = excess_prices(self.solution, self.errors), self.aims.price * self.solution.magnitude
-        total = np.sort(np.concatenate(list(price.values())))
+        costs, budget = excess_costs(self.solution, self.errors), self.aims.tightening_cost * self.solution.magnitude
+        total = np.sort(np.concatenate(list(costs.values())))
         dear = total[np.searchsorted(np.cumsum(total), budget, side="right") :].min(initial=np.inf)
         return {
-            name: np.maximum(self._inaccurate(name), np.where(price[name] >= dear, MOST, 1)) for name in self.errors
+            name: np.maximum(self._inaccurate(name), np.where(costs[name] >= dear, MOST, 1)) for name in self.errors
         }
 
     def _inaccurate(self, name: str) -> np.ndarray:
@@ -98,8 +97,8 @@ class DrawnRefinement(Refinement):
             if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]):
                 break
             built = time.perf_counter()
-            solution = solver.again(self.solution, drawn_in(self.solution, self.errors, self.aims.excess))
-            if not solution.success or price_of(solution) > self.aims.price:
+            solution = solver.again(self.solution, tightened_by_excess(self.solution, self.errors, self.aims.excess))
+            if not solution.success or tightening_cost(solution) > self.aims.tightening_cost:
                 break
             self._accept(solution, built - began, time.perf_counter() - built, k + 1)
             began = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Back-off: a limit that is passed between the nodes of an interval is drawn in at those nodes by the excess.
+"""Back-off: a limit that is passed between the nodes of an interval is tightened at those nodes by the excess.
 
 That serves bounds of states and controls, and what little passes the hull of a path limit (nlp/continuous_limits.py).
 """
@@ -14,8 +14,8 @@ from hopopt.nlp.transcription import Transcription
 Errors = Mapping[str, IntervalErrors]
 
 
-def drawn_in(solution: NlpSolution, errors: Errors, allowed: float) -> Bounds:
-    """The solution's bounds, drawn in by each excess above ``allowed`` at all nodes of its interval."""
+def tightened_by_excess(solution: NlpSolution, errors: Errors, allowed: float) -> Bounds:
+    """The solution's bounds, tightened by each excess above ``allowed`` at all nodes of its interval."""
     return tightened(solution.bounds, solution.transcription, {name: passed(e, allowed) for name, e in errors.items()})
 
 
@@ -26,7 +26,7 @@ def passed(e: IntervalErrors, allowed: float) -> np.ndarray:
 
 
 def tightened(old: Bounds, t: Transcription, amounts: Mapping[str, np.ndarray]) -> Bounds:
-    """Bounds drawn in by ``amounts`` (2, N, limits) of each phase, lower and upper, at all nodes of each interval."""
+    """Bounds tightened by ``amounts`` (2, N, limits) of each phase, lower and upper, at all nodes of each interval."""
     n = len(old.low_z)
     low, high = np.concatenate([old.low_z, old.low_g]), np.concatenate([old.high_z, old.high_g])
     up, down = np.zeros(len(low)), np.zeros(len(low))

@@ -1,4 +1,4 @@
-"""What it costs the objective that limits hold between the nodes too, by the multipliers, interval by interval.
+"""What it costs the objective that limits are enforced between the nodes too, by the multipliers, interval by interval.
 
 A control that switches inside an interval cannot follow its limit up to the switch, as it could if it were no polynomial.
 A multiplier whose density in time has the moments mu_k with the Bernstein polynomials lies, in the mean, at their
@@ -22,23 +22,23 @@ SPREAD = 0.1  # of the places that several limits tell
 BARRIER = 10 * OPTIONS["ipopt.tol"]  # of the objective's scale: a smaller multiplier times slack is Ipopt's own
 
 
-def price(solution: NlpSolution) -> float:
-    """What the limits that were drawn in cost the objective, relative to it."""
-    cost = sum(float(each.sum()) for each in drawn_prices(solution).values())
+def tightening_cost(solution: NlpSolution) -> float:
+    """What the limits that were tightened cost the objective, relative to it."""
+    cost = sum(float(each.sum()) for each in tightening_costs(solution).values())
     return cost / solution.magnitude
 
 
-def drawn_prices(solution: NlpSolution) -> dict[str, np.ndarray]:
-    """What the limits that were drawn in cost in each interval of each phase, (N,) [objective's unit]."""
+def tightening_costs(solution: NlpSolution) -> dict[str, np.ndarray]:
+    """What the limits that were tightened cost in each interval of each phase, (N,) [objective's unit]."""
     found = {name: np.zeros(p.lengths.shape) for name, p in solution.phases.items()}
     for name, cost in found.items():
         for each in _limits(solution, name):
-            cost += np.where(each.drawn, each.costs.sum(axis=(0, 2)), 0.0)
+            cost += np.where(each.tightened, each.costs.sum(axis=(0, 2)), 0.0)
     return found
 
 
-def switch_places(solution: NlpSolution) -> dict[str, np.ndarray]:
-    """Where in each interval of each phase it goes from one limit to another, (N,), 0 to 1; NaN where that is not told.
+def normalised_switch_times(solution: NlpSolution) -> dict[str, np.ndarray]:
+    """Where in each interval of each phase it goes from one limit to another, (N,), 0 to 1; NaN where that is unknown.
 
     A limit that is left at s, where its slack jumps from none to D, has the mean slack (1 - s) D.
     """
@@ -65,11 +65,11 @@ def switch_places(solution: NlpSolution) -> dict[str, np.ndarray]:
 @dataclass(frozen=True)
 class _Limit:
     """A limit in all N intervals: slack to the upper and to the lower side at its nodes, (2, N, nodes), scaled; what the
-    multipliers of either side cost, (2, N, nodes); whether it was drawn in, (N,); whether its nodes are the controls'."""
+    multipliers of either side cost, (2, N, nodes); whether it was tightened, (N,); whether its nodes are the controls'."""
 
     slack: np.ndarray
     costs: np.ndarray
-    drawn: np.ndarray
+    tightened: np.ndarray
     at_controls: bool
 
 
@@ -87,11 +87,11 @@ def _limits(s: NlpSolution, name: str) -> Iterator[_Limit]:
     columns, control_c = [np.concatenate(pair) for pair in stacked], t.layouts[name].scheme.control_c
     for nodes in limit_nodes(t, name):
         lam, value, low, high, lower, upper = (column[nodes] for column in columns)
-        drawn = ((low != lower) | (high != upper)).any(axis=1)
+        tightened = ((low != lower) | (high != upper)).any(axis=1)
         slack = _finite(np.array([upper - value, value - lower]))
         at_controls = nodes.shape[1] == len(control_c)
         costs = _costs_within(lam, slack, control_c) if at_controls else _costs(lam, slack)
-        yield _Limit(slack, np.where(costs > BARRIER * t.problem.objective.scale, costs, 0.0), drawn, at_controls)
+        yield _Limit(slack, np.where(costs > BARRIER * t.problem.objective.scale, costs, 0.0), tightened, at_controls)
 
 
 def _costs(lam: np.ndarray, slack: np.ndarray) -> np.ndarray:
@@ -112,8 +112,8 @@ def _finite(slack: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(slack), slack, 1.0)
 
 
-def excess_prices(solution: NlpSolution, errors: Errors) -> dict[str, np.ndarray]:
-    """What drawing in the limits by their excess would cost in each interval of each phase, (N,) [objective's unit]."""
+def excess_costs(solution: NlpSolution, errors: Errors) -> dict[str, np.ndarray]:
+    """What tightening the limits by their excess would cost in each interval of each phase, (N,) [objective's unit]."""
     multipliers, found = np.concatenate([solution.lam_x, solution.lam_g]), {}
     for phase, e in errors.items():
         found[phase] = np.zeros(len(e.local))

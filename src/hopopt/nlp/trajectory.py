@@ -42,19 +42,19 @@ class PhaseTrajectory:
         return self.at(i, s)
 
     def at(self, i: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States and controls at places s in [0, 1] of intervals i; at s = 1 the interval that ends."""
+        """States and controls at normalised times s in [0, 1] of intervals i; at s = 1 the interval that ends."""
         weights = self.scheme.state_weights(s)
         x = self.x_start[i] + self.lengths[i, None] * np.einsum("kj,kjx->kx", weights, self.xdot[i])
         return x, np.einsum("kj,kju->ku", self.scheme.control_weights(s), self.u[i])
 
-    def everywhere(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (N, k), states (N, k, nx) and controls (N, k, nu) at the same places of every interval."""
+    def everywhere(self, normalised_times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times (N, k), states (N, k, nx) and controls (N, k, nu) at the same normalised times of every interval."""
         h = self.lengths[:, None]
         x = self.x_start[:, None, :] + h[..., None] * np.einsum(
-            "kj,ijx->ikx", self.scheme.state_weights(places), self.xdot
+            "kj,ijx->ikx", self.scheme.state_weights(normalised_times), self.xdot
         )
-        u = np.einsum("kj,iju->iku", self.scheme.control_weights(places), self.u)
-        return self.edges[:-1, None] + h * places, x, u
+        u = np.einsum("kj,iju->iku", self.scheme.control_weights(normalised_times), self.u)
+        return self.edges[:-1, None] + h * normalised_times, x, u
 
     @property
     def x_end(self) -> np.ndarray:

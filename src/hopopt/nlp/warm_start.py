@@ -48,19 +48,19 @@ def _costates(a: PhaseLayout, b: PhaseLayout, lam: np.ndarray) -> np.ndarray:
 def _densities(a: PhaseLayout, b: PhaseLayout, lam: np.ndarray) -> np.ndarray:
     """Multipliers of limits, (N, nodes, components): the nearest node's, by the share in its interval's length."""
     s, nodes = a.scheme, lam.shape[1]
-    places = np.array(s.control_c if nodes == len(s.control_c) else s.c[-nodes:])
-    weight = np.interp(places, s.c, s.b)
+    normalised_times = np.array(s.control_c if nodes == len(s.control_c) else s.c[-nodes:])
+    weight = np.interp(normalised_times, s.c, s.b)
     old, new = (np.diff(m.edges)[:, None, None] * weight[:, None] for m in (a.mesh, b.mesh))
-    interval, place = _located(a, b, places)
-    nearest = np.abs(place[..., None] - places).argmin(axis=-1)
+    interval, place = _located(a, b, normalised_times)
+    nearest = np.abs(place[..., None] - normalised_times).argmin(axis=-1)
     return (lam / old)[interval, nearest] * new
 
 
-def _located(a: PhaseLayout, b: PhaseLayout, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Interval of mesh a and place in it of all places of every interval of mesh b, (N, places) each."""
+def _located(a: PhaseLayout, b: PhaseLayout, normalised_times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Interval of mesh a and place in it of all normalised times of every interval of mesh b, (N, times) each."""
     edges, new = np.array(a.mesh.edges), np.array(b.mesh.edges)
     middle = 0.5 * (new[1:] + new[:-1])
     interval = np.clip(np.searchsorted(edges, middle, side="right") - 1, 0, a.mesh.intervals - 1)[:, None]
-    at = new[:-1, None] + np.diff(new)[:, None] * places
+    at = new[:-1, None] + np.diff(new)[:, None] * normalised_times
     place = (at - edges[interval]) / (edges[interval + 1] - edges[interval])
     return np.broadcast_to(interval, at.shape), np.clip(place, 0.0, 1.0)

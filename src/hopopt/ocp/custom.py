@@ -1,4 +1,4 @@
-"""Objectives and path constraints of one's own: short Python functions of the leg at an instant.
+"""User-defined objectives and path constraints: short Python functions of the leg at an instant.
 
 An objective sees the end of the hop, or with ``running`` every instant of it, over which it is then integrated; a
 constraint sees every instant. Both compute with CasADi expressions: no ``if`` on a value, no ``abs`` where it matters.
@@ -16,7 +16,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
+from hopopt.ocp.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
 from hopopt.user_code import last_line, load
 
@@ -85,7 +85,7 @@ def _marked(terms: Terms) -> Callable[[Any], Any]:
 
 @dataclass(frozen=True)
 class Custom:
-    """A function of one's own with its name as ``module:function`` and what it is meant as."""
+    """A user-defined function with its name as ``module:function`` and what it is meant as."""
 
     name: str
     function: Callable[[Moment], Any] = field(repr=False)
@@ -133,14 +133,17 @@ def custom(function: Any) -> Custom:
 
 
 def as_objective(function: Any) -> HopObjective:
-    """A function of one's own as an objective of the hop."""
+    """A user-defined function as an objective of the hop."""
     c = custom(function)
     terms, more = c.terms, {}
     if terms.running:
         more["integrands"] = lambda hop, motion: {"custom": lambda s: c(moment(hop, motion, s), 1)}
     if terms.clearance:
-        more |= {"parameters": lambda hop: (demand(hop),), "boundary": lambda hop: lowest_point(hop, "hop.clearance")}
-        more["fault"] = no_demand
+        more |= {
+            "parameters": lambda hop: (required_clearance(hop),),
+            "boundary": lambda hop: lowest_point(hop, "hop.clearance"),
+        }
+        more["fault"] = no_required_clearance
 
     def value(hop: MovingLeg, e: Ends) -> ca.SX:
         if terms.running:
@@ -148,14 +151,14 @@ def as_objective(function: Any) -> HopObjective:
         return c(end(hop, e), 1)
 
     return HopObjective(
-        c.name, f"a function of one's own, {c.name}", terms.unit, value, FIGURE,
-        "demand" if terms.clearance else "free", terms.maximize,
+        c.name, f"a user-defined function, {c.name}", terms.unit, value, FIGURE,
+        "required clearance" if terms.clearance else "free", terms.maximize,
         scale=lambda hop: terms.scale, custom=c, **more,
     )  # fmt: skip
 
 
 def path(c: Custom, hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
-    """A function of one's own as a path constraint of one phase, if it holds there."""
+    """A user-defined function as a path constraint of one phase, if it holds there."""
     t = c.terms
     if phase not in t.phases:
         return ()

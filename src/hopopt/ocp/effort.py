@@ -16,7 +16,7 @@ from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
+from hopopt.ocp.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
 from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
 
 FLAT = 2e5  # times the usual tie-break: work without heat hardly depends on when it is done (docs/objectives.md)
@@ -30,11 +30,11 @@ def _economical(name: str, meaning: str, unit: str, figure: str, value: Any, **m
     own = more.pop("parameters", lambda hop: ())
     fault = more.pop("fault", lambda design: None)
     return HopObjective(
-        name, meaning, unit, value, figure, "demand",
+        name, meaning, unit, value, figure, "required clearance",
         maximize=False,
-        parameters=lambda hop: (demand(hop), *own(hop)),
+        parameters=lambda hop: (required_clearance(hop), *own(hop)),
         boundary=lambda hop: lowest_point(hop, "hop.clearance"),
-        fault=lambda design: no_demand(design) or fault(design),
+        fault=lambda design: no_required_clearance(design) or fault(design),
         **more,
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ from hopopt.leg.scales import weight
 SINGULAR = 1e-14  # of the largest eigenvalue of the mass matrix, scaled by mass and reach: what rounding leaves of none
 
 
-def unresisted(design: Design, robot: Robot) -> list[str]:
+def joints_without_inertia(design: Design, robot: Robot) -> list[str]:
     """A sentence if joints turn without inertia in the start pose: no force moves such a leg in a way that is known."""
     q = np.concatenate([np.zeros(BASE), start_angles(design)])
     M = pin.crba(robot.model, robot.model.createData(), q)  # its upper triangle
@@ -33,7 +33,7 @@ def unresisted(design: Design, robot: Robot) -> list[str]:
     ]
 
 
-def too_weak(design: Design, robot: Robot) -> list[str]:
+def drives_too_weak(design: Design, robot: Robot) -> list[str]:
     """A sentence for each joint whose drive cannot hold the start pose, the foot on the ground."""
     if loop_axes(design.leg):  # joints can press against the guides
         return []

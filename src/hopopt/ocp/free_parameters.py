@@ -63,7 +63,7 @@ class Coupling:
 
 
 @dataclass(frozen=True)
-class Freedom:
+class FreeParameters:
     """bounds: entry -> (lowest, highest) of every design parameter that is free; what couples them."""
 
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)

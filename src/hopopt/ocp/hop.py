@@ -11,7 +11,7 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import Custom, checked
 from hopopt.ocp.custom import path as custom_path
-from hopopt.ocp.free_parameters import Freedom
+from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import find
@@ -19,17 +19,17 @@ from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Ends, Instant, Objective, PathConstraint, Phase, Problem
 from hopopt.ocp.tie_break import EFFORT, LOOPED, effort, largest_effort
 
-FIXED = Freedom()
+FIXED = FreeParameters()
 
 
 class Hop(MovingLeg):
     """One hop of a leg towards an objective; ``problem`` is what the transcription sees."""
 
     def __init__(
-        self, design: Design, objective: str | HopObjective = "clearance", freedom: Freedom = FIXED,
+        self, design: Design, objective: str | HopObjective = "clearance", free_parameters: FreeParameters = FIXED,
         constraints: tuple[Custom, ...] = (),
     ):  # fmt: skip
-        self.objective, self.freedom, self.constraints = find(objective), freedom, constraints
+        self.objective, self.free_parameters, self.constraints = find(objective), free_parameters, constraints
         self.asked = objective if isinstance(objective, str) else self.objective
         if fault := self.objective.fault(design):
             raise UsageError(f"objective {self.objective.name}: {fault}")
@@ -46,13 +46,13 @@ class Hop(MovingLeg):
     @cached_property
     def problem(self) -> Problem:
         """The multi-phase problem; every physical parameter of the leg is a parameter of it."""
-        goal, sequence = self.objective, self.objective.sequence(self, self.freedom)
+        goal, sequence = self.objective, self.objective.sequence(self, self.free_parameters)
         return Problem(
             self.design.name,
             tuple(self._extended(phase) for phase in sequence.phases),
             Objective(goal.name, self._goal_and_tie_break, goal.maximize, goal.unit, goal.scale(self)),
-            (*self.freedom.parameters(self.robot.parameters), *goal.parameters(self)),
-            (*sequence.transitions, *goal.boundary(self), *self.freedom.boundary(self)),
+            (*self.free_parameters.parameters(self.robot.parameters), *goal.parameters(self)),
+            (*sequence.transitions, *goal.boundary(self), *self.free_parameters.boundary(self)),
         )
 
     def _extended(self, phase: LegPhase) -> Phase:

@@ -63,7 +63,7 @@ def starts(count: int, seed: int) -> list[Start]:
     extra = count - len(NAMED)
     if extra <= 0:
         return list(NAMED[:count])
-    from scipy.stats import qmc  # slow to import, and most solves need no drawn starts
+    from scipy.stats import qmc  # slow to import, and most solves need no random starts
 
     sobol = qmc.Sobol(4, rng=seed).random(2 ** int(np.ceil(np.log2(extra))))[:extra]
     points = qmc.scale(sobol, [-0.5, -0.3, 0.0, 0.2], [0.6, 0.4, 0.4, 1.0])

@@ -11,10 +11,10 @@ than at lift-off: it comes no faster than it went, and has as much way left to s
 import casadi as ca
 import numpy as np
 
-from hopopt.ocp.free_parameters import Freedom
+from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.objective import HopObjective, demand, lowest_point, no_demand
+from hopopt.ocp.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE, descent
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends
 from hopopt.ocp.sequence import PhaseSequence, from_rest
@@ -23,9 +23,9 @@ from hopopt.ocp.transitions import apex, impact, touchdown
 GENTLE = 2e4  # times the usual tie-break: most legs can land at 0 J, and gentle torques decide between such hops
 
 
-def to_touchdown(leg: MovingLeg, freedom: Freedom) -> PhaseSequence:
+def to_touchdown(leg: MovingLeg, free_parameters: FreeParameters) -> PhaseSequence:
     """A hop from rest, and the descent from its apex to touchdown."""
-    up = from_rest(leg, freedom)
+    up = from_rest(leg, free_parameters)
     on_the_ground, window, from_above = touchdown(leg, DESCENT)
     return PhaseSequence(
         (*up.phases, descent(leg)),
@@ -61,8 +61,8 @@ def landing_guess(leg: MovingLeg, flight: Guess) -> Guess:
 
 IMPACT = HopObjective(
     "impact", "kinetic energy lost when the foot lands, after the descent from the apex", "J",
-    energy_lost, "impact_J", "demand", maximize=False,
-    scale=lambda leg: leg.weight * leg.reach, parameters=lambda leg: (demand(leg),),
+    energy_lost, "impact_J", "required clearance", maximize=False,
+    scale=lambda leg: leg.weight * leg.reach, parameters=lambda leg: (required_clearance(leg),),
     boundary=lambda leg: lowest_point(leg, "hop.clearance"),
-    fault=no_demand, tie_break=GENTLE, sequence=to_touchdown,
+    fault=no_required_clearance, tie_break=GENTLE, sequence=to_touchdown,
 )  # fmt: skip

@@ -16,9 +16,9 @@ from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, 
 from hopopt.ocp.sequence import Sequence, from_rest
 
 HEIGHTS = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
-DEMAND = "hop.clearance"  # the parameter (and the problem's entry) that an economical hop must reach [m]
+REQUIRED = "hop.clearance"  # the parameter (and the problem's entry) that an economical hop must reach [m]
 
-CLEARANCE = LimitId(Kind.CLEARANCE, key=DEMAND, unit="m")
+CLEARANCE = LimitId(Kind.CLEARANCE, key=REQUIRED, unit="m")
 WINDOW = LimitId(Kind.WINDOW, key="hop.foot_window", unit="m")
 
 
@@ -42,7 +42,7 @@ class HopObjective(Directed):
     unit: str
     value: Callable[[MovingLeg, Ends], ca.SX]
     figure: str
-    ends: Literal["window", "demand", "free"] = "window"
+    ends: Literal["window", "required clearance", "free"] = "window"
     maximize: bool = True
     scale: Callable[[MovingLeg], float] = lambda hop: 1.0
     parameters: Callable[[MovingLeg], tuple[Parameter, ...]] = lambda hop: ()
@@ -75,12 +75,12 @@ def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:
     )
 
 
-def demand(hop: MovingLeg) -> Parameter:
+def required_clearance(hop: MovingLeg) -> Parameter:
     """The clearance that the problem asks for, a number of the program: it changes without building it again."""
-    return Parameter(DEMAND, value=hop.design.hop.clearance or 0.0, unit="m")
+    return Parameter(REQUIRED, value=hop.design.hop.clearance or 0.0, unit="m")
 
 
-def no_demand(design: Design) -> str | None:
+def no_required_clearance(design: Design) -> str | None:
     """What to say if the problem does not say how high the hop must be."""
     if design.hop.clearance is None:
         return "it needs a clearance to reach: give hop.clearance [m], such as --set hop.clearance=0.4"

@@ -37,7 +37,7 @@ OBJECTIVES = {
 
 
 def given(objective: Any) -> str | HopObjective:
-    """What a user gives: the name of an objective, a function of one's own, or its name ``module:function``."""
+    """What a user gives: the name of an objective, a user-defined function, or its name ``module:function``."""
     if isinstance(objective, HopObjective) or (isinstance(objective, str) and ":" not in objective):
         return objective
     return as_objective(objective)
@@ -48,7 +48,7 @@ def find(objective: str | HopObjective) -> HopObjective:
     if isinstance(objective, HopObjective):
         return objective
     if ":" in objective:
-        raise UsageError(f"{objective} is a function of one's own, which is only run where it is given: give it again")
+        raise UsageError(f"{objective} is a user-defined function, which is only run where it is given: give it again")
     if objective not in OBJECTIVES:
         raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
     return OBJECTIVES[objective]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopopt.ocp.free_parameters import Freedom
+from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.phases import FLIGHT, STANCE, LegPhase, flight, stance
 from hopopt.ocp.problem import BoundaryConstraint
@@ -29,9 +29,11 @@ class PhaseSequence:
     transitions: tuple[BoundaryConstraint, ...]
 
 
-Sequence = Callable[[MovingLeg, Freedom], PhaseSequence]
+Sequence = Callable[[MovingLeg, FreeParameters], PhaseSequence]
 
 
-def from_rest(leg: MovingLeg, freedom: Freedom) -> PhaseSequence:
+def from_rest(leg: MovingLeg, free_parameters: FreeParameters) -> PhaseSequence:
     """A push from the start pose at rest, and flight up to the apex."""
-    return PhaseSequence((stance(leg, freedom.start(leg), np.zeros(leg.n)), flight(leg)), lift_off(leg, STANCE, FLIGHT))
+    return PhaseSequence(
+        (stance(leg, free_parameters.start(leg), np.zeros(leg.n)), flight(leg)), lift_off(leg, STANCE, FLIGHT)
+    )

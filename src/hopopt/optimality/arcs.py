@@ -17,8 +17,8 @@ ACTS = 1e-6  # share of the phase's largest multiplier density, scaled, below wh
 @dataclass(frozen=True)
 class Activity:
     """At the n abscissae of N intervals: t (N, n) [s] since the phase began; ``upper`` and ``lower`` (N, n, m), which
-    side of each limit acts; ``push`` (N, n, 2 m), what one range of either side is worth by the node's multiplier, and
-    ``met``, whether the problem's limit is met, whatever it is worth;
+    side of each limit acts; ``push`` (N, n, 2 m), what one range of either side gains by the node's multiplier, and
+    ``met``, whether the problem's limit is met, whatever it gains;
     names of the limits (path constraints, then states, then controls), and which depend on the controls, (m,)."""
 
     t: np.ndarray

@@ -38,7 +38,7 @@ def duration_bounds_residual(solution: NlpSolution, phase: str) -> float:
         if rows.phase == phase and rows.kind == "duration":
             nu = -sign(solution) * solution.lam_g[rows.start : rows.stop] / rows.scale
             lasted, least, most = (np.array([v]) for v in (trajectory.duration, shortest, longest))
-            total += float(_worth(solution, nu, lasted, least, most).sum())
+            total += float(_gain(solution, nu, lasted, least, most).sum())
     return total
 
 
@@ -58,11 +58,11 @@ def _left_open(
 ) -> tuple[float, str]:
     """Sum over the program's variables ``own`` of multiplier times distance, of the objective; and the worst's name."""
     scale = solution.transcription.scale[own]
-    worth = _worth(solution, -sign(solution) * solution.lam_x[own] / scale, value, lower, upper, scale)
-    return float(worth.sum()), names[int(worth.argmax())] if worth.any() else ""
+    gain = _gain(solution, -sign(solution) * solution.lam_x[own] / scale, value, lower, upper, scale)
+    return float(gain.sum()), names[int(gain.argmax())] if gain.any() else ""
 
 
-def _worth(
+def _gain(
     solution: NlpSolution, nu: np.ndarray, value: np.ndarray, lower: np.ndarray, upper: np.ndarray, scale: object = 1.0
 ) -> np.ndarray:
     """|multiplier| times the distance to the bound that it belongs to by its sign, of the objective."""

@@ -17,11 +17,11 @@ from hopopt.optimality.bounds import duration_bounds_residual, free_parameters_r
 from hopopt.optimality.costates import phase_multipliers, sign
 from hopopt.optimality.phase_functions import Along, PhaseFunctions
 from hopopt.optimality.pontryagin import FINE, PhaseCertificate, missed
-from hopopt.optimality.transversality import EndSlopes, end_slopes
+from hopopt.optimality.transversality import TransversalityConditions, transversality_conditions
 from hopopt.verify.check import Check
 
 COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself
-COSTATE, HAMILTONIAN, ENDS, WORTH = 1e-4, 5e-4, 1e-5, 1e-3  # tolerances, all relative
+COSTATE, HAMILTONIAN, ENDS, STATIONARY = 1e-4, 5e-4, 1e-5, 1e-3  # tolerances, all relative
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Certificate:
 
     checks: tuple[Check, ...]
     phases: Mapping[str, PhaseCertificate]
-    ends: EndSlopes
+    ends: TransversalityConditions
 
     @property
     def passed(self) -> bool:
@@ -56,7 +56,7 @@ def certify(solution: NlpSolution) -> Certificate:
         fine[name] = functions.along(solution, name, np.array(FINE.c))
         nodes[name] = functions.along(solution, name, np.array(layout.scheme.c))
         integrals[name] = np.einsum("i,k,ikl->l", solution.phases[name].lengths, FINE.b, fine[name].l)
-    ends, phases = end_slopes(solution, integrals), {}
+    ends, phases = transversality_conditions(solution, integrals), {}
     for name in fine:
         m = phase_multipliers(solution, name)
         phases[name] = PhaseCertificate(solution, name, ends.phases[name], fine[name], nodes[name], m)
@@ -75,10 +75,10 @@ def phase_checks(c: PhaseCertificate) -> list[Check]:
     duration = duration_bounds_residual(c.solution, name)
     return [
         Check(f"{name} {COSTATES}", costate, COSTATE, "relative", when),
-        Check(f"{name} controls stationary", c.stationarity(), WORTH, "of the objective"),
-        Check(f"{name} limits push where they hold", limits, WORTH, "of the objective", limit),
+        Check(f"{name} controls stationary", c.stationarity(), STATIONARY, "of the objective"),
+        Check(f"{name} limits push where they hold", limits, STATIONARY, "of the objective", limit),
         Check(f"{name} Hamiltonian along arcs", within, HAMILTONIAN, "relative", at),
-        Check(f"{name} Hamiltonian across switches", across, WORTH, "of the objective", edge),
+        Check(f"{name} Hamiltonian across switches", across, STATIONARY, "of the objective", edge),
         Check(f"{name} transversality at its start", c.start_residual(), ENDS, "relative"),
         Check(f"{name} transversality at its end", c.end_residual(), COSTATE, "relative"),
         Check(f"{name} transversality of its duration", c.duration_residual(), ENDS, "relative"),
@@ -87,7 +87,9 @@ def phase_checks(c: PhaseCertificate) -> list[Check]:
     ]
 
 
-def _shared(solution: NlpSolution, phases: Mapping[str, PhaseCertificate], ends: EndSlopes) -> list[Check]:
+def _shared(
+    solution: NlpSolution, phases: Mapping[str, PhaseCertificate], ends: TransversalityConditions
+) -> list[Check]:
     """Boundary constraints' complementarity, and stationarity and complementarity of the free parameters."""
     objective = solution.magnitude
     pushed = np.abs(ends.multiplier) * missed(ends.multiplier, ends.value, ends.lower, ends.upper, sign(solution), 1.0)

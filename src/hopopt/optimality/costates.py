@@ -42,7 +42,7 @@ class PhaseMultipliers:
 
     def moments(self, h: np.ndarray, scheme: Scheme) -> np.ndarray:
         """Each limit's density by its moments with the Bernstein polynomials of every interval (of length h), (N, n, m):
-        none is of the wrong sign where a limit is held between the nodes (nlp/continuous_limits.py), as single nodes' can be."""
+        none is of the wrong sign where a limit is enforced between the nodes (nlp/continuous_limits.py), as single nodes' can be."""
         lam = self.density * (h[:, None] * scheme.b)[..., None]
         return np.einsum("ijm,jk->ikm", lam, bernstein(scheme.c))
 

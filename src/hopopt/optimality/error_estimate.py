@@ -1,4 +1,4 @@
-"""How far a claimed optimum may lie above (be better than) the true one: what its own faults were worth to it.
+"""How far a claimed optimum may lie above (be better than) the true one: what its own faults gained.
 
 The interpolated solution solves another problem exactly: its dynamics are perturbed by d = x_h' - f(x_h, u_h), its
 limits are wider by what it passes them between the nodes. What that gained is, to first order, the integral of the
@@ -21,7 +21,7 @@ from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.layout import PhaseLayout
 from hopopt.nlp.schemes import lagrange
 from hopopt.optimality.costates import phase_multipliers
-from hopopt.optimality.transversality import EndSlopes, end_slopes
+from hopopt.optimality.transversality import TransversalityConditions, transversality_conditions
 from hopopt.verify.check import Check
 
 STATED = 1e-4  # relative: the largest error a verified claim may have; figures are printed to about that
@@ -79,17 +79,17 @@ def objective_error(solution: NlpSolution) -> ObjectiveError:
         trajectory, scheme = solution.phases[name], t.scheme
         l = _evaluated(solution, layout, *trajectory.everywhere(np.array(scheme.c)))[2]  # noqa: E741
         nodes[name] = trajectory.lengths[:, None] * np.einsum("k,ikl->il", scheme.b, l)
-    ends = end_slopes(solution, {name: total.sum(axis=0) for name, total in nodes.items()})
-    parts = sum((_phase_worth(solution, name, ends, nodes[name]) for name in nodes), np.zeros(5))
+    ends = transversality_conditions(solution, {name: total.sum(axis=0) for name, total in nodes.items()})
+    parts = sum((_phase_gap(solution, name, ends, nodes[name]) for name in nodes), np.zeros(5))
     size = solution.magnitude
     dynamics, controls, limits, jumps, squared = (float(part) for part in parts)
-    program = jumps + _program_worth(solution, ends) + ROUNDING * size
+    program = jumps + _program_gap(solution, ends) + ROUNDING * size
     second = (dynamics + controls + limits + program) ** 2 / size + squared * size
     return ObjectiveError(dynamics, controls, limits, program, second, size)
 
 
-def _phase_worth(solution: NlpSolution, name: str, ends: EndSlopes, quadrature: np.ndarray) -> np.ndarray:
-    """Worth of dynamics, controls, limits and jumps between intervals in one phase, and the sum of its faults' squares,
+def _phase_gap(solution: NlpSolution, name: str, ends: TransversalityConditions, quadrature: np.ndarray) -> np.ndarray:
+    """Gain by dynamics, controls, limits and jumps between intervals in one phase, and the sum of its faults' squares,
     relative to the objective, (5,)."""
     layout, trajectory = solution.transcription.layouts[name], solution.phases[name]
     m, h, weights = phase_multipliers(solution, name), trajectory.lengths, ends.phases[name]["integrals"]
@@ -130,13 +130,13 @@ def _phase_worth(solution: NlpSolution, name: str, ends: EndSlopes, quadrature: 
     return np.array([np.abs(part).sum() for part in (dynamics, controls, limits, jumps, np.hstack(squared))])
 
 
-def _program_worth(solution: NlpSolution, ends: EndSlopes) -> float:
+def _program_gap(solution: NlpSolution, ends: TransversalityConditions) -> float:
     """Residuals of the program times its multipliers; what the claim has beyond the trajectories."""
     b = solution.bounds
-    worth = np.abs(solution.lam_g) @ _outside(solution.g, b.low_g, b.high_g)
-    worth += np.abs(solution.lam_x) @ _outside(solution.z, b.low_z, b.high_z)
-    worth += np.abs(ends.multiplier) @ _outside(ends.value, ends.lower, ends.upper)
-    return float(worth) + abs(solution.objective - ends.objective)
+    gain = np.abs(solution.lam_g) @ _outside(solution.g, b.low_g, b.high_g)
+    gain += np.abs(solution.lam_x) @ _outside(solution.z, b.low_z, b.high_z)
+    gain += np.abs(ends.multiplier) @ _outside(ends.value, ends.lower, ends.upper)
+    return float(gain) + abs(solution.objective - ends.objective)
 
 
 class _Limits:

@@ -7,10 +7,10 @@ the objective then changes by k d^2 / 2, k = 1 / (c' C c), where C is the invers
                               D = multiplier / distance of each limit (much where it acts, nothing where it does not)
 
 (the reduced Hessian's inverse in the tangent space of what acts; Nocedal and Wright, Numerical Optimization, 16.2 and
-17.1). D is at most S, and what acts gives way by 1 / S: C of two S tells what is left without (Richardson). What is felt far
-more than FELT is still understated where limits hold it. Where C has no bound, nothing feels the move. The quantities
+17.1). D is at most S, and what acts gives way by 1 / S: C of two S tells what is left without (Richardson). What matters far
+more than INSENSITIVE is still understated where limits hold it. Where C has no bound, nothing depends on the move. The quantities
 asked are the means of every control over tenths of its phase, each duration and each free parameter: means, because a
-control at a single node is felt the less the finer the mesh.
+control at a single node matters the less, the finer the mesh.
 """
 
 from collections.abc import Iterator
@@ -27,10 +27,12 @@ from hopopt.nlp.terms import Matrix, csc
 from hopopt.ocp.problem import Component
 
 BLOCKS = 10  # of a phase, over which a control is averaged
-FELT = 1e-4  # relative change of the objective, if a quantity is moved by its whole range, below which it is flat
+INSENSITIVE = (
+    1e-4  # relative change of the objective, if a quantity is moved by its whole range, below which it is flat
+)
 ACTS = 1e-7  # of the objective: a multiplier below it (scaled limit by its scale) comes of a tie-break, not of the objective
 HELD = 1e-8  # added to W for each variable, of the objective: what stands for no bound
-STIFF = 1e6  # most that a limit that acts is worth, of the objective
+STIFF = 1e6  # most that a limit that acts may gain, of the objective
 SOFTER = 10.0  # times less, to see what gives way
 INEXACT = 1e-11  # backward error of a solve that is not believed: with STIFF, well below FELT
 PIVOTS = (  # none first: a symmetric matrix that is nearly definite then stays as sparse as intervals in a row are
@@ -49,7 +51,7 @@ class CannotBeTold(ArithmeticError):
 
 @dataclass(frozen=True)
 class Flat:
-    """A quantity that nothing feels: kind (duration, control, parameter), phase, name of the component, from when to
+    """A quantity to which the objective is insensitive: kind (duration, control, parameter), phase, name of the component, from when to
     when [s] since the phase began (empty for durations and parameters), and its ``felt``: the largest relative change
     of the objective if it moved by its whole range."""
 
@@ -64,9 +66,9 @@ class Flat:
         return {**{f.name: getattr(self, f.name) for f in fields(self)}, "name": str(self.name)}
 
 
-def flat(solution: NlpSolution, allowed: float = FELT) -> list[Flat]:
-    """What nothing feels at an optimum of the program (without a tie-break, or that would be felt); raises CannotBeTold."""
-    found = [q for q in felt(solution) if q.felt < allowed]
+def flat(solution: NlpSolution, allowed: float = INSENSITIVE) -> list[Flat]:
+    """To what the objective is insensitive at an optimum of the program (which has no tie-break); raises CannotBeTold."""
+    found = [q for q in sensitivities(solution) if q.felt < allowed]
     joined: list[Flat] = []
     for q in found:
         last = joined[-1] if joined else None
@@ -77,8 +79,8 @@ def flat(solution: NlpSolution, allowed: float = FELT) -> list[Flat]:
     return joined
 
 
-def felt(solution: NlpSolution) -> list[Flat]:
-    """Every quantity asked, with what the objective feels of it."""
+def sensitivities(solution: NlpSolution) -> list[Flat]:
+    """Every quantity asked, with how far the objective depends on it."""
     asked = list(_quantities(solution))
     stiffness = _stiffness(solution, [c for _, c, _ in asked])
     size = _size(solution)
@@ -142,7 +144,7 @@ def _stiffness(solution: NlpSolution, rows: list[np.ndarray]) -> np.ndarray:
 def _moved(
     solution: NlpSolution, W: Matrix, A: Matrix, g: np.ndarray, rows: list[np.ndarray], most: float
 ) -> np.ndarray:
-    """c' C c of each row c, where what acts is worth at most so much of the objective."""
+    """c' C c of each row c, where what acts gains at most so much of the objective."""
     b, size = solution.bounds, _size(solution)
     movable = b.low_z < b.high_z
     on_z = _acting(solution.lam_x, solution.z, b.low_z, b.high_z, size, most)
@@ -184,7 +186,7 @@ def longer_or_shorter(solution: NlpSolution, phase: str) -> dict[str, float | No
     all else is optimised anew: where limits take turns, second derivatives at the optimum do not tell. None where the
     phase's limits, or any others, do not allow it (or the solver found no way)."""
     t, where = solution.transcription, solution.transcription.variables[phase]
-    b = Bounds(*t.bounds(t.guess_from(solution.phases)), t.lbg, t.ubg)  # nothing drawn in, or held at a switch
+    b = Bounds(*t.bounds(t.guess_from(solution.phases)), t.lbg, t.ubg)  # nothing tightened, or held at a switch
     shortest, longest = t.problem.phase(phase).duration
     cost, changes = t.problem.objective.cost, dict[str, float | None]()
     solver = NlpSolver(t, {"ipopt.max_iter": ITERATIONS})

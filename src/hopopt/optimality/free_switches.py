@@ -1,7 +1,7 @@
 """An optimum solved again with the switches of its drives at free times, so that torques jump exactly there.
 
 1. Mesh edges are moved to the switches and set free, the drives' lines beside them held as equations: one program
-   finds the times (optimality/switch_times.py says which may move). Limits hold between the nodes there too (nlp/continuous_limits.py), or
+   finds the times (optimality/switch_times.py says which may move). Limits are enforced between the nodes there too (nlp/continuous_limits.py), or
    the times would serve to pass them.
 2. The times found are edges of an ordinary mesh; the problem itself, all limits inequalities again, is solved and
    refined there.
@@ -98,7 +98,7 @@ def _with_free_times(refined: NlpSolution, plans: Mapping[str, Plan]) -> NlpSolu
 
 
 def held_at_first(t: Transcription) -> Chosen:
-    """Path limits that are held between the nodes from the beginning: all, if holding pays."""
+    """Path limits that are enforced between the nodes from the beginning: all, if enforcing pays."""
     return {name: none | holds(t) for name, none in nothing_held(t).items()}
 
 

@@ -19,8 +19,8 @@ from hopopt.nlp.terms import csc, to_dm
 from hopopt.optimality.limits import Limit, limits
 
 GIVES = 1e-5  # scaled amount below which a limit counts as kept
-PUSHES = 1e-2  # least share in the others' giving for a limit to be named: 1 range of it is worth 1 % of their range
-NEAR = 1e-6  # weight that keeps the point where it began in directions that no limit feels
+PUSHES = 1e-2  # least share in the others' giving for a limit to be named: 1 range of it equals 1 % of their range
+NEAR = 1e-6  # weight that keeps the point where it began in directions that no limit depends on
 SHORTEST = 1e-2  # of its own lower bound: what a duration may be loosened to
 ROOM = 1e-2  # scaled amount by which the first point has more room than it needs
 ITERATIONS = 300

@@ -57,7 +57,7 @@ class PhaseFunctions:
         self.function = ca.Function("along", [x, u, t, p], outputs, {"cse": True})
 
     def along(self, solution: NlpSolution, phase: str, places: np.ndarray) -> Along:
-        """The values at the same places of every interval."""
+        """The values at the same normalised times of every interval."""
         t, x, u = solution.phases[phase].everywhere(places)
         values = [np.atleast_1d(solution.parameters[q.name]) for q in solution.transcription.problem.parameters]
         p = np.concatenate(values) if values else np.zeros(0)

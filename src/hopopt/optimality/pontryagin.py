@@ -132,7 +132,7 @@ class PhaseCertificate:
     def limits_residual(self) -> tuple[float, str]:
         """Integral of each multiplier times the distance to the limit it belongs to by its sign; and the worst limit.
 
-        The limits are those of the problem: where they were drawn in, what that costs is part of it.
+        The limits are those of the problem: where they were tightened, what that costs is part of it.
         """
         s, (lower, upper, scale) = sign(self.solution), self._bounds
         moments, scheme, pushed = self.multipliers.moments(self.h, self.layout.scheme), self.layout.scheme, 0.0
@@ -167,7 +167,7 @@ class PhaseCertificate:
     def steady(self) -> np.ndarray:
         """H less the integral of its partial derivative by time, (N, K): constant along an optimum.
 
-        Where a limit was drawn in, H is less by its multiplier times the amount, which is added here.
+        Where a limit was tightened, H is less by its multiplier times the amount, which is added here.
         """
         inner = self.h[:, None] * np.einsum("kj,ij->ik", FINE.A, self._by_time)
         before = np.concatenate([[0.0], np.cumsum(inner[:-1, -1])])
@@ -177,7 +177,7 @@ class PhaseCertificate:
 
     @cached_property
     def _drawn_in(self) -> tuple[np.ndarray, np.ndarray]:
-        """By how much the lower and upper limits were drawn in at all nodes of each interval, (N, m) each."""
+        """By how much the lower and upper limits were tightened at all nodes of each interval, (N, m) each."""
         (lower, upper, scale), N, found = self._bounds, len(self.h), []
         groups = [
             [side.reshape(N, -1, len(names)) for side in (low, high)]
@@ -188,7 +188,7 @@ class PhaseCertificate:
             differences = low - lower, upper - high
         for drawn in differences:
             amount = np.nan_to_num(drawn, nan=0.0, posinf=0.0, neginf=0.0).min(axis=1)
-            found.append(np.where((low == high).all(axis=1), 0.0, amount))  # held as an equation, not drawn in
+            found.append(np.where((low == high).all(axis=1), 0.0, amount))  # held as an equation, not tightened
         return found[0], found[1]
 
     @cached_property
@@ -198,7 +198,7 @@ class PhaseCertificate:
 
     def hamiltonian_within(self, found: Sequence[Arc]) -> tuple[float, str]:
         """Largest spread of the intervals' H along an arc, relative to the size of its terms on that arc and on average
-        over the phase, and to what the phase's duration is worth; and where."""
+        over the phase, and to what the phase's duration gains; and where."""
         mean, changed = self.steady @ FINE.b, [0.0] * len(found)
         typical = self._average(self._power @ FINE.b) + np.abs(self.slopes["duration"]).max(initial=1e-300)
         for k, arc in enumerate(found):

@@ -18,7 +18,7 @@ from hopopt.optimality.switching_structure import GAP, Run, runs
 
 SAME = 0.005  # share of the phase: switches of several drives that are closer are one
 AWAY = 0.03  # share of the phase: how far a moving switch keeps from limits of heights and angles
-WORTH = 1e-3  # of the objective: what one range of a line must be worth to be held
+GAIN = 1e-3  # of the objective: what one range of a line must gain to be held
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Pin:
 
 @dataclass(frozen=True)
 class Plan:
-    """Times [s] of the switches of a phase, which of them may move, and the lines held between them."""
+    """Times [s] of the switches of a phase, which of them may move, and the lines enforced between them."""
 
     switches: tuple[float, ...]
     free: tuple[bool, ...]
@@ -43,7 +43,7 @@ class Plan:
 def plan(act: Activity, duration: float, objective: float) -> Plan:
     """What is to be re-solved of a phase that lasts ``duration`` [s]."""
     lines = [stretch for name in _drives(act.limits) for stretch in _lines(act, name, duration)]
-    lines = [s for s in lines if _worth(act, s) > WORTH * abs(objective)]
+    lines = [s for s in lines if _gain(act, s) > GAIN * abs(objective)]
     times = sorted({t for s in lines for t in (s.begin, s.end) if 0 < t < duration})
     merged = _merged(times, SAME * duration)
     near = {t: min(merged, key=lambda m: abs(m - t)) for t in times} | {0.0: 0.0, duration: duration}
@@ -74,8 +74,8 @@ def _lines(act: Activity, drive: Hashable, duration: float) -> list[Run]:
     return found
 
 
-def _worth(act: Activity, s: Run) -> float:
-    """What one range of the line(s) is worth over a stretch, by the multipliers."""
+def _gain(act: Activity, s: Run) -> float:
+    """What one range of the line(s) gains over a stretch, by the multipliers."""
     m, inside = len(act.limits), (act.t > s.begin) & (act.t < s.end)
     columns = [act.limits.index(limit) + m * (side == "lower") for limit, side in s.limit]
     return float(act.push[inside][:, columns].sum())

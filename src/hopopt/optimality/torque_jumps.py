@@ -8,7 +8,7 @@ from hopopt.leg.limit_id import Kind, kind_of
 from hopopt.nlp.interval_errors import stage_values
 from hopopt.nlp.ipopt import NlpSolution
 
-ON = 5e-3  # share of the line: what is left of it where it counts as used up (limits may be drawn in a little)
+ON = 5e-3  # share of the line: what is left of it where it counts as used up (limits may be tightened a little)
 JUMP = 0.05  # share of the line: a smaller change is a kink, where lines meet
 SIDES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # places of the intervals beside an edge
 

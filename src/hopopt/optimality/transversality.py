@@ -14,7 +14,7 @@ PARTS: tuple[str, ...] = ("initial", "final", "duration", "integrals")
 
 
 @dataclass(frozen=True)
-class EndSlopes:
+class TransversalityConditions:
     """Derivatives of the objective less the boundary constraints times their multipliers, by phase: by the initial
     and final state (nx,), the duration (), the integrals (k,); by the free parameters (f,).
 
@@ -49,7 +49,7 @@ class _EndSymbols:
         self.ends = Ends(initial, final, duration, integral, self.p)
 
 
-def end_slopes(solution: NlpSolution, integrals: Mapping[str, np.ndarray]) -> EndSlopes:
+def transversality_conditions(solution: NlpSolution, integrals: Mapping[str, np.ndarray]) -> TransversalityConditions:
     """The slopes at a solution whose phases' integrals are given, by phase (k,)."""
     t, s = solution.transcription, sign(solution)
     rows = [r for r in t.rows if r.kind == "boundary"]
@@ -65,7 +65,9 @@ def end_slopes(solution: NlpSolution, integrals: Mapping[str, np.ndarray]) -> En
     phases = {name: dict(zip(PARTS, found[4 * k : 4 * k + 4], strict=True)) for k, name in enumerate(names)}
     labels = tuple(label for r in rows for label in r.labels)
     bounds_of_free = -s * (solution.lam_x / t.scale)[t.parameters]
-    return EndSlopes(phases, found[-1], float(objective), value, multiplier, lower, upper, labels, bounds_of_free)
+    return TransversalityConditions(
+        phases, found[-1], float(objective), value, multiplier, lower, upper, labels, bounds_of_free
+    )
 
 
 def _slopes(problem: Problem) -> tuple[_EndSymbols, ca.Function]:

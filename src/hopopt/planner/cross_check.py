@@ -1,4 +1,4 @@
-"""Second opinions on an answer: another NLP solver on the answer's mesh, other transcription schemes on the same problem.
+"""Cross-checks of an answer: another NLP solver on the answer's mesh, other transcription schemes on the same problem.
 
 Uno's filter SQP (Vanaret and Leyffer, Math. Prog. Comp. 2024) is an active-set method with a trust region and a filter;
 it shares the program with Ipopt and nothing of how it is solved: no multipliers, no barrier, CasADi's own derivatives. It
@@ -25,7 +25,7 @@ from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary_extras import CrossCheck
 
-SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which opinions agree
+SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which cross-checks agree
 AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer
 AFFORDABLE = 6000  # variables of a program for Uno: a minute or some
 FEASIBLE = 1e-6  # scaled: what another solver may miss its constraints by
@@ -35,11 +35,11 @@ LOOSE = 1e-4  # local error of schemes that collocate both ends: their controls 
 
 
 class Failed(Exception):
-    """Why an opinion could not be had."""
+    """Why a cross-check could not be made."""
 
 
 @dataclass(frozen=True)
-class Opinion:
+class CrossCheckOutcome:
     """What another way of solving says: its objective and what that is compared with [the objective's unit], the relative
     difference (positive: better than the answer) and what is allowed, whether it agrees, whether it contradicts the
     answer, wall time [s]; ``reason`` says why there is none, or what it falls short of."""
@@ -56,47 +56,51 @@ class Opinion:
 
 
 @dataclass(frozen=True)
-class Said:
+class CrossCheckAnswer:
     """An objective, and what it falls short of, if anything."""
 
     objective: float
     short: str = ""
 
 
-def with_opinions(hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = lambda text: None) -> Solution:
+def with_cross_checks(hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = lambda text: None) -> Solution:
     """The answer, its verdict as before, with ``second_opinions`` in its summary; exit code 3 and a note if one of them
     is better: such a hop is true, but not the best."""
-    found = opinions(hop, answer, say)
+    found = cross_checks(hop, answer, say)
     clock.mark("second opinions")
-    told = tuple(CrossCheck(**asdict(o)) for o in found)
-    answer = answer.with_summary(second_opinions=told, wall_s=clock.last - clock.begin, timings_s=clock.stages)
+    reported = tuple(CrossCheck(**asdict(o)) for o in found)
+    answer = answer.with_summary(second_opinions=reported, wall_s=clock.last - clock.begin, timings_s=clock.stages)
     if notes := [_objection(o) for o in found if o.contradicts]:
         return answer.with_summary(exit_code=3, notes=(*answer.summary.notes, *notes))
     return answer
 
 
-def opinions(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> list[Opinion]:
-    """All opinions on an answer; ``answer.kkt`` holds the program that it came from."""
+def cross_checks(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> list[CrossCheckOutcome]:
+    """All cross-checks of an answer; ``answer.kkt`` holds the program that it came from."""
     sign, value, own = hop.objective.sign, answer.summary.objective_value, answer.summary.scheme
     stored = stored_nlp(answer)
     nlp = affordable(hop, stored)
     which = "the same program" if nlp is stored else "the program with limits at the nodes alone"
     name = f"Uno, filter SQP, on {which} of {_sizes(nlp.transcription)} intervals"
-    say(f"second opinion: {name}")
+    say(f"cross-check: {name}")
     found = [
-        opinion(name, sign, SAME_PROGRAM, nlp.objective, lambda: by_uno(nlp, hop.design.solver.seed), stored.least)
+        cross_checked(
+            name, sign, SAME_PROGRAM, nlp.objective, lambda: by_uno(nlp, hop.design.solver.seed), stored.least
+        )
     ]
     for other in [s for s in SCHEMES if s.name != own][:2]:
         how = f"refined on its own to {_tolerance(hop, other):.0e}" if hop.design.solver.refine else "on one mesh"
         name = f"{other.name}, {how}"
-        say(f"second opinion: {name}")
-        found.append(opinion(name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored), stored.least))
+        say(f"cross-check: {name}")
+        found.append(
+            cross_checked(name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored), stored.least)
+        )
     return found
 
 
 def affordable(hop: Hop, last: NlpSolution) -> NlpSolution:
     """Ipopt's solution on the answer's mesh or, where that is too large for Uno, on the first one; limits at the nodes
-    alone: where they are held between them too, more of them act than there are controls, and active sets fail."""
+    alone: where they are enforced between them too, more of them act than there are controls, and active sets fail."""
     fits, most = len(last.z) <= AFFORDABLE, {"ipopt.max_iter": hop.design.solver.max_iterations}
     t = last.transcription if fits else first_transcription(hop)
     if fits and np.array_equal([t.lbg, t.ubg], [last.bounds.low_g, last.bounds.high_g]):
@@ -106,24 +110,29 @@ def affordable(hop: Hop, last: NlpSolution) -> NlpSolution:
     return warm if warm and warm.success else NlpSolver(t, most)(guess, free)
 
 
-def opinion(
-    name: str, sign: float, allowed: float, value: float, ask: Callable[[], Said], least: float = 1e-9
-) -> Opinion:
+def cross_checked(
+    name: str, sign: float, allowed: float, value: float, ask: Callable[[], CrossCheckAnswer], least: float = 1e-9
+) -> CrossCheckOutcome:
     """What ``ask`` says, against the answer's ``value``; ``sign`` as that of the objective in the merit; differences are
     relative to the value, but to no less than ``least``."""
     began = time.perf_counter()
     try:
-        said = ask()
+        reported = ask()
     except (Failed, RuntimeError, ArithmeticError, ValueError) as error:  # CasADi raises RuntimeError, at length
         reason = " ".join(str(error).split())[:200] or type(error).__name__
-        return Opinion(name, None, value, None, allowed, False, False, time.perf_counter() - began, reason)
-    difference = sign * (said.objective - value) / max(abs(value), least)
-    agrees, contradicts = abs(difference) <= allowed and not said.short, difference > SAME_PROBLEM and not said.short
+        return CrossCheckOutcome(name, None, value, None, allowed, False, False, time.perf_counter() - began, reason)
+    difference = sign * (reported.objective - value) / max(abs(value), least)
+    agrees, contradicts = (
+        abs(difference) <= allowed and not reported.short,
+        difference > SAME_PROBLEM and not reported.short,
+    )
     seconds = time.perf_counter() - began
-    return Opinion(name, said.objective, value, difference, allowed, agrees, contradicts, seconds, said.short)
+    return CrossCheckOutcome(
+        name, reported.objective, value, difference, allowed, agrees, contradicts, seconds, reported.short
+    )
 
 
-def by_uno(ours: NlpSolution, seed: int) -> Said:
+def by_uno(ours: NlpSolution, seed: int) -> CrossCheckAnswer:
     """Uno on the program and bounds of Ipopt's solution ``ours``, from there moved away.
 
     Values that are given (the start) are no variables of Uno's. Raises Failed if either solver did not converge.
@@ -144,10 +153,10 @@ def by_uno(ours: NlpSolution, seed: int) -> Said:
     stats, missed = solver.stats(), _missed(z, rows, b)
     if not stats["success"] or missed > FEASIBLE:
         raise Failed(f"{_words(stats['return_status'])}, constraints missed by {missed:.0e}")
-    return Said(t.problem.objective.cost(float(cost[0])))
+    return CrossCheckAnswer(t.problem.objective.cost(float(cost[0])))
 
 
-def by_scheme(hop: Hop, scheme: Scheme, answer: NlpSolution) -> Said:
+def by_scheme(hop: Hop, scheme: Scheme, answer: NlpSolution) -> CrossCheckAnswer:
     """The problem by another scheme from an answer, refined on its own mesh.
 
     Schemes that collocate both ends of an interval begin on twice as many, and hold limits at the nodes only. Raises
@@ -164,7 +173,9 @@ def by_scheme(hop: Hop, scheme: Scheme, answer: NlpSolution) -> Said:
     refinement = refinement_of(first, replace(aims, local_error=tolerance, excess=np.inf if both_ends else aims.excess))
     refinement.run()
     wrong = max(float(e.local.max()) for e in refinement.errors.values())
-    return Said(refinement.solution.objective, f"its local error is {wrong:.0e}" if wrong > tolerance else "")
+    return CrossCheckAnswer(
+        refinement.solution.objective, f"its local error is {wrong:.0e}" if wrong > tolerance else ""
+    )
 
 
 def _sizes(t: Transcription) -> str:
@@ -186,7 +197,7 @@ def _words(status: str) -> str:
     return status.replace("_", " ").lower()
 
 
-def _objection(o: Opinion) -> str:
+def _objection(o: CrossCheckOutcome) -> str:
     return (
         f"this is not the best hop: {o.name} found {o.objective:.5f} for {o.compared_with:.5f}; solve again with more "
         "starts (docs/certificate.md)"

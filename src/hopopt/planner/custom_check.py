@@ -1,4 +1,4 @@
-"""Functions of one's own, checked on the plan's table: evaluated in numbers, with Pinocchio's points, between the nodes."""
+"""User-defined functions, checked on the plan's table: evaluated in numbers, with Pinocchio's points, between the nodes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,17 +11,17 @@ from hopopt.ocp.custom import PHASES, Custom, Moment, symbols
 from hopopt.ocp.objective import HopObjective
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
-from hopopt.verify.measures import FINE, dense, integral, places_of
+from hopopt.verify.measures import FINE, dense, integral, normalised_times_of
 from hopopt.verify.table import Table
 
 CLAIM = 1e-4  # relative
-EVERY = 8  # of the fine places, where a constraint is looked at
+EVERY = 8  # of the fine normalised times, where a constraint is looked at
 
 
 def custom_checks(
     robot: Robot, tables: Mapping[str, Table], goal: HopObjective, constraints: Sequence[Custom], claim: float | None
 ) -> list[Check]:
-    """The claimed value of an objective of one's own, and every constraint of one's own in its phases."""
+    """The claimed value of a user-defined objective, and every user-defined constraint in its phases."""
     checks = []
     if goal.custom is not None and claim is not None:
         value = _objective(robot, tables, goal.custom)
@@ -58,22 +58,22 @@ def _objective(robot: Robot, tables: Mapping[str, Table], c: Custom) -> float:
     return float(function(*numbers))  # type: ignore[arg-type]
 
 
-def along(robot: Robot, phase: str, table: Table, c: Custom, places: np.ndarray) -> np.ndarray:
-    """The function's values (N, k, m) at the same places of every interval."""
+def along(robot: Robot, phase: str, table: Table, c: Custom, normalised_times: np.ndarray) -> np.ndarray:
+    """The function's values (N, k, m) at the same normalised times of every interval."""
     m = symbols(len(robot.joints), tuple(robot.points), False, kind(phase), table.f.shape[-1])
     function = ca.Function("along", [*_inputs(m), m.a, m.tau, m.f], [ca.densify(c(m))])
-    machine, at = Machine(robot), places_of(table)
-    arrays = [dense(at, getattr(table, name), places) for name in ("t", "q", "v", "a", "tau", "f")]
+    machine, at = Machine(robot), normalised_times_of(table)
+    arrays = [dense(at, getattr(table, name), normalised_times) for name in ("t", "q", "v", "a", "tau", "f")]
     t, q, v, a, tau, f = (x.reshape(-1, *x.shape[2:]) for x in arrays)
     begin = table.t[0, 0]
     rows = [[*_numbers(machine, t[k] - begin, q[k], v[k]), a[k], tau[k], f[k]] for k in range(len(t))]
     columns = [np.array(column).reshape(len(t), -1).T for column in zip(*rows, strict=True)]
     found = np.array(function.map(len(t))(*columns)).T
-    return found.reshape(len(table.t), len(places), -1)
+    return found.reshape(len(table.t), len(normalised_times), -1)
 
 
 def kind(phase: str) -> str:
-    """As what a function of one's own sees a phase: a descent is flight."""
+    """As what a user-defined function sees a phase: a descent is flight."""
     return "stance" if phase == "stance" else "flight"
 
 

@@ -10,7 +10,7 @@ from hopopt.design import Design
 from hopopt.nlp.interval_errors import IntervalErrors
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.kkt_residuals import residuals
-from hopopt.nlp.tightening_cost import price
+from hopopt.nlp.tightening_cost import tightening_cost
 from hopopt.ocp.custom import FIGURE, Custom
 from hopopt.ocp.objective import HopObjective
 from hopopt.optimality.certificate import certify
@@ -22,7 +22,7 @@ from hopopt.planner.stored_multipliers import stored
 from hopopt.planner.verdict import StatedError, Verdict
 from hopopt.verify.check import KKT, Check
 from hopopt.verify.plan import verify_plan
-from hopopt.verify.whole_hop import left_out, not_simulated, worth
+from hopopt.verify.whole_hop import left_out, not_simulated, whole_hop_rollout
 
 
 def judge(
@@ -71,7 +71,7 @@ def numerical_checks(
     change: float,
     error: ObjectiveError | None = None,
 ) -> list[Check]:
-    """First-order conditions recomputed, error of every interval, settled objective, price of the limits, and the error
+    """First-order conditions recomputed, error of every interval, settled objective, tightening cost, and the error
     of the objective, unless ``error`` is it already."""
     r, s = residuals(solution), design.solver
     local = max(float(e.local.max()) for e in errors.values())
@@ -81,7 +81,7 @@ def numerical_checks(
         Check("complementarity", r.complementarity, KKT, "scaled"),
         Check("local error of the intervals", local, s.tolerance, "scaled"),
         Check("change of the objective", change, s.objective_tolerance, "relative"),
-        Check("price of drawing in the limits", price(solution), s.price_tolerance, "relative"),
+        Check("tightening cost", tightening_cost(solution), s.price_tolerance, "relative"),
         (error or objective_error(solution)).check(),
     ]
 
@@ -90,13 +90,13 @@ def stated_error(
     plan: Motion, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float]
 ) -> tuple[list[Check], StatedError]:
     """Checks of the hop simulated in one piece, and the stated error; ``claims``: what is stated, by name."""
-    gain = price(solution) * solution.magnitude
+    gain = tightening_cost(solution) * solution.magnitude
     if note := not_simulated(plan.design):
         return left_out(note), StatedError(
             estimate.too_high_by, estimate.relative, estimate, {"note": note}, gain_of_relaxing=gain
         )
     claim = (goal.figure, claims[goal.figure], goal.sign)
-    found = worth(plan.design, plan.tables, goal.figure, goal.ends)
+    found = whole_hop_rollout(plan.design, plan.tables, goal.figure, goal.ends)
     largest = max(estimate.too_high_by, found.short(*claim)) if found.followed else estimate.too_high_by
     error = StatedError(largest, largest / estimate.size, estimate, found.as_dict(*claim), gain)
     return found.checks(*claim, estimate.size), error

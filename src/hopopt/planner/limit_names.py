@@ -87,10 +87,10 @@ def conflict_words(design: Design, found: Conflict | None) -> list[str]:
         return [
             "All limits can hold together (a motion that meets them was found): try more starts, or more iterations."
         ]
-    said: dict[str, str] = {}
+    reported: dict[str, str] = {}
     for part in found.parts:
-        said.setdefault(*words_of(design, part.limit))
-    named = [f"{words} ({entry})" if entry else words for words, entry in list(said.items())[:NAMED]]
+        reported.setdefault(*words_of(design, part.limit))
+    named = [f"{words} ({entry})" if entry else words for words, entry in list(reported.items())[:NAMED]]
     more = ", and what the leg's motion demands" if len(named) == 1 else ""
     sentences = [f"These cannot hold together: {'; '.join(named)}{more}."]
     ways: dict[str, str] = {}
@@ -125,13 +125,13 @@ def _help(path: str, share: float) -> str:
 
 
 def flat_words(found: Sequence[Flat]) -> list[str]:
-    """A sentence for what the objective does not feel, by phase and time; none if it feels everything."""
+    """A sentence for what the objective does not depend on, by phase and time; none if it depends on everything."""
     together: dict[tuple[str, str], list[str]] = {}
     for f in found:
         when = f" from {f.when[0]:.3f} to {f.when[1]:.3f} s" if f.when else ""
         together.setdefault((f" in {f.phase}" if f.kind == "control" else "", when), []).append(_what(f))
     return [
-        f"flat: the objective does not feel the {' and the '.join(names)}{phase}{when}; other motions are as good"
+        f"insensitive: the objective does not depend on the {' and the '.join(names)}{phase}{when}; other motions are as good"
         for (phase, when), names in together.items()
     ]
 
@@ -139,5 +139,5 @@ def flat_words(found: Sequence[Flat]) -> list[str]:
 def _what(f: Flat) -> str:
     if f.kind == "duration":
         return f"duration of {f.phase}"
-    said = CONTROLS.get(str(f.name.of), "") if f.name.label else ""
-    return said.format(f.name.label) or str(f.name)
+    reported = CONTROLS.get(str(f.name.of), "") if f.name.label else ""
+    return reported.format(f.name.label) or str(f.name)

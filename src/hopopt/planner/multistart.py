@@ -15,8 +15,8 @@ from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.custom import Custom
-from hopopt.ocp.feasibility import too_weak
-from hopopt.ocp.free_parameters import Freedom
+from hopopt.ocp.feasibility import drives_too_weak
+from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import Start, make_guess, starts
 from hopopt.ocp.objective import HopObjective
@@ -115,7 +115,7 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
     first = run_chunk(hop, [0], solver, known)
     remember(watch, first[0])  # and no other, so that what starts lead to does not depend on how they are divided
     each, others = time.perf_counter() - began, range(1, count)
-    if not first[0].success and too_weak(hop.design, hop.robot):  # seldom does another start help such a leg
+    if not first[0].success and drives_too_weak(hop.design, hop.robot):  # seldom does another start help such a leg
         return first
     processes = min(processes, len(others))
     if processes < 2 or each * len(others) * (1 - 1 / processes) < WORKER:
@@ -123,7 +123,7 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
     from joblib import Parallel, delayed
 
     data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
-    more = (hop.asked, hop.freedom, hop.constraints)
+    more = (hop.asked, hop.free_parameters, hop.constraints)
     jobs = (delayed(_chunk_in_worker)(data, *more, chunk, known, first[0]) for chunk in chunks)
     parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
     return first + [parts[k % processes][k // processes] for k in range(len(others))]
@@ -132,13 +132,13 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
 def _chunk_in_worker(
     data: dict[str, Any],
     objective: str | HopObjective,
-    freedom: Freedom,
+    free_parameters: FreeParameters,
     constraints: tuple[Custom, ...],
     chunk: Sequence[int],
     known: bool,
     first: StartOutcome,
 ) -> list[StartOutcome]:
-    hop = Hop(Design.model_validate(data), objective, freedom, constraints)
+    hop = Hop(Design.model_validate(data), objective, free_parameters, constraints)
     return run_chunk(hop, chunk, first_solver(hop, known, known_optima(hop, [first])), known)
 
 
@@ -228,7 +228,7 @@ def not_solved(hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = Fals
     worst = violations(closest)
     reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
     message = f"{hop.design.name}: {reason} ({statuses})."
-    weak = too_weak(hop.design, hop.robot)
+    weak = drives_too_weak(hop.design, hop.robot)
     found = [*weak, *hints(hop.design), *(conflict_words(hop.design, conflict(closest)) if thorough and worst else [])]
     if worst:
         return NotSolvedError(message, [*found, "Worst constraints of the closest start:", *worst])

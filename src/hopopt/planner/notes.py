@@ -25,7 +25,7 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
     if better is not None:
         value = f"{better.summary.objective_value:.4f} {goal.unit}, {'higher' if goal.sign > 0 else 'lower'}"
         notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
-    if goal.ends != "demand" and (asked_for := best.design.hop.clearance) is not None:
+    if goal.ends != "required clearance" and (asked_for := best.design.hop.clearance) is not None:
         notes.append(f"hop.clearance = {asked_for:g} plays no part: the objective {goal.name} asks for no height")
     over = float(best.apex.points["foot"][0, 1] - best.apex.q[0, 1])
     if over > 0:
@@ -49,7 +49,7 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
 
 
 def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
-    """That the plan was made with smaller tolerances than the problem's, and why."""
+    """That the plan was made with tighter tolerances than the problem's, and why."""
     names = [name for name in AT_MOST if getattr(used.solver, name) != getattr(asked.solver, name)]
     if not names:
         return []
@@ -59,7 +59,7 @@ def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
 
 
 def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
-    """What the objective does not feel; None if that cannot be told."""
+    """What the objective does not depend on; None if that cannot be computed."""
     try:
         return flat(without_tie_break(best, hop))
     except (CannotBeTold, RuntimeError):  # of CasADi too: no reason to lose the answer

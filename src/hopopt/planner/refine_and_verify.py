@@ -57,7 +57,7 @@ class Answer:
         return self.refined.solution.objective
 
 
-def finish(
+def refined_and_verified(
     hop: Hop,
     outcome: StartOutcome,
     outcomes: Sequence[StartOutcome],
@@ -85,25 +85,25 @@ def refine_and_verify(
     say("verifying")
     found = judged(hop, refinement, clock)
     sound = found.verified and found.verdict.certified
-    if (closer := with_smaller_tolerances(hop, refinement, sound)) is None:
+    if (closer := hop_with_tighter_tolerances(hop, refinement, sound)) is None:
         return found
     if found.verified:  # nearly done: go on from there
-        say("verified, but not certified: refining further, with smaller tolerances")
+        say("verified, but not certified: refining further, with tighter tolerances")
         again = judged(closer, refinement.further(aims_of(closer)), clock)
         return again if again.verified and again.verdict.certified else found
-    say("not verified: refining again, with smaller tolerances")
+    say("not verified: refining again, with tighter tolerances")
     again = refine_and_verify(closer, outcome, say, first, restarts, clock)
     return again if again.verified else found
 
 
-def with_smaller_tolerances(hop: Hop, refinement: Refinement, sound: bool) -> Hop | None:
-    """The question once more with smaller tolerances, if it is worth it: the hop met all
+def hop_with_tighter_tolerances(hop: Hop, refinement: Refinement, sound: bool) -> Hop | None:
+    """The question once more with tighter tolerances, if that may help: the hop met all
     aims of its refinement and is not ``sound`` (verified, and certified where that is asked); else None."""
-    smaller = finer(hop.design)
+    smaller = with_tighter_tolerances(hop.design)
     return None if sound or refinement.ended != MET or smaller == hop.design else hop.with_solver_of(smaller)
 
 
-def finer(design: Design) -> Design:
+def with_tighter_tolerances(design: Design) -> Design:
     """The problem with tolerances of the solver of at most AT_MOST: more accurate than a height is read."""
     s = design.solver
     smaller = {name: min(getattr(s, name), most) for name, most in AT_MOST.items()}
@@ -158,8 +158,8 @@ def aims_of(hop: Hop) -> Aims:
 def progress_line(hop: Hop, s: MeshStep) -> str:
     """One solve of a refinement, for whoever waits; what counts first, for narrow screens cut the rest."""
     sizes = " + ".join(str(n) for n in s.intervals.values())
-    held = f", limits held between the nodes in {s.held} intervals" if s.held else ""
-    held += f", limits drawn in {s.drawn_in} time{'s' if s.drawn_in > 1 else ''}" if s.drawn_in else ""
+    held = f", limits enforced between the nodes in {s.held} intervals" if s.held else ""
+    held += f", limits tightened {s.drawn_in} time{'s' if s.drawn_in > 1 else ''}" if s.drawn_in else ""
     return (
         f"{hop.objective.name} {s.objective:.5f} {hop.objective.unit} on {sizes} intervals, local error "
         f"{s.local_error:.0e}, limits exceeded by {s.excess:.0e}{held}"

@@ -145,9 +145,9 @@ class Motion:
         x, u = self.phases[phase].sample(t)
         return self._evaluate(phase, np.asarray(t) + self._begin(phase), x, u)
 
-    def everywhere(self, phase: str, places: np.ndarray) -> Samples:
-        """The whole leg at the same places (0 to 1) of every interval of a phase, interval by interval."""
-        t, x, u = self.phases[phase].everywhere(places)
+    def everywhere(self, phase: str, normalised_times: np.ndarray) -> Samples:
+        """The whole leg at the same normalised times (0 to 1) of every interval of a phase, interval by interval."""
+        t, x, u = self.phases[phase].everywhere(normalised_times)
         return self._evaluate(phase, t.ravel() + self._begin(phase), x.reshape(t.size, -1), u.reshape(t.size, -1))
 
     @cached_property
@@ -244,8 +244,10 @@ class Solution(Motion):
         if not self.doubts:
             return self.summary
         note = f"{'; '.join(self.doubts)}: hopopt verify {self.result_dir} computes every check again"
-        notes, told = (note, *self.summary.notes), {"verified": False, "status": "changed after it was stored"}
-        return replace(self.summary, **told, exit_code=3, failed_checks=("files as they were written",), notes=notes)
+        notes, reported = (note, *self.summary.notes), {"verified": False, "status": "changed after it was stored"}
+        return replace(
+            self.summary, **reported, exit_code=3, failed_checks=("files as they were written",), notes=notes
+        )
 
 
 def _as_derived(solution: Solution, motion: Motion) -> Solution:

@@ -30,9 +30,9 @@ def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]
     goal, own = solution.own
     if (goal.name if goal else None) != objective or sorted(c.name for c in own) != sorted(constraints):
         options = [f"--objective {objective}"] * bool(objective) + [f"--constraint {name}" for name in constraints]
-        what = "was found without functions of one's own: give none"
+        what = "was found without user-defined functions: give none"
         if options:
-            what = f"was found with functions of one's own and needs their module: add {' '.join(options)}"
+            what = f"was found with user-defined functions and needs their module: add {' '.join(options)}"
         raise UsageError(f"{solution.result_dir} {what}")
     return goal or find(solution.objective), own
 

@@ -8,12 +8,12 @@ from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.nlp.mesh_refinement import UNSOLVED, relative
 from hopopt.ocp.custom import custom
-from hopopt.ocp.feasibility import unresisted
+from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import starts as named_and_drawn
+from hopopt.ocp.initial_guess import starts as all_starts
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
-from hopopt.planner.cross_check import with_opinions
+from hopopt.planner.cross_check import with_cross_checks
 from hopopt.planner.families import alarm_note, search_figures
 from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.limit_names import flat_words
@@ -28,7 +28,7 @@ from hopopt.planner.multistart import (
     run_chunk,
 )
 from hopopt.planner.notes import flat_directions, notes_on
-from hopopt.planner.refine_and_verify import finer, finish
+from hopopt.planner.refine_and_verify import refined_and_verified, with_tighter_tolerances
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
@@ -47,7 +47,7 @@ def solve(
     starts: int | None = None,
     processes: int | None = None,
     structure: bool = False,
-    second_opinion: bool = False,
+    cross_check: bool = False,
     progress: Progress | None = None,
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified.
@@ -55,7 +55,7 @@ def solve(
     objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (optimality/free_switches.py), with smaller tolerances (planner/refine_and_verify.py); second_opinion: asked of another solver and other schemes,
+    (optimality/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another solver and other schemes too,
     in the summary's ``second_opinions`` (planner/cross_check.py); progress is called with a line of text now and then. Raises
     NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.
@@ -63,9 +63,9 @@ def solve(
     if not isinstance(design, Design):
         raise UsageError(f"solve needs a problem, not {design!r:.80}: load it first, ho.solve(ho.load('paper'))")
     say, clock = progress or (lambda text: None), Stopwatch()
-    asked, design = design, finer(design) if structure else design
+    asked, design = design, with_tighter_tolerances(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
-    if faults := unresisted(hop.design, hop.robot):
+    if faults := joints_without_inertia(hop.design, hop.robot):
         raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
     clock.mark("model")
     count = starts or design.solver.starts
@@ -73,7 +73,9 @@ def solve(
     searched = search_first_mesh(hop, count, processes, say, economical)
     outcomes = searched.outcomes
     clock.mark("starts")
-    finished = [finish(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)]
+    finished = [
+        refined_and_verified(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)
+    ]
     if not finished:
         say("looking for the limits that cannot hold together")
         raise not_solved(hop, outcomes, thorough=True)
@@ -83,10 +85,10 @@ def solve(
     found = flat_directions(hop, best)
     families, overall = search_figures(hop, searched, finished, best)
     notes = (*alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
-    told = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
-    best = best.with_summary(notes=notes, flat=told, families=families, global_=overall)
-    if second_opinion:
-        best = with_opinions(hop, best, clock, say)
+    reported = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
+    best = best.with_summary(notes=notes, flat=reported, families=families, global_=overall)
+    if cross_check:
+        best = with_cross_checks(hop, best, clock, say)
     return best
 
 
@@ -97,7 +99,7 @@ def solve_from(
     clock = Stopwatch()
     if not chosen:
         raise not_solved(hop, outcomes)
-    finished = [finish(hop, outcome, outcomes, say, clock) for outcome in chosen]
+    finished = [refined_and_verified(hop, outcome, outcomes, say, clock) for outcome in chosen]
     return best_of(hop.objective, finished)
 
 
@@ -136,7 +138,7 @@ def once_more(
     if doubtful.summary.refinement_ended != UNSOLVED:
         return hop, doubtful
     say("not verified: refining again, with restarts")
-    return hop, finish(hop, outcomes[_chosen(doubtful, outcomes)], outcomes, say, clock)
+    return hop, refined_and_verified(hop, outcomes[_chosen(doubtful, outcomes)], outcomes, say, clock)
 
 
 def calmer(
@@ -150,11 +152,11 @@ def calmer(
     say(f"not verified: solving again with solver.tie_break = {CALMER * s.tie_break:g}")
     data = hop.design.model_dump(exclude_none=True)
     data["solver"]["tie_break"] = CALMER * s.tie_break
-    other = Hop(Design.model_validate(data), hop.asked, hop.freedom, hop.constraints)
+    other = Hop(Design.model_validate(data), hop.asked, hop.free_parameters, hop.constraints)
     outcome = _same_start(other, _chosen(doubtful, outcomes), outcomes)
     if not outcome.success:
         return None
-    again = finish(other, outcome, outcomes, say, clock)
+    again = refined_and_verified(other, outcome, outcomes, say, clock)
     as_good = relative(again.summary.objective_value, doubtful.summary.objective_value) < CLOSE
     return (other, again) if again.verified and as_good else None
 
@@ -163,7 +165,7 @@ def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutc
     """What the start of outcome k leads to in a problem of the same form; from the outcome's own hop if it is none of the
     named or drawn starts."""
     name = outcomes[k].name
-    if name in [start.name for start in named_and_drawn(k + 1, hop.design.solver.seed)]:
+    if name in [start.name for start in all_starts(k + 1, hop.design.solver.seed)]:
         return run_chunk(hop, [k])[0]
     began, s = time.perf_counter(), first_solver(hop).from_vector(outcomes[k].vectors["z"])
     return outcome_of(name, s, time.perf_counter() - began)

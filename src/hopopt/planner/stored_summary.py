@@ -34,6 +34,7 @@ from hopopt.planner.summary_parts import (
 
 VERSION = 1  # of the summary's keys
 SUM = 1e-9  # m: by which the clearance may differ from the sum of its parts
+FORMER = {"tightening cost": "price of drawing in the limits"}  # names of checks in results stored earlier
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,8 @@ class Summary(Measures):
 
     def check(self, name: str) -> NamedCheck:
         """A check by its name; KeyError if it was not made."""
-        return {c.name: c for c in self.verification}[name]
+        found = {c.name: c for c in self.verification}
+        return found[name] if name in found else found[FORMER.get(name, name)]
 
     def contradictions(self) -> list[str]:
         """What in it contradicts itself, a sentence each."""

@@ -37,7 +37,7 @@ from hopopt.planner.summary_parts import (
     UpperBound,
 )
 from hopopt.planner.verdict import Verdict
-from hopopt.planner.verdict_entries import conditions, error_entry, standing, structure_entry
+from hopopt.planner.verdict_entries import conditions, error_entry, structure_entry, verification_entries
 from hopopt.verify.upper_bound import upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -68,8 +68,8 @@ def summarize(
         objective_figure=goal.figure,
         maximized=goal.maximize,
         functions=Functions(goal.name if goal.custom else None, tuple(c.name for c in hop.constraints)),
-        clearance_asked_for_m=plan.design.hop.clearance if goal.ends == "demand" else None,
-        **standing(verdict),
+        clearance_asked_for_m=plan.design.hop.clearance if goal.ends == "required clearance" else None,
+        **verification_entries(verdict),
         **found,
         objective_error=error_entry(verdict.error),
         objective_value=solution.objective,
@@ -120,7 +120,7 @@ def in_the_objectives_unit(unit: str, bias: float, gains: dict[str, float]) -> d
 
 
 def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FINE)) -> float:
-    """Mean over time [values' unit] of values at FINE places of every interval (trapezoids)."""
+    """Mean over time [values' unit] of values at the FINE normalised times of every interval (trapezoids)."""
     t, y = samples.t.reshape(-1, per_interval), values.reshape(-1, per_interval)
     return float(np.trapezoid(y, t, axis=1).sum() / (t[-1, -1] - t[0, 0]))
 
@@ -203,7 +203,7 @@ def most_first(amounts: Mapping[str, float]) -> dict[str, float]:
 
 
 def own_active(solution: NlpSolution) -> dict[str, float]:
-    """Share of stance in which sides of constraints of one's own, by name, are active, at the nodes."""
+    """Share of stance in which sides of user-defined constraints, by name, are active, at the nodes."""
     t, b, shares = solution.transcription, solution.bounds, dict[str, float]()
     h, weights = solution.phases[STANCE].lengths, t.layouts[STANCE].scheme.b
     for rows in (r for r in t.rows if r.phase == STANCE and kind_of(r.name) is Kind.USER):
@@ -215,7 +215,7 @@ def own_active(solution: NlpSolution) -> dict[str, float]:
 
 
 def _own_range(t: Transcription, rows: Rows) -> np.ndarray:
-    """What one per cent of a limit of one's own is of: the distance of its two sides, or the size of its only one."""
+    """What one per cent of a user-defined limit is of: the distance of its two sides, or the size of its only one."""
     lower, upper = t.lbg[rows.start : rows.stop], t.ubg[rows.start : rows.stop]
     both = np.isfinite(lower) & np.isfinite(upper)
     one = np.abs(np.where(np.isfinite(upper), upper, lower))
@@ -235,7 +235,7 @@ def _active_at_the_ground(plan: Motion, stance: Samples) -> dict[str, np.ndarray
 
 
 def by_friction(solution: NlpSolution) -> np.ndarray:
-    """Change of each row of the friction cone with the coefficient [N], (places, sides)."""
+    """Change of each row of the friction cone with the coefficient [N], (instants, sides)."""
     rows = {kind_of(r.name): r for r in solution.transcription.rows if r.phase == STANCE}
     ground, sides = rows[Kind.GROUND_FORCE], rows[Kind.FRICTION].labels
     force = solution.g[ground.start : ground.stop] * ground.scale
@@ -247,18 +247,18 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
     of what is maximised, less of what is minimised. The friction cone's range is its coefficient."""
     t, gains, lam_g = solution.transcription, {}, of_limits(solution)
     for rows in t.rows:
-        kind, said = kind_of(rows.name), str(rows.name)
+        kind, reported = kind_of(rows.name), str(rows.name)
         if kind in (Kind.REGION, Kind.WINDOW, Kind.LANDING_WINDOW):
             bound = np.abs(t.ubg[rows.start : rows.stop])
-            gains[said] = gains.get(said, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
+            gains[reported] = gains.get(reported, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
         elif kind is Kind.USER:
             for side, way in (("upper", 1.0), ("lower", -1.0)):
                 pushed = np.maximum(way * lam_g[rows.start : rows.stop], 0.0) @ _own_range(t, rows)
-                name = f"{said} ({side})"
+                name = f"{reported} ({side})"
                 gains[name] = gains.get(name, 0.0) + 0.01 * float(pushed)
         elif kind is Kind.FRICTION and friction is not None:
             lam = solution.lam_g[rows.start : rows.stop].reshape(-1, len(rows.labels)) / rows.scale
-            gains[said] = -0.01 * friction * float((lam * by_friction(solution)).sum())
+            gains[reported] = -0.01 * friction * float((lam * by_friction(solution)).sum())
     for name, where in t.variables.items():
         phase = t.problem.phase(name)
         gains[f"longest {name}"] = (

@@ -124,7 +124,7 @@ class Simulated(Measures):
 
     clearance_m: float | None = if_any("height of the lowest point when flight ends [m]")
     followed: bool | None = if_any("whether it stayed on the plan")
-    short_by: Real | None = if_any("by how much it is worth less than the claim [the objective's unit]")
+    short_by: Real | None = if_any("by how much the rollout value is less than the claim [the objective's unit]")
     strayed: Real | None = if_any("largest distance from the plan [SI]")
     passed: Real | None = if_any("largest share of its range by which a limit was passed")
     limit: str | None = if_any("that limit")
@@ -140,13 +140,13 @@ class Relaxed(Strict):
 
 @dataclass(frozen=True)
 class Error(Strict):
-    """How far the objective may be off [the objective's unit, unless said otherwise]."""
+    """How far the objective may be off [the objective's unit, unless stated otherwise]."""
 
     too_high_by: Real = stated("by how much the claim may be better than the optimum")
     relative: Real = stated("the same, relative to the objective")
     estimate: Estimate = stated("from the trajectories and multipliers")
     simulated: Simulated = stated("from the hop simulated in one piece")
-    relaxed: Relaxed = stated("what it costs that limits hold between the nodes too")
+    relaxed: Relaxed = stated("what enforcing limits between the nodes costs")
     could_be_beaten_by: float | None = stated("neighbouring hops may be better by this; null if not certified")
 
 

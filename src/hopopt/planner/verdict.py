@@ -19,7 +19,7 @@ Multipliers = dict[str, np.ndarray]  # of one phase, or of the ends, by name
 
 @dataclass(frozen=True)
 class StatedError:
-    """How far a stated objective may be off, in the objective's unit unless said otherwise.
+    """How far a stated objective may be off, in the objective's unit unless stated otherwise.
 
     too_high_by: by how much the claim may be better than the optimum: the larger one of estimate and simulation
     relative: the same, relative to the objective

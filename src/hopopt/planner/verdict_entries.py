@@ -9,7 +9,7 @@ from hopopt.planner.summary_parts import Condition, Error, Estimate, NamedCheck,
 from hopopt.planner.verdict import StatedError, Verdict
 
 
-def standing(verdict: Verdict) -> dict[str, Any]:
+def verification_entries(verdict: Verdict) -> dict[str, Any]:
     """Entries that say whether an answer is verified: in words, as the exit code, and check by check."""
     verified = verdict.verified
     return {
@@ -29,12 +29,12 @@ def conditions(verdict: Verdict) -> dict[str, Condition]:
 
 def error_entry(error: StatedError) -> Error:
     """The stated error as a summary holds it."""
-    told = error.as_dict()
+    reported = error.as_dict()
     return Error(
-        **{k: told[k] for k in ("too_high_by", "relative", "could_be_beaten_by")},
-        estimate=Estimate(**told["estimate"]),
-        simulated=Simulated(**told["simulated"]),
-        relaxed=Relaxed(**told["relaxed"]),
+        **{k: reported[k] for k in ("too_high_by", "relative", "could_be_beaten_by")},
+        estimate=Estimate(**reported["estimate"]),
+        simulated=Simulated(**reported["simulated"]),
+        relaxed=Relaxed(**reported["relaxed"]),
     )
 
 

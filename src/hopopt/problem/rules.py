@@ -236,8 +236,8 @@ def _ground_faults(leg: Leg, start: Start, hop: Hop) -> Iterator[tuple[str, str]
     if pose is None:
         solutions = TwoJoints.of(leg).angles(np.array([start.foot_x, -(start.hip_height or 0.0)]))
         pose = next(tuple(q) for q in solutions if within_limits(leg, q))
-    places = joint_positions(leg, pose)[:, 2]
-    heights = places - places[-1]
+    positions = joint_positions(leg, pose)[:, 2]
+    heights = positions - positions[-1]
     path = "start.hip_height" if start.joint_angles is None else "start.joint_angles"
     for name, height in zip(leg.joints, heights, strict=False):
         if name in (hop.above_ground or leg.joints) and height < -ROUNDING:

@@ -65,8 +65,8 @@ def allowed(info: FieldInfo | None) -> str:
     """What an entry may be."""
     kind = required_type(info.annotation) if info else None
     words = _literals(kind)
-    if said := _extra(info, "allowed"):
-        return said
+    if reported := _extra(info, "allowed"):
+        return reported
     if words:
         return ("a list of " if get_origin(kind) is tuple else "") + " or ".join(f'"{word}"' for word in words)
     if get_origin(kind) is tuple and str in get_args(kind):

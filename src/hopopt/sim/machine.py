@@ -157,12 +157,12 @@ class Machine:
 
     def paths(self, q: np.ndarray) -> dict[str, np.ndarray]:
         """World x, z [m] of joints and foot, name -> (k, 2), at k poses q (k, BASE + n)."""
-        places = np.empty((len(self.frames), len(q), 3))
+        positions = np.empty((len(self.frames), len(q), 3))
         for k, row in enumerate(q):
             pin.framesForwardKinematics(self.model, self.data, row)
-            for place, frame in zip(places, self.frames.values(), strict=True):
+            for place, frame in zip(positions, self.frames.values(), strict=True):
                 place[k] = self.data.oMf[frame].translation
-        return {name: place[:, [0, 2]] for name, place in zip(self.frames, places, strict=True)}
+        return {name: place[:, [0, 2]] for name, place in zip(self.frames, positions, strict=True)}
 
     def com_velocity(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """World x', z' [m/s] of the centre of mass."""

@@ -43,7 +43,7 @@ Figures = Callable[[Solution, Path], Any]
 
 
 def folder_name(design: Design, objective: str, constraints: Sequence[str] = ()) -> str:
-    """``<problem>-<hash8>`` from the problem's contents, the objective and the names of constraints of one's own."""
+    """``<problem>-<hash8>`` from the problem's contents, the objective and the names of user-defined constraints."""
     text = " ".join([design_hash(design), objective, *constraints])
     return f"{design.name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 

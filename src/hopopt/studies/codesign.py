@@ -16,7 +16,7 @@ from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.ocp.custom import custom
-from hopopt.ocp.free_parameters import Coupling, Freedom, parse_coupling
+from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import given
 from hopopt.optimality.parametric_sensitivity import slopes
@@ -30,13 +30,13 @@ from hopopt.planner.multistart import (
     outcome_of,
     solution_of,
 )
-from hopopt.planner.refine_and_verify import finish, refine_outcome
+from hopopt.planner.refine_and_verify import refine_outcome, refined_and_verified
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import best_of
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
-from hopopt.planner.verdict_entries import standing
+from hopopt.planner.verdict_entries import verification_entries
 from hopopt.problem.load import changed
 from hopopt.problem.render import rows
 from hopopt.problem.wording import did_you_mean
@@ -66,38 +66,40 @@ def codesign(
     """
     say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
     side_by_side = processes or os.cpu_count() or 1
-    freedom = checked(design, free, couple)
+    free_parameters = checked(design, free, couple)
     own = tuple(custom(c) for c in constraints)
-    hop = Hop(design, given(objective), freedom, own)
+    hop = Hop(design, given(objective), free_parameters, own)
 
-    def told(text: str) -> None:
+    def reported(text: str) -> None:
         say(f"co-design: {text}")
 
-    outcomes = search_first_mesh(hop, count, side_by_side, told, _begun(hop, count, side_by_side, told)).outcomes
-    refined = [refine_outcome(hop, o, told).solution for o in contenders(outcomes)]
+    outcomes = search_first_mesh(
+        hop, count, side_by_side, reported, _begun(hop, count, side_by_side, reported)
+    ).outcomes
+    refined = [refine_outcome(hop, o, reported).solution for o in contenders(outcomes)]
     if not refined:
         raise not_solved(hop, outcomes)
     best = max(refined, key=lambda s: hop.objective.merit(s.objective))
     clock.mark("co-design")
-    fixed = Hop(changed(design, optimal(freedom, best)), hop.asked, constraints=own)
+    fixed = Hop(changed(design, optimal(free_parameters, best)), hop.asked, constraints=own)
     say("solving the design that came out")
     again = search_first_mesh(fixed, count, side_by_side, say, [from_motion(fixed, best)]).outcomes
     clock.mark("starts")
-    finished = [finish(fixed, o, again, say, clock) for o in contenders(again)]
+    finished = [refined_and_verified(fixed, o, again, say, clock) for o in contenders(again)]
     if not finished:
         raise not_solved(fixed, again)
     answer = best_of(fixed.objective, finished)
     return _described(answer, hop, best)
 
 
-def _begun(hop: Hop, count: int, side_by_side: int, told: Progress) -> list[StartOutcome]:
+def _begun(hop: Hop, count: int, side_by_side: int, reported: Progress) -> list[StartOutcome]:
     """Co-designs begun from what is known: the highest hop where a clearance is asked for, and the best hop of the design
     as it is given, below which the co-design's optimum cannot lie."""
-    besides = from_highest(hop, count, told)
+    besides = from_highest(hop, count, reported)
     if count == 1 or any(o.success for o in besides):
         return besides
     given_design = Hop(hop.design, hop.asked, constraints=hop.constraints)
-    found = contenders(search_first_mesh(given_design, count, side_by_side, told).outcomes)
+    found = contenders(search_first_mesh(given_design, count, side_by_side, reported).outcomes)
     t = first_transcription(given_design)
     return besides + [from_motion(hop, solution_of(o, t), "the design as given") for o in found[:1]]
 
@@ -111,10 +113,10 @@ def from_motion(hop: Hop, motion: NlpSolution, name: str = "co-design") -> Start
     )
 
 
-def optimal(freedom: Freedom, solution: NlpSolution) -> dict[str, float]:
+def optimal(free_parameters: FreeParameters, solution: NlpSolution) -> dict[str, float]:
     """The free parameters' values, those on a bound exactly there."""
     found = {}
-    for path, (low, high) in freedom.bounds.items():
+    for path, (low, high) in free_parameters.bounds.items():
         value = float(solution.parameters[path][0])
         side = next((x for x in (low, high) if abs(value - x) < AT_BOUND * (high - low)), value)
         found[path] = side
@@ -126,27 +128,27 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
     found = CoDesign(
         best.objective,
         parameters=tuple(_parameters(hop, best)),
-        couplings=tuple(_coupling(c, hop, best) for c in hop.freedom.couplings),
-        mass_laws={part: MassLawUsed(**law) for part, law in laws(hop.freedom).items()},
+        couplings=tuple(_coupling(c, hop, best) for c in hop.free_parameters.couplings),
+        mass_laws={part: MassLawUsed(**law) for part, law in laws(hop.free_parameters).items()},
     )
     assert answer.verdict is not None
-    value, notes = answer.summary.objective_value, beyond(hop.freedom)
+    value, notes = answer.summary.objective_value, beyond(hop.free_parameters)
     verdict = answer.verdict.with_checks(co_design_checks(hop.objective, value, found))
     if hop.objective.sign * (value - best.objective) > CONFIRMED * abs(value):
         notes.append("the fixed design has a better hop than the co-design found: try more starts")
-    told = (*answer.summary.notes, *notes)
-    return answer.noted(verdict=verdict).with_summary(**standing(verdict), codesign=found, notes=told)
+    reported = (*answer.summary.notes, *notes)
+    return answer.noted(verdict=verdict).with_summary(**verification_entries(verdict), codesign=found, notes=reported)
 
 
 def _parameters(hop: Hop, best: NlpSolution) -> list[FreeEntry]:
     """For each free entry: value before and now, bounds, whether it is at one and what moving that would gain."""
     t, by = best.transcription, slopes(best)
     entries = {row.path: row for row in rows(hop.design)}
-    values, found = optimal(hop.freedom, best), []
+    values, found = optimal(hop.free_parameters, best), []
     for k, p in enumerate(t.free):
         if p.name not in values:
             continue
-        low, high = hop.freedom.bounds[p.name]
+        low, high = hop.free_parameters.bounds[p.name]
         at = t.parameters.start + sum(q.size for q in t.free[:k])
         bound = "lower" if values[p.name] == low else "upper" if values[p.name] == high else None
         slope = float((by.low_z if bound == "lower" else by.high_z)[at]) if bound else 0.0
@@ -186,12 +188,12 @@ def _unknown(leg: Leg, entry: str, known: Mapping[str, float]) -> str:
     return f"there is no such number of the leg that is set{near}"
 
 
-def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Sequence[str] = ()) -> Freedom:
-    """The freedom that is asked for, if the problem can have it; UsageError in a sentence if not."""
+def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Sequence[str] = ()) -> FreeParameters:
+    """The free parameters that are asked for, if the problem can have it; UsageError in a sentence if not."""
     known = physical_parameters(design.leg)
     if not free:
         raise UsageError("nothing is free: give --free leg.gear.ratio=50:200, say")
-    bounds = Freedom(dict(free))
+    bounds = FreeParameters(dict(free))
     for entry, (low, high) in free.items():
         if entry not in known:
             raise UsageError(f"--free {entry}: {_unknown(design.leg, entry, known)}")
@@ -208,7 +210,7 @@ def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Seq
         raise UsageError(f'--couple: two laws of the catalogue say {repeated}: name their torques in one, with "and"')
     for c in couplings:
         _meets(c, free, known)
-    return Freedom(dict(free), couplings)
+    return FreeParameters(dict(free), couplings)
 
 
 def _meets(c: Coupling, free: Mapping[str, tuple[float, float]], known: Mapping[str, float]) -> None:
@@ -239,14 +241,14 @@ def _possible(design: Design, entry: str, value: float) -> None:
             raise UsageError(f"--free: {wrong[0]}") from None
 
 
-def _holds_com(entry: str, shortest: float, freedom: Freedom, known: Mapping[str, float]) -> None:
+def _holds_com(entry: str, shortest: float, free_parameters: FreeParameters, known: Mapping[str, float]) -> None:
     """That a link cannot get shorter than its centre of mass is far, where that is set."""
     com = f"{entry.removesuffix('.length')}.com"
     if not entry.endswith(".length") or com not in known:
         return
-    far = freedom.bounds.get(com, (known[com], known[com]))[1]
+    far = free_parameters.bounds.get(com, (known[com], known[com]))[1]
     if shortest < far:
-        reach = f"{com} can be {far:g} m" if com in freedom.bounds else f"{com} = {far:g} m is set"
+        reach = f"{com} can be {far:g} m" if com in free_parameters.bounds else f"{com} = {far:g} m is set"
         raise UsageError(
             f"--free {entry}: {reach}, beyond the end of a link of {shortest:g} m: begin its range at {far:g} m or above"
         )

@@ -183,7 +183,7 @@ def paper_strategy(solution: Solution) -> PaperStrategy | None:
 
     ``clearance_m`` and ``share_of_bound``, None where it does not hop within the problem's limits; why not (``fault``,
     in words, or empty); whether it is ``beyond_bound``, which then is wrong. None in all where the optimum is no bound on
-    clearance (another objective, constraints of one's own), or the leg is not of two joints or cannot be simulated.
+    clearance (another objective, user-defined constraints), or the leg is not of two joints or cannot be simulated.
     """
     if not solution.verified or solution.objective != OBJECTIVE or solution.summary.functions.constraints:
         return None
@@ -241,7 +241,7 @@ def planned_trace(solution: Solution) -> Trace:
     return Trace(solution.robot, t, q, v, tau, tau, tau, f, contact, works, events, "the clearance is reached")
 
 
-def integrals_to(places: np.ndarray) -> np.ndarray:
+def integrals_to(normalised_times: np.ndarray) -> np.ndarray:
     """W with W @ values = integrals from 0 to each place of the polynomial through the values, (k, k)."""
-    powers = np.arange(1, len(places) + 1)
-    return (places[:, None] ** powers / powers) @ np.linalg.inv(np.vander(places, increasing=True))
+    powers = np.arange(1, len(normalised_times) + 1)
+    return (normalised_times[:, None] ** powers / powers) @ np.linalg.inv(np.vander(normalised_times, increasing=True))

@@ -6,7 +6,7 @@ import numpy as np
 
 from hopopt.errors import ResultError
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.optimality.flat_directions import FELT, STRETCH, CannotBeTold, flat, longer_or_shorter
+from hopopt.optimality.flat_directions import INSENSITIVE, STRETCH, CannotBeTold, flat, longer_or_shorter
 from hopopt.planner.limit_names import flat_words
 from hopopt.planner.limit_use import Use, as_dict, idle_uses
 from hopopt.planner.solution import Solution
@@ -18,7 +18,7 @@ PLACES = np.linspace(0.0, 1.0, 9)
 
 
 def diagnose(solution: Solution) -> dict[str, Any]:
-    """flat: what the objective does not feel (optimality/flat_directions.py), the tie-break left out, None if that cannot be told;
+    """flat: what the objective does not depend on (optimality/flat_directions.py), the tie-break left out, None if that cannot be told;
     durations: by which share of itself it gets worse if a phase lasts 10 % shorter or longer and the whole hop is solved
     anew, None where that is not possible; idle_limits (planner/limit_use.py); words: the same in sentences. Takes seconds. Raises
     ResultError without stored multipliers."""
@@ -31,7 +31,7 @@ def diagnose(solution: Solution) -> dict[str, Any]:
             found = flat(nlp)
             words = flat_words(found)
         except CannotBeTold as error:  # no reason to lose the rest
-            found, words = None, [f"what the objective does not feel cannot be told: {error}"]
+            found, words = None, [f"what the objective does not depend on cannot be computed: {error}"]
     idle = idle_uses(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
     words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
     units = {row.path: row.unit for row in rows(solution.design)}
@@ -45,8 +45,8 @@ def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> s
     what = f"{phase} {STRETCH:.0%} {way} ({lasts * (1 + (STRETCH if way == 'longer' else -STRETCH)):.3f} s)"
     if change is None:
         return f"{what}: the limits do not allow it, or no hop was found"
-    if abs(change) < FELT:
-        return f"flat: {what} is as good, all else following"
+    if abs(change) < INSENSITIVE:
+        return f"insensitive: {what} is as good, all else following"
     return (
         f"{what} costs {change:.2%} of the objective" if change > 0 else f"{what} gains {-change:.2%} of the objective"
     )

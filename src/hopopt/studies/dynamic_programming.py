@@ -42,7 +42,7 @@ ACCELERATIONS = 9  # tried between the least and the largest
 TIE = 1e-6  # m/s: weight of the effort in the planner's reduced problem
 PACE = 1.0  # steps in the time of a fast rise, for each row of the grid to the power 2/3
 SHORTEST = 1e-3  # s: a stance may be as short as it likes
-NOWHERE = -1.0  # m: worth of a state from which the leg cannot go on
+NOWHERE = -1.0  # m: value of a state from which the leg cannot go on
 MOST = 2000  # rows of a grid: 4 million states
 TELLING = 40  # rows of a grid below which its height may be wrong by more than
 CONTRADICTED = 0.01  # relative: by so much more than the planner's, it speaks against the planner
@@ -109,11 +109,11 @@ def by_dynamic_programming(design: Design, size: int) -> float:
     then_v, then_y = v[..., None] + a * dt, leg.y[:, None, None] + v[..., None] * dt + 0.5 * a * dt**2
     then_share = then_v / np.interp(then_y, leg.y, fastest)
     look_up = _Bilinear(leg.y, share, then_y, then_share)
-    worth = rise.copy()
+    value = rise.copy()
     for _ in range(steps):
-        worth = np.maximum(rise, look_up(worth).max(axis=-1))
+        value = np.maximum(rise, look_up(value).max(axis=-1))
     begin = start_place(design)[1]
-    return float(_Bilinear(leg.y, share, np.array(begin), np.array(0.0))(worth))
+    return float(_Bilinear(leg.y, share, np.array(begin), np.array(0.0))(value))
 
 
 def upright(design: Design, size: int) -> Upright:

@@ -10,14 +10,14 @@ from hopopt.design import Design
 from hopopt.nlp.ipopt import CARRIED, NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.feasibility import unresisted
+from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import motion_guess
 from hopopt.ocp.phases import STANCE
 from hopopt.planner.families import motion, words
 from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import SAME, StartOutcome, first_options, first_transcription, outcome_of, solution_of
-from hopopt.planner.refine_and_verify import finish
+from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.solution import Motion
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.render import design_hash
@@ -118,7 +118,7 @@ def _program(design: Design) -> _Program:
 def searched(design: Design, count: int) -> list[Optimum]:
     """The distinct optima that so many starts, relaxed problems and the global method lead to, best first."""
     p = _program(design)
-    if unresisted(p.hop.design, p.hop.robot):
+    if joints_without_inertia(p.hop.design, p.hop.robot):
         return []
     outcomes = search_first_mesh(p.hop, count, 1, _silent).outcomes
     found = list[Optimum]()
@@ -202,7 +202,7 @@ def refined(design: Design, optimum: Optimum) -> Refined:
     """The optimum on meshes fine enough for its checks."""
     hop = _program(design).hop
     try:
-        found = finish(hop, optimum.outcome, [optimum.outcome], _silent, Stopwatch())
+        found = refined_and_verified(hop, optimum.outcome, [optimum.outcome], _silent, Stopwatch())
     except STOPS as error:
         return Refined(optimum.clearance, False, (f"stopped by a {type(error).__name__}",))
     return Refined(found.clearance, found.verified, tuple(found.summary.failed_checks))

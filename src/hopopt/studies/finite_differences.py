@@ -1,7 +1,7 @@
 """Derivatives of the best height confirmed by solving again: the entry a little larger, a little smaller.
 
 Each changed problem is built anew from its file's entries and solved on the optimum's mesh from the optimum, with
-the same limits held between the nodes. So nothing that the derivative was made of is taken for granted but the mesh.
+the same limits enforced between the nodes. So nothing that the derivative was made of is taken for granted but the mesh.
 """
 
 import re
@@ -117,7 +117,7 @@ def with_entry(design: Design, path: str, value: float) -> Design:
 
 
 def solve_again(old: NlpSolution, design: Design, objective: str) -> NlpSolution:
-    """The optimum of a slightly different problem on the same mesh, with the same limits held between the nodes or drawn
+    """The optimum of a slightly different problem on the same mesh, with the same limits enforced between the nodes or drawn
     in by as much."""
     before, b = old.transcription, old.bounds
     t, guess = Transcription(Hop(design, objective).problem, before.scheme, before.mesh), before.guess_from(old.phases)
@@ -131,7 +131,7 @@ def solve_again(old: NlpSolution, design: Design, objective: str) -> NlpSolution
 
 
 def _moved(new: np.ndarray, drawn: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """New limits, drawn in by as much as the given ones were."""
+    """New limits, tightened by as much as the given ones were."""
     by = np.zeros(len(new))
     np.subtract(drawn, given, out=by, where=drawn != given)  # not where both are infinite
     return new + by

@@ -43,7 +43,7 @@ class Trial:
 
     @property
     def merit(self) -> float:
-        """Clearance less the price of the limits that were not kept [m]."""
+        """Clearance less a penalty for the limits that were not kept [m]."""
         return self.clearance - PRICE * len(self.limits_exceeded)
 
 

@@ -1,4 +1,4 @@
-"""Couplings that the catalogue's laws of mass make: a torque that is free has its price in kilograms.
+"""Couplings that the catalogue's laws of mass make: a torque that is free costs kilograms.
 
 The coupled mass changes by what the fitted motors or gears differ, so that at the problem's own torque nothing changes:
 its masses count its own motors already.
@@ -14,7 +14,7 @@ import numpy as np
 
 from hopopt.design import Leg, physical_parameters
 from hopopt.errors import UsageError
-from hopopt.ocp.free_parameters import Coupling, Freedom
+from hopopt.ocp.free_parameters import Coupling, FreeParameters
 from hopopt.problem.mass_law import TORQUES, mass_law
 from hopopt.problem.wording import did_you_mean
 
@@ -51,28 +51,31 @@ def catalogue_coupling(text: str, leg: Leg, bounds: Mapping[str, tuple[float, fl
     return Coupling(" ".join(text.split()), {mass: 1.0}, own, own, powers)
 
 
-def laws(freedom: Freedom) -> dict[str, Any]:
+def laws(free_parameters: FreeParameters) -> dict[str, Any]:
     """{"motor" or "gear": its law's numbers} of what the catalogue's couplings use."""
-    return {part: asdict(mass_law(part)) for part in dict.fromkeys(entry.split(".")[-2] for entry in _torques(freedom))}
+    return {
+        part: asdict(mass_law(part))
+        for part in dict.fromkeys(entry.split(".")[-2] for entry in _torques(free_parameters))
+    }
 
 
-def beyond(freedom: Freedom) -> list[str]:
+def beyond(free_parameters: FreeParameters) -> list[str]:
     """A sentence for every torque whose bounds lie outside what its law was fitted to."""
-    said = []
-    for entry in _torques(freedom):
+    reported = []
+    for entry in _torques(free_parameters):
         part = entry.split(".")[-2]
-        law, (low, high) = mass_law(part), freedom.bounds[entry]
+        law, (low, high) = mass_law(part), free_parameters.bounds[entry]
         if low < law.lowest or high > law.highest:
-            said.append(
+            reported.append(
                 f"the catalogue's masses of {part}s are fitted from {law.lowest:g} to {law.highest:g} N m; "
                 f"{entry} may be {low:g} to {high:g}"
             )
-    return said
+    return reported
 
 
-def _torques(freedom: Freedom) -> list[str]:
+def _torques(free_parameters: FreeParameters) -> list[str]:
     """The torques in the catalogue's couplings."""
-    return [entry for c in freedom.couplings if asks_catalogue(c.text) for entry, _ in c.powers]
+    return [entry for c in free_parameters.couplings if asks_catalogue(c.text) for entry, _ in c.powers]
 
 
 def _asked(text: str, leg: Leg) -> tuple[str, list[str]]:

@@ -26,8 +26,8 @@ from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import OBJECTIVES, find
 from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, outcome_of
-from hopopt.planner.refine_and_verify import finish
-from hopopt.planner.required_clearance import begun_from, highest_hop, reaches
+from hopopt.planner.refine_and_verify import refined_and_verified
+from hopopt.planner.required_clearance import begun_from, maximum_clearance_hop, reaches
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.planner.stopwatch import Stopwatch
@@ -146,7 +146,9 @@ def front(
 
 
 def _goal(design: Design, against: str, points: int) -> HopObjective:
-    choices = [o.name for o in OBJECTIVES.values() if o.ends == "demand" and o.name != "impact"]  # the top: no landing
+    choices = [
+        o.name for o in OBJECTIVES.values() if o.ends == "required clearance" and o.name != "impact"
+    ]  # the top: no landing
     if against not in choices:
         raise UsageError(f"there is no front against {against!r}: choose one of {', '.join(choices)}")
     if not 3 <= points <= MOST:
@@ -178,7 +180,7 @@ class Chain:
         self.outcomes.append(self._from_starts(hop))
 
     def _from_starts(self, hop: Hop) -> list[StartOutcome]:
-        highest = highest_hop(hop, self.starts)
+        highest = maximum_clearance_hop(hop, self.starts)
         besides = [begun_from(hop, highest)] if highest and reaches(hop, highest) else []
         return list(search_first_mesh(hop, self.starts, self.processes, self.say, besides).outcomes)
 
@@ -239,7 +241,7 @@ def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> So
     solution: Solution | None = None
     for outcome in _distinct(ranked)[:2]:
         try:
-            solution = finish(
+            solution = refined_and_verified(
                 hop, outcome, outcomes, lambda text: say(f"{kind}: {text}"), clock, chain.transcription(k)
             )
         except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:

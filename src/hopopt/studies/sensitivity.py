@@ -34,7 +34,7 @@ def sensitivity(solution: Solution) -> list[Influence]:
     """
     design = solution.design
     if solution.summary.objective_unit != "m" or solution.own != (None, ()):
-        raise UsageError(f"what to change first is said of heights, not of {solution.objective}")
+        raise UsageError(f"what to change first is reported for heights, not for {solution.objective}")
     found = derivatives(design, slopes(stored_nlp(with_own_drives(solution))))
     entries, influences = {row.path: row for row in rows(design)}, []
     for name, (slope, part_of) in found.items():
@@ -64,8 +64,8 @@ def as_dict(solution: Solution, influences: Sequence[Influence], failed: Sequenc
 
 
 def settled_within(solution: Solution) -> float:
-    """How far the optimal height depends on the mesh [m]: the last change with it, and the price of its limits."""
-    names = ("change of the objective", "price of drawing in the limits")
+    """How far the optimal height depends on the mesh [m]: the last change with it, and the tightening cost."""
+    names = ("change of the objective", "tightening cost")
     residuals = (solution.summary.check(name).residual for name in names)
     return sum(r for r in residuals if np.isfinite(r)) * abs(solution.summary.objective_value)
 
@@ -126,7 +126,7 @@ def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
 def _rows(by: Slopes) -> Iterator[tuple[str, float]]:
     """Entries that are limits of path and boundary constraints, or the factor of one: |f_x| <= mu f_z.
 
-    Where a limit is held between the nodes, multipliers at the nodes have both signs (nlp/continuous_limits.py): both are of its side.
+    Where a limit is enforced between the nodes, multipliers at the nodes have both signs (nlp/continuous_limits.py): both are of its side.
     """
     for r in by.solution.transcription.rows:
         low, high = by.of_rows(r)

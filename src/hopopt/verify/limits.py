@@ -11,7 +11,7 @@ from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.sim.machine import Machine
 
 
-def said(phase: str, limit: LimitId) -> str:
+def limit_words(phase: str, limit: LimitId) -> str:
     """What a check of a limit of a phase is called."""
     return f"{phase} {'ground pushes' if limit.kind is Kind.GROUND_FORCE else limit}"
 

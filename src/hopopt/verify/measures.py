@@ -1,7 +1,7 @@
 """What a plan's table says of the figures a hop may be asked for: by NumPy, without the planner.
 
 Each measure takes the leg in numbers and the plan's tables by phase, and returns what the objective of the same figure
-claims. Positive parts have kinks and peaks lie between the table's places, so values are interpolated first.
+claims. Positive parts have kinks and peaks lie between the table's instants, so values are interpolated first.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,17 +14,17 @@ from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.machine import Machine
 from hopopt.verify.table import Table
 
-FINE = np.linspace(0.0, 1.0, 201)  # places of an interval; trapezoids are good to about 1e-5 of it
+FINE = np.linspace(0.0, 1.0, 201)  # normalised times of an interval; trapezoids are good to about 1e-5 of it
 Tables = Mapping[str, Table]
 
 
-def dense(places: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.ndarray:
-    """Values (N, K, ...) at ``places`` (K,) of every interval, interpolated at ``at`` (k,): (N, k, ...)."""
-    weights = BarycentricInterpolator(places, np.eye(len(places)))(at)
+def dense(normalised_times: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.ndarray:
+    """Values (N, K, ...) at ``normalised_times`` (K,) of every interval, interpolated at ``at`` (k,): (N, k, ...)."""
+    weights = BarycentricInterpolator(normalised_times, np.eye(len(normalised_times)))(at)
     return np.einsum("kp,ip...->ik...", weights, values)
 
 
-def places_of(table: Table) -> np.ndarray:
+def normalised_times_of(table: Table) -> np.ndarray:
     """Where in its intervals the table's rows lie, (K,)."""
     longest = int(np.argmax(np.ptp(table.t, axis=1)))
     t = table.t[longest]
@@ -41,8 +41,8 @@ def _over_phases(robot: Robot, tables: Tables, rate: Callable[[Robot, np.ndarray
     """Integral over all phases of rate(robot, tau, w), both (N, 201, n), summed over the joints."""
     total = 0.0
     for table in tables.values():
-        places = places_of(table)
-        tau, w = dense(places, table.tau), dense(places, table.v[..., BASE:])
+        normalised_times = normalised_times_of(table)
+        tau, w = dense(normalised_times, table.tau), dense(normalised_times, table.v[..., BASE:])
         total += integral(table, rate(robot, tau, w).sum(axis=-1))
     return total
 
@@ -90,7 +90,7 @@ def region_share(robot: Robot, tables: Tables) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
-        tau, w = (dense(places_of(table), x) for x in (table.tau, table.v[..., BASE:]))
+        tau, w = (dense(normalised_times_of(table), x) for x in (table.tau, table.v[..., BASE:]))
         for k, joint in enumerate(robot.joints):
             used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k])
             worst = max(worst, float(np.max(used)))
@@ -99,12 +99,14 @@ def region_share(robot: Robot, tables: Tables) -> float:
 
 def peak_torque(robot: Robot, tables: Tables) -> float:
     """Largest torque of any joint [N m]."""
-    return max(float(np.abs(dense(places_of(table), table.tau)).max()) for table in tables.values())
+    return max(float(np.abs(dense(normalised_times_of(table), table.tau)).max()) for table in tables.values())
 
 
 def peak_force(robot: Robot, tables: Tables) -> float:
     """Largest ground force [N]."""
-    return max(float(np.linalg.norm(dense(places_of(table), table.f), axis=-1).max()) for table in tables.values())
+    return max(
+        float(np.linalg.norm(dense(normalised_times_of(table), table.f), axis=-1).max()) for table in tables.values()
+    )
 
 
 MEASURES: dict[str, Callable[[Robot, Tables], float]] = {

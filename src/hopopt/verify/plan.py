@@ -18,7 +18,7 @@ from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, FIGURE, LIMIT, Check
 from hopopt.verify.landing import landing, lift_off
-from hopopt.verify.limits import limits_of, said
+from hopopt.verify.limits import limit_words, limits_of
 from hopopt.verify.measures import LEAST, MEASURES
 from hopopt.verify.replay import replay
 from hopopt.verify.table import DESCENT, FLIGHT, PLACES, STANCE, Table
@@ -31,10 +31,12 @@ def verify_plan(
 ) -> list[Check]:
     """All checks of a plan; ``claims`` holds what is to be printed: ``clearance_m``, and ``apex_m`` or one of MEASURES.
 
-    ends: whether the foot must end within its "window", or the leg reach hop.clearance too ("demand"), or neither
+    ends: whether the foot must end within its "window", or the leg reach hop.clearance too ("required clearance"), or neither
     ("free"); by default as the claims imply.
     """
-    ends = ends or ("free" if "apex_m" in claims else "demand" if claims.keys() & MEASURES.keys() else "window")
+    ends = ends or (
+        "free" if "apex_m" in claims else "required clearance" if claims.keys() & MEASURES.keys() else "window"
+    )
     robot = build_robot(design.leg)
     machine = Machine(robot)
     checks = [
@@ -47,7 +49,7 @@ def verify_plan(
     if DESCENT in tables:
         found = landing(machine, tables[FLIGHT], tables[DESCENT])
         checks += [Check(name, _largest(parts), EXACT, "SI") for name, parts in found]
-    if ends == "demand":
+    if ends == "required clearance":
         missing = float(design.hop.clearance or 0.0) - claims["clearance_m"]
         checks.append(Check("clearance asked for", max(missing, 0.0), EXACT, "m"))
     for name, table in tables.items():
@@ -156,7 +158,7 @@ def _impulse(machine: Machine, phase: str, table: Table) -> Check:
 
 
 def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table, windowed: bool) -> list[Check]:
-    """Every limit at 25 places of every interval, its excess as a share of the limit's range."""
+    """Every limit at 25 normalised times of every interval, its excess as a share of the limit's range."""
     weights = BarycentricInterpolator(PLACES, np.eye(len(PLACES)))(BETWEEN)
     t, q, v, tau, f = (
         np.einsum("kp,ip...->ik...", weights, x).reshape(-1, *x.shape[2:])
@@ -166,5 +168,7 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
     for limit, excess in limits_of(machine, robot, design, phase == STANCE, (q, v, tau, f), windowed).items():
         at = int(np.argmax(excess))
         when = t[at] if len(excess) == len(t) else t[-1]
-        checks.append(Check(said(phase, limit), float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s"))
+        checks.append(
+            Check(limit_words(phase, limit), float(max(excess[at], 0.0)), LIMIT, "of its range", f"at {when:.4f} s")
+        )
     return checks

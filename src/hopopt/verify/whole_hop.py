@@ -1,4 +1,4 @@
-"""What a plan is worth on the leg itself: the whole hop simulated in one piece, torques clamped to the drives' limits.
+"""Whole-hop rollout of a plan: the whole hop simulated in one piece, torques clamped to the drives' limits.
 
 Replay (verify/replay.py) begins every interval at the plan's own state; here nothing is put back. The plan's torques and a
 feedback that holds the plan, clamped exactly to the operating region at the actual speed, move Pinocchio's leg from
@@ -20,15 +20,15 @@ from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
-from hopopt.verify.limits import limits_of, said
+from hopopt.verify.limits import limit_words, limits_of
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import FLIGHT, PLACES, POWERS, STANCE, TO_POWERS, Table
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it dear
-FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's worth
-WORTH, LIMITS = (
+FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's value
+VALUE, LIMITS = (
     ("simulated in one piece", SHORT, "relative"),
     ("limits when simulated in one piece", 2 * LIMIT, "of its range"),
 )
@@ -39,8 +39,8 @@ Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # joint torques [N 
 
 
 @dataclass(frozen=True)
-class Worth:
-    """The simulated hop: what it is worth by name (``clearance_m``, ``apex_m``, what it was made for [its unit]), how far
+class Rollout:
+    """The simulated hop: its rollout values by name (``clearance_m``, ``apex_m``, what it was made for [its unit]), how far
     it strayed from the plan [SI], the largest share by which it passed a limit, and which; infinite if the simulation
     failed."""
 
@@ -64,40 +64,40 @@ class Worth:
         return ""
 
     def short(self, figure: str, claim: float, sign: float) -> float:
-        """By how much it is worth less than the claim, if it is [the figure's unit]; 0 for a figure it does not say.
+        """By how much the rollout value is less than the claim, if it is [the figure's unit]; 0 for a figure that it has not.
 
         sign: 1 where more is better, -1 where less is.
         """
         return max((claim - self.values.get(figure, claim)) * sign, 0.0)
 
     def checks(self, figure: str, claim: float, sign: float, size: float) -> list[Check]:
-        """That it is worth what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
+        """That the rollout value is what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
         more than the plan may and as much again; left out for a hop that did not follow the plan."""
         if self.note:
             return left_out(self.note)
         limits = _check(LIMITS, self.passed, where=self.limit)
         if self.values and figure not in self.values:
-            return [limits]  # a function of one's own
-        return [_check(WORTH, self.short(figure, claim, sign) / size), limits]
+            return [limits]  # a user-defined function
+        return [_check(VALUE, self.short(figure, claim, sign) / size), limits]
 
     def as_dict(self, figure: str, claim: float, sign: float) -> dict[str, Any]:
         """For the summary."""
         if not np.isfinite(self.strayed):
             return {"followed": False, "note": self.note}
-        told = {
+        reported = {
             "short_by": self.short(figure, claim, sign),
             "strayed": self.strayed,
             "passed": self.passed,
             "limit": self.limit,
         }
         if self.note:
-            told["note"] = self.note
-        return {**self.values, "followed": self.followed, **told}
+            reported["note"] = self.note
+        return {**self.values, "followed": self.followed, **reported}
 
 
 def left_out(why: str) -> list[Check]:
     """The checks of a hop that cannot be made."""
-    return [_check(kind, float("nan"), left_out=why) for kind in (WORTH, LIMITS)]
+    return [_check(kind, float("nan"), left_out=why) for kind in (VALUE, LIMITS)]
 
 
 def _check(kind: tuple[str, float, str], residual: float, where: str = "", left_out: str = "") -> Check:
@@ -110,7 +110,9 @@ def not_simulated(design: Design) -> str:
     return "a leg that closes a loop with its guides is not simulated in one piece" if loop_axes(design.leg) else ""
 
 
-def worth(design: Design, tables: Mapping[str, Table], figure: str = "clearance_m", ends: str = "window") -> Worth:
+def whole_hop_rollout(
+    design: Design, tables: Mapping[str, Table], figure: str = "clearance_m", ends: str = "window"
+) -> Rollout:
     """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``."""
     robot = build_robot(design.leg)
     machine, found = Machine(robot), dict[str, Table]()
@@ -120,7 +122,7 @@ def worth(design: Design, tables: Mapping[str, Table], figure: str = "clearance_
         for name, table in tables.items():
             found[name], state = _simulated(machine, clamp, table, state, name == STANCE)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-        return Worth({}, np.inf, np.inf, "the simulation failed")
+        return Rollout({}, np.inf, np.inf, "the simulation failed")
     strayed = max(
         float(np.abs(getattr(found[name], part) - getattr(table, part)).max())
         for name, table in tables.items()
@@ -128,15 +130,15 @@ def worth(design: Design, tables: Mapping[str, Table], figure: str = "clearance_
     )
     values = _values(machine, robot, found, figure)
     shares = {
-        said(name, limit): float(excess.max())
+        limit_words(name, limit): float(excess.max())
         for name, table in found.items()
         for limit, excess in limits_of(machine, robot, design, name == STANCE, _motion(table), ends != "free").items()
         if limit.kind is not Kind.REGION  # kept by clamping
     }
-    if ends == "demand":
+    if ends == "required clearance":
         shares["clearance asked for"] = float((design.hop.clearance or 0.0) - values["clearance_m"]) / reach(design.leg)
     limit = max(shares, key=lambda key: shares[key])
-    return Worth(values, strayed, max(shares[limit], 0.0), limit)
+    return Rollout(values, strayed, max(shares[limit], 0.0), limit)
 
 
 def _motion(table: Table) -> tuple[np.ndarray, ...]:
@@ -195,7 +197,7 @@ def joint_clamp(regions: Sequence[OperatingRegion]) -> Clamp:
 
 
 def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
-    """Inertia that the joints feel while the body is free, (n, n)."""
+    """Inertia that acts on the joints while the body is free, (n, n)."""
     M = machine.mass_matrix(q)
     return M[BASE:, BASE:] - M[BASE:, :BASE] @ np.linalg.solve(M[:BASE, :BASE], M[:BASE, BASE:])
 

@@ -55,10 +55,10 @@ def _headline(s: "Summary") -> str:
             f"Failed: {', '.join(s.failed_checks)}. Refinement ended as {s.refinement_ended}. "
             "The attempt is kept for inspection."
         )
-    told = f"[bold green]clearance {s.clearance_m:.4f} m[/bold green], verified"
+    reported = f"[bold green]clearance {s.clearance_m:.4f} m[/bold green], verified"
     if s.objective != "clearance":
-        told = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s.clearance_m:.4f} m"
-    return told + (
+        reported = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s.clearance_m:.4f} m"
+    return reported + (
         ", on ground where the foot cannot slip" if s.friction is None else f", with friction {s.friction:g}"
     )
 
@@ -116,7 +116,7 @@ def _limits(s: "Summary") -> list[str]:
         return ["none whose range would give more"]
     (most, gain), *others = found.items()
     rest = "; then " + ", ".join(map(" ".join, others)) if others else ""
-    return [f"{most} holds the hop back most: 1 % more of its range would give {gain}{rest}"]
+    return [f"limiting constraint: {most}; 1 % more of its range would give {gain}{rest}"]
 
 
 def _evidence(s: "Summary") -> list[str]:
@@ -133,7 +133,7 @@ def _results(s: "Summary") -> list[str]:
     drawn = "figures inside, " if (Path(where) / "figures").is_dir() else ""
     return [
         f"{where}   ({drawn}{s.wall_s:.1f} s)",
-        f"hopopt show {where} tells limits, switching structure, all evidence",
+        f"hopopt show {where} shows limits, switching structure, all evidence",
     ]
 
 
@@ -190,7 +190,7 @@ def global_line(s: "Summary") -> list[str]:
 def error_line(s: "Summary") -> str:
     """How far the claim may be too high."""
     if not isfinite((e := s.objective_error).too_high_by):
-        return "its error could not be told"
+        return "its error could not be computed"
     most = measure(s, upwards(e.too_high_by), ".0e")
     side = "above" if sign(s.maximized) > 0 else "below"
     return f"{measure(s, s.reached, '.6g')}, by estimate at most {most} {side} the optimum"

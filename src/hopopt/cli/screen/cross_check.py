@@ -1,4 +1,4 @@
-"""What the command line shows of second opinions: a line each."""
+"""What the command line shows of cross-checks: a line each."""
 
 from typing import TYPE_CHECKING
 
@@ -9,13 +9,13 @@ if TYPE_CHECKING:
     from hopopt.planner.summary_extras import CrossCheck
 
 
-def print_opinions(summary: "Summary") -> None:
-    """Every second opinion: who, what it found, how far from the answer."""
-    print_lines(console(), "opinions", opinion_lines(summary))
+def print_cross_checks(summary: "Summary") -> None:
+    """Every cross-check: which solver and scheme, what it found, how far from the answer."""
+    print_lines(console(), "cross-check", cross_check_lines(summary))
 
 
-def opinion_lines(summary: "Summary") -> list[str]:
-    """A line for each second opinion; one that failed or disagrees is named as such."""
+def cross_check_lines(summary: "Summary") -> list[str]:
+    """A line for each cross-check; one that failed or disagrees is named as such."""
     unit = summary.objective_unit.replace("1", "")
     return [_line(o, unit) for o in summary.second_opinions]
 
@@ -27,6 +27,6 @@ def _line(o: "CrossCheck", unit: str) -> str:
     if o.agrees:
         return f"{o.name}: {found}, differs by {difference:.0e} ({o.seconds:.0f} s)"
     how = "better" if (o.difference or 0.0) > 0 else "worse"
-    said = f"DISAGREES: {found}, {how} by {difference:.0e} (allowed {o.allowed:.0e})"
+    reported = f"DISAGREES: {found}, {how} by {difference:.0e} (allowed {o.allowed:.0e})"
     short = f"; {o.reason}" if o.reason else ""
-    return f"{o.name}: {said}{short} ({o.seconds:.0f} s)"
+    return f"{o.name}: {reported}{short} ({o.seconds:.0f} s)"

@@ -85,7 +85,9 @@ def _evidence(s: "Summary") -> list[str]:
     settled = f"objective settled to {change:.0e}" if change < float("inf") else "no second mesh to compare with"
     bias = f"tie-break bias below {measure(s, s.bias, '.0e')}"
     if s.tie_break_weighs > 1e-3 * abs(s.objective_value):
-        bias = f"flat: gentle torques are preferred, which weighs {measure(s, s.tie_break_weighs, '.2g')}"
+        bias = (
+            f"insensitive to torques: gentle ones are preferred, which weighs {measure(s, s.tie_break_weighs, '.2g')}"
+        )
     return [
         *([f"{error_line(s)}{simulated_words(s)}{_beaten(s)}"] if s.verified else []),
         starts_line(s),
@@ -99,12 +101,12 @@ def _evidence(s: "Summary") -> list[str]:
 
 
 def _beaten(s: "Summary") -> str:
-    """From above: what limits held between the nodes cost, and what hops beside it may gain."""
+    """What limits enforced between the nodes cost, and what neighbouring hops may gain at most."""
     e = s.objective_error
-    told = f"; limits held between the nodes cost {measure(s, e.relaxed.gains, '.0e')}"
+    reported = f"; limits enforced between the nodes cost {measure(s, e.relaxed.gains, '.0e')}"
     if e.could_be_beaten_by is not None:
-        told += f"; to first order hops beside it gain at most {measure(s, upwards(e.could_be_beaten_by), '.0e')}"
-    return told
+        reported += f"; to first order hops beside it gain at most {measure(s, upwards(e.could_be_beaten_by), '.0e')}"
+    return reported
 
 
 def _failed(s: "Summary") -> list[str]:

@@ -18,7 +18,7 @@ def print_sensitivity(data: Mapping[str, Any], influences: "Sequence[Influence]"
     """The optimum, the leading entries, what to change first, and how well the figures are known."""
     out = console()
     if data["failed_checks"]:
-        out.print(f"{data['problem']}: the optimum was NOT verified, so nothing is said of what it depends on.")
+        out.print(f"{data['problem']}: the optimum was NOT verified, so nothing is reported about what it depends on.")
         out.print(f"Failed: {', '.join(data['failed_checks'])}")
         return
     what, height = ("body apex", data["apex_m"]) if "apex_m" in data else ("clearance", data["clearance_m"])

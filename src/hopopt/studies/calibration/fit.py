@@ -50,7 +50,7 @@ def calibrate(
     before = present(experiment)
     with Parallel(n_jobs=processes or os.cpu_count() or 1, backend="loky") as parallel:
         run: Any = parallel
-        say("looking for places to start from")
+        say("looking for starting points")
         places = [experiment.place(before), *qmc.Sobol(len(free), rng=0).random(scanned)]
         costs = [float(np.sum(r**2)) for r in run(delayed(experiment.residuals)(x) for x in places)]
         chosen = [places[k] for k in np.argsort(costs, kind="stable")[:starts]]

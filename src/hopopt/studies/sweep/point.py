@@ -21,7 +21,7 @@ from hopopt.nlp.compiled import compiling
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.feasibility import unresisted
+from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
 from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import (
@@ -70,7 +70,7 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
     with _one_at_a_time, _compiling(definition):
         try:
             hop = Hop(definition.design_at(k), definition.objective)
-            if faults := unresisted(hop.design, hop.robot):
+            if faults := joints_without_inertia(hop.design, hop.robot):
                 raise NotSolvedError(f"{definition.design.name}: the leg cannot hop from its start.", faults)
             for source, found in _answers(definition, hop, point.values, sources):
                 if not point.solved or _preferred(hop, found[0], point):

@@ -37,8 +37,8 @@ class Rechecked:
         """For JSON."""
         stated = {"clearance_m": self.stated.clearance_m, "objective_value": self.stated.objective_value}
         found = {"clearance_m": self.found.clearance_m, "objective_value": self.found.objective_value}
-        told = {"index": self.stated.index, "verified": not self.fault, "fault": self.fault, "doubt": self.doubt}
-        return {**told, "stated": stated, "found": found}
+        reported = {"index": self.stated.index, "verified": not self.fault, "fault": self.fault, "doubt": self.doubt}
+        return {**reported, "stated": stated, "found": found}
 
 
 def recheck_study(folder: Path, say: Callable[[str], None] = lambda text: None) -> tuple[list[Rechecked], list[str]]:
@@ -74,9 +74,9 @@ def _fault(stated: Point, found: Point) -> str:
         return f"it is not verified ({found.sentence})"
     pairs = {name: (getattr(stated, name), getattr(found, name)) for name in ("clearance_m", "objective_value")}
     pairs |= {name: ((stated.parts or {}).get(name), value) for name, value in (found.parts or {}).items()}
-    for name, (told, value) in pairs.items():
-        if told is None or not abs(told - value) <= SAME * max(abs(value), 1e-3):
-            return f"it states {name} {told}, and {value:.6g} was computed"
+    for name, (reported, value) in pairs.items():
+        if reported is None or not abs(reported - value) <= SAME * max(abs(value), 1e-3):
+            return f"it states {name} {reported}, and {value:.6g} was computed"
     return ""
 
 
