@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
-POWERS = np.arange(len(PLACES))
-TO_POWERS = np.linalg.inv((2 * PLACES[:, None] - 1) ** POWERS)  # values at PLACES to coefficients of (2 s - 1)^k
+NORMALISED_TIMES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
+POWERS = np.arange(len(NORMALISED_TIMES))
+TO_POWERS = np.linalg.inv(
+    (2 * NORMALISED_TIMES[:, None] - 1) ** POWERS
+)  # values at PLACES to coefficients of (2 s - 1)^k
 STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"  # the last only of a hop that lands
 
 
