@@ -167,7 +167,7 @@ def test_the_whole_plan_replays_from_its_start(hop: Solution) -> None:
 
 
 def replayed(machine: Machine, x: np.ndarray, h: float, tau: np.ndarray, contact: bool) -> np.ndarray:
-    """State after an interval of h [s] with torques tau at PLACES."""
+    """State after an interval of h [s] with torques tau at NORMALISED_TIMES."""
     torque = BarycentricInterpolator(NORMALISED_TIMES, tau)
 
     def rates(s: float, x: np.ndarray) -> np.ndarray:

@@ -169,7 +169,7 @@ class _Limits:
         return np.repeat([*path, True, False], [*np.ones(len(path), dtype=int), *map(function.size1_in, range(2))])
 
     def largest_excess(self, x: np.ndarray, u: np.ndarray, path: np.ndarray) -> np.ndarray:
-        """The largest excess in each interval from values at PLACES, (N, m); of limits of the states also between
+        """The largest excess in each interval from values at NORMALISED_TIMES, (N, m); of limits of the states also between
         them, by parabolas through neighbours."""
         value = np.concatenate([path, x, u], axis=2)
         over = np.array([self.lower - value, value - self.upper])
@@ -230,7 +230,7 @@ def _evaluated(
 
 
 def _peaks(values: np.ndarray) -> np.ndarray:
-    """Largest extremum of the parabolas through three neighbouring PLACES each, values (..., K, m) to (..., m)."""
+    """Largest extremum of the parabolas through three neighbouring NORMALISED_TIMES each, values (..., K, m) to (..., m)."""
     a, b, c = (values[..., k : len(NORMALISED_TIMES) - 2 + k, :] for k in range(3))
     step, following = (np.diff(NORMALISED_TIMES)[k : len(NORMALISED_TIMES) - 2 + k, None] for k in range(2))
     with np.errstate(invalid="ignore", divide="ignore"):  # a limit that is infinite, a straight line

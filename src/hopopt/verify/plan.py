@@ -131,7 +131,7 @@ def _inverse_dynamics(machine: Machine, phase: str, table: Table) -> Check:
 
 
 def _quadrature() -> np.ndarray:
-    """Clenshaw-Curtis weights of PLACES on [0, 1], shape (K,)."""
+    """Clenshaw-Curtis weights of NORMALISED_TIMES on [0, 1], shape (K,)."""
     moments = 1.0 / np.arange(1, len(NORMALISED_TIMES) + 1)
     return np.linalg.solve(np.vander(NORMALISED_TIMES, increasing=True).T, moments)
 

@@ -169,7 +169,7 @@ def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contac
 
 
 def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> Law:
-    """The plan's torque in one interval (values at PLACES), held to its motion by feedback and to the regions."""
+    """The plan's torque in one interval (values at NORMALISED_TIMES), held to its motion by feedback and to the regions."""
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
     stiffness, damping = HOLD**2 * inertia, 2 * HOLD * inertia
     ahead = (TO_POWERS @ (tau + q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T)).T
@@ -207,7 +207,7 @@ def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
 
 
 def _interval(machine: Machine, torque: Law, t: np.ndarray, state: State, contact: bool) -> tuple[np.ndarray, ...]:
-    """q, v, a, tau, f at PLACES of one interval, integrated tightly."""
+    """q, v, a, tau, f at NORMALISED_TIMES of one interval, integrated tightly."""
     first, h = (BASE if contact else 0), t[-1] - t[0]
 
     def motion(place: float, x: np.ndarray) -> tuple[np.ndarray, ...]:
