@@ -22,7 +22,7 @@ from hopopt.sim.controller import Measurement
 from hopopt.sim.drive import Drive, Encoder
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State, Timing
-from hopopt.verify.table import FLIGHT, PLACES, STANCE
+from hopopt.verify.table import FLIGHT, NORMALISED_TIMES, STANCE
 
 CHEAP = {  # an unrefined plan that keeps the foot pressed: its torques may pass their limits between the nodes
     "solver.refine": False, "solver.stance_intervals": 60, "solver.flight_intervals": 30, "contact.least_force": 60.0,
@@ -38,7 +38,7 @@ def solution() -> Solution:
 
 @pytest.fixture(scope="module")
 def plan(solution: Solution) -> PlanReference:
-    return PlanReference.from_tables(PLACES, solution.tables, solution.clearance)
+    return PlanReference.from_tables(NORMALISED_TIMES, solution.tables, solution.clearance)
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.design import Design
 from hopopt.errors import ResultError
-from hopopt.optimality.flat_directions import CannotBeTold
+from hopopt.optimality.flat_directions import NotInvertible
 from hopopt.planner.limit_use import as_dict, idle_uses
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
@@ -175,7 +175,7 @@ def test_diagnose_keeps_the_rest_where_matrices_are_singular(plan: Solution, tmp
     fails(RuntimeError("Error in Function::call"))
     with pytest.raises(ResultError, match="do not fit together"):
         diagnose(saved)
-    fails(CannotBeTold("Factor is exactly singular"))
+    fails(NotInvertible("Factor is exactly singular"))
     found = diagnose(saved)
     assert found["flat"] is None
     assert found["words"][0] == "what the objective does not depend on cannot be computed: Factor is exactly singular"

@@ -131,10 +131,10 @@ def test_curves_are_the_plan(solved: Callable[[str], Solution]) -> None:
     (foot,) = lines(FIGURES["heights"](plan), "foot")
     np.testing.assert_allclose(foot[:, 1], plan.sample(foot[:, 0]).points["foot"][:, 1], atol=1e-9)
     (force,) = lines(FIGURES["ground_force"](plan), "vertical")
-    inside = plan.everywhere(STANCE, plots.PLACES)
+    inside = plan.everywhere(STANCE, plots.NORMALISED_TIMES)
     np.testing.assert_array_equal(force, np.column_stack([inside.t, inside.f[:, 1]]))
     for k, curve in enumerate(lines(FIGURES["operating_region"](plan), FLIGHT)):
-        samples = plan.everywhere(FLIGHT, plots.PLACES)
+        samples = plan.everywhere(FLIGHT, plots.NORMALISED_TIMES)
         np.testing.assert_array_equal(curve, np.column_stack([samples.v[:, 2 + k], samples.tau[:, k]]))
 
 

@@ -19,7 +19,7 @@ from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import Check, failed
 from hopopt.verify.plan import verify_plan
-from hopopt.verify.table import FLIGHT, PLACES, STANCE, Table
+from hopopt.verify.table import FLIGHT, NORMALISED_TIMES, STANCE, Table
 
 Tables = Mapping[str, Table]
 G = 9.81
@@ -167,8 +167,8 @@ def test_the_whole_plan_replays_from_its_start(hop: Solution) -> None:
 
 
 def replayed(machine: Machine, x: np.ndarray, h: float, tau: np.ndarray, contact: bool) -> np.ndarray:
-    """State after an interval of h [s] with torques tau at PLACES."""
-    torque = BarycentricInterpolator(PLACES, tau)
+    """State after an interval of h [s] with torques tau at NORMALISED_TIMES."""
+    torque = BarycentricInterpolator(NORMALISED_TIMES, tau)
 
     def rates(s: float, x: np.ndarray) -> np.ndarray:
         q, v = np.split(x, 2)

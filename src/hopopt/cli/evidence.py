@@ -52,8 +52,8 @@ def evidence(
 ) -> int:
     """Say how far the best hop may be trusted to be the best: a bound, global methods, relaxed problems, many starts.
 
-    Exit code: 0 the best optimum is verified and nothing speaks against it, 1 no start was solved, 2 wrong usage, 3 it
-    is not verified, passes the bound, or a global method finds over 1 % more.
+    Exit code: 0 the best optimum is verified and nothing speaks against it, 1 no start was solved, 2 wrong usage.
+    Exit code 3: it is not verified, passes the bound, or a global method finds over 1 % more.
 
     Parameters
     ----------

@@ -8,7 +8,9 @@ from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.problem import Component
 
-PLACES = np.linspace(0.0, 1.0, 49)  # where in every interval limits are looked at: twice as close as verification does
+NORMALISED_TIMES = np.linspace(
+    0.0, 1.0, 49
+)  # where in every interval limits are looked at: twice as close as verification does
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,8 @@ def _local_error(solution: NlpSolution, phase: str) -> np.ndarray:
 def _passed(solution: NlpSolution, phase: str) -> tuple[np.ndarray, np.ndarray, tuple[Component, ...]]:
     """How far the lower and the upper limits are passed in each interval, (N, limits) each, and their names."""
     layout = solution.transcription.layouts[phase]
-    x, _, path = stage_values(solution, phase, PLACES)
-    u = solution.phases[phase].everywhere(PLACES)[2]
+    x, _, path = stage_values(solution, phase, NORMALISED_TIMES)
+    u = solution.phases[phase].everywhere(NORMALISED_TIMES)[2]
     bounded = (*layout.phase.states, *layout.phase.controls)
     lower, upper, scale = (
         np.concatenate([layout.stage.path_column(side), layout.phase.columns(bounded, side)])

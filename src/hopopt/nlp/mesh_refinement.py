@@ -1,9 +1,9 @@
 """Mesh refinement: accurate states, limits enforced between the nodes too, at a cost that does not matter.
 
-An interval is cut at once into as many pieces as its error and its tightening cost ask for by their orders: the local error falls
-with its length to the power of the nodes and one, the cost of a switch with its square. Where limits are passed they
-are enforced between the nodes on the next mesh (nlp/continuous_limits.py); what still passes them is tightened, and an interval that does
-not answer to that on the same mesh is cut.
+An interval is cut at once into as many pieces as its local error and its tightening cost ask for by their orders. The
+local error falls with the interval's length to the power of the nodes and one, the cost of a switch with its square.
+Where limits are passed, they are enforced between the nodes on the next mesh (nlp/continuous_limits.py). What still
+passes them is tightened. An interval that does not answer to that on the same mesh is cut.
 """
 
 import time
@@ -50,10 +50,17 @@ Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limit
 
 @dataclass(frozen=True)
 class Aims:
-    """Local error (scaled), relative change of the objective, excess over the limits, the tightening cost relative to the
-    objective; at most so many meshes and iterations of each; ``restarts``: so many times ``iterations`` may go, over all
-    meshes, into solving again without the last one's multipliers (those that only a doubt asks
-    for are counted, but never refused)."""
+    """What a refinement is to reach, and with how much effort.
+
+    local_error: of any interval, scaled
+    change: relative change of the objective with the last mesh
+    excess: share of its range by which a limit may be passed
+    tightening_cost: relative to the objective
+    meshes: most of them
+    iterations: most of them on each mesh
+    restarts: so many times ``iterations`` may go, over all meshes, into solving again without the last one's
+        multipliers; restarts that only a doubt asks for are counted, but never refused
+    """
 
     local_error: float
     change: float

@@ -1,8 +1,8 @@
 """Certificate of first-order optimality: Pontryagin's conditions along a solution, checked one by one.
 
 Costates and limits' multipliers come from the program's multipliers (optimality/costates.py). What they must satisfy
-in continuous time is evaluated along the trajectory (optimality/pontryagin.py), between the nodes too and by an
-integration of its own, with derivatives of the phases' functions and not the program's. Signs: docs/certificate.md.
+in continuous time is evaluated along the trajectory, between the nodes too (optimality/pontryagin.py). The integration
+and the derivatives of the phases' functions are not those of the program. Signs: docs/certificate.md.
 """
 
 from collections.abc import Mapping

@@ -33,18 +33,23 @@ ROUNDING = 1e-12  # relative
 CURVATURE = 20.0  # of the objective, by the share of its scale that a limit of the states moves: a tenth makes a fifth
 
 _gauss, _weights = np.polynomial.legendre.leggauss(POINTS)
-PLACES = np.array([0.0, *((np.arange(PANELS)[:, None] + (_gauss + 1) / 2) / PANELS).ravel(), 1.0])
+NORMALISED_TIMES = np.array([0.0, *((np.arange(PANELS)[:, None] + (_gauss + 1) / 2) / PANELS).ravel(), 1.0])
 WEIGHTS = np.array([0.0, *np.tile(_weights / 2 / PANELS, PANELS), 0.0])
 
 
 @dataclass(frozen=True)
 class ObjectiveError:
-    """What each fault may have gained [objective's unit]: ``dynamics`` (and integrals) that do not hold between the
-    nodes, ``controls`` that pass their limits there, ``limits`` of the states that are passed, ``program`` (residuals
-    of the equations of the program, a claim that the trajectories do not bear out), ``second_order`` (faults that
-    no multiplier shows, by the squares of their shares: of all the above in the objective; of the states' drift, had
-    the controls kept their limits, in the states' scales; CURVATURE times that of the excess over limits of the states,
-    which may be touched between the nodes); ``size`` is what the error is relative to."""
+    """What each fault may have gained [objective's unit].
+
+    dynamics: states and integrals that differ from their right-hand sides between the nodes
+    controls: controls that pass their limits between the nodes
+    limits: limits of the states that are passed
+    program: residuals of the program's equations, and a claim that the trajectories do not bear out
+    second_order: faults that no multiplier shows, by the squares of their shares. The shares are those of all the above
+        in the objective, and of the states' drift in the states' scales, had the controls kept their limits. To these
+        comes CURVATURE times the square for the excess over limits of the states, which may be touched between the nodes.
+    size: what the error is relative to
+    """
 
     dynamics: float
     controls: float
@@ -93,7 +98,7 @@ def _phase_gap(solution: NlpSolution, name: str, ends: TransversalityConditions,
     relative to the objective, (5,)."""
     layout, trajectory = solution.transcription.layouts[name], solution.phases[name]
     m, h, weights = phase_multipliers(solution, name), trajectory.lengths, ends.phases[name]["integrals"]
-    t, x, u = trajectory.everywhere(PLACES)
+    t, x, u = trajectory.everywhere(NORMALISED_TIMES)
     f, path, l = _evaluated(solution, layout, t, x, u)  # noqa: E741
     bounds = _Limits(layout)
     inside = bounds.inside(solution, t, x, u, path)
@@ -103,7 +108,7 @@ def _phase_gap(solution: NlpSolution, name: str, ends: TransversalityConditions,
             (f_inside, path_inside, l_inside), _evaluated(solution, layout, t[at], x[at], inside[at]), strict=True
         ):
             old[at] = new
-    basis = lagrange(trajectory.scheme.c, PLACES)
+    basis = lagrange(trajectory.scheme.c, NORMALISED_TIMES)
     p, xdot = (np.einsum("kj,ijx->ikx", basis, values) for values in (m.inner, trajectory.xdot))
 
     def integral(by_state: np.ndarray, by_integral: np.ndarray) -> np.ndarray:
@@ -111,7 +116,7 @@ def _phase_gap(solution: NlpSolution, name: str, ends: TransversalityConditions,
 
     dynamics = integral(xdot - f, -l) + quadrature @ weights
     controls = integral(f - f_inside, l - l_inside)
-    drift = h[:, None, None] * cumulative_trapezoid(xdot - f_inside, PLACES, axis=1, initial=0.0)
+    drift = h[:, None, None] * cumulative_trapezoid(xdot - f_inside, NORMALISED_TIMES, axis=1, initial=0.0)
     followed = _evaluated(solution, layout, t, x - drift, inside)[
         1
     ]  # where the controls lead from the interval's start
@@ -164,7 +169,7 @@ class _Limits:
         return np.repeat([*path, True, False], [*np.ones(len(path), dtype=int), *map(function.size1_in, range(2))])
 
     def largest_excess(self, x: np.ndarray, u: np.ndarray, path: np.ndarray) -> np.ndarray:
-        """The largest excess in each interval from values at PLACES, (N, m); of limits of the states also between
+        """The largest excess in each interval from values at NORMALISED_TIMES, (N, m); of limits of the states also between
         them, by parabolas through neighbours."""
         value = np.concatenate([path, x, u], axis=2)
         over = np.array([self.lower - value, value - self.upper])
@@ -225,9 +230,9 @@ def _evaluated(
 
 
 def _peaks(values: np.ndarray) -> np.ndarray:
-    """Largest extremum of the parabolas through three neighbouring PLACES each, values (..., K, m) to (..., m)."""
-    a, b, c = (values[..., k : len(PLACES) - 2 + k, :] for k in range(3))
-    step, following = (np.diff(PLACES)[k : len(PLACES) - 2 + k, None] for k in range(2))
+    """Largest extremum of the parabolas through three neighbouring NORMALISED_TIMES each, values (..., K, m) to (..., m)."""
+    a, b, c = (values[..., k : len(NORMALISED_TIMES) - 2 + k, :] for k in range(3))
+    step, following = (np.diff(NORMALISED_TIMES)[k : len(NORMALISED_TIMES) - 2 + k, None] for k in range(2))
     with np.errstate(invalid="ignore", divide="ignore"):  # a limit that is infinite, a straight line
         slope = (b - a) / step
         bend = ((c - b) / following - slope) / (step + following)

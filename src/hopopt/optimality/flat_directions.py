@@ -1,16 +1,21 @@
-"""Flat directions: what of an optimum can move, all else following, without the objective feeling it.
+"""Flat directions: what of an optimum can move, all else following, without a change of the objective.
 
-A quantity c'z is moved by d, and everything else may follow within the rows and the limits that act. To second order
-the objective then changes by k d^2 / 2, k = 1 / (c' C c), where C is the inverse of
+A quantity c'z is moved by d. Everything else may follow within the rows and the limits that act. To second order the
+objective then changes by k d^2 / 2, with k = 1 / (c' C c). C is the inverse of
 
-    W + D_z + A' D_g A        W = second derivative of the Lagrangian,  A = derivative of the rows,
-                              D = multiplier / distance of each limit (much where it acts, nothing where it does not)
+    W + D_z + A' D_g A
 
-(the reduced Hessian's inverse in the tangent space of what acts; Nocedal and Wright, Numerical Optimization, 16.2 and
-17.1). D is at most S, and what acts gives way by 1 / S: C of two S tells what is left without (Richardson). What matters far
-more than INSENSITIVE is still understated where limits hold it. Where C has no bound, nothing depends on the move. The quantities
-asked are the means of every control over tenths of its phase, each duration and each free parameter: means, because a
-control at a single node matters the less, the finer the mesh.
+    W  second derivative of the Lagrangian
+    A  derivative of the rows
+    D  multiplier / distance of each limit: large where it acts, near 0 where it does not
+
+C is the reduced Hessian's inverse in the tangent space of what acts (Nocedal and Wright, Numerical Optimization, 16.2
+and 17.1). D is at most S, and what acts gives way by 1 / S. From C of two values of S the limit without it is
+extrapolated (Richardson). A change far above INSENSITIVE is still understated where limits act. Where C has no bound,
+the objective does not depend on the move.
+
+The quantities asked are the means of every control over tenths of its phase, each duration and each free parameter.
+They are means, because a control at a single node matters the less, the finer the mesh.
 """
 
 from collections.abc import Iterator
@@ -45,7 +50,7 @@ ITERATIONS = 200
 Who = tuple[str, str, Component, tuple[float, float] | None]
 
 
-class CannotBeTold(ArithmeticError):
+class NotInvertible(ArithmeticError):
     """The second derivatives at the optimum cannot be inverted."""
 
 
@@ -67,7 +72,7 @@ class Flat:
 
 
 def flat(solution: NlpSolution, allowed: float = INSENSITIVE) -> list[Flat]:
-    """To what the objective is insensitive at an optimum of the program (which has no tie-break); raises CannotBeTold."""
+    """To what the objective is insensitive at an optimum of the program (which has no tie-break); raises NotInvertible."""
     found = [q for q in sensitivities(solution) if q.felt < allowed]
     joined: list[Flat] = []
     for q in found:
@@ -157,7 +162,7 @@ def _moved(
 
 
 def solved(matrix: Matrix, right: np.ndarray) -> np.ndarray:
-    """matrix^-1 right, (n, k); CannotBeTold if it has none."""
+    """matrix^-1 right, (n, k); NotInvertible if it has none."""
     for pivots in PIVOTS:
         try:
             x = splu(matrix, **pivots).solve(right)
@@ -166,7 +171,7 @@ def solved(matrix: Matrix, right: np.ndarray) -> np.ndarray:
         wrong, size = np.abs(matrix @ x - right), abs(matrix) @ np.abs(x)
         if (wrong.max(axis=0) <= INEXACT * size.max(axis=0)).all():  # never of what is not a number
             return x
-    raise CannotBeTold("the second derivatives at the optimum cannot be inverted")
+    raise NotInvertible("the second derivatives at the optimum cannot be inverted")
 
 
 def _acting(

@@ -2,8 +2,8 @@
 
     least sum of s_k   with   low_k - s_k <= value <= high_k + s_k   at all places of constraint k at once,
 
-scaled, while the dynamics, what the phases hand over and the initial state are kept (an elastic program: Chinneck,
-Feasibility and Infeasibility in Optimization, 2008, chapter 6). Where s_k > 0, the limit has to give; a limit that
+scaled. The dynamics, what the phases hand over and the initial state are kept. This is an elastic program (Chinneck,
+Feasibility and Infeasibility in Optimization, 2008, chapter 6). Where s_k > 0, the limit has to give. A limit that
 pushes against those (its multiplier) cannot hold together with them.
 """
 
@@ -42,8 +42,11 @@ class Part:
 
 @dataclass(frozen=True)
 class Conflict:
-    """The limits that cannot hold together, those that have to give first (none if all hold at a point nearby), and by
-    which share of it all giving would shrink if a parameter of the program grew to (1 + share) of its size."""
+    """The limits that cannot hold together.
+
+    parts: those that have to give first; none if all hold at a point nearby.
+    helps: by which share of it all giving would shrink if a parameter of the program grew to (1 + share) of its size.
+    """
 
     parts: tuple[Part, ...]
     helps: dict[str, float]

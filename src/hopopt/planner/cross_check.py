@@ -64,8 +64,10 @@ class CrossCheckAnswer:
 
 
 def with_cross_checks(hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = lambda text: None) -> Solution:
-    """The answer, its verdict as before, with ``second_opinions`` in its summary; exit code 3 and a note if one of them
-    is better: such a hop is true, but not the best."""
+    """The answer, its verdict as before, with ``second_opinions`` in its summary.
+
+    Exit code 3 and a note if one of them is better: such a hop is true, but not the best.
+    """
     found = cross_checks(hop, answer, say)
     clock.mark("second opinions")
     reported = tuple(CrossCheck(**asdict(o)) for o in found)

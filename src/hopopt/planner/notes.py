@@ -4,7 +4,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.ocp.hop import Hop
-from hopopt.optimality.flat_directions import CannotBeTold, Flat, flat
+from hopopt.optimality.flat_directions import Flat, NotInvertible, flat
 from hopopt.planner.refine_and_verify import AT_MOST
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import without_tie_break
@@ -62,5 +62,5 @@ def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
     """What the objective does not depend on; None if that cannot be computed."""
     try:
         return flat(without_tie_break(best, hop))
-    except (CannotBeTold, RuntimeError):  # of CasADi too: no reason to lose the answer
+    except (NotInvertible, RuntimeError):  # of CasADi too: no reason to lose the answer
         return None

@@ -21,7 +21,7 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.planner.stored_summary import Summary
 from hopopt.planner.verdict import Multipliers, Verdict
 from hopopt.verify.measures import MEASURES
-from hopopt.verify.table import PLACES, Table
+from hopopt.verify.table import NORMALISED_TIMES, Table
 
 
 @dataclass(frozen=True)
@@ -157,10 +157,10 @@ class Motion:
 
     def fresh_table(self, phase: str) -> Table:
         """The table of one phase, computed from its trajectory."""
-        samples, N = self.everywhere(phase, PLACES), len(self.phases[phase].x_start)
+        samples, N = self.everywhere(phase, NORMALISED_TIMES), len(self.phases[phase].x_start)
         return Table(
             *(
-                getattr(samples, s).reshape(N, len(PLACES), *getattr(samples, s).shape[1:])
+                getattr(samples, s).reshape(N, len(NORMALISED_TIMES), *getattr(samples, s).shape[1:])
                 for s in ("t", "q", "v", "a", "tau", "f")
             )
         )

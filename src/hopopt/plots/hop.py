@@ -25,8 +25,8 @@ from hopopt.plots.style import (
     JOINT_COLORS,
     JOINT_STYLES,
     LIMIT,
+    NORMALISED_TIMES,
     PALE,
-    PLACES,
     SIZE,
     TEXT,
     Motion,
@@ -163,7 +163,7 @@ def _mark_instants(ax: Axes, motion: Motion, k: int, column: int, end: str) -> N
 
 def ground_force(solution: Solution) -> Figure:
     """Contact force [N] of the ground on the foot in stance, with the leg's weight and the peak."""
-    s = solution.everywhere(STANCE, PLACES)
+    s = solution.everywhere(STANCE, NORMALISED_TIMES)
     largest = float(np.linalg.norm(s.f, axis=1).max())
     figure = solution_figure(solution, f"ground force in stance, at most {largest:.0f} N")
     ax, heavy, friction = figure.subplots(), weight(solution.robot.model), solution.design.contact.friction

@@ -21,7 +21,7 @@ from hopopt.problem.render import rows
 
 DPI = 150  # 1650 pixels across
 SIZE = (11.0, 6.2)  # [in], the shape of a slide
-PLACES = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # of every interval: close to both ends, across none
+NORMALISED_TIMES = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # of every interval: close to both ends, across none
 JUMP, AT_ONCE = 0.02, 1e-3  # a jump changes more than this share of the range within this share of the time
 
 BLACK, GREY, PALE, GREEN = "#000000", "#666666", "#dcdcdc", "#009E73"
@@ -95,7 +95,7 @@ def _columns(labels: Sequence[str], width: float) -> int:
 
 def motion_of(solution: Solution) -> Motion:
     """Every phase, sampled inside every interval."""
-    return {phase: solution.everywhere(phase, PLACES) for phase in solution.phases}
+    return {phase: solution.everywhere(phase, NORMALISED_TIMES) for phase in solution.phases}
 
 
 def joined(motion: Motion, value: Callable[[Samples], np.ndarray]) -> np.ndarray:

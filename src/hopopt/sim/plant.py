@@ -166,10 +166,10 @@ class Plant:
         falling: float = np.inf,
         breaks: Sequence[float] = (),
     ) -> Trace:
-        """Hop from rest at joint angles ``start`` (n) [rad], or from any state at time zero, for ``duration`` [s] or
-        up to a number of landings, or until the leg falls in flight at the speed ``falling`` [m/s].
+        """Hop from rest at joint angles ``start`` (n) [rad], or from any state at time zero.
 
-        breaks [s] are instants at which a controller without hold jumps: steps end there.
+        The run ends after ``duration`` [s], after a number of landings, or when the leg falls in flight at the speed
+        ``falling`` [m/s]. breaks [s] are instants at which a controller without hold jumps: steps end there.
         """
         timing = timing or Timing()
         encoder = encoder or Encoder(0, 1, timing.period)

@@ -28,7 +28,7 @@ from hopopt.sim.mujoco import library
 from hopopt.sim.plant import PAST_APEX
 from hopopt.sim.trace import Event, Trace
 from hopopt.studies.paper_results import PAPER, is_the_papers
-from hopopt.verify.table import PLACES
+from hopopt.verify.table import NORMALISED_TIMES
 
 TUNED = ("force", "position")  # strategies whose gains can be tuned
 BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
@@ -223,7 +223,7 @@ def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None
 
 def reference_of(plan: Solution) -> PlanReference:
     """A plan as a controller follows it."""
-    return PlanReference.from_tables(PLACES, plan.tables, plan.clearance)
+    return PlanReference.from_tables(NORMALISED_TIMES, plan.tables, plan.clearance)
 
 
 def planned_trace(solution: Solution) -> Trace:

@@ -6,7 +6,7 @@ import numpy as np
 
 from hopopt.errors import ResultError
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.optimality.flat_directions import INSENSITIVE, STRETCH, CannotBeTold, flat, longer_or_shorter
+from hopopt.optimality.flat_directions import INSENSITIVE, STRETCH, NotInvertible, flat, longer_or_shorter
 from hopopt.planner.limit_names import flat_words
 from hopopt.planner.limit_use import Use, as_dict, idle_uses
 from hopopt.planner.solution import Solution
@@ -14,14 +14,19 @@ from hopopt.planner.solution_program import has_multipliers, without_tie_break
 from hopopt.problem.render import rows
 from hopopt.storage.folder import fitting
 
-PLACES = np.linspace(0.0, 1.0, 9)
+NORMALISED_TIMES = np.linspace(0.0, 1.0, 9)
 
 
 def diagnose(solution: Solution) -> dict[str, Any]:
-    """flat: what the objective does not depend on (optimality/flat_directions.py), the tie-break left out, None if that cannot be told;
-    durations: by which share of itself it gets worse if a phase lasts 10 % shorter or longer and the whole hop is solved
-    anew, None where that is not possible; idle_limits (planner/limit_use.py); words: the same in sentences. Takes seconds. Raises
-    ResultError without stored multipliers."""
+    """What a stored hop leaves open; takes seconds. ResultError without stored multipliers.
+
+    flat: what the objective does not depend on, without the tie-break (optimality/flat_directions.py); None if that
+        cannot be computed
+    durations: by which share the objective gets worse if a phase lasts 10 % shorter or longer and the whole hop is
+        solved anew; None where that is not possible
+    idle_limits: limits that never act (planner/limit_use.py)
+    words: the same in sentences
+    """
     if not has_multipliers(solution):
         raise ResultError(f"{solution.result_dir}: the file holds no multipliers: solve it again")
     with fitting(solution.result_dir):
@@ -30,9 +35,9 @@ def diagnose(solution: Solution) -> dict[str, Any]:
         try:
             found = flat(nlp)
             words = flat_words(found)
-        except CannotBeTold as error:  # no reason to lose the rest
+        except NotInvertible as error:  # no reason to lose the rest
             found, words = None, [f"what the objective does not depend on cannot be computed: {error}"]
-    idle = idle_uses(solution, {phase: solution.everywhere(phase, PLACES) for phase in solution.phases})
+    idle = idle_uses(solution, {phase: solution.everywhere(phase, NORMALISED_TIMES) for phase in solution.phases})
     words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
     units = {row.path: row.unit for row in rows(solution.design)}
     words += [_idle(use, units.get(use.path, "")) for use in idle]

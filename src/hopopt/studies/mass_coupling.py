@@ -30,8 +30,9 @@ def asks_catalogue(text: str) -> bool:
 def catalogue_coupling(text: str, leg: Leg, bounds: Mapping[str, tuple[float, float]]) -> Coupling:
     """The coupling "catalogue: leg.body.mass by leg.motor.max_torque", written out with the laws' numbers.
 
-    The mass is the leg's own and, for every torque that is named, the number of joints that it drives times what the
-    fitted mass differs from the fitted mass at the leg's own torque. UsageError in a sentence for what cannot be.
+    The mass is the leg's own plus a change for every torque that is named. The change is the fitted mass at that torque
+    less the fitted mass at the leg's own torque, times the number of joints that it drives. UsageError in a sentence
+    for what cannot be.
     """
     mass, torques = _asked(text, leg)
     known = physical_parameters(leg)

@@ -15,8 +15,8 @@ def secant_stiffness(run: HopFigures) -> tuple[np.ndarray, np.ndarray]:
     """k = (f_z - m_e g) / (y_neu - y): height y [m] of the body over the foot and stiffness k [N/m] at every sample of
     stance, (k,) each.
 
-    Not a number where y is near or above the neutral height, and where the foot is about to be let go (f_z < 0
-    by more than a percent of the weight).
+    Not a number where y is near or above the neutral height. Neither where the foot is about to be let go: f_z < 0 by
+    more than a percent of the weight.
     """
     trace, leg, span = run.trace, run.design.leg, run.stance
     y = trace.q[span, 1] - trace.points["foot"][span, 1]

@@ -21,7 +21,7 @@ from hopopt.verify.landing import landing, lift_off
 from hopopt.verify.limits import limit_words, limits_of
 from hopopt.verify.measures import LEAST, MEASURES
 from hopopt.verify.replay import replay
-from hopopt.verify.table import DESCENT, FLIGHT, PLACES, STANCE, Table
+from hopopt.verify.table import DESCENT, FLIGHT, NORMALISED_TIMES, STANCE, Table
 
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
 
@@ -131,9 +131,9 @@ def _inverse_dynamics(machine: Machine, phase: str, table: Table) -> Check:
 
 
 def _quadrature() -> np.ndarray:
-    """Clenshaw-Curtis weights of PLACES on [0, 1], shape (K,)."""
-    moments = 1.0 / np.arange(1, len(PLACES) + 1)
-    return np.linalg.solve(np.vander(PLACES, increasing=True).T, moments)
+    """Clenshaw-Curtis weights of NORMALISED_TIMES on [0, 1], shape (K,)."""
+    moments = 1.0 / np.arange(1, len(NORMALISED_TIMES) + 1)
+    return np.linalg.solve(np.vander(NORMALISED_TIMES, increasing=True).T, moments)
 
 
 def _energy(machine: Machine, phase: str, table: Table) -> Check:
@@ -159,7 +159,7 @@ def _impulse(machine: Machine, phase: str, table: Table) -> Check:
 
 def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table, windowed: bool) -> list[Check]:
     """Every limit at 25 normalised times of every interval, its excess as a share of the limit's range."""
-    weights = BarycentricInterpolator(PLACES, np.eye(len(PLACES)))(BETWEEN)
+    weights = BarycentricInterpolator(NORMALISED_TIMES, np.eye(len(NORMALISED_TIMES)))(BETWEEN)
     t, q, v, tau, f = (
         np.einsum("kp,ip...->ik...", weights, x).reshape(-1, *x.shape[2:])
         for x in (table.t, table.q, table.v, table.tau, table.f)

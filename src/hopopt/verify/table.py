@@ -4,15 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
-POWERS = np.arange(len(PLACES))
-TO_POWERS = np.linalg.inv((2 * PLACES[:, None] - 1) ** POWERS)  # values at PLACES to coefficients of (2 s - 1)^k
+NORMALISED_TIMES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
+POWERS = np.arange(len(NORMALISED_TIMES))
+TO_POWERS = np.linalg.inv(
+    (2 * NORMALISED_TIMES[:, None] - 1) ** POWERS
+)  # values at NORMALISED_TIMES to coefficients of (2 s - 1)^k
 STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"  # the last only of a hop that lands
 
 
 @dataclass(frozen=True)
 class Table:
-    """A phase of the plan at PLACES of its N intervals, K = 9 each: t (N, K) [s], q, v, a (N, K, 2 + n), tau
+    """A phase of the plan at NORMALISED_TIMES of its N intervals, K = 9 each: t (N, K) [s], q, v, a (N, K, 2 + n), tau
     (N, K, n) [N m], f (N, K, 2) [N]."""
 
     t: np.ndarray

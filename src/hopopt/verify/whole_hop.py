@@ -1,9 +1,9 @@
 """Whole-hop rollout of a plan: the whole hop simulated in one piece, torques clamped to the drives' limits.
 
-Replay (verify/replay.py) begins every interval at the plan's own state; here nothing is put back. The plan's torques and a
-feedback that holds the plan, clamped exactly to the operating region at the actual speed, move Pinocchio's leg from
-the plan's first state to its last instant: what comes out is a hop that the drives can do, up to the limits of the
-state and the ground that it passes, which are stated.
+Replay (verify/replay.py) begins every interval at the plan's own state. Here nothing is put back. Pinocchio's leg moves
+from the plan's first state to its last instant by the plan's torques and a feedback towards the plan. Their sum is
+clamped exactly to the operating region at the actual speed. So the drives can do this hop. It may pass limits of the
+state and of the ground: by how much is stated.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +22,7 @@ from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.limits import limit_words, limits_of
 from hopopt.verify.measures import MEASURES
-from hopopt.verify.table import FLIGHT, PLACES, POWERS, STANCE, TO_POWERS, Table
+from hopopt.verify.table import FLIGHT, NORMALISED_TIMES, POWERS, STANCE, TO_POWERS, Table
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
@@ -40,9 +40,13 @@ Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # joint torques [N 
 
 @dataclass(frozen=True)
 class Rollout:
-    """The simulated hop: its rollout values by name (``clearance_m``, ``apex_m``, what it was made for [its unit]), how far
-    it strayed from the plan [SI], the largest share by which it passed a limit, and which; infinite if the simulation
-    failed."""
+    """The simulated hop; infinite numbers if the simulation failed.
+
+    values: rollout values by name: ``clearance_m``, ``apex_m`` and what the hop was made for [its unit]
+    strayed: how far it strayed from the plan [SI]
+    passed: the largest share of its range by which it passed a limit
+    limit: which limit that was
+    """
 
     values: Mapping[str, float]
     strayed: float
@@ -165,7 +169,7 @@ def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contac
 
 
 def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> Law:
-    """The plan's torque in one interval (values at PLACES), held to its motion by feedback and to the regions."""
+    """The plan's torque in one interval (values at NORMALISED_TIMES), held to its motion by feedback and to the regions."""
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
     stiffness, damping = HOLD**2 * inertia, 2 * HOLD * inertia
     ahead = (TO_POWERS @ (tau + q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T)).T
@@ -203,7 +207,7 @@ def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
 
 
 def _interval(machine: Machine, torque: Law, t: np.ndarray, state: State, contact: bool) -> tuple[np.ndarray, ...]:
-    """q, v, a, tau, f at PLACES of one interval, integrated tightly."""
+    """q, v, a, tau, f at NORMALISED_TIMES of one interval, integrated tightly."""
     first, h = (BASE if contact else 0), t[-1] - t[0]
 
     def motion(place: float, x: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -219,7 +223,9 @@ def _interval(machine: Machine, torque: Law, t: np.ndarray, state: State, contac
         return h * np.concatenate([v[first:], a[first:]])
 
     x0 = np.concatenate([part[first:] for part in state])
-    run = solve_ivp(rates, (0.0, 1.0), x0, "DOP853", t_eval=PLACES, rtol=RELATIVE, atol=ABSOLUTE, first_step=1.0)
+    run = solve_ivp(
+        rates, (0.0, 1.0), x0, "DOP853", t_eval=NORMALISED_TIMES, rtol=RELATIVE, atol=ABSOLUTE, first_step=1.0
+    )
     if not run.success or not np.isfinite(run.y).all():
         raise ArithmeticError("the leg cannot be integrated")
     samples = [motion(place, x) for place, x in zip(run.t, run.y.T, strict=True)]
