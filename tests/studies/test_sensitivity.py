@@ -452,7 +452,7 @@ def test_confirming_what_is_not_there(paper: Solution, tmp_path: Path, capfd: py
 
 def test_another_objective_is_refused_before_it_is_solved(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run(["sensitivity", "--objective", "energy", "--results", str(tmp_path)]) == 2
-    assert "of heights, not of energy" in capsys.readouterr().err
+    assert "for heights, not for energy" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

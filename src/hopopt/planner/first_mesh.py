@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
+from hopopt.ocp.feasibility import drives_too_weak
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import stance_guess
 from hopopt.planner.multistart import (
@@ -47,15 +48,21 @@ def search_first_mesh(
 ) -> FirstMesh:
     """So many starts, and those ``besides``; if more than one is asked for, also relaxed problems and motions of the
     global method, which is at work beside the starts."""
-    side_by_side = processes or os.cpu_count() or 1
+    side_by_side, weak = processes or os.cpu_count() or 1, bool(drives_too_weak(hop.design, hop.robot))
     reason = "one start was asked for" if count == 1 else _not_used(hop)
+    reason = "the drives cannot hold the leg where it starts" if weak else reason
     with ThreadPoolExecutor(1) as pool:
         overall = None if reason else pool.submit(search, hop.design, size=SIZE, rollouts=ROLLOUTS, threads=1)
         outcomes = [*run_starts(hop, count, side_by_side, say, besides)]
-        if count > 1:
+        if count > 1 and (not weak or any(o.success for o in outcomes)):  # seldom do other starts help a weak leg
             say("solving relaxed problems, and tightening them to what is asked")
             outcomes += relaxed_starts(hop, QUICK, outcomes)
-        found = overall.result() if overall else None
+        found = None
+        if overall is not None:
+            try:
+                found = overall.result()
+            except (ArithmeticError, ValueError, IndexError) as error:  # no reason to lose what the starts found
+                reason = f"it stopped with a {type(error).__name__}"
     if found is not None:
         say(f"solving from {len(found.rollouts)} motions of the global method")
         outcomes += rollout_starts(hop, found.rollouts, outcomes)
