@@ -29,7 +29,7 @@ def search_stance(
     duration = design.hop.stance_duration
     value = value_function(c, grid, duration, STEPS, SUBSTEPS, threads, progress)
     found = Search(c, value, start, duration).rollouts(tuck, rollouts)
-    return GlobalSearch(METHOD, (size,) * 4, STEPS, value.at(start, STEPS) - tuck, found, 0.0)
+    return GlobalSearch(METHOD, (size,) * 4, STEPS, value.at(start, STEPS) - tuck, found, 0.0, tuck)
 
 
 def fastest_joints(design: Design) -> np.ndarray:

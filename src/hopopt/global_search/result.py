@@ -39,6 +39,7 @@ class GlobalSearch:
     value: clearance that the grid promises at the start [m]
     rollouts: stances that differ, best first
     seconds: time taken [s]
+    tuck: centre of mass above the leg's lowest point where it is tucked best [m]; clearances count on it
     """
 
     method: str
@@ -47,6 +48,7 @@ class GlobalSearch:
     value: float
     rollouts: tuple[Rollout, ...]
     seconds: float
+    tuck: float
 
 
 def different(ranked: Sequence[Rollout]) -> list[Rollout]:

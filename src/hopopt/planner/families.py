@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hopopt.global_search import GlobalSearch
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
@@ -51,12 +52,24 @@ def global_figures(searched: FirstMesh, best: Solution) -> GlobalMethod:
     if found is None:
         return GlobalMethod(None, None, None, False, reason=searched.reason)
     motion = max((r.clearance for r in found.rollouts), default=None)
-    highest = max(float(found.value), motion or 0.0)
-    alarm = best.objective == "clearance" and highest > (1 + ALARM) * best.clearance
     grid = tuple(int(n) for n in found.grid)
     return GlobalMethod(
-        found.method, grid, float(found.value), bool(alarm), steps=found.steps, motion_m=motion, seconds=found.seconds
+        found.method,
+        grid,
+        float(found.value),
+        promises_more(found, best),
+        steps=found.steps,
+        motion_m=motion,
+        seconds=found.seconds,
     )
+
+
+def promises_more(found: GlobalSearch, best: Solution) -> bool:
+    """Whether a global search promises over 1 % more than the answer: than its clearance, and than what its own lift-off
+    would reach if flight limited nothing, as the search has it."""
+    highest, parts = max([float(found.value), *(r.clearance for r in found.rollouts)]), best.summary.parts
+    by_lift_off = parts.com_height_at_lift_off_m + parts.ballistic_rise_m - found.tuck
+    return bool(best.objective == "clearance" and highest > (1 + ALARM) * max(best.clearance, by_lift_off))
 
 
 def alarm_note(figures: GlobalMethod) -> list[str]:

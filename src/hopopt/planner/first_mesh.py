@@ -27,6 +27,7 @@ from hopopt.planner.multistart import (
 from hopopt.planner.relaxations import QUICK, relaxed_starts
 
 SIZE = 15  # nodes along each axis of the global method's grid in a plain solve
+CLOSER = 21  # where the first grid promises more than the answer
 ROLLOUTS = 6  # of its motions, that are solved from
 HEIGHTS = ("clearance", "apex")  # objectives that its motions suit
 
@@ -76,13 +77,23 @@ def _not_used(hop: Hop) -> str | None:
     return applies(hop.design)
 
 
-def rollout_starts(hop: Hop, rollouts: Sequence[Rollout], known: Sequence[StartOutcome] = ()) -> list[StartOutcome]:
+def looked_closer(hop: Hop, searched: FirstMesh, say: Progress) -> FirstMesh:
+    """The same search with a finer grid of the global method, and what its motions lead to."""
+    say(f"the global method promises more than was found: looking on a grid of {CLOSER} nodes an axis")
+    found = search(hop.design, size=CLOSER, rollouts=ROLLOUTS)
+    more = rollout_starts(hop, found.rollouts, searched.outcomes, "global method, finer grid")
+    return FirstMesh((*searched.outcomes, *more), found)
+
+
+def rollout_starts(
+    hop: Hop, rollouts: Sequence[Rollout], known: Sequence[StartOutcome] = (), name: str = "global method"
+) -> list[StartOutcome]:
     """What the motions of the global method lead to on the first mesh; none is followed to a hop that is known."""
     watch, outcomes = known_optima(hop, known), list[StartOutcome]()
     solver = first_solver(hop, any(o.success for o in known), watch)
     for k, r in enumerate(rollouts):
         began = time.perf_counter()
         s = solver(stance_guess(hop, r.t, r.q, r.v, r.a))
-        outcomes.append(noted(solver, outcome_of(f"global method {k + 1}", s, time.perf_counter() - began)))
+        outcomes.append(noted(solver, outcome_of(f"{name} {k + 1}", s, time.perf_counter() - began)))
         remember(watch, outcomes[-1])
     return outcomes

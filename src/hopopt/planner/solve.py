@@ -14,8 +14,8 @@ from hopopt.ocp.initial_guess import starts as all_starts
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
 from hopopt.planner.cross_check import with_cross_checks
-from hopopt.planner.families import alarm_note, search_figures
-from hopopt.planner.first_mesh import search_first_mesh
+from hopopt.planner.families import alarm_note, promises_more, search_figures
+from hopopt.planner.first_mesh import looked_closer, search_first_mesh
 from hopopt.planner.limit_names import flat_words
 from hopopt.planner.multistart import (
     CLOSE,
@@ -79,6 +79,11 @@ def solve(
     if not finished:
         say("looking for the limits that cannot hold together")
         raise not_solved(hop, outcomes, thorough=True)
+    if searched.overall is not None and promises_more(searched.overall, best_of(hop.objective, finished)):
+        known, searched = {o.name for o in outcomes}, looked_closer(hop, searched, say)
+        outcomes = searched.outcomes
+        more = [o for o in contenders(outcomes) if o.name not in known]
+        finished += [refined_and_verified(hop, o, outcomes, say, clock, restarts=False) for o in more]
     hop, best, better = settled(hop, finished, outcomes, say, clock)
     if structure:
         best = with_free_switches(hop, best, outcomes, say, clock)
