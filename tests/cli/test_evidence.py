@@ -11,8 +11,9 @@ import pytest
 from hopopt.cli import main as cli
 from hopopt.errors import ResultError
 from hopopt.ocp.objectives import OBJECTIVES
+from hopopt.planner.families import words
 from hopopt.studies import dynamic_programming as upright
-from hopopt.studies.local_optima import Ended, families, finished, words
+from hopopt.studies.local_optima import Ended, families, finished
 
 COARSE = ("solver.refine=false", "solver.stance_intervals=12", "solver.flight_intervals=5")
 SETTINGS = [word for entry in COARSE for word in ("--set", entry)]

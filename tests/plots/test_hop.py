@@ -17,9 +17,8 @@ from hopopt.errors import ResultError
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
-from hopopt.plots import hop as plots
 from hopopt.plots.hop import FIGURES, save_all
-from hopopt.plots.style import jumping_curve, legend, new_figure
+from hopopt.plots.style import NORMALISED_TIMES, jumping_curve, legend, new_figure
 from hopopt.problem.load import load
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 16, "solver.flight_intervals": 8}
@@ -131,10 +130,10 @@ def test_curves_are_the_plan(solved: Callable[[str], Solution]) -> None:
     (foot,) = lines(FIGURES["heights"](plan), "foot")
     np.testing.assert_allclose(foot[:, 1], plan.sample(foot[:, 0]).points["foot"][:, 1], atol=1e-9)
     (force,) = lines(FIGURES["ground_force"](plan), "vertical")
-    inside = plan.everywhere(STANCE, plots.NORMALISED_TIMES)
+    inside = plan.everywhere(STANCE, NORMALISED_TIMES)
     np.testing.assert_array_equal(force, np.column_stack([inside.t, inside.f[:, 1]]))
     for k, curve in enumerate(lines(FIGURES["operating_region"](plan), FLIGHT)):
-        samples = plan.everywhere(FLIGHT, plots.NORMALISED_TIMES)
+        samples = plan.everywhere(FLIGHT, NORMALISED_TIMES)
         np.testing.assert_array_equal(curve, np.column_stack([samples.v[:, 2 + k], samples.tau[:, k]]))
 
 

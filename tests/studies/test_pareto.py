@@ -11,6 +11,7 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.errors import UsageError
 from hopopt.leg.scales import weight
+from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.sim.machine import Machine
 from hopopt.studies import pareto
 from hopopt.studies.pareto import Front, FrontPoint
@@ -103,7 +104,7 @@ def test_figure_shows_every_point(front: Front) -> None:
 def test_stopping_keeps_what_is_finished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    real, calls = pareto.refined_and_verified, []
+    real, calls = refined_and_verified, []
 
     def stopped(*arguments: object) -> object:
         calls.append(arguments)

@@ -16,6 +16,7 @@ import pytest
 import xarray as xr
 
 import hopopt as ho
+from hopopt.planner.refine_and_verify import refine_and_verify
 from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point import Source, solve_again, solve_point
@@ -219,7 +220,7 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypa
     assert (same.objective_value, same.corrected, same.tried) == (second.objective_value, False, ((0, 0),))
     assert (same.after_pass, same.solved_in, nothing) == (1, 0, {})
     lower = replace(second, objective_value=0.5, clearance_m=0.5)
-    refined, refine = [], sweep_point.refine_and_verify
+    refined, refine = [], refine_and_verify
     monkeypatch.setattr(
         sweep_point, "refine_and_verify", lambda *given: refined.append(given[1].name) or refine(*given)
     )
@@ -237,7 +238,7 @@ def test_a_neighbour_that_stops_leaves_the_others(monkeypatch: pytest.MonkeyPatc
     """Planted: the first refinement stops; the other neighbour, or else the starts, lead to the point's hop."""
     definition = define(ho.load("paper", [SHORT]), {"leg.gear.ratio": [115, 118]}, starts=1)
     _, begin = solve_point(definition, 0, [])
-    source, refine = Source(0, 0, begin), sweep_point.refine_and_verify
+    source, refine = Source(0, 0, begin), refine_and_verify
     for sources, led in (([source, Source(2, 0, begin)], 2), ([source], None)):
         calls = iter([True, False, False])
         monkeypatch.setattr(

@@ -19,7 +19,8 @@ from hopopt.sim import mujoco
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_metrics import HopFigures, beyond_limits
-from hopopt.sim.plant import Plant, Timing
+from hopopt.sim.plant import Plant
+from hopopt.sim.state import Timing
 from hopopt.sim.trace import Trace
 
 LONGEST = 1.0  # [s] of a hop beyond its longest stance

@@ -26,7 +26,7 @@ class Workspace(NamedTuple):
     x, y, edge, and two more sets: polygons (VERTICES,)
     end: state after each motion (VERTICES, 4)
     kind: of each motion: NONE, PASSES or KEEPS (VERTICES,)
-    count: how many motions there are (1,)
+    corners: how many motions there are (1,)
     here, there: state margins (MARGINS,)
     """
 
@@ -41,7 +41,7 @@ class Workspace(NamedTuple):
     spare_edge: np.ndarray
     end: np.ndarray
     kind: np.ndarray
-    count: np.ndarray
+    corners: np.ndarray
     here: np.ndarray
     there: np.ndarray
 
@@ -53,7 +53,7 @@ def workspace() -> Any:
         arrays |= {kind + "x": np.zeros(VERTICES), kind + "y": np.zeros(VERTICES)}
         arrays[kind + "edge"] = np.zeros(VERTICES, dtype=np.int64)
     margins = {name: np.zeros(MARGINS) for name in ("here", "there")}
-    integers = {"kind": np.zeros(VERTICES, dtype=np.int8), "count": np.zeros(1, dtype=np.int64)}
+    integers = {"kind": np.zeros(VERTICES, dtype=np.int8), "corners": np.zeros(1, dtype=np.int64)}
     return packed(Workspace(**arrays, **integers, **margins, end=np.zeros((VERTICES, 4))))
 
 
@@ -109,7 +109,7 @@ def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
     if count == 0:
         return 0
     state_margins(c, phi1, phi2, r1, r2, w.here)
-    w.count[0] = count
+    w.corners[0] = count
     for i in range(count):
         one, two = w.edge[i - 1 if i > 0 else count - 1], w.edge[i]
         w.kind[i] = NONE
@@ -125,7 +125,7 @@ def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
 def leaving_apex(c, w, i, phi1, phi2, r1, r2, dt):
     """Greatest apex height [m] of the centre of mass if motion i, which passes a limit within dt [s], ends in lift-off
     just before; LOST if it cannot even begin."""
-    one, two = w.edge[i - 1 if i > 0 else w.count[0] - 1], w.edge[i]
+    one, two = w.edge[i - 1 if i > 0 else w.corners[0] - 1], w.edge[i]
     low, high, apex = 0.0, 1.0, LOST
     for _ in range(CUTS):
         t = 0.5 * (low + high)

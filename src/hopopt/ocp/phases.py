@@ -10,7 +10,9 @@ import casadi as ca
 import numpy as np
 
 from hopopt.ocp.constraints import HEIGHT, MotionAt
-from hopopt.ocp.motion import FLIGHT, STANCE, MovingLeg
+from hopopt.ocp.motion import FLIGHT as FLIGHT
+from hopopt.ocp.motion import STANCE as STANCE
+from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.problem import INF, Control, Ends, Instant, Numbers, PathConstraint, Phase, State
 from hopopt.ocp.rules import path_constraints
 

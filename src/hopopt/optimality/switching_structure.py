@@ -7,7 +7,7 @@ shorter than SHORTEST of its phase is the trace of a switch between two nodes, n
 from collections.abc import Hashable, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -181,7 +181,18 @@ def structure(solution: NlpSolution) -> dict[str, list[Stretch]]:
     return {name: stretches(activity(solution, name), (0.0, p.duration)) for name, p in solution.phases.items()}
 
 
-def by_subject(parts: Sequence[Stretch]) -> dict[str, list[str]]:
+class Told(Protocol):
+    """What a stretch says of itself, here or in a stored summary."""
+
+    @property
+    def subject(self) -> str: ...
+    @property
+    def limit(self) -> str: ...
+    @property
+    def end(self) -> float: ...
+
+
+def by_subject(parts: Sequence[Told]) -> dict[str, list[str]]:
     """What every subject of a phase meets, a few words for each stretch: "torque-speed line forward until 0.143 s"."""
     found: dict[str, list[str]] = {}
     for subject in dict.fromkeys(s.subject for s in parts):

@@ -25,7 +25,7 @@ from hopopt.studies.consistency import contradicted
 from hopopt.studies.family_chains import Node, Step, chains, letter
 from hopopt.studies.family_optima import Optimum, Refined
 from hopopt.studies.sweep.definition import Definition
-from hopopt.studies.sweep.store import write_whole
+from hopopt.studies.sweep.point_file import write_whole
 
 
 @dataclass(frozen=True)
