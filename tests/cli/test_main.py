@@ -266,8 +266,9 @@ def test_several_starts_side_by_side(tmp_path: Path) -> None:
     done = run("solve", "--json", "--no-figures", "--starts", "5", "--set", "solver.refine=false", cwd=tmp_path)
     s = json.loads(done.stdout)
     assert done.returncode == 3
-    assert s["starts"]["count"] == 5
-    assert sum(o["count"] for o in s["starts"]["optima"]) + len(s["starts"]["failed"]) == 5
+    count = s["starts"]["count"]
+    assert count > 5  # relaxed problems and motions of the global method beside the starts
+    assert sum(o["count"] for o in s["starts"]["optima"]) + len(s["starts"]["failed"]) == count
     best = max(o["objective"] for o in s["starts"]["optima"])
     assert best == max(e["objective"] for e in s["starts"]["each"] if e["status"] == "Solve_Succeeded")
 
