@@ -57,7 +57,9 @@ def test_points_equal_single_solves(study: ho.Study) -> None:
         alone = ho.solve(study.definition.design_at(k), starts=1)
         assert study.points[k].verified
         assert study.points[k].clearance_m == pytest.approx(alone.clearance, rel=1e-4)
-    assert {(2, 0), (3, 0)} & {source for k in (2, 3) for source in study.points[k].tried}  # one began from the other too
+    assert {(2, 0), (3, 0)} & {
+        source for k in (2, 3) for source in study.points[k].tried
+    }  # one began from the other too
 
 
 def test_impossible_points_are_kept_with_a_sentence(study: ho.Study) -> None:
