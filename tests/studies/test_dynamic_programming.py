@@ -7,11 +7,12 @@ import pytest
 from hopopt import load
 from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.global_search.slider_leg import accelerations, slider_leg
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import dependent_joints
 from hopopt.leg.robot import build_robot
-from hopopt.studies.dynamic_programming import accelerations, by_dynamic_programming, by_transcription, reduced, upright
+from hopopt.studies.dynamic_programming import by_dynamic_programming, by_transcription, reduced
 
 CASES = {
     "paper": ["hop.stance_duration=[0.03,0.2]"],
@@ -26,7 +27,7 @@ def design() -> Design:
 
 def test_terms_are_those_of_the_planners_closed_loop(design: Design) -> None:
     """Torques and vertical force at random speeds, accelerations and horizontal forces."""
-    robot, leg, rng = build_robot(design.leg), upright(design, 7), np.random.default_rng(0)
+    robot, leg, rng = build_robot(design.leg), slider_leg(design, 7), np.random.default_rng(0)
     dynamics, dependent = LegDynamics(robot, robot.parameters), dependent_joints(design)
     q, v, free, force = (ca.SX.sym(s, n) for s, n in zip("qvuf", (2, 2, 1, 1), strict=True))
     m = dynamics.stance(q, v, dynamics.closed(q, v, free, dependent), force)
@@ -44,7 +45,7 @@ def test_accelerations_are_the_ends_of_what_drives_and_ground_allow(design: Desi
     """Against scipy's linear programming at every state."""
     from scipy.optimize import linprog
 
-    leg = upright(design, 6)
+    leg = slider_leg(design, 6)
     robot = build_robot(design.leg)
     v = np.linspace(-1.5, 1.5, 5) * np.ones((6, 1))
     least, largest = accelerations(design, leg, v)

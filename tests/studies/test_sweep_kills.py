@@ -42,10 +42,7 @@ def table(folder: Path) -> list[dict[str, str]]:
 def points(folder: Path) -> dict[str, dict]:
     """What is kept of every point and pass, without timings and the digests that count them in."""
     found = {path.name: json.loads(path.read_text()) for path in (folder / "points").glob("[0-9]*.json")}
-    return {
-        name: {k: v for k, v in data.items() if k not in ("seconds", "sha256", "digest", "digests")}
-        for name, data in found.items()
-    }
+    return {name: {k: v for k, v in data.items() if k not in ("seconds", "sha256")} for name, data in found.items()}
 
 
 @pytest.mark.slow

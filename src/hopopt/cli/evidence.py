@@ -153,10 +153,11 @@ def _gathered(
 
 def _searched(hop: Any, known: Any, nodes: tuple[int, ...], say: Any) -> tuple[list[Any], dict[str, Any]]:
     """Hops from relaxed problems and, on grids or by basin hopping, from all over; and the grids' account."""
+    from hopopt.global_search import applies
     from hopopt.studies import thorough_search as thorough
 
     more = thorough.relaxed(hop, known, say)
-    if reason := thorough.out_of_reach(hop):
+    if reason := applies(hop.design):
         hops = thorough.hopped(hop, HOPS, [*known, *more], say)
         return more + hops, {"reason": reason, "basin_hopping": len(hops)}
     if not nodes:

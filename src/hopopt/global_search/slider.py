@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.global_search.bilinear import Bilinear
 from hopopt.global_search.constants import stance_constants
 from hopopt.global_search.posture import tuck_height
 from hopopt.global_search.result import GlobalSearch, Rollout, different
@@ -102,9 +103,9 @@ class _Slider:
         then = v + a * self.dt
         return y + v * self.dt + 0.5 * a * self.dt**2, then if self.descent else np.where(then < 0, np.nan, then)
 
-    def look_up(self, y: np.ndarray, v: np.ndarray) -> "_Bilinear":
+    def look_up(self, y: np.ndarray, v: np.ndarray) -> Bilinear:
         """What reads a layer at heights [m] and speeds [m/s]."""
-        return _Bilinear(self.leg.y, self.share, y, v / np.interp(y, self.leg.y, self.fastest))
+        return Bilinear(self.leg.y, self.share, y, v / np.interp(y, self.leg.y, self.fastest), NOWHERE)
 
     def rollout(self, layers: list[np.ndarray], start: float, share: float) -> Rollout | None:
         """Greedy by value within a share of the longest stance; None if it leads nowhere."""
@@ -135,22 +136,3 @@ class _Slider:
         )
         joint_v, joint_a = dq * v[:, None], dq * a[:, None] + ddq * v[:, None] ** 2
         return Rollout(np.arange(len(path)) * self.dt, q, joint_v, joint_a, clearance)
-
-
-class _Bilinear:
-    """Values at given places of a grid of rows and columns, interpolated; NOWHERE off it."""
-
-    def __init__(self, rows: np.ndarray, columns: np.ndarray, at_row: np.ndarray, at_column: np.ndarray):
-        i, j = ((at - grid[0]) / (grid[1] - grid[0]) for at, grid in ((at_row, rows), (at_column, columns)))
-        last = len(rows) - 1, len(columns) - 1
-        with np.errstate(invalid="ignore"):
-            self.outside = ~((i >= -1e-9) & (i <= last[0] + 1e-9) & (j >= -1e-9) & (j <= last[1] + 1e-9))
-        i, j = (np.where(self.outside, 0.0, np.clip(x, 0, n - 1e-9)) for x, n in zip((i, j), last, strict=True))
-        self.i, self.j = i.astype(int), j.astype(int)
-        self.s, self.t = i - self.i, j - self.j
-
-    def __call__(self, values: np.ndarray) -> np.ndarray:
-        i, j, s, t = self.i, self.j, self.s, self.t
-        low = (1 - t) * values[i, j] + t * values[i, j + 1]
-        high = (1 - t) * values[i + 1, j] + t * values[i + 1, j + 1]
-        return np.where(self.outside, NOWHERE, (1 - s) * low + s * high)

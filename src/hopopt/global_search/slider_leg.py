@@ -115,8 +115,7 @@ def accelerations(design: Design, leg: SliderLeg, v: np.ndarray) -> tuple[np.nda
     least, largest = np.full(v.shape, np.inf), np.full(v.shape, -np.inf)
     for i, j in combinations(range(G.shape[1]), 2):
         pair = G[:, [i, j]]
-        det = np.linalg.det(pair)
-        sound = np.abs(det) > 1e-12
+        sound = np.abs(np.linalg.det(pair)) > 1e-12 * np.abs(pair).max(axis=(1, 2)) ** 2
         inverse = np.linalg.inv(np.where(sound[:, None, None], pair, np.eye(2)))
         corner = np.einsum("mij,mjk->mik", inverse, r[:, [i, j]])  # (m, 2, k)
         inside = np.all(np.einsum("mci,mik->mck", G, corner) <= r + ROUNDING * (1 + np.abs(r)), axis=1)

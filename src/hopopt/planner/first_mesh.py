@@ -53,17 +53,12 @@ def search_first_mesh(
     reason = "one start was asked for" if count == 1 else _not_used(hop)
     reason = "the drives cannot hold the leg where it starts" if weak else reason
     with ThreadPoolExecutor(1) as pool:
-        overall = None if reason else pool.submit(search, hop.design, size=SIZE, rollouts=ROLLOUTS, threads=1)
+        overall = None if reason else pool.submit(_searched, hop, SIZE, 1)  # beside Ipopt, which has the other core
         outcomes = [*run_starts(hop, count, side_by_side, say, besides)]
         if count > 1 and (not weak or any(o.success for o in outcomes)):  # seldom do other starts help a weak leg
             say("solving relaxed problems, and tightening them to what is asked")
             outcomes += relaxed_starts(hop, QUICK, outcomes)
-        found = None
-        if overall is not None:
-            try:
-                found = overall.result()
-            except (ArithmeticError, ValueError, IndexError) as error:  # no reason to lose what the starts found
-                reason = f"it stopped with a {type(error).__name__}"
+        found, reason = (None, reason) if overall is None else overall.result()
     if found is not None:
         say(f"solving from {len(found.rollouts)} motions of the global method")
         outcomes += rollout_starts(hop, found.rollouts, outcomes)
@@ -80,9 +75,19 @@ def _not_used(hop: Hop) -> str | None:
 def looked_closer(hop: Hop, searched: FirstMesh, say: Progress) -> FirstMesh:
     """The same search with a finer grid of the global method, and what its motions lead to."""
     say(f"the global method promises more than was found: looking on a grid of {CLOSER} nodes an axis")
-    found = search(hop.design, size=CLOSER, rollouts=ROLLOUTS)
+    found, _ = _searched(hop, CLOSER, 2)
+    if found is None:
+        return searched
     more = rollout_starts(hop, found.rollouts, searched.outcomes, "global method, finer grid")
     return FirstMesh((*searched.outcomes, *more), found)
+
+
+def _searched(hop: Hop, size: int, threads: int) -> tuple[GlobalSearch | None, str | None]:
+    """What the global method finds on a grid of so many nodes an axis, or why it finds nothing."""
+    try:
+        return search(hop.design, size=size, rollouts=ROLLOUTS, threads=threads), None
+    except (ArithmeticError, ValueError, IndexError) as error:  # no reason to lose what the starts found
+        return None, f"it stopped with a {type(error).__name__}"
 
 
 def rollout_starts(

@@ -27,9 +27,8 @@ from hopopt.planner.multistart import (
     remember,
 )
 
-Loosen = Callable[[Transcription, Bounds, float], None]  # writes into the bounds; share 1 is the whole relaxation
+Widen = Callable[[Transcription, Bounds], None]  # writes into the bounds
 BEGUN_FROM = (0, 1)  # starts that each relaxed problem is solved from
-PULL = 1.0  # of the range of forces, by which the foot may leave its friction cone at a share of 1
 DEEPER = 0.3  # of the leg's length, by which joints may pass through the ground
 WIDER = 0.4  # rad by which each joint may pass its limits
 STRONGER = 1.3  # times the drives' range
@@ -42,12 +41,12 @@ class Relaxation:
 
     name: in words
     limits: kinds of limits without which it is no relaxation of the problem
-    widen: writes the wider bounds for a share of the relaxation (1 the whole, 0 none)
+    widen: writes the wider bounds
     """
 
     name: str
     limits: tuple[Kind, ...]
-    widen: Loosen
+    widen: Widen
 
     def suits(self, t: Transcription) -> bool:
         """Whether the problem has the limits that this widens."""
@@ -59,20 +58,20 @@ def rows_of(t: Transcription, kind: Kind) -> Iterator[Rows]:
     return (r for r in t.rows if isinstance(r.name, LimitId) and r.name.kind is kind)
 
 
-def friction_cone(t: Transcription, b: Bounds, share: float) -> None:
-    """Without the cone at a share of 1; below that the foot may leave it by a force."""
+def friction_cone(t: Transcription, b: Bounds) -> None:
+    """Without the friction cone."""
     for r in rows_of(t, Kind.FRICTION):
-        b.low_g[r.start : r.stop] = -np.inf if share >= 1 else -PULL * share
+        b.low_g[r.start : r.stop] = -np.inf
 
 
-def joints_below_ground(t: Transcription, b: Bounds, share: float) -> None:
+def joints_below_ground(t: Transcription, b: Bounds) -> None:
     """Joints, but not the foot, may pass through the ground."""
     for r in rows_of(t, Kind.HEIGHT):
         joints = np.tile([label.label != "foot" for label in r.labels], max(1, len(r.interval)))
-        b.low_g[r.start : r.stop] -= DEEPER * share * joints
+        b.low_g[r.start : r.stop] -= DEEPER * joints
 
 
-def joint_range(t: Transcription, b: Bounds, share: float) -> None:
+def joint_range(t: Transcription, b: Bounds) -> None:
     """Joints may pass their limits, but at the start."""
     for name, layout in t.layouts.items():
         phase, where, at = layout.phase, t.variables[name].x, 0
@@ -81,28 +80,28 @@ def joint_range(t: Transcription, b: Bounds, share: float) -> None:
             if state.name == "q":
                 for side, sign in ((b.low_z, -1), (b.high_z, 1)):
                     nodes = side[where].reshape(layout.state_nodes, -1)  # a view
-                    nodes[first:, at : at + state.size] += sign * WIDER * share / state.column("scale")
+                    nodes[first:, at : at + state.size] += sign * WIDER / state.column("scale")
             at += state.size
 
 
-def drives(t: Transcription, b: Bounds, share: float) -> None:
+def drives(t: Transcription, b: Bounds) -> None:
     """Drives with a larger operating region."""
     for r in rows_of(t, Kind.REGION):
-        b.low_g[r.start : r.stop] *= 1 + (STRONGER - 1) * share
-        b.high_g[r.start : r.stop] *= 1 + (STRONGER - 1) * share
+        b.low_g[r.start : r.stop] *= STRONGER
+        b.high_g[r.start : r.stop] *= STRONGER
 
 
-def stance_time(t: Transcription, b: Bounds, share: float) -> None:
+def stance_time(t: Transcription, b: Bounds) -> None:
     """A longer stance."""
-    b.high_z[t.variables[t.problem.phases[0].name].durations] *= 1 + (LONGER - 1) * share
+    b.high_z[t.variables[t.problem.phases[0].name].durations] *= LONGER
 
 
-def together(*each: Loosen) -> Loosen:
+def together(*each: Widen) -> Widen:
     """Several at once."""
 
-    def widen(t: Transcription, b: Bounds, share: float) -> None:
+    def widen(t: Transcription, b: Bounds) -> None:
         for one in each:
-            one(t, b, share)
+            one(t, b)
 
     return widen
 
@@ -146,20 +145,25 @@ def _tightened(hop: Hop, asked: NlpSolver, relaxed: NlpSolver, relaxation: Relax
     """The relaxed problem from start k and, from its optimum and multipliers, what is asked; None if the relaxed optimum
     was known already."""
     began, start, t = time.perf_counter(), starts(k + 1, hop.design.solver.seed)[k], asked.transcription
-    s = relaxed(make_guess(hop, start), bounds=wider(t, relaxation, 1.0))
+    s = relaxed(make_guess(hop, start), bounds=wider(t, relaxation))
     if relaxed.stopped:
         return None
     if s.success and relaxed.known is not None:
         remember(relaxed.known, outcome_of(relaxation.name, s, 0.0))
-        s = asked.again(s, wider(t, relaxation, 0.0))
+        s = asked.again(s, own_bounds(t))
     name = relaxation.name if k == 0 else f"{relaxation.name}, from {start.name}"
     outcome = outcome_of(name, s, time.perf_counter() - began)
     return noted(asked, outcome) if asked.stopped else outcome
 
 
-def wider(t: Transcription, relaxation: Relaxation, share: float) -> Bounds:
-    """The program's bounds, widened by a share of the relaxation."""
+def own_bounds(t: Transcription) -> Bounds:
+    """The program's own bounds, as copies."""
     low, high = t.bounds({})
-    b = Bounds(low.copy(), high.copy(), np.array(t.lbg, dtype=float), np.array(t.ubg, dtype=float))
-    relaxation.widen(t, b, share)
-    return b
+    return Bounds(low, high, np.array(t.lbg, dtype=float), np.array(t.ubg, dtype=float))
+
+
+def wider(t: Transcription, relaxation: Relaxation) -> Bounds:
+    """The program's bounds, widened by a relaxation."""
+    bounds = own_bounds(t)
+    relaxation.widen(t, bounds)
+    return bounds

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import OptimizeResult, basinhopping
 
-from hopopt.global_search import applies, search
+from hopopt.global_search import search
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import Start
 from hopopt.planner.first_mesh import rollout_starts
@@ -73,8 +73,3 @@ def hopped(hop: Hop, count: int, known: Sequence[StartOutcome], say: Say) -> lis
         minimizer_kwargs={"method": as_it_is}, rng=rng,
     )  # fmt: skip
     return outcomes
-
-
-def out_of_reach(hop: Hop) -> str | None:
-    """Why no grid reaches the problem, or None."""
-    return applies(hop.design)
