@@ -1,9 +1,9 @@
 """A two-joint leg in stance by the absolute angles of its links: a handful of constants from which the equations of
 motion follow in closed form.
 
-phi1, phi2 [rad] are the angles of the links, positive forward, zero as they point at zero joint angles. With the foot
-at the origin the knee stands at -e2 exp(i phi2), the hip at the knee's place less e1 exp(i phi1) in the complex plane
-x + i z, where e1 and e2 are the links' ends at zero angles.
+phi1, phi2 [rad] are the angles of the links, positive forward, zero as they point at zero joint angles. Points are
+complex numbers x + i z, with the foot at the origin. Where e1 and e2 are the links' ends at zero angles, the knee
+stands at -e2 exp(i phi2) and the hip at -e2 exp(i phi2) - e1 exp(i phi1).
 """
 
 from typing import NamedTuple

@@ -148,8 +148,10 @@ def between(w, i, j, t):
 
 @kernel
 def last_kept(c, w, grid, i, j, phi1, phi2, r1, r2, dt):
-    """The largest share of the way from motion i, which keeps the state limits, to j, which does not, that keeps them,
-    stays on the grid and has accelerations that are possible halfway."""
+    """How far one can go from the end of motion i, which keeps the state limits, towards that of j, which does not.
+
+    A share of the way: the largest that keeps them, stays on the grid and has accelerations possible halfway.
+    """
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         t = 0.5 * (low + high)

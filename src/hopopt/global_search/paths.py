@@ -1,7 +1,7 @@
 """Stances that begin exactly at the start: a forward search over extreme motions, guided by the value on the grid.
 
-Of many states only the best in each cell are kept. A greedy choice by value would always follow one family of hops,
-so states are told apart by what the stance did so far and each kind keeps its own best.
+Of many states only the best in each cell are kept. A greedy choice by value would always follow one family of hops.
+So states are told apart by what the stance did so far, and each kind keeps its own best.
 """
 
 from dataclasses import dataclass

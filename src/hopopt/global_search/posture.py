@@ -41,8 +41,10 @@ def _refined(c: StanceConstants, window: float, pose: np.ndarray) -> float:
 
 
 def _above_points(c: StanceConstants, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far the centre of mass is above foot, knee and hip [m], (..., 3), and the foot in front of the hip [m], at
-    joint angles q (..., 2) [rad]."""
+    """How far the centre of mass is above foot, knee and hip (..., 3) [m], and the foot in front of the hip [m].
+
+    q: joint angles (..., 2) [rad]
+    """
     turned = np.exp(1j * to_link_angles(c, q))
     knee = -complex(c.shank_x, c.shank_z) * turned[..., 1]
     hip = knee - complex(c.thigh_x, c.thigh_z) * turned[..., 0]

@@ -1,7 +1,7 @@
 """The best apex of the centre of mass that is left at every state of a grid: semi-Lagrangian dynamic programming.
 
-From each node the extreme motions are followed for one step of time, the value is read where they end, and the best is
-kept, against lifting off at once (Bellman 1957; Falcone and Ferretti, Semi-Lagrangian Approximation Schemes, 2013).
+From each node the extreme motions are followed for one step of time, and the value is read where they end. The best of
+these and of lifting off at once is kept (Bellman 1957; Falcone and Ferretti, Semi-Lagrangian Approximation Schemes, 2013).
 Interpolation smears the value in every step, so few long steps with motions of some accuracy do better than many.
 """
 

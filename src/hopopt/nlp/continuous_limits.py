@@ -1,8 +1,8 @@
 """Limits enforced between the nodes too, by the hull of their Bernstein coefficients.
 
 Path constraints hold at the nodes; where a control switches inside an interval its polynomial passes them in between,
-on any mesh. Between its nodes a limited quantity is nearly the polynomial through their values g, and a polynomial
-lies within the hull of its Bernstein coefficients b = B^-1 g, B_jk = C(n, k) c_j^k (1 - c_j)^(n - k) (Farin, Curves and
+on any mesh. Between its nodes a limited quantity is nearly the polynomial through their values g. A polynomial lies
+within the hull of its Bernstein coefficients b = B^-1 g, with B_jk = C(n, k) c_j^k (1 - c_j)^(n - k) (Farin, Curves and
 Surfaces for CAGD, chapter 5). Where limits are to hold throughout, these are bounded in place of the values.
 """
 

@@ -1,7 +1,7 @@
 """Collocation schemes as data: everything follows from the abscissae in [0, 1].
 
-On an interval of length h the state's derivative is the polynomial through its values at the abscissae c, so
-x(s) = x(0) + h sum_j B_j(s) f_j with B_j(s) the integral of the j-th Lagrange polynomial; collocation makes
+On an interval of length h the state's derivative is the polynomial through its values f_j at the abscissae c.
+So x(s) = x(0) + h sum_j B_j(s) f_j, with B_j(s) the integral of the j-th Lagrange polynomial. Collocation makes
 this exact at every c_k. These are the implicit Runge-Kutta methods Radau IIA (flipped Legendre-Gauss-Radau)
 and Lobatto IIIA (trapezoidal, Hermite-Simpson); Hairer and Wanner, Solving ODEs II, IV.5. All of them
 collocate the right end of the interval, so path constraints hold where a phase is decided. The controls are

@@ -91,8 +91,10 @@ class FreeParameters:
         return hop.design.start.hip_height is not None and bool(lengths & self.bounds.keys())
 
     def start(self, hop: MovingLeg) -> Numbers | tuple[Numbers, Numbers]:
-        """Joint angles at the start [rad]: given, or free on the side to which the second joint is folded, whatever its
-        angle when the leg is straight (a hip height is the start of legs of two joints only)."""
+        """Joint angles at the start [rad]: given, or free on the side to which the second joint is folded.
+
+        A hip height is the start of legs of two joints only.
+        """
         q0 = start_angles(hop.design)
         if not self.moves_start(hop):
             return q0

@@ -1,8 +1,8 @@
 """The softest landing: a third phase, from the apex to the foot's touchdown, and the energy lost there.
 
-The impact is plastic: the foot stays where it lands (Featherstone, Rigid Body Dynamics Algorithms, 11.6). With the
-foot's speed u = J v before it and the mass that the foot shows, (J M^-1 J')^-1, the kinetic energy
-u' (J M^-1 J')^-1 u / 2 is lost: smooth, and least at rest.
+The impact is plastic: the foot stays where it lands (Featherstone, Rigid Body Dynamics Algorithms, 11.6). Before it
+the foot's speed is u = J v, and the mass that the foot shows is L = (J M^-1 J')^-1. The kinetic energy u' L u / 2 is
+lost: smooth, and least at rest.
 
 A foot can meet the ground at rest while the leg folds and the body goes on falling. So the body is no lower at touchdown
 than at lift-off: it comes no faster than it went, and has as much way left to stop as the push took.

@@ -84,9 +84,15 @@ def alarm_note(figures: GlobalMethod) -> list[str]:
 
 
 def motion(hop: Hop, plan: Motion) -> dict[str, float]:
-    """What the body does in stance: duration [s]; its place over the foot when it is lowest (sway) and at lift-off (lean),
-    its dip, how far it is from where it began at most (swing, with its sign), and the least height of a joint below it
-    (knee) [share of the reach]; its drift at lift-off [m/s]."""
+    """What the body does in stance, lengths as shares of the reach.
+
+    stance: duration [s]
+    sway, lean: the body's place over the foot when it is lowest, and at lift-off
+    dip: how far it goes down
+    swing: how far it is from where it began at most, with its sign
+    knee: the least height of a joint below it
+    drift: its speed along at lift-off [m/s]
+    """
     stance, size = plan.everywhere(STANCE, np.linspace(0, 1, 5)), reach(hop.leg)
     x, z = stance.q[:, 0], stance.q[:, 1]
     lowest, farthest = int(np.argmin(z)), int(np.argmax(np.abs(x - x[0])))

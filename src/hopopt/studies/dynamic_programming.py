@@ -1,9 +1,8 @@
 """A reduced hop whose global optimum can be computed: the leg with its foot under the hip, the body on a slider.
 
 One degree of freedom is left, the height y of the body with speed v. Dynamic programming over a grid of both finds the
-best push without derivatives, starting points or local optima; the transcription solves the same problem. That they
-agree, ever closer on finer grids, is evidence for the planner from a method that shares nothing with it but the leg
-model and the motor law (Bellman 1957; Falcone and Ferretti, Semi-Lagrangian Approximation Schemes, 2013).
+best push without derivatives, starting points or local optima; the transcription solves the same problem. They agree,
+ever closer on finer grids. The method shares nothing with the planner but the leg model and the motor law (Bellman 1957; Falcone and Ferretti, Semi-Lagrangian Approximation Schemes, 2013).
 """
 
 import casadi as ca
@@ -40,9 +39,11 @@ CONTRADICTED = 0.01  # relative: by so much more than the planner's, it speaks a
 
 
 def reduced(design: Design) -> Design:
-    """The problem on a vertical slider, the foot under the hip at the height of the start, on ideal ground, with no
-    other limits than the drives', the joints' and the ground's; UsageError if the leg has other than two joints in a
-    plane, or cannot stand so."""
+    """The problem on a vertical slider, the foot under the hip at the height of the start, on ideal ground.
+
+    No limits are left but the drives', the joints' and the ground's. Raises UsageError if the leg has other than two
+    joints in a plane, or cannot stand so.
+    """
     if not two_joints(design.leg):
         raise UsageError(f"{design.name}: the reduced hop needs a leg of two joints in the x-z plane")
     height = float(start_place(design)[1])

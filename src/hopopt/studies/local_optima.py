@@ -33,9 +33,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Ended:
-    """How one start ended on the first mesh: objective in its unit, and the motion: stance [s]; the body's place over
-    the foot when it is lowest and at lift-off [share of the reach], its dip [share of the reach], its drift [m/s], its swing
-    and its lowest joint [share of the reach]."""
+    """How one start ended on the first mesh: objective in its unit, and the motion as planner/families.py tells it."""
 
     index: int
     name: str
