@@ -46,10 +46,12 @@ class Conflict:
 
     parts: those that have to give first; none if all hold at a point nearby.
     helps: by which share of it all giving would shrink if a parameter of the program grew to (1 + share) of its size.
+    z: the scaled variables where limits give least (n,).
     """
 
     parts: tuple[Part, ...]
     helps: dict[str, float]
+    z: np.ndarray
 
 
 def conflict(solution: NlpSolution) -> Conflict | None:
@@ -60,11 +62,12 @@ def conflict(solution: NlpSolution) -> Conflict | None:
     if lam is None:
         return None
     if s.max(initial=0.0) <= GIVES:
-        return Conflict((), {})
+        return Conflict((), {}, z)
     push = _net(found, [lam[loose.owner == k] for k in range(len(found))])
     parts = [_part(limit, float(s[loose.group[k]]), push[k]) for k, limit in enumerate(found)]
     order = sorted(_named(parts), key=lambda p: (not p.gives, -max(p.gives / p.limit.scale, p.share)))
-    return Conflict(tuple(order), _helps(solution, z, loose.Q[:, : len(solution.g)].T @ lam, float(s.sum())))
+    helps = _helps(solution, z, loose.Q[:, : len(solution.g)].T @ lam, float(s.sum()))
+    return Conflict(tuple(order), helps, z)
 
 
 def _net(found: list[Limit], lam: list[np.ndarray]) -> list[np.ndarray]:

@@ -31,6 +31,7 @@ SAME = 2e-3  # relative: coarse objectives closer than this are the same local o
 PATIENCE = 200  # iterations of a start where another is known to lead to a hop
 CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
 STOPPED = "stopped near a hop that is known"
+BEYOND = "limits cannot hold together near its guess"
 WORKER = 1.5  # s that a process takes to begin, and more: what takes less in one is not divided
 
 
@@ -109,13 +110,16 @@ def run_starts(
 
 
 def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -> list[StartOutcome]:
+    weak = bool(drives_too_weak(hop.design, hop.robot))
+    if weak and (ended := _beyond_limits(hop)):
+        return [ended]
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
     began, watch = time.perf_counter(), known_optima(hop)
     solver = first_solver(hop, known, watch)
     first = run_chunk(hop, [0], solver, known)
     remember(watch, first[0])  # and no other, so that what starts lead to does not depend on how they are divided
     each, others = time.perf_counter() - began, range(1, count)
-    if not first[0].success and drives_too_weak(hop.design, hop.robot):  # seldom does another start help such a leg
+    if not first[0].success and weak:  # seldom does another start help such a leg
         return first
     processes = min(processes, len(others))
     if processes < 2 or each * len(others) * (1 - 1 / processes) < WORKER:
@@ -127,6 +131,18 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
     jobs = (delayed(_chunk_in_worker)(data, *more, chunk, known, first[0]) for chunk in chunks)
     parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
     return first + [parts[k % processes][k // processes] for k in range(len(others))]
+
+
+def _beyond_limits(hop: Hop) -> StartOutcome | None:
+    """How the first start ends if limits cannot hold together near its guess: where they give least. Ipopt takes hundreds
+    of slow steps of restoration to end there."""
+    began, start = time.perf_counter(), starts(1, hop.design.solver.seed)[0]
+    glance = NlpSolver(first_transcription(hop), {"ipopt.max_iter": 0})
+    found = conflict(glance(make_guess(hop, start)))
+    if found is None or not any(part.gives for part in found.parts):
+        return None
+    ended = outcome_of(start.name, glance.from_vector(found.z), time.perf_counter() - began)
+    return replace(ended, status=BEYOND)
 
 
 def _chunk_in_worker(
