@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import ResultError, UsageError
+from hopopt.files import write_whole
 from hopopt.problem.render import design_hash, resolved_toml
 from hopopt.storage.folder import as_json, reason_of, unused
 from hopopt.studies.consistency import contradicted
 from hopopt.studies.family_chains import Node, Step, chains, letter
 from hopopt.studies.family_optima import Optimum, Refined
 from hopopt.studies.sweep.definition import Definition
-from hopopt.studies.sweep.point_file import write_whole
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import ResultError
+from hopopt.files import write_whole
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.direction import Directed
 from hopopt.ocp.hop import Hop
@@ -26,7 +27,6 @@ from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution
 from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, unused, write_json
-from hopopt.studies.sweep.point_file import write_whole
 
 Say = Callable[[str], None]
 

@@ -20,12 +20,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopopt.errors import ProblemFileError, ResultError
+from hopopt.files import write_whole
 from hopopt.ocp.objectives import find
 from hopopt.problem.load import load, resolved_toml
 from hopopt.storage.digests import digest, seal
 from hopopt.storage.folder import as_json, reason_of, unused
 from hopopt.studies.sweep.definition import Axis, Definition
-from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point, write_whole
+from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point
 
 if TYPE_CHECKING:
     import xarray as xr
