@@ -17,7 +17,8 @@ def function(tmp_path: Path) -> Callable[[float], float]:
     """Of a module whose cache lies beside it."""
     (tmp_path / "loops.py").write_text("def f(x):\n    return 2.0 * x + 1.0\n")
     spec = importlib.util.spec_from_file_location("loops", tmp_path / "loops.py")
-    assert spec and spec.loader
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.f

@@ -12,7 +12,7 @@ from hopopt.global_search.kernel_cache import CheckedCache
 
 def kernel(function: Callable[..., Any]) -> Any:
     """``function`` compiled at its first call; it does not hold the interpreter's lock, so that threads run side by side."""
-    made = numba.njit(nogil=True, error_model="numpy")(function)
+    made: Any = numba.njit(nogil=True, error_model="numpy")(function)
     with suppress(RuntimeError):  # neither the package's folder nor the user's cache can be written
         made._cache = CheckedCache(function)
     return made

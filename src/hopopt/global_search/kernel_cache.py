@@ -41,7 +41,7 @@ class CheckedFiles(IndexDataCacheFile):
         return super()._load_data(name)
 
     @contextmanager
-    def _open_for_write(self, filepath: str) -> Iterator[BytesIO]:
+    def _open_for_write(self, filepath: str) -> Iterator[Any]:
         content = BytesIO()
         yield content
         write_whole(Path(filepath), content.getvalue() + sha256(content.getvalue()).digest())
