@@ -334,6 +334,12 @@ def run(arguments: list[str] | None = None) -> int:
         return 130
     except BrokenPipeError:
         return 0
+    except OSError as error:  # of a file or folder that no command expected to be as it is
+        from hopopt.storage.folder import reason_of
+
+        where = f"{error.filename!s:.200}: " if error.filename else ""
+        print(f"hopopt: {where}{reason_of(error)}", file=sys.stderr)
+        return 2
 
 
 if __name__ == "__main__":

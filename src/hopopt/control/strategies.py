@@ -5,12 +5,14 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from typing import Any
 
+import numpy as np
+
 from hopopt.control.paper_pd import Force, Position
 from hopopt.control.setting import Setting
 from hopopt.control.tracking import Track
 from hopopt.errors import UsageError
-from hopopt.sim.controller import Controller
-from hopopt.user_code import load
+from hopopt.sim.controller import Controller, Measurement
+from hopopt.user_code import last_line, load
 
 SOFT = 180.0  # [N m/rad] the paper prints no gain for position control; `hopopt calibrate --free position.k_p=...`
 BEST = {  # found by `hopopt tune --evaluations 60` (seed 0) on problems/paper.toml
@@ -33,9 +35,31 @@ class Strategy:
     def controller(self, setting: Setting) -> Controller:
         """A fresh controller; the setting's own options go before the strategy's. UsageError for unusable ones."""
         try:
-            return self.make(replace(setting, options={**self.options, **setting.options}))
+            made = self.make(replace(setting, options={**self.options, **setting.options}))
+            return made if self.name in BUILT_IN else Guarded(self.name, made)
         except UsageError as error:
             raise UsageError(f"strategy {self.name}: {error}") from None
+        except Exception as error:  # whatever a class of the user's raises
+            if self.name in BUILT_IN:
+                raise
+            words = f"it cannot be made from a Setting ({type(error).__name__}: {last_line(error)})"
+            raise UsageError(f"strategy {self.name}: {words}: see hopopt.control.setting") from error
+
+
+@dataclass(frozen=True)
+class Guarded:
+    """A controller of the user's: what it raises, or gives in place of torques, is said in a sentence."""
+
+    name: str
+    controller: Controller
+
+    def torque(self, now: Measurement) -> np.ndarray:
+        """Its torques [N m]; UsageError for whatever its code raises."""
+        try:
+            return np.asarray(self.controller.torque(now), dtype=float)
+        except Exception as error:
+            words = f"torque(now) stopped with {type(error).__name__}: {last_line(error)}"
+            raise UsageError(f"strategy {self.name}: {words}") from error
 
 
 BUILT_IN = {
