@@ -6,8 +6,9 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,7 +16,9 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.errors import HopoptError, ResultError
 from hopopt.files import remove_abandoned, write_whole
+from hopopt.studies.sweep.dask_workers import dask_workers
 from hopopt.studies.sweep.run import sweep
+from waiting import descendants
 
 CHEAP = [
     "hop.stance_duration=[0.03, 0.2]",
@@ -52,15 +55,18 @@ def failing(writes: int, code: int) -> Callable[[int], None]:
 
 
 # Of 18 writes the first 2 are the problem and the definition, and the last 4 the tables and their digests.
-@pytest.mark.parametrize(("writes", "code"), [(2, errno.ENOSPC), (5, errno.EROFS), (7, errno.ENOSPC), (9, errno.EDQUOT)])
+@pytest.mark.parametrize(
+    ("writes", "code"), [(2, errno.ENOSPC), (5, errno.EROFS), (7, errno.ENOSPC), (9, errno.EDQUOT)]
+)
 def test_a_disk_that_fills_is_said_and_the_study_goes_on(
     writes: int, code: int, undisturbed: list[dict[str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     design = ho.load("paper", CHEAP)
-    with monkeypatch.context() as patch, pytest.raises(ResultError) as raised:
+    with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", failing(writes, code))
-        sweep(design, VARY, processes=1, results=tmp_path)
+        with pytest.raises(ResultError) as raised:
+            sweep(design, VARY, processes=1, results=tmp_path)
     (folder,) = tmp_path.iterdir()
     assert os.strerror(code) in str(raised.value)
     assert f"what is finished is kept: make room, then hopopt sweep --resume {folder}" in str(raised.value)
@@ -70,36 +76,48 @@ def test_a_disk_that_fills_is_said_and_the_study_goes_on(
     assert table(folder) == undisturbed
 
 
-def test_with_dask_it_is_the_disk_too_and_not_the_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """Address of a Dask scheduler with a worker, in this process."""
     distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
-        ) as cluster,
-        monkeypatch.context() as patch,
-        pytest.raises(ResultError, match="No space left on device") as raised,
-    ):
-        patch.setattr(os, "fsync", failing(4, errno.ENOSPC))
-        sweep(ho.load("paper", CHEAP), VARY, scheduler=cluster.scheduler_address, results=tmp_path)
+    options = {"processes": False, "protocol": "tcp", "dashboard_address": None}
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, **options) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_with_dask_it_is_the_disk_too_and_not_the_workers(
+    scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "fsync", failing(4, errno.ENOSPC))
+    with pytest.raises(ResultError, match="No space left on device") as raised:
+        sweep(ho.load("paper", CHEAP), VARY, scheduler=scheduler, results=tmp_path)
     assert "lost" not in str(raised.value)
 
 
-def test_what_a_job_raises_on_a_worker_is_not_a_lost_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    distributed = pytest.importorskip("distributed")
-    from hopopt.studies.sweep.dask_workers import dask_workers
+def refused() -> Any:
+    raise PermissionError(errno.EACCES, "Permission denied")
 
-    def job() -> None:
-        raise PermissionError(errno.EACCES, "Permission denied")
 
-    with (
-        distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
-        ) as cluster,
-        pytest.raises(HopoptError, match="a worker failed with PermissionError: Permission denied"),
-        dask_workers(1, cluster.scheduler_address) as crew,
-    ):
-        crew.submit(job)  # type: ignore[arg-type]
-        crew.done()
+def test_what_a_job_raises_on_a_worker_is_not_a_lost_scheduler(scheduler: str) -> None:
+    with dask_workers(1, scheduler) as crew:
+        crew.submit(refused)
+        with pytest.raises(HopoptError, match="a worker failed with PermissionError: Permission denied"):
+            crew.done()
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="finds what listens through /proc")
+def test_a_cluster_of_its_own_listens_on_the_loopback_address_alone() -> None:
+    pytest.importorskip("distributed")
+    with dask_workers(1, "local"):
+        own = [f"/proc/{pid}" for pid in [os.getpid(), *descendants(os.getpid())]]
+        links = [os.readlink(path) for folder in own for path in Path(folder).glob("fd/*") if os.path.lexists(path)]
+        sockets = {link[8:-1] for link in links if link.startswith("socket:[")}
+        lines = [
+            line.split() for name in ("tcp", "tcp6") for line in Path(f"/proc/net/{name}").read_text().splitlines()
+        ]
+    listening = [line[1] for line in lines if len(line) > 9 and line[3] == "0A" and line[9] in sockets]
+    assert len(listening) >= 2  # scheduler and worker
+    assert {address.partition(":")[0] for address in listening} == {"0100007F"}
 
 
 def test_what_killed_runs_left_is_removed_and_nothing_else(tmp_path: Path) -> None:

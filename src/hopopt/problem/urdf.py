@@ -56,7 +56,7 @@ def _robots() -> Path | None:
 
 
 def _beside(path: Path) -> str:
-    names = sorted(p.name for p in path.parent.glob("*.urdf"))[:12] if path.parent.is_dir() else []
+    names = sorted(p.name for p in path.parent.glob("*.urdf"))[:12] if os.path.isdir(path.parent) else []
     return f"; there is {', '.join(map(shown_path, names))}" if names else ""
 
 

@@ -53,7 +53,7 @@ def dask_workers(count: int, scheduler: str) -> Iterator[Workers]:
 def _told_apart(scheduler: str) -> Iterator[None]:
     """HopoptError that says which of the many things went wrong that Dask, or a job on a worker, raises."""
     from distributed.client import FutureCancelledError
-    from distributed.comm import CommClosedError
+    from distributed.comm.core import CommClosedError
     from distributed.scheduler import KilledWorker
 
     try:
@@ -87,10 +87,8 @@ def _cluster(count: int, scheduler: str) -> Iterator[Any]:
         return
     from distributed import LocalCluster
 
-    with LocalCluster(
-        host=LOOPBACK, n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None,
-        silence_logs=logging.CRITICAL,
-    ) as cluster:
+    options: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
+    with LocalCluster(host=LOOPBACK, n_workers=count, threads_per_worker=1, processes=True, **options) as cluster:
         yield cluster
 
 

@@ -43,7 +43,9 @@ def open_folder(definition: Definition, results: Path) -> Path:
         write_whole(folder / "problem.toml", resolved_toml(definition.design).encode())
         write_whole(folder / "sweep.json", json.dumps(stamp(definition), indent=2).encode())
     except OSError as error:
-        raise ResultError(f"{results}: the study cannot be written ({reason_of(error)}): choose another folder") from error
+        raise ResultError(
+            f"{results}: the study cannot be written ({reason_of(error)}): choose another folder"
+        ) from error
     return folder
 
 
