@@ -80,7 +80,7 @@ def test_a_disk_that_fills_is_said_and_the_study_goes_on(
 def scheduler() -> Iterator[str]:
     """Address of a Dask scheduler with a worker, in this process."""
     distributed = pytest.importorskip("distributed")
-    options = {"processes": False, "protocol": "tcp", "dashboard_address": None}
+    options = {"processes": False, "protocol": "tcp", "dashboard_address": "127.0.0.1:0"}
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, **options) as cluster:
         yield cluster.scheduler_address
 

@@ -61,12 +61,18 @@ def _groups(group: h5py.Group) -> Iterator[h5py.Group]:
 
 
 def _read(group: h5py.Group) -> Group:
-    """The variables of a group; their dimensions are those of the program that reads them."""
+    """The variables of a group."""
     found = {name: item for name, item in group.items() if isinstance(item, h5py.Dataset) and not _bare(item)}
     arrays = {
         name: d.asstr()[...].astype(str) if h5py.check_string_dtype(d.dtype) else d[...] for name, d in found.items()
     }
-    return Group({name: ((), array, {}) for name, array in arrays.items()}, dict(group.attrs))
+    return Group({name: (_dimensions(found[name]), array, {}) for name, array in arrays.items()}, dict(group.attrs))
+
+
+def _dimensions(dataset: h5py.Dataset) -> tuple[str, ...]:
+    """Names of a variable's dimensions; one that labels a dimension has the dimension's name."""
+    names = [axis[0].name if len(axis) else dataset.name for axis in dataset.dims]
+    return tuple(str(name).rpartition("/")[2] for name in names)
 
 
 def _bare(dataset: h5py.Dataset) -> bool:

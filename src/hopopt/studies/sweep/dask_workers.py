@@ -87,7 +87,7 @@ def _cluster(count: int, scheduler: str) -> Iterator[Any]:
         return
     from distributed import LocalCluster
 
-    options: dict[str, Any] = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
+    options: dict[str, Any] = {"dashboard_address": f"{LOOPBACK}:0", "silence_logs": logging.CRITICAL}
     with LocalCluster(host=LOOPBACK, n_workers=count, threads_per_worker=1, processes=True, **options) as cluster:
         yield cluster
 
