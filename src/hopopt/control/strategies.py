@@ -35,20 +35,14 @@ class Strategy:
     def controller(self, setting: Setting) -> Controller:
         """A fresh controller; the setting's own options go before the strategy's. UsageError for unusable ones."""
         try:
-            made = self.make(replace(setting, options={**self.options, **setting.options}))
-            return made if self.name in BUILT_IN else Guarded(self.name, made)
+            return self.make(replace(setting, options={**self.options, **setting.options}))
         except UsageError as error:
             raise UsageError(f"strategy {self.name}: {error}") from None
-        except Exception as error:  # whatever a class of the user's raises
-            if self.name in BUILT_IN:
-                raise
-            words = f"it cannot be made from a Setting ({type(error).__name__}: {last_line(error)})"
-            raise UsageError(f"strategy {self.name}: {words}: see hopopt.control.setting") from error
 
 
 @dataclass(frozen=True)
 class Guarded:
-    """A controller of the user's: what it raises, or gives in place of torques, is said in a sentence."""
+    """A controller of the user's that was given by name: what it raises, or gives in place of torques, is said in a sentence."""
 
     name: str
     controller: Controller
@@ -95,7 +89,17 @@ def find(name: str) -> Strategy:
 
 def _others(name: str, meaning: str, made: Any) -> Strategy:
     """A strategy that is not built in; it asks for a planned hop by an attribute ``needs_plan`` that is true."""
-    return Strategy(name, meaning, made, needs_plan=bool(getattr(made, "needs_plan", False)))
+
+    def make(setting: Setting) -> Controller:
+        try:
+            return Guarded(name, made(setting))
+        except UsageError:
+            raise
+        except Exception as error:
+            words = f"it cannot be made from a Setting ({type(error).__name__}: {last_line(error)})"
+            raise UsageError(f"{words}: see hopopt.control.setting") from error
+
+    return Strategy(name, meaning, make, needs_plan=bool(getattr(made, "needs_plan", False)))
 
 
 def _load(path: str) -> Any:

@@ -50,7 +50,7 @@ def read(path: Path) -> dict[str, Group]:
     """The groups of a file by their path, without the first stroke; the root's is empty. OSError, KeyError or RuntimeError
     if it is no netCDF file."""
     with h5py.File(path, "r") as file:  # h5netcdf has a word of its own on files that are damaged
-        return {group.name.strip("/"): _read(group) for group in _groups(file)}
+        return {str(group.name).strip("/"): _read(group) for group in _groups(file)}
 
 
 def _groups(group: h5py.Group) -> Iterator[h5py.Group]:
@@ -64,7 +64,8 @@ def _read(group: h5py.Group) -> Group:
     """The variables of a group."""
     found = {name: item for name, item in group.items() if isinstance(item, h5py.Dataset) and not _bare(item)}
     arrays = {
-        name: d.asstr()[...].astype(str) if h5py.check_string_dtype(d.dtype) else d[...] for name, d in found.items()
+        name: np.asarray(d.asstr()[...]).astype(str) if h5py.check_string_dtype(d.dtype) else d[...]
+        for name, d in found.items()
     }
     return Group({name: (_dimensions(found[name]), array, {}) for name, array in arrays.items()}, dict(group.attrs))
 
