@@ -146,13 +146,13 @@ def parse_coupling(text: str) -> Coupling:
         raise UsageError(f"--couple {text}: no entry is in it; {HOW}")
     for (entry, exponent), factor in found.items():
         if not 0 < abs(factor) <= LARGEST:
-            why = "cancels out" if factor == 0 else f"has a factor beyond {LARGEST:g}"
+            why = "cancels out" if factor == 0 else f"has a factor that is not finite or beyond {LARGEST:g}"
             raise UsageError(f"--couple {text}: {entry} {why}; {HOW}")
         if not 0 < abs(exponent) <= STEEPEST:
             words = f"has the power {exponent:g}: powers reach to {STEEPEST:g} and none is 0"
             raise UsageError(f"--couple {text}: {entry} {words}; {HOW}")
     if not abs(constant) <= LARGEST:
-        raise UsageError(f"--couple {text}: its constant is beyond {LARGEST:g}; {HOW}")
+        raise UsageError(f"--couple {text}: its constant is not finite or beyond {LARGEST:g}; {HOW}")
     lower, upper = {"=": (-constant, -constant), "<=": (-INF, -constant), ">=": (-constant, INF)}[sides[1]]
     factors = {entry: factor for (entry, exponent), factor in found.items() if exponent == 1}
     powers = {key: factor for key, factor in found.items() if key[1] != 1}
