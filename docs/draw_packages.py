@@ -15,6 +15,7 @@ SOURCE = ROOT / "src" / "hopopt"
 PICTURE = ROOT / "docs" / "images" / "packages.svg"
 WORDS = {  # what a package holds, as its box says
     "errors": "messages for a user",
+    "files": "written whole or not at all",
     "fields": "entries of a table",
     "user_code": "module:function",
     "design": "every key of a problem file",

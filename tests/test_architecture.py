@@ -17,27 +17,28 @@ TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FIL
 
 PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, besides itself
     "errors": (),
+    "files": (),
     "fields": (),
     "user_code": ("errors",),
     "design": ("errors", "fields"),
     "leg": ("errors", "fields", "design"),
-    "problem": ("errors", "fields", "design", "leg"),
+    "problem": ("files", "errors", "fields", "design", "leg"),
     "ocp": ("errors", "user_code", "design", "leg"),
     "sim": ("errors", "design", "leg"),
-    "nlp": ("errors", "ocp.problem", "ocp.guess"),
+    "nlp": ("files", "errors", "ocp.problem", "ocp.guess"),
     "control": ("errors", "user_code", "design", "leg", "sim"),
     "verify": ("errors", "design", "leg", "sim.machine"),
-    "global_search": ("errors", "design", "leg", "sim", "ocp.guess"),
+    "global_search": ("files", "errors", "design", "leg", "sim", "ocp.guess"),
     "optimality": ("errors", "design", "leg", "ocp", "nlp", "verify"),
     "planner": (
         "errors", "user_code", "design", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
         "optimality",
     ),
     "storage": (
-        "errors", "design", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "optimality", "planner",
+        "files", "errors", "design", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "optimality", "planner",
     ),
     "studies": (
-        "errors", "user_code", "design", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
+        "files", "errors", "user_code", "design", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
         "optimality", "planner", "storage",
     ),
     "plots": (

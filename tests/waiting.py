@@ -1,8 +1,9 @@
-"""Waiting for what a process does, no longer than a limit."""
+"""Processes: waiting for what one does, no longer than a limit, and those below one."""
 
 import subprocess
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from time import monotonic
 from typing import Any, TypeVar
 
@@ -18,4 +19,21 @@ def wait_for(look: Callable[[], T], running: subprocess.Popen[Any], limit: float
         assert monotonic() < until, f"not within {limit:g} s"
         with suppress(subprocess.TimeoutExpired):
             running.wait(BETWEEN)
+    return found
+
+
+def descendants(parent: int) -> list[int]:
+    """Processes below a process, by Linux's /proc."""
+    children: dict[int, list[int]] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            pid, rest = int(stat.parent.name), stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        children.setdefault(int(rest[1]), []).append(pid)
+    found, todo = [], [parent]
+    while todo:
+        below = children.get(todo.pop(), [])
+        todo += below
+        found += below
     return found

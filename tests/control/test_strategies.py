@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Mapping
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -431,3 +432,22 @@ def test_the_papers_strategies_need_two_joints() -> None:
     tables["start"] = {"joint_angles": (0.2,)}
     with pytest.raises(UsageError, match="two joints, this one has 1"):
         Force(Setting(Design.model_validate(tables), 1 / 4000))
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("def torque(self, now): return now.q", "it cannot be made from a Setting (TypeError"),
+        ("def __init__(self, s): pass\n    def torque(self, now): return 1 / 0", "stopped with ZeroDivisionError"),
+        ("def __init__(self, s): pass\n    def torque(self): return 1", "torque(now) stopped with TypeError"),
+    ],
+)
+def test_a_class_without_what_it_needs_is_answered_in_a_sentence(
+    body: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine_in_a_test.py").write_text(f"class Mine:\n    {body}\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "mine_in_a_test", raising=False)
+    with pytest.raises(UsageError) as error:
+        simulate(load("paper"), find("mine_in_a_test:Mine"))
+    assert words in str(error.value)

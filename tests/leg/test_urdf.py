@@ -1,5 +1,6 @@
 """A leg out of a URDF against Pinocchio's own reading of the whole robot, and files that nobody should send."""
 
+import os
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
@@ -304,6 +305,11 @@ FAULTS = {
     "negative mass": (SIMPLE.replace('value="0.8"', 'value="-0.8"'), 'link "shank" has an <inertial> with a negative mass'),
     "no number": (SIMPLE.replace('xyz="0 0 -0.30"', 'xyz="0 0 a"'), 'joint "knee" has <origin xyz="0 0 a">'),
     "infinite": (SIMPLE.replace('xyz="0 0 -0.30"', 'xyz="0 0 inf"'), 'joint "knee" has <origin xyz="0 0 inf">'),
+    "underscore": (SIMPLE.replace('value="1.6"', 'value="1_6"'), 'link "thigh" has <mass value="1_6">: a number'),
+    "other digits": (SIMPLE.replace('value="1.6"', 'value="\u0661.6"'), 'link "thigh" has <mass value="\u0661.6">'),
+    "other blanks": (SIMPLE.replace('xyz="0 0 -0.30"', 'xyz="0 0\xa0-0.30"'), "3 numbers with blanks between is needed"),
+    "huge": (SIMPLE.replace('xyz="0 0 -0.30"', 'xyz="0 0 -1e160"'), "1000 at most is allowed, in SI units"),
+    "turned otherwise": (SIMPLE.replace('xyz="0 0 -0.30"', 'xyz="0 0 -0.30" quat_xyzw="0 0 1 0"'), "hopopt reads xyz and rpy"),
     "no axis": (SIMPLE.replace('<axis xyz="0 -1 0"/>', '<axis xyz="0 0 0"/>'), 'joint "hip" has no axis'),
     "strange type": (SIMPLE.replace('"revolute"', '"planar"', 1), 'joint "hip" is of type "planar"'),
 }  # fmt: skip
@@ -315,6 +321,13 @@ def test_faulty_files_are_refused_in_a_sentence(what: str) -> None:
     with pytest.raises(UrdfError) as error:
         read(text)
     assert words in str(error.value)
+
+
+def test_numbers_mean_what_the_parser_takes_them_for() -> None:
+    """Signs, bare points and blanks of all kinds that XML has: the same leg as in plain digits."""
+    odd = SIMPLE.replace('value="1.6"', 'value="&#10;+16.e-1&#9;"').replace('xyz="0 0 -0.30"', 'xyz=" 0 &#10; 0. -.30"')
+    assert odd != SIMPLE
+    assert read(odd) == read(SIMPLE)
 
 
 @pytest.mark.parametrize(
@@ -396,6 +409,26 @@ def test_links_that_cannot_be_are_refused(override: str, words: str) -> None:
     with pytest.raises(ProblemFileError) as error:
         load("paper", [override])
     assert any(words in sentence for sentence in error.value.problems), error.value.problems
+
+
+LEG = 'name = "m"\n[leg]\nurdf = "{}.toml"\njoints = ["hip"]\nfoot_frame = "toe"\n'
+
+
+def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
+    """Pipes, circles of links, devices: as a URDF, a problem, or what a problem extends."""
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "circle.toml").symlink_to(tmp_path / "circle.toml")
+    (tmp_path / "device.toml").symlink_to("/dev/zero")
+    for name, words in {"pipe": "not a file", "circle": "too many levels", "device": "not a file"}.items():
+        (tmp_path / f"of_{name}.toml").write_text(f'extends = "{name}.toml"\nname = "m"\n')
+        (tmp_path / f"urdf_{name}.toml").write_text(LEG.format(name))
+        for kind in ("", "of_", "urdf_"):
+            with pytest.raises(ProblemFileError) as error:
+                load(tmp_path / f"{kind}{name}.toml")
+            assert len(error.value.problems) == 1
+            said = error.value.problems[0].lower()
+            elsewhere = name != "pipe" and kind  # resolved, it is no file of this folder
+            assert words in said or (elsewhere and ("no such" in said or "not the path" in said or "leads out" in said))
 
 
 def test_absurd_mass_is_refused_with_its_entry(tmp_path: Path) -> None:

@@ -422,6 +422,7 @@ def test_anything_else_is_refused(text: str) -> None:
         ("1e999*a.b = 1", "a.b has a factor that is not finite"),
         ("1e999*a.b = 1e999*a.b", "a.b has a factor that is not finite"),
         ("a.b <= 1e999", "its constant is not finite"),
+        ("a.b^1e9 = 1", "a.b has the power"),
         ("a.b = a.b", "a.b cancels out"),
         ("a.b = a.b + c.d", "a.b cancels out"),
         ("0*a.b = 0", "a.b cancels out"),

@@ -12,7 +12,7 @@ import pytest
 
 import hopopt as ho
 from hopopt.errors import UsageError
-from waiting import wait_for
+from waiting import descendants, wait_for
 
 pytest.importorskip("distributed")
 
@@ -33,20 +33,8 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, str]]:
 
 
 def workers_of(parent: int) -> list[int]:
-    """Processes below a process that are workers of a cluster, of Linux's /proc."""
-    children: dict[int, list[int]] = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            pid, rest = int(stat.parent.name), stat.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        children.setdefault(int(rest[1]), []).append(pid)
-    found, todo = [], [parent]
-    while todo:
-        below = children.get(todo.pop(), [])
-        todo += below
-        found += [pid for pid in below if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-    return found
+    """Processes below a process that are workers of a cluster."""
+    return [pid for pid in descendants(parent) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
 
 @pytest.mark.slow

@@ -17,12 +17,12 @@ def diagnose(
     objective
         The function of your own that it was found with, if it was: module:function.
     """
-    from hopopt.storage.folder import as_json
+    from hopopt.storage.folder import as_json, fitting
     from hopopt.storage.recheck import with_functions
     from hopopt.storage.solution import read
     from hopopt.studies import diagnosis
 
-    with progress(quiet=json_) as say:
+    with fitting(result), progress(quiet=json_) as say:
         say("moving the durations, all else solved anew")
         found = diagnosis.diagnose(with_functions(read(result), objective, constraint or ()))
     if json_:

@@ -43,6 +43,7 @@ def solve(
     couple: Couple = None,
     starts: int | None = None,
     processes: int | None = None,
+    time_limit: float | None = None,
     structure: bool = False,
     cross_check: CrossChecked = False,
     control: bool = True,
@@ -69,6 +70,8 @@ def solve(
         How many different starting points to solve from (default: the problem's solver.starts).
     processes
         How many of them side by side (default: one for each core).
+    time_limit
+        Seconds after which the best hop so far is the answer, or the reason why there is none (default: 600).
     structure
         Solve the best once more with the switches of its drives at free times, so that torques jump exactly there.
     cross_check
@@ -87,6 +90,8 @@ def solve(
     design = load(problem, set_ or ())
     if (starts is not None and starts < 1) or (processes is not None and processes < 1):
         raise UsageError("--starts and --processes must be at least 1")
+    if time_limit is not None and not time_limit >= 1:
+        raise UsageError("--time-limit must be at least 1 s")
     if couple and not free:
         raise UsageError("--couple relates numbers that are free: give them as --free leg.thigh.length=0.3:0.45")
     from hopopt.problem.hints import hints
@@ -98,7 +103,8 @@ def solve(
 
     draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
-        more = {"constraints": constraint or (), "starts": starts, "processes": processes, "progress": say}
+        more = {"constraints": constraint or (), "starts": starts, "processes": processes}
+        more |= {"time_limit": time_limit, "progress": say}
         once = {"structure": structure, "cross_check": cross_check}
         later = {"hopopt.storage.solution": True, "hopopt.plots.hop": figures, "hopopt.studies.compare": control}
         _import_beside(*(name for name, wanted in later.items() if wanted))
@@ -334,6 +340,12 @@ def run(arguments: list[str] | None = None) -> int:
         return 130
     except BrokenPipeError:
         return 0
+    except OSError as error:  # of a file or folder that no command expected to be as it is
+        from hopopt.storage.folder import reason_of
+
+        where = f"{error.filename!s:.200}: " if error.filename else ""
+        print(f"hopopt: {where}{reason_of(error)}", file=sys.stderr)
+        return 2
 
 
 if __name__ == "__main__":

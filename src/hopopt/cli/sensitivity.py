@@ -1,5 +1,6 @@
 """Commands that study a design: sensitivity."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -60,11 +61,11 @@ def sensitivity(
         raise UsageError(f"{problem} is a result, not a problem: hopopt sensitivity --result {problem}")
     if starts is not None and starts < 1:
         raise UsageError("--starts must be at least 1")
-    from hopopt.storage.folder import as_json, prepare
+    from hopopt.storage.folder import as_json, fitting, prepare
     from hopopt.studies import sensitivity as study
 
     prepare(results)
-    with progress(quiet=json_) as say:
+    with fitting(result) if result else nullcontext(), progress(quiet=json_) as say:
         solution, failed = _optimum(problem or "paper", result, objective, set_ or [], starts, say)
         influences = [] if failed else _confirmed(solution, study.sensitivity(solution), confirm, say)
         data: dict[str, Any] = study.as_dict(solution, influences, failed)

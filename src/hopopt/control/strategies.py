@@ -5,12 +5,14 @@ from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from typing import Any
 
+import numpy as np
+
 from hopopt.control.paper_pd import Force, Position
 from hopopt.control.setting import Setting
 from hopopt.control.tracking import Track
 from hopopt.errors import UsageError
-from hopopt.sim.controller import Controller
-from hopopt.user_code import load
+from hopopt.sim.controller import Controller, Measurement
+from hopopt.user_code import last_line, load
 
 SOFT = 180.0  # [N m/rad] the paper prints no gain for position control; `hopopt calibrate --free position.k_p=...`
 BEST = {  # found by `hopopt tune --evaluations 60` (seed 0) on problems/paper.toml
@@ -36,6 +38,22 @@ class Strategy:
             return self.make(replace(setting, options={**self.options, **setting.options}))
         except UsageError as error:
             raise UsageError(f"strategy {self.name}: {error}") from None
+
+
+@dataclass(frozen=True)
+class Guarded:
+    """A controller of the user's that was given by name: what it raises, or gives in place of torques, is said in a sentence."""
+
+    name: str
+    controller: Controller
+
+    def torque(self, now: Measurement) -> np.ndarray:
+        """Its torques [N m]; UsageError for whatever its code raises."""
+        try:
+            return np.asarray(self.controller.torque(now), dtype=float)
+        except Exception as error:
+            words = f"torque(now) stopped with {type(error).__name__}: {last_line(error)}"
+            raise UsageError(f"strategy {self.name}: {words}") from error
 
 
 BUILT_IN = {
@@ -71,7 +89,17 @@ def find(name: str) -> Strategy:
 
 def _others(name: str, meaning: str, made: Any) -> Strategy:
     """A strategy that is not built in; it asks for a planned hop by an attribute ``needs_plan`` that is true."""
-    return Strategy(name, meaning, made, needs_plan=bool(getattr(made, "needs_plan", False)))
+
+    def make(setting: Setting) -> Controller:
+        try:
+            return Guarded(name, made(setting))
+        except UsageError:
+            raise
+        except Exception as error:
+            words = f"it cannot be made from a Setting ({type(error).__name__}: {last_line(error)})"
+            raise UsageError(f"{words}: see hopopt.control.setting") from error
+
+    return Strategy(name, meaning, make, needs_plan=bool(getattr(made, "needs_plan", False)))
 
 
 def _load(path: str) -> Any:

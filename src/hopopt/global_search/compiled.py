@@ -1,18 +1,21 @@
 """Functions of arrays compiled by numba, kept on disk for the next process where a folder can be written."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numba
 import numpy as np
 
+from hopopt.global_search.kernel_cache import CheckedCache
+
 
 def kernel(function: Callable[..., Any]) -> Any:
     """``function`` compiled at its first call; it does not hold the interpreter's lock, so that threads run side by side."""
-    try:
-        return numba.njit(nogil=True, cache=True, error_model="numpy")(function)
-    except RuntimeError:  # neither the package's folder nor the user's cache can be written
-        return numba.njit(nogil=True, error_model="numpy")(function)
+    made: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    with suppress(RuntimeError):  # neither the package's folder nor the user's cache can be written
+        made._cache = CheckedCache(function)
+    return made
 
 
 def packed(values: Any) -> Any:

@@ -1,6 +1,7 @@
 """A URDF as data: checked names, numbers and structure, and what matters to the motion as clean XML again."""
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -8,6 +9,19 @@ from xml.parsers import expat
 
 MAX_BYTES = 5_000_000  # the largest public robots have a tenth of it
 MOST = 1000  # links and joints; a humanoid with hands has 200
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() takes more than URDF parsers do
+BLANKS = re.compile(r"[ \t\r\n]+")
+LARGEST = {
+    "origin": 1e3,
+    "axis": 1e3,
+    "mass": 1e6,
+    "inertia": 1e6,
+    "limit": math.inf,
+}  # SI; squares stay far from overflow
+KEPT = {  # of what matters to the motion: an element's attributes
+    "parent": ("link",), "child": ("link",), "origin": ("xyz", "rpy"), "axis": ("xyz",), "mass": ("value",),
+    "inertia": ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "limit": ("lower", "upper", "effort", "velocity"),
+}  # fmt: skip
 MOVING = ("revolute", "continuous")
 TYPES = (*MOVING, "prismatic", "fixed")
 
@@ -85,12 +99,11 @@ class Tree:
         if child in self.above:
             raise UrdfError(f"link {quoted(child)} hangs on two joints, {self.above[child]} and {name}: not a tree")
         self.above[child] = name
-        numbers(joint, "origin", "xyz", 3, f"joint {quoted(name)}")
-        numbers(joint, "origin", "rpy", 3, f"joint {quoted(name)}")
+        _check_origin(joint, f"joint {quoted(name)}")
         axis = numbers(joint, "axis", "xyz", 3, f"joint {quoted(name)}")
         if axis and math.hypot(*axis) < 1e-6 and kind != "fixed":
             raise UrdfError(f"joint {quoted(name)} has no axis: <axis xyz> is zero")
-        for entry in ("lower", "upper", "effort", "velocity"):
+        for entry in KEPT["limit"]:
             numbers(joint, "limit", entry, 1, f"joint {quoted(name)}")
 
     def _path(self, link: str) -> list[str]:
@@ -135,14 +148,14 @@ class Tree:
         robot = ET.Element("robot", name="leg")
         for name, link in self.links.items():
             copy = ET.SubElement(robot, "link", name=name)
-            copy.extend(link.findall("inertial")[:1])
+            if (inertial := link.find("inertial")) is not None:
+                _copy(inertial, ET.SubElement(copy, "inertial"), ("origin", "mass", "inertia"))
         for name, joint in self.joints.items():
             copy = ET.SubElement(robot, "joint", name=name, type=joint.get("type", ""))
-            for tag in ("parent", "child", "origin", "axis"):
-                copy.extend(joint.findall(tag)[:1])
+            _copy(joint, copy, ("parent", "child", "origin", "axis"))
             if joint.get("type") != "fixed":
-                given = joint.find("limit")
-                ET.SubElement(copy, "limit", {"effort": "0", "velocity": "0"} | ({} if given is None else given.attrib))
+                none = {"effort": "0", "velocity": "0"}
+                ET.SubElement(copy, "limit", none | _attributes(joint.find("limit")))
         return ET.tostring(robot, encoding="unicode")
 
 
@@ -159,19 +172,42 @@ def _by_name(root: ET.Element, tag: str) -> dict[str, ET.Element]:
 
 
 def numbers(element: ET.Element, tag: str, entry: str, count: int, where: str) -> list[float]:
-    """The numbers of an attribute, empty if it is not there."""
+    """The numbers of an attribute, empty if it is not there; as finite decimal numbers between blanks, no larger than LARGEST."""
     child = element.find(tag)
     text = None if child is None else child.get(entry)
     if text is None:
         return []
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(map(math.isfinite, values)):
-        wanted = "a number" if count == 1 else f"{count} numbers"
+    words = BLANKS.split(text.strip(" \t\r\n"))
+    values = [float(word) for word in words if NUMBER.fullmatch(word)]
+    if len(values) != len(words) or len(values) != count or not all(map(math.isfinite, values)):
+        wanted = "a number such as 0.25 or 1e-3" if count == 1 else f"{count} numbers with blanks between"
         raise UrdfError(f"{where} has <{tag} {entry}={quoted(text)}>: {wanted} is needed")
+    if max(map(abs, values)) > LARGEST[tag]:
+        raise UrdfError(f"{where} has <{tag} {entry}={quoted(text)}>: {LARGEST[tag]:g} at most is allowed, in SI units")
     return values
+
+
+def _copy(element: ET.Element, into: ET.Element, tags: Sequence[str]) -> None:
+    """The first child of each tag, with what is kept of it."""
+    for tag in tags:
+        if (child := element.find(tag)) is not None:
+            ET.SubElement(into, tag, _attributes(child))
+
+
+def _attributes(child: ET.Element | None) -> dict[str, str]:
+    """What is kept of a checked element, numbers as every parser reads them."""
+    given = {} if child is None else {name: child.get(name, "") for name in KEPT[child.tag] if name in child.attrib}
+    return {
+        k: v if k == "link" else " ".join(repr(float(x)) for x in BLANKS.split(v.strip())) for k, v in given.items()
+    }
+
+
+def _check_origin(element: ET.Element, where: str) -> None:
+    for entry in KEPT["origin"]:
+        numbers(element, "origin", entry, 3, where)
+    origin = element.find("origin")
+    if origin is not None and (others := sorted(origin.attrib.keys() - set(KEPT["origin"]))):
+        raise UrdfError(f"{where} has <origin {others[0][:40]}=...>: hopopt reads xyz and rpy")
 
 
 def _check_inertial(name: str, link: ET.Element) -> None:
@@ -181,9 +217,8 @@ def _check_inertial(name: str, link: ET.Element) -> None:
     mass = numbers(inertial, "mass", "value", 1, where)
     if not mass or mass[0] < 0:
         raise UrdfError(f"{where} has an <inertial> {'with a negative' if mass else 'without a'} mass")
-    for entry in ("xyz", "rpy"):
-        numbers(inertial, "origin", entry, 3, where)
-    moments = [numbers(inertial, "inertia", entry, 1, where) for entry in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]
+    _check_origin(inertial, where)
+    moments = [numbers(inertial, "inertia", entry, 1, where) for entry in KEPT["inertia"]]
     if not all(moments):
         raise UrdfError(f"{where} has a mass but no complete <inertia>: ixx, iyy, izz, ixy, ixz and iyz are needed")
 

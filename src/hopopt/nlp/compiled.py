@@ -1,6 +1,7 @@
 """Small functions as machine code: written in C by CasADi, compiled once, kept in the user's cache.
 
-A library has the name of what it was made from, so it serves every problem of the same form, whatever its numbers.
+A library has the name of what it was made from, so it serves every problem of the same form, whatever its numbers. Its
+name holds the digest of its content too: one that is damaged would end the process, so it is not loaded but made again.
 Within ``compiling()`` libraries that are missing are made, which takes seconds; everywhere those that exist are used.
 Digits do not depend on it: the operations and their order are CasADi's own, and none are contracted. Without a
 compiler, or where anything fails, functions stay as they are.
@@ -18,8 +19,11 @@ from pathlib import Path
 
 import casadi as ca
 
+from hopopt.files import remove_abandoned, write_whole
+
 FOLDER = "HOPOPT_CACHE"  # environment variable: a folder in place of the user's cache, or "off"
 FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
+LONGEST = 120  # s of the compiler; the largest leg takes 10
 WORTH_IT = 400  # steps of a function, below which calling it costs as much as computing it
 _making = False  # by this process; whoever makes libraries solves one problem at a time (studies/sweep/point.py)
 _failed: set[str] = set()  # what this process could not make
@@ -42,8 +46,8 @@ def compiled(function: ca.Function) -> ca.Function:
         return function
     try:
         folder = _folder()
-        library = folder / f"{_key(function)}.so" if folder else None
-        if library and (library.is_file() or (_making and _made(function, library))) and _ours(library):
+        library = folder and (_kept(folder, _key(function)) or (_made(function, folder) if _making else None))
+        if library:
             return ca.external(function.name(), str(library))
     except (OSError, RuntimeError, subprocess.SubprocessError):  # no reason to lose the answer
         pass
@@ -76,19 +80,35 @@ def _ours(path: Path) -> bool:
     return state.st_uid == os.getuid() and not state.st_mode & 0o022
 
 
-def _made(function: ca.Function, library: Path) -> bool:
-    """Compile beside its place, then rename: whole or not at all; what fails is not tried again."""
-    compiler = shutil.which("cc")
-    if compiler is None or library.name in _failed:
-        return False
-    _failed.add(library.name)
-    with tempfile.TemporaryDirectory(dir=library.parent) as place:
+def _kept(folder: Path, key: str) -> Path | None:
+    """The library of that key, if it is as it was written; what is damaged is removed where libraries are made."""
+    for library in folder.glob(f"{key}-*.so"):
+        if library.is_file() and _ours(library) and library.name == _name(key, library.read_bytes()):
+            return library
+        if _making:
+            library.unlink()
+    return None
+
+
+def _name(key: str, content: bytes) -> str:
+    return f"{key}-{hashlib.sha256(content).hexdigest()[:32]}.so"
+
+
+def _made(function: ca.Function, folder: Path) -> Path | None:
+    """Compile elsewhere, then write whole or not at all; what fails is not tried again."""
+    compiler, key = shutil.which("cc"), _key(function)
+    if compiler is None or key in _failed:
+        return None
+    _failed.add(key)
+    with tempfile.TemporaryDirectory() as place:
         generator = ca.CodeGenerator("f.c")
         generator.add(function)
         generator.generate(f"{place}{os.sep}")
-        made = Path(place) / "f.so"
-        subprocess.run([compiler, *FLAGS, "f.c", "-o", made.name, "-lm"], cwd=place, check=True, capture_output=True)
-        made.chmod(0o700)
-        made.replace(library)
-    _failed.discard(library.name)
-    return True
+        command = [compiler, *FLAGS, "f.c", "-o", "f.so", "-lm"]
+        subprocess.run(command, cwd=place, check=True, capture_output=True, timeout=LONGEST)
+        content = (Path(place) / "f.so").read_bytes()
+    remove_abandoned(folder)
+    write_whole(folder / _name(key, content), content)
+    (folder / _name(key, content)).chmod(0o700)
+    _failed.discard(key)
+    return folder / _name(key, content)

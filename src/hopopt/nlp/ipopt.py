@@ -3,12 +3,14 @@
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hopopt.nlp.known_optima import KnownOptima
+from hopopt.nlp.time_limit import seconds_left
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
 
@@ -50,6 +52,8 @@ GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
 
 
 LEAST = 1e-2  # of the objective's scale
+SHORTEST = 1e-3  # s that Ipopt is given
+PUNCTUAL = 0.9  # share of the time that a solver was made with, beyond which, or its inverse, it is made again
 # How Ipopt ends where the user has pressed Ctrl-C, which CasADi swallows (other errors of a function only cut a step short).
 STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown")
 
@@ -108,7 +112,14 @@ class NlpSolver:
         settings = OPTIONS | undamped | scaled | transcription.program.options | dict(options or {})
         if known is not None:
             settings["iteration_callback"] = known
-        self.solver = ca.nlpsol("hopopt", "ipopt", transcription.nlp, settings)
+        self._settings, self._allowed = settings, inf
+        self.solver = self._built()
+
+    def _built(self) -> ca.Function:
+        """Ipopt with the time that is left; a little if none is, so that every solve ends with an account of its guess."""
+        self._allowed = max(seconds_left(), SHORTEST)
+        limit = {} if self._allowed == inf else {"ipopt.max_wall_time": self._allowed}
+        return ca.nlpsol("hopopt", "ipopt", self.transcription.nlp, self._settings | limit)
 
     def __call__(
         self,
@@ -151,6 +162,8 @@ class NlpSolver:
         begin = {} if multipliers is None else {"lam_g0": multipliers[0], "lam_x0": multipliers[1]}
         if self.known is not None:
             self.known.begin()
+        if not PUNCTUAL * self._allowed <= max(seconds_left(), SHORTEST) <= self._allowed / PUNCTUAL:
+            self.solver = self._built()
         result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
         stats = self.solver.stats()
         if stats["return_status"] in STOPPED and not self.stopped:

@@ -21,6 +21,7 @@ from hopopt.nlp.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolu
 from hopopt.nlp.mesh_step import Cuts, about, any_cut, cut, equal, pieces_of
 from hopopt.nlp.tightening import passed, tightened
 from hopopt.nlp.tightening_cost import excess_costs, normalised_switch_times, tightening_costs
+from hopopt.nlp.time_limit import time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
@@ -44,6 +45,7 @@ STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims th
 MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its meshes are used up"
 TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
 NO_NEARER = f"its last {STUCK} meshes brought it no nearer to its aims"
+OUT_OF_TIME = "the time limit was reached"
 UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
 Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are tightened, (2, N, limits)
 
@@ -233,6 +235,9 @@ class Refinement:
     def _solve(self, cuts: Cuts) -> bool:
         """Solve on the next mesh, which may be the same, with limits held and tightened."""
         began, old, finer = time.perf_counter(), self.solution, any_cut(cuts)
+        if time_is_up():
+            self.ended = OUT_OF_TIME
+            return False
         if sum(int(pieces_of(normalised_times).sum()) for normalised_times in cuts.values()) > FINEST:
             self.ended = TOO_FINE
             return False
@@ -252,7 +257,7 @@ class Refinement:
         solved = self._attempts(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
         found = self._believable(solved)
         if found is None:
-            self.ended = WORSE if solved else UNSOLVED
+            self.ended = OUT_OF_TIME if time_is_up() else WORSE if solved else UNSOLVED
             return False
         self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
         return True
@@ -272,7 +277,7 @@ class Refinement:
             most = self.aims.iterations
             if not tried[0].success:
                 most = min(most, self._restarts_left)
-            if most == 0 or (tried[-1].success and not self._worse(tried[-1])):
+            if most == 0 or time_is_up() or (tried[-1].success and not self._worse(tried[-1])):
                 break
             options = GENTLE | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
             tried.append(NlpSolver(warm.transcription, options)(guess, free, None, bounds))

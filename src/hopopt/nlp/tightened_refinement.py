@@ -16,6 +16,7 @@ from hopopt.nlp.mesh_refinement import (
     FINEST,
     MET,
     NO_NEARER,
+    OUT_OF_TIME,
     TOO_FINE,
     UNSOLVED,
     Aims,
@@ -28,6 +29,7 @@ from hopopt.nlp.mesh_refinement import (
 from hopopt.nlp.mesh_step import cut, equal
 from hopopt.nlp.tightening import tightened_by_excess
 from hopopt.nlp.tightening_cost import excess_costs, tightening_cost
+from hopopt.nlp.time_limit import time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
@@ -109,6 +111,9 @@ class TighteningRefinement(Refinement):
 
     def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
         """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
+        if time_is_up():
+            self.ended = OUT_OF_TIME
+            return False
         if sum(m.intervals for m in mesh.values()) > FINEST:
             self.ended = TOO_FINE
             return False
@@ -119,7 +124,7 @@ class TighteningRefinement(Refinement):
         built = time.perf_counter()
         solved = self._attempts(solver, guess, free, carried(old, t))
         if not solved:
-            self.ended = UNSOLVED
+            self.ended = OUT_OF_TIME if time_is_up() else UNSOLVED
             return False
         self._accept(solved[-1], built - began, time.perf_counter() - built)
         return True

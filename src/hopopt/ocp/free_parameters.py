@@ -15,6 +15,7 @@ from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Numbers, Parameter
 
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 TERM = re.compile(rf"\s*([+-]?)\s*(?:({NUMBER})\s*(?:\*\s*)?)?(?:([A-Za-z][\w.-]*[\w])(?:\s*\^\s*(-?{NUMBER}))?)?\s*")
+LARGEST, STEEPEST = 1e12, 8.0  # factors and constants, and powers, of couplings: what they give stays finite
 HOW = (
     'write a sum of numbers times entries, such as "leg.thigh.length + leg.shank.length = 0.741"; '
     'an entry may have a power: "leg.motor.max_torque^0.8"'
@@ -146,13 +147,14 @@ def parse_coupling(text: str) -> Coupling:
     if not found:
         raise UsageError(f"--couple {text}: no entry is in it; {HOW}")
     for (entry, exponent), factor in found.items():
-        if factor == 0 or not np.isfinite(factor):
-            why = "cancels out" if factor == 0 else "has a factor that is not finite"
+        if not 0 < abs(factor) <= LARGEST:
+            why = "cancels out" if factor == 0 else f"has a factor that is not finite or beyond {LARGEST:g}"
             raise UsageError(f"--couple {text}: {entry} {why}; {HOW}")
-        if exponent == 0 or not np.isfinite(exponent):
-            raise UsageError(f"--couple {text}: {entry}^{exponent:g} is no power that binds anything; {HOW}")
-    if not np.isfinite(constant):
-        raise UsageError(f"--couple {text}: its constant is not finite; {HOW}")
+        if not 0 < abs(exponent) <= STEEPEST:
+            words = f"has the power {exponent:g}: powers reach to {STEEPEST:g} and none is 0"
+            raise UsageError(f"--couple {text}: {entry} {words}; {HOW}")
+    if not abs(constant) <= LARGEST:
+        raise UsageError(f"--couple {text}: its constant is not finite or beyond {LARGEST:g}; {HOW}")
     lower, upper = {"=": (-constant, -constant), "<=": (-INF, -constant), ">=": (-constant, INF)}[sides[1]]
     factors = {entry: factor for (entry, exponent), factor in found.items() if exponent == 1}
     powers = {key: factor for key, factor in found.items() if key[1] != 1}

@@ -13,6 +13,7 @@ from hopopt.nlp.ipopt import GENTLE, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.known_optima import Known, KnownOptima
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
+from hopopt.nlp.time_limit import limited, seconds_left, time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.feasibility import drives_too_weak
@@ -128,7 +129,7 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
 
     data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
     more = (hop.asked, hop.free_parameters, hop.constraints)
-    jobs = (delayed(_chunk_in_worker)(data, *more, chunk, known, first[0]) for chunk in chunks)
+    jobs = (delayed(_chunk_in_worker)(data, *more, chunk, known, first[0], seconds_left()) for chunk in chunks)
     parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
     return first + [parts[k % processes][k // processes] for k in range(len(others))]
 
@@ -153,9 +154,11 @@ def _chunk_in_worker(
     chunk: Sequence[int],
     known: bool,
     first: StartOutcome,
+    seconds: float,
 ) -> list[StartOutcome]:
     hop = Hop(Design.model_validate(data), objective, free_parameters, constraints)
-    return run_chunk(hop, chunk, first_solver(hop, known, known_optima(hop, [first])), known)
+    with limited(seconds):
+        return run_chunk(hop, chunk, first_solver(hop, known, known_optima(hop, [first])), known)
 
 
 def run_chunk(
@@ -243,11 +246,18 @@ def not_solved(hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = Fals
     statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
     worst = violations(closest)
     reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
+    reason = f"the time limit was reached, and {reason}" if time_is_up() else reason
     message = f"{hop.design.name}: {reason} ({statuses})."
     weak = drives_too_weak(hop.design, hop.robot)
-    found = [*weak, *hints(hop.design), *(conflict_words(hop.design, conflict(closest)) if thorough and worst else [])]
+    found = [
+        *weak,
+        *hints(hop.design),
+        *(conflict_words(hop.design, conflict(closest)) if thorough and worst and not time_is_up() else []),
+    ]
     if worst:
         return NotSolvedError(message, [*found, "Worst constraints of the closest start:", *worst])
+    if time_is_up():
+        return NotSolvedError(f"{message} Try a larger --time-limit.", found)
     return NotSolvedError(f"{message} Try a larger solver.max_iterations or more starts.", found)
 
 

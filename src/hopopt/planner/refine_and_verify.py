@@ -10,6 +10,7 @@ from hopopt.design import Design
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.mesh_refinement import MET, Aims, MeshStep, Refinement
 from hopopt.nlp.tightened_refinement import refinement_of
+from hopopt.nlp.time_limit import time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HEIGHTS
@@ -85,7 +86,7 @@ def refine_and_verify(
     say("verifying")
     found = judged(hop, refinement, clock)
     sound = found.verified and found.verdict.certified
-    if (closer := hop_with_tighter_tolerances(hop, refinement, sound)) is None:
+    if time_is_up() or (closer := hop_with_tighter_tolerances(hop, refinement, sound)) is None:
         return found
     if found.verified:  # nearly done: go on from there
         say("verified, but not certified: refining further, with tighter tolerances")

@@ -7,6 +7,7 @@ from typing import Any
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.nlp.mesh_refinement import UNSOLVED, relative
+from hopopt.nlp.time_limit import limited, time_is_up
 from hopopt.ocp.custom import custom
 from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
@@ -36,6 +37,11 @@ from hopopt.planner.summary_extras import FlatDirection
 from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.hints import hints
 
+TIME_LIMIT = 600.0  # s; one random leg in ten takes over a minute from two starts, the slowest known 270 s
+SEARCHING = (
+    0.85  # share of the time limit, after which nothing more is searched for: what is found is still to be checked
+)
+LATE = "the time limit was reached: with more time (--time-limit) the search may find a better hop, or verify this one"
 CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
 
 
@@ -48,6 +54,7 @@ def solve(
     processes: int | None = None,
     structure: bool = False,
     cross_check: bool = False,
+    time_limit: float | None = None,
     progress: Progress | None = None,
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified.
@@ -55,9 +62,10 @@ def solve(
     objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (optimality/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another solver and other schemes too,
-    in the summary's ``second_opinions`` (planner/cross_check.py); progress is called with a line of text now and then. Raises
-    NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
+    (optimality/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another
+    solver and other schemes too, in the summary's ``second_opinions`` (planner/cross_check.py); time_limit [s] (default:
+    TIME_LIMIT): when it is reached the best hop so far is the answer, or the reason why there is none; progress is called
+    with a line of text now and then. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.
     """
     if not isinstance(design, Design):
@@ -68,33 +76,57 @@ def solve(
     if faults := joints_without_inertia(hop.design, hop.robot):
         raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
     clock.mark("model")
-    count = starts or design.solver.starts
+    seconds = TIME_LIMIT if time_limit is None else time_limit
+    with limited(SEARCHING * seconds):
+        hop, best = _found(hop, asked, starts, processes, structure, say, clock)
+    best = best.with_summary(time_limit_s=seconds)
+    return with_cross_checks(hop, best, clock, say) if cross_check else best
+
+
+def _found(
+    hop: Hop, asked: Design, starts: int | None, processes: int | None, structure: bool, say: Progress, clock: Stopwatch
+) -> tuple[Hop, Solution]:
+    """The best hop that is found in the time that is left, with its problem and what is reported of the search."""
+    count = starts or hop.design.solver.starts
     economical = from_highest(hop, count, say)
     searched = search_first_mesh(hop, count, processes, say, economical)
     outcomes = searched.outcomes
     clock.mark("starts")
-    finished = [
-        refined_and_verified(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)
-    ]
+    finished = _refined(hop, contenders(outcomes), outcomes, say, clock)
     if not finished:
         say("looking for the limits that cannot hold together")
         raise not_solved(hop, outcomes, thorough=True)
-    if searched.overall is not None and promises_more(searched.overall, best_of(hop.objective, finished)):
+    if (
+        not time_is_up()
+        and searched.overall is not None
+        and promises_more(searched.overall, best_of(hop.objective, finished))
+    ):
         known, searched = {o.name for o in outcomes}, looked_closer(hop, searched, say)
         outcomes = searched.outcomes
         more = [o for o in contenders(outcomes) if o.name not in known]
-        finished += [refined_and_verified(hop, o, outcomes, say, clock, restarts=False) for o in more]
+        finished += _refined(hop, more, outcomes, say, clock)
     hop, best, better = settled(hop, finished, outcomes, say, clock)
-    if structure:
+    if structure and not time_is_up():
         best = with_free_switches(hop, best, outcomes, say, clock)
-    found = flat_directions(hop, best)
+    found = None if time_is_up() else flat_directions(hop, best)
     families, overall = search_figures(hop, searched, finished, best)
-    notes = (*alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
+    late = (LATE,) if time_is_up() else ()
+    notes = (*late, *alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
     reported = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
-    best = best.with_summary(notes=notes, flat=reported, families=families, global_=overall)
-    if cross_check:
-        best = with_cross_checks(hop, best, clock, say)
-    return best
+    return hop, best.with_summary(notes=notes, flat=reported, families=families, global_=overall)
+
+
+def _refined(
+    hop: Hop, chosen: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> list[Solution]:
+    """The chosen outcomes of the first mesh, the best first, refined and verified; the first of them, and more while there
+    is time."""
+    finished: list[Solution] = []
+    for outcome in chosen:
+        if finished and time_is_up():
+            break
+        finished.append(refined_and_verified(hop, outcome, outcomes, say, clock, restarts=False))
+    return finished
 
 
 def solve_from(
@@ -124,7 +156,7 @@ def settled(
 
     chosen, best, better = hop, best_of(hop.objective, finished), None
     for doubtful in sorted((s for s in finished if not s.verified), key=merit, reverse=True):
-        if best.verified and merit(doubtful) <= merit(best):
+        if time_is_up() or (best.verified and merit(doubtful) <= merit(best)):
             break
         where, again = once_more(hop, doubtful, outcomes, say, clock)
         if again.verified and (not best.verified or merit(again) > merit(best)):

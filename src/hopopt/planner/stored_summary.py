@@ -91,6 +91,7 @@ class Summary(Measures):
     gain_per_percent: Mapping[str, float] | None = if_any("the same for objectives that are no lengths [its unit]")
     notes: tuple[str, ...] = if_any("what the answer does not say by itself", default=())
     flat: tuple[FlatDirection, ...] | None = if_any("what the objective is insensitive to")
+    time_limit_s: float | None = if_any("time after which the search ends with the best hop so far [s]")
     overrides: tuple[str, ...] | None = if_any("entries that were set on the command line")
     paper_strategy: PaperStrategy | None = if_any("the paper's control on the same leg")
     second_opinions: tuple[CrossCheck, ...] = if_any("cross-checks by other solvers and schemes", default=())

@@ -9,6 +9,7 @@ from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError
+from hopopt.files import read_regular
 from hopopt.problem.catalogue import named, problems_folder, with_numbers
 from hopopt.problem.check import check
 from hopopt.problem.faults import OVERRIDE, Report
@@ -124,7 +125,7 @@ def _find_base(base: Any, path: Path, visited: list[Path], report: Report) -> Pa
     if found.absolute() in visited:
         circle = " -> ".join([*(p.name for p in visited), found.name])
         return report.unusable(f"{where} goes in a circle ({circle}): remove one of these extends")
-    if not os.path.isfile(found):
+    if not os.path.exists(found):
         return report.unusable(f"{where}: there is no such problem; write {known}")
     return found
 
@@ -135,8 +136,7 @@ def _read(path: Path, report: Report) -> dict[str, Any]:
         if os.path.isdir(path):
             inside = ", ".join(sorted(p.name for p in path.glob("*.toml"))) or "it holds none"
             raise _NotAProblem(f"is a folder: give the path of a .toml file ({inside})")
-        with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
+        raw = read_regular(path, MAX_BYTES + 1)
         if len(raw) > MAX_BYTES:
             raise _NotAProblem(f"has more than {MAX_BYTES} bytes: this is not a problem file")
         return _parse(raw)

@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
+from hopopt.files import read_regular
 from hopopt.leg.urdf_xml import MAX_BYTES
 from hopopt.problem.faults import Report
 from hopopt.problem.render import shown, shown_path
@@ -33,14 +34,14 @@ def located(layer: Mapping[str, Any], folder: Path, label: str, report: Report) 
         inside = name
     try:
         found = (folder / inside).resolve()
-    except (OSError, ValueError):  # a null byte, a loop of links
+    except (OSError, ValueError, RuntimeError):  # a null byte, a loop of links
         report.unusable(f"{where} is not the path of a file")
         return dict(layer)
     if folder == Path() and name.startswith(f"{ROBOTS}/"):
         report.unusable(f'{where} is in the package {ROBOTS}, which is not installed: pip install "hopopt[robots]"')
     elif os.path.isabs(inside) or not found.is_relative_to(folder.resolve()):
         report.unusable(f"{where} leads out of the folder of the problem: put the URDF beside it, or below")
-    elif not found.is_file():
+    elif not os.path.exists(found):
         report.unusable(f"{where}: there is no such file{_beside(found)}")
     return {**layer, "leg": {**leg, "urdf": str(found)}}
 
@@ -55,7 +56,7 @@ def _robots() -> Path | None:
 
 
 def _beside(path: Path) -> str:
-    names = sorted(p.name for p in path.parent.glob("*.urdf"))[:12] if path.parent.is_dir() else []
+    names = sorted(p.name for p in path.parent.glob("*.urdf"))[:12] if os.path.isdir(path.parent) else []
     return f"; there is {', '.join(map(shown_path, names))}" if names else ""
 
 
@@ -77,7 +78,9 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
 
     path = Path(given["urdf"])
     try:
-        found = read_leg(_read(path), rest["joints"], given["foot_frame"], given.get("locked", {}))
+        found = read_leg(
+            read_regular(path, MAX_BYTES + 1), rest["joints"], given["foot_frame"], given.get("locked", {})
+        )
     except OSError as error:
         report.unusable(f"{shown_path(path.name)} cannot be read: {error.strerror}")
     except UrdfError as error:
@@ -97,14 +100,6 @@ def _entries(tables: Mapping[str, Any], path: str) -> Iterator[str]:
             yield from _entries(value, f"{path}.{name}")
         else:
             yield f"{path}.{name}"
-
-
-def _read(path: Path) -> bytes:
-    """The file, or one byte more than a URDF may have; OSError if it is no file."""
-    if not path.is_file():
-        raise OSError(0, "it is not a file")
-    with path.open("rb") as file:
-        return file.read(MAX_BYTES + 1)
 
 
 def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: Report) -> bool:

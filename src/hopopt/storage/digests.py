@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hopopt.files import write_whole
+
 DATA = ("solution.nc", "summary.json", "problem.toml")  # what a result is read from; figures are drawn from it
 
 
@@ -47,5 +49,4 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 def seal(folder: Path, names: Sequence[str] = DATA, more: Mapping[str, Any] | None = None) -> None:
     """Write the digests of a folder's files into its manifest.json, with ``more`` entries; the rest of it is kept."""
     data = {**manifest_of(folder), **(more or {}), "sha256": digests(folder, names)}
-    (folder / ".manifest.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
-    (folder / ".manifest.json").replace(folder / "manifest.json")
+    write_whole(folder / "manifest.json", (json.dumps(data, indent=2) + "\n").encode())

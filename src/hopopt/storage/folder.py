@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import ResultError
+from hopopt.files import mark, remove_abandoned, write_whole
 from hopopt.problem.render import printable
 
 
@@ -34,6 +35,13 @@ def reason_of(error: BaseException) -> str:
     return printable(" ".join((words or type(error).__name__).split()))[:200]
 
 
+def new_work_folder(results: Path) -> Path:
+    """A folder below ``results`` to fill and then rename; what runs that were killed left of theirs is removed."""
+    results.mkdir(parents=True, exist_ok=True)
+    remove_abandoned(results)
+    return Path(tempfile.mkdtemp(prefix=".writing-", suffix=mark(), dir=results))
+
+
 def unused(folder: Path) -> Path:
     """The folder, or the first of folder-2, folder-3, … that does not exist."""
     candidate, number = folder, 2
@@ -44,7 +52,7 @@ def unused(folder: Path) -> Path:
 
 def write_json(data: Mapping[str, Any], path: Path) -> None:
     """Write a mapping as a JSON file (infinities become null)."""
-    path.write_text(json.dumps(_finite(data), indent=2) + "\n", encoding="utf-8")
+    write_whole(path, (json.dumps(_finite(data), indent=2) + "\n").encode())
 
 
 def as_json(summary: Mapping[str, Any]) -> str:
@@ -58,6 +66,16 @@ def _finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_finite(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+@contextmanager
+def writing(what: str, safe: str) -> Iterator[None]:
+    """ResultError for whatever keeps ``what`` from being written: a full disk, a folder that became read-only, ...; ``safe``
+    says what is not lost and how to go on."""
+    try:
+        yield
+    except OSError as error:
+        raise ResultError(f"{what} cannot be written ({reason_of(error)}); {safe}") from error
 
 
 @contextmanager

@@ -47,18 +47,35 @@ def _write(group: Group, target: Any) -> None:
 
 
 def read(path: Path) -> dict[str, Group]:
-    """The groups of a file by their path, without the first stroke; the root's is empty. OSError if it is no netCDF file."""
-    with h5netcdf.File(path, "r") as file:
-        return {group.name.strip("/"): _read(group) for group in _groups(file)}
+    """The groups of a file by their path, without the first stroke; the root's is empty. OSError, KeyError or RuntimeError
+    if it is no netCDF file."""
+    with h5py.File(path, "r") as file:  # h5netcdf has a word of its own on files that are damaged
+        return {str(group.name).strip("/"): _read(group) for group in _groups(file)}
 
 
-def _groups(group: Any) -> Iterator[Any]:
+def _groups(group: h5py.Group) -> Iterator[h5py.Group]:
     yield group
-    for inner in group.groups.values():
-        yield from _groups(inner)
+    for inner in group.values():
+        if isinstance(inner, h5py.Group):
+            yield from _groups(inner)
 
 
-def _read(group: Any) -> Group:
-    arrays = {name: np.array(variable[...]) for name, variable in group.variables.items()}
-    words = {name: a.astype(str) if a.dtype.kind == "O" else a for name, a in arrays.items()}
-    return Group({name: (group.variables[name].dimensions, words[name], {}) for name in words}, dict(group.attrs))
+def _read(group: h5py.Group) -> Group:
+    """The variables of a group."""
+    found = {name: item for name, item in group.items() if isinstance(item, h5py.Dataset) and not _bare(item)}
+    arrays = {
+        name: np.asarray(d.asstr()[...]).astype(str) if h5py.check_string_dtype(d.dtype) else d[...]
+        for name, d in found.items()
+    }
+    return Group({name: (_dimensions(found[name]), array, {}) for name, array in arrays.items()}, dict(group.attrs))
+
+
+def _dimensions(dataset: h5py.Dataset) -> tuple[str, ...]:
+    """Names of a variable's dimensions; one that labels a dimension has the dimension's name."""
+    names = [axis[0].name if len(axis) else dataset.name for axis in dataset.dims]
+    return tuple(str(name).rpartition("/")[2] for name in names)
+
+
+def _bare(dataset: h5py.Dataset) -> bool:
+    """Whether it is a dimension without values, as netCDF marks them."""
+    return bytes(dataset.attrs.get("NAME", b"")).startswith(b"This is a netCDF dimension but not")

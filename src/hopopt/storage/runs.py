@@ -9,7 +9,6 @@ import hashlib
 import logging
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.problem.load import design_hash, resolved_toml
 from hopopt.sim.trace import Trace
-from hopopt.storage.folder import reason_of, unused, write_json
+from hopopt.storage.folder import new_work_folder, reason_of, unused, write_json
 
 UNITS = {"q": "m or rad", "v": "m/s or rad/s", "command": "N m", "motor": "N m", "tau": "N m", "f": "N", "work": "J"}
 DIMENSIONS = {"q": "coordinate", "v": "coordinate", "command": "joint", "motor": "joint", "tau": "joint"}
@@ -54,8 +53,7 @@ def save_runs(
 def _save_data(what: str, design: Design, data: Mapping[str, Any], traces: Mapping[str, Trace], results: Path) -> Path:
     work = None
     try:
-        results.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
+        work = new_work_folder(results)
         write_json(data, work / f"{what}.json")
         (work / "problem.toml").write_text(resolved_toml(design), encoding="utf-8")
         if traces:  # a study of the optimum itself has none

@@ -29,7 +29,7 @@ from hopopt.planner.stored_summary import Summary
 from hopopt.planner.summary_entry import as_data
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.digests import changed, digest, seal
-from hopopt.storage.folder import reason_of, unused, write_json
+from hopopt.storage.folder import new_work_folder, reason_of, unused, write_json
 from hopopt.storage.multipliers import groups, multipliers
 from hopopt.storage.netcdf import Group, to_bytes
 from hopopt.storage.netcdf import read as read_netcdf
@@ -74,8 +74,7 @@ def save(solution: Solution, results: str | Path = "results", figures: Figures |
 
 
 def _save_data(solution: Solution, results: Path) -> Solution:
-    results.mkdir(parents=True, exist_ok=True)
-    work = Path(tempfile.mkdtemp(prefix=".writing-", dir=results))
+    work = new_work_folder(results)
     constraints = solution.summary.functions.constraints
     target = unused(results / folder_name(solution.design, solution.objective, constraints))
     solution = _placed(solution, target)
@@ -125,8 +124,7 @@ def with_more(solution: Solution, **entries: Any) -> Solution:
     solution, folder = solution.with_summary(**entries), solution.result_dir
     assert folder is not None
     with suppress(OSError):
-        write_json(as_data(solution.summary), folder / ".summary.json")
-        (folder / ".summary.json").replace(folder / "summary.json")
+        write_json(as_data(solution.summary), folder / "summary.json")
         seal(folder)
     return solution
 

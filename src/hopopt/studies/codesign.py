@@ -15,6 +15,7 @@ import numpy as np
 from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.time_limit import limited
 from hopopt.ocp.custom import custom
 from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling
 from hopopt.ocp.hop import Hop
@@ -33,7 +34,7 @@ from hopopt.planner.multistart import (
 from hopopt.planner.refine_and_verify import refine_outcome, refined_and_verified
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import best_of
+from hopopt.planner.solve import SEARCHING, TIME_LIMIT, best_of
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
 from hopopt.planner.verdict_entries import verification_entries
@@ -55,6 +56,7 @@ def codesign(
     constraints: Sequence[Any] = (),
     starts: int | None = None,
     processes: int | None = None,
+    time_limit: float | None = None,
     progress: Progress | None = None,
 ) -> Solution:
     """The best hop with the best design parameters: ``free`` maps entries to their (lowest, highest) values.
@@ -62,13 +64,20 @@ def codesign(
     couple: equations or inequalities between entries, such as "leg.thigh.length + leg.shank.length = 0.741"; or the law
     of mass that the catalogue's motors follow, "catalogue: leg.body.mass by leg.motor.max_torque".
     The solution's ``design`` has the optimal numbers; its summary's ``codesign`` says what was free and what is at
-    its bound. Raises UsageError for entries or bounds that no problem can have, NotSolvedError as ``solve`` does.
+    its bound. time_limit [s]: as in ``solve``. Raises UsageError for entries or bounds that no problem can have, NotSolvedError as ``solve`` does.
     """
     say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
     side_by_side = processes or os.cpu_count() or 1
     free_parameters = checked(design, free, couple)
     own = tuple(custom(c) for c in constraints)
     hop = Hop(design, given(objective), free_parameters, own)
+    seconds = TIME_LIMIT if time_limit is None else time_limit
+    with limited(SEARCHING * seconds):
+        return _found(hop, count, side_by_side, clock, say).with_summary(time_limit_s=seconds)
+
+
+def _found(hop: Hop, count: int, side_by_side: int, clock: Stopwatch, say: Progress) -> Solution:
+    """The best hop with the best parameters that is found in the time that is left."""
 
     def reported(text: str) -> None:
         say(f"co-design: {text}")
@@ -81,7 +90,7 @@ def codesign(
         raise not_solved(hop, outcomes)
     best = max(refined, key=lambda s: hop.objective.merit(s.objective))
     clock.mark("co-design")
-    fixed = Hop(changed(design, optimal(free_parameters, best)), hop.asked, constraints=own)
+    fixed = Hop(changed(hop.design, optimal(hop.free_parameters, best)), hop.asked, constraints=hop.constraints)
     say("solving the design that came out")
     again = search_first_mesh(fixed, count, side_by_side, say, [from_motion(fixed, best)]).outcomes
     clock.mark("starts")

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import ResultError, UsageError
+from hopopt.files import write_whole
 from hopopt.problem.render import design_hash, resolved_toml
-from hopopt.storage.folder import as_json, reason_of, unused
+from hopopt.storage.folder import as_json, reason_of, unused, writing
 from hopopt.studies.consistency import contradicted
 from hopopt.studies.family_chains import Node, Step, chains, letter
 from hopopt.studies.family_optima import Optimum, Refined
 from hopopt.studies.sweep.definition import Definition
-from hopopt.studies.sweep.point_file import write_whole
 
 
 @dataclass(frozen=True)
@@ -170,5 +170,6 @@ def open_folder(definition: Definition, results: Path) -> Path:
 def save(study: Study, folder: Path, finished: bool) -> dict[str, Any]:
     """What is known, written to families.json whole, and returned."""
     data = {**study.as_dict(), "result_dir": str(folder), "finished": finished}
-    write_whole(folder / "families.json", as_json(data).encode())
+    with writing(f"{folder}: families.json", "what it holds is whole, of before: make room and run again"):
+        write_whole(folder / "families.json", as_json(data).encode())
     return data

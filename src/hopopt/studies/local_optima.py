@@ -18,6 +18,7 @@ from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import ResultError
+from hopopt.files import remove_abandoned, write_whole
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.direction import Directed
 from hopopt.ocp.hop import Hop
@@ -25,8 +26,7 @@ from hopopt.planner.families import motion, words
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
-from hopopt.storage.folder import as_json, unused, write_json
-from hopopt.studies.sweep.point_file import write_whole
+from hopopt.storage.folder import as_json, unused, write_json, writing
 
 Say = Callable[[str], None]
 
@@ -62,10 +62,11 @@ class Family:
 
 def open_study(design: Design, objective: str, results: Path) -> Path:
     """A new folder for a study of a problem's starts."""
-    folder = unused(results / f"{design.name}-evidence-{design_hash(design)}")
-    (folder / "starts").mkdir(parents=True)
-    (folder / "problem.toml").write_text(resolved_toml(design), encoding="utf-8")
-    write_json({"objective": objective, "hash": design_hash(design)}, folder / "evidence.json")
+    with writing(f"{results}: the study", "choose another folder"):
+        folder = unused(results / f"{design.name}-evidence-{design_hash(design)}")
+        (folder / "starts").mkdir(parents=True)
+        write_whole(folder / "problem.toml", resolved_toml(design).encode())
+        write_json({"objective": objective, "hash": design_hash(design)}, folder / "evidence.json")
     return folder
 
 
@@ -101,12 +102,14 @@ def finished(folder: Path) -> list[Ended]:
 
 def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended]:
     """The first ``count`` starts of a study's problem; those that have ended before are kept."""
+    remove_abandoned(folder / "starts")
     done = {e.index: e for e in finished(folder)}
     missing = [k for k in range(count) if k not in done]
     say(f"{len(done)} of {count} starts")
     for ended in _each(folder, missing, processes):
         done[ended.index] = ended
-        write_whole(folder / "starts" / f"{ended.index:04d}.json", as_json(asdict(ended)).encode())
+        with writing(f"{folder}: start {ended.index + 1}", "what has ended is kept: make room, then --resume goes on"):
+            write_whole(folder / "starts" / f"{ended.index:04d}.json", as_json(asdict(ended)).encode())
         best = max((e.objective for e in done.values() if e.success), default=float("nan"))
         say(f"{len(done)} of {count} starts, best {best:.4f}")
     return [done[k] for k in sorted(done) if k < count]

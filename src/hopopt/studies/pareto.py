@@ -7,6 +7,7 @@ optimum at one end does not stay unnoticed. (Miettinen, Nonlinear Multiobjective
 """
 
 import csv
+import io
 import os
 import time
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
+from hopopt.files import write_whole
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
@@ -32,7 +34,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.load import changed
-from hopopt.storage.folder import unused, write_json
+from hopopt.storage.folder import unused, write_json, writing
 from hopopt.storage.solution import save
 from hopopt.verify.measures import MEASURES
 
@@ -98,12 +100,14 @@ class Front:
         """front.json and table.csv as they are now."""
         if self.folder is None:
             return
-        write_json(self.as_dict(), self.folder / "front.json")
-        with (self.folder / "table.csv").open("w", newline="", encoding="utf-8") as file:
-            table = csv.writer(file)
-            table.writerow(["clearance_m", self.against.figure, "least", "verified", "point", "sentence", "result_dir"])
-            for p in sorted(self.points, key=lambda p: p.asked_m):
-                table.writerow([p.clearance_m, p.value, p.least, p.verified, p.kind, p.sentence, p.result_dir])
+        buffer = io.StringIO()
+        table = csv.writer(buffer)
+        table.writerow(["clearance_m", self.against.figure, "least", "verified", "point", "sentence", "result_dir"])
+        for p in sorted(self.points, key=lambda p: p.asked_m):
+            table.writerow([p.clearance_m, p.value, p.least, p.verified, p.kind, p.sentence, p.result_dir])
+        with writing(f"{self.folder}: the front", "the points of before are kept there: make room and run again"):
+            write_json(self.as_dict(), self.folder / "front.json")
+            write_whole(self.folder / "table.csv", buffer.getvalue().encode())
 
 
 def front(

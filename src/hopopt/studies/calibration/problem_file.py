@@ -3,12 +3,12 @@
 import os
 import re
 import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
+from hopopt.files import mark, write_whole
 from hopopt.problem.load import load
 from hopopt.problem.render import toml_value
 from hopopt.studies.calibration.result import Calibration
@@ -53,10 +53,9 @@ def replace_checked(path: Path, text: str, values: Mapping[str, float]) -> None:
     """
     path = path.resolve()
     before = load(path)
-    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.stem, suffix=".toml", delete=False) as file:
-        file.write(text.encode("utf-8"))
-    trial = Path(file.name)
+    trial = path.with_name(f"{path.stem}{mark()}.toml")
     try:
+        write_whole(trial, text.encode("utf-8"))
         if load(trial) != _expected(before, values):
             raise UsageError(f"{path} was not changed: its [{TABLE}] is written in a way that cannot be edited safely")
         shutil.copymode(path, trial)

@@ -11,10 +11,11 @@ GO_ON = "what is finished is kept, --resume goes on, with fewer --processes if m
 
 
 class Workers:
-    """A number of processes, or this one if there is no executor; ``wait`` waits for one of several futures."""
+    """A number of processes, or this one if there is no executor; ``collect`` waits for one of several futures and returns
+    the results of those that have ended, and the others."""
 
-    def __init__(self, count: int, executor: Any, wait: Callable[[set[Any]], tuple[set[Any], set[Any]]]):
-        self.count, self.executor, self.wait, self.running = count, executor, wait, set[Any]()
+    def __init__(self, count: int, executor: Any, collect: Callable[[set[Any]], tuple[list[Kept], set[Any]]]):
+        self.count, self.executor, self.collect, self.running = count, executor, collect, set[Any]()
         self.results: list[Kept] = []
 
     @property
@@ -35,7 +36,7 @@ class Workers:
     def done(self) -> list[Kept]:
         """What has finished since, at least one."""
         if self.running:
-            ended, self.running = self.wait(self.running)
-            self.results += [future.result() for future in ended]
+            ended, self.running = self.collect(self.running)
+            self.results += ended
         results, self.results = self.results, []
         return results

@@ -6,9 +6,11 @@ from contextlib import contextmanager
 from typing import Any
 
 from hopopt.errors import HopoptError, UsageError
-from hopopt.studies.sweep.crew import GO_ON, Workers
+from hopopt.storage.folder import reason_of
+from hopopt.studies.sweep.crew import GO_ON, Job, Kept, Workers
 
 LOCAL = "local"
+LOOPBACK = "127.0.0.1"  # nobody on the network may give a cluster of this computer work
 PATIENCE = 10  # seconds for a scheduler to answer
 LOSSES = 10  # workers that may die at a point before it is given up
 
@@ -18,12 +20,11 @@ def dask_workers(count: int, scheduler: str) -> Iterator[Workers]:
     """``count`` processes of a cluster of its own ("local"), or the workers of the scheduler at an address.
 
     What a worker that dies was at, another does; only this process writes, so workers need no common disk. UsageError
-    if Dask is missing or nothing answers at the address, HopoptError if the scheduler is lost on the way.
+    if Dask is missing or nothing answers at the address, HopoptError for what goes wrong on the way.
     """
     try:
         from dask.config import set as settings
-        from distributed import Client
-        from distributed.scheduler import KilledWorker
+        from distributed import Client, wait
     except ImportError:
         raise UsageError("--scheduler needs Dask: pip install 'hopopt[dask]', or leave --scheduler out") from None
     quiet = {"distributed.scheduler.allowed-failures": LOSSES, "distributed.admin.large-graph-warning-threshold": "1GB"}
@@ -32,13 +33,43 @@ def dask_workers(count: int, scheduler: str) -> Iterator[Workers]:
             client = Client(address, timeout=PATIENCE)
         except (OSError, ValueError) as error:
             raise UsageError(f"--scheduler {scheduler}: no Dask scheduler answers there") from error
+
+        def submit(job: Job, *given: Any) -> Any:
+            with _told_apart(scheduler):
+                return client.submit(job, *given, pure=False)
+
+        def collect(futures: set[Any]) -> tuple[list[Kept], set[Any]]:
+            with _told_apart(scheduler):
+                done, running = wait(futures, return_when="FIRST_COMPLETED")  # type: ignore[misc]
+                return [future.result() for future in done], set(running)
+
         try:
-            number = count if scheduler == LOCAL else _count(client, scheduler)
-            yield Workers(number, lambda job, *given: client.submit(job, *given, pure=False), _first_of)
-        except (KilledWorker, OSError, _cancelled()) as error:
-            raise HopoptError(f"the Dask scheduler or all its workers were lost; {GO_ON}") from error
+            yield Workers(count if scheduler == LOCAL else _count(client, scheduler), submit, collect)
         finally:
             client.close(timeout=PATIENCE)
+
+
+@contextmanager
+def _told_apart(scheduler: str) -> Iterator[None]:
+    """HopoptError that says which of the many things went wrong that Dask, or a job on a worker, raises."""
+    from distributed.client import FutureCancelledError
+    from distributed.comm.core import CommClosedError
+    from distributed.scheduler import KilledWorker
+
+    try:
+        yield
+    except HopoptError:
+        raise
+    except KilledWorker as error:
+        raise HopoptError(f"a point ended {LOSSES + 1} workers one after another (out of memory?); {GO_ON}") from error
+    except (FutureCancelledError, CommClosedError, TimeoutError) as error:
+        raise HopoptError(f"the Dask scheduler ({scheduler}) was lost; {GO_ON}") from error
+    except ImportError as error:
+        words = f"a worker lacks {error.name or 'a package'}: install the same hopopt there"
+        raise HopoptError(f"--scheduler {scheduler}: {words}; {GO_ON}") from error
+    except Exception as error:
+        words = f"a worker failed with {type(error).__name__}: {reason_of(error)}"
+        raise HopoptError(f"--scheduler {scheduler}: {words}; {GO_ON}") from error
 
 
 def _count(client: Any, scheduler: str) -> int:
@@ -56,9 +87,8 @@ def _cluster(count: int, scheduler: str) -> Iterator[Any]:
         return
     from distributed import LocalCluster
 
-    with LocalCluster(
-        n_workers=count, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=logging.CRITICAL
-    ) as cluster:
+    options: dict[str, Any] = {"dashboard_address": f"{LOOPBACK}:0", "silence_logs": logging.CRITICAL}
+    with LocalCluster(host=LOOPBACK, n_workers=count, threads_per_worker=1, processes=True, **options) as cluster:
         yield cluster
 
 
@@ -72,16 +102,3 @@ def _silent() -> Iterator[None]:
         yield
     finally:
         logger.setLevel(before)
-
-
-def _cancelled() -> type[BaseException]:
-    from distributed.client import FutureCancelledError
-
-    return FutureCancelledError
-
-
-def _first_of(futures: set[Any]) -> tuple[set[Any], set[Any]]:
-    from distributed import wait
-
-    done, running = wait(futures, return_when="FIRST_COMPLETED")  # type: ignore[misc]
-    return set(done), set(running)

@@ -1,6 +1,7 @@
 """A design study: which entries of a problem are varied, and the points that follow from it."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +17,8 @@ from hopopt.problem.load import changed
 from hopopt.problem.render import design_hash, rows, shown, shown_path
 
 MOST = 100_000  # points of a study
+LARGEST = 1e15  # of a value; no entry of a problem comes near
+COUNT = re.compile(r"0*[1-9]\d*", re.ASCII)
 SAMPLINGS = "lhs:40 (Latin hypercube) or sobol:64"
 HOW = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100"
 FORMAT = 3  # of the study's folder
@@ -183,18 +186,19 @@ def _number(entry: str, part: Any) -> float:
         value = float(part)
     except (TypeError, ValueError):
         value = math.nan
-    if isinstance(part, bool) or not math.isfinite(value):
-        raise UsageError(f"--vary {shown_path(entry)}: {shown(part)} is not a number; {HOW}")
+    if isinstance(part, bool) or not abs(value) <= LARGEST:
+        raise UsageError(f"--vary {shown_path(entry)}: {shown(part)} is not a number of at most {LARGEST:g}; {HOW}")
     return value
 
 
 def sampling(text: str) -> tuple[str, int]:
     """("lhs", 40) from "lhs:40"."""
     kind, _, count = text.partition(":")
-    if kind not in ("lhs", "sobol") or not count.isdecimal() or int(count) < 1:
-        raise UsageError(f"--sample {text}: write {SAMPLINGS}")
-    if int(count) > MOST:
-        raise UsageError(f"--sample {text}: a study has {MOST} points at most")
+    if kind not in ("lhs", "sobol") or not COUNT.fullmatch(count):
+        raise UsageError(f"--sample {shown(text)}: write {SAMPLINGS}")
+    count = count.lstrip("0")
+    if len(count) > len(str(MOST)) or int(count) > MOST:
+        raise UsageError(f"--sample {shown(text)}: a study has {MOST} points at most")
     if kind == "sobol" and int(count) & (int(count) - 1):
         raise UsageError(f"--sample {text}: a Sobol sample has a power of two of points, such as 32, 64 or 128")
     return kind, int(count)
@@ -205,7 +209,7 @@ def place(entry: str) -> tuple[str, int | None]:
     path, bracket, index = entry.partition("[")
     if not bracket:
         return entry, None
-    if not index.endswith("]") or not index[:-1].isdecimal():
+    if not re.fullmatch(r"\d{1,3}\]", index, re.ASCII):
         raise UsageError(f"--vary {shown_path(entry)}: write a value of a list as hop.stance_duration[1]")
     return path, int(index[:-1])
 

@@ -20,6 +20,7 @@ from hopopt.errors import NotSolvedError, ProblemFileError, one_line
 from hopopt.nlp.compiled import compiling
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.reuse import with_numbers_of
+from hopopt.nlp.time_limit import limited
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
@@ -33,6 +34,7 @@ from hopopt.planner.multistart import (
 )
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.required_clearance import from_highest
+from hopopt.planner.solve import TIME_LIMIT
 from hopopt.planner.summary import parts
 from hopopt.planner.summary_entry import as_data
 from hopopt.studies.sweep.definition import Definition
@@ -67,7 +69,7 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
     """Solve point k from the sources or, if none leads to a verified hop, from the starts."""
     began = time.perf_counter()
     point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
-    with _one_at_a_time, _compiling(definition):
+    with _one_at_a_time, limited(TIME_LIMIT), _compiling(definition):
         try:
             hop = Hop(definition.design_at(k), definition.objective)
             if faults := joints_without_inertia(hop.design, hop.robot):
@@ -87,7 +89,7 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
     """Solve a finished point from other neighbours; the better, and that they were tried."""
     began = time.perf_counter()
     best, begin = old, dict[str, np.ndarray]()
-    with _one_at_a_time, _compiling(definition):
+    with _one_at_a_time, limited(TIME_LIMIT), _compiling(definition):
         hop = Hop(definition.design_at(old.index), definition.objective)
         known = own if old.verified else None
         for source, found, its in _other_answers(definition, hop, old.values, sources, known):
@@ -101,7 +103,7 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
 
 def again(definition: Definition, point: Point, begin: Begin) -> Point:
     """A point as it comes out when its optimum on the first mesh, ``begin``, is refined and verified once more."""
-    with _one_at_a_time, _compiling(definition):
+    with _one_at_a_time, limited(TIME_LIMIT), _compiling(definition):
         hop = Hop(definition.design_at(point.index), definition.objective)
         own = point.begun_from is None  # from starts, on a program of its own
         t = first_transcription(hop) if own else _first_program(definition, hop, point.values)[0]

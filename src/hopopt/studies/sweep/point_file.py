@@ -1,7 +1,6 @@
 """One point of a study and its file: JSON with a digest of itself, read back only if it is as it was written."""
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cache
@@ -11,6 +10,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from hopopt.errors import ResultError
+from hopopt.files import write_whole
 from hopopt.storage.digests import digest
 from hopopt.storage.folder import as_json, reason_of
 from hopopt.studies.sweep.definition import Definition
@@ -69,16 +69,6 @@ class Point:
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return asdict(self)
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """A file that is there whole or not at all, whenever the process is killed."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
 
 
 def write_point(path: Path, point: Point, begin_digest: str | None) -> None:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
+from hopopt.files import remove_abandoned
 from hopopt.ocp.objectives import find
 from hopopt.studies.sweep.crew import Workers
 from hopopt.studies.sweep.definition import Definition, define
@@ -142,6 +143,8 @@ def run(
         check_same(resume, definition)
         folder = resume
     opened(folder)
+    for place in (folder, folder / "points"):
+        remove_abandoned(place)
     passes = load_points(folder, definition)
     first = passes.setdefault(0, {})
     for k in impossible.keys() - first.keys():

@@ -19,13 +19,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopopt.errors import ProblemFileError, ResultError
+from hopopt.errors import ResultError, UsageError
+from hopopt.files import write_whole
 from hopopt.ocp.objectives import find
 from hopopt.problem.load import load, resolved_toml
 from hopopt.storage.digests import digest, seal
-from hopopt.storage.folder import as_json, reason_of, unused
-from hopopt.studies.sweep.definition import Axis, Definition
-from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point, write_whole
+from hopopt.storage.folder import as_json, reason_of, unused, writing
+from hopopt.studies.sweep.definition import Definition, define
+from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,7 +43,9 @@ def open_folder(definition: Definition, results: Path) -> Path:
         write_whole(folder / "problem.toml", resolved_toml(definition.design).encode())
         write_whole(folder / "sweep.json", json.dumps(stamp(definition), indent=2).encode())
     except OSError as error:
-        raise ResultError(f"{results}: the study cannot be written ({reason_of(error)})") from error
+        raise ResultError(
+            f"{results}: the study cannot be written ({reason_of(error)}): choose another folder"
+        ) from error
     return folder
 
 
@@ -55,13 +58,13 @@ def read_definition(folder: Path) -> Definition:
     """The definition of the study in a folder; ResultError in a sentence if there is none."""
     try:
         data = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
-        axes = tuple(Axis(a["entry"], tuple(a.get("values", ())), *a.get("range", ())) for a in data["axes"])
-        found = Definition(
-            load(folder / "problem.toml"), data["objective"], axes, data["sample"], data["seed"], data["starts"]
-        )
+        vary = {a["entry"]: a.get("values") or a["range"] for a in data["axes"]}
+        more = {name: data[name] for name in ("objective", "sample", "seed", "starts")}
+        found = define(load(folder / "problem.toml"), vary, **more)
+        stamp(found)  # its points follow from it
     except FileNotFoundError:
         raise ResultError(f"{folder}: no study to resume (sweep.json is missing)") from None
-    except (OSError, ValueError, KeyError, TypeError, ProblemFileError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, UsageError) as error:
         raise ResultError(f"{folder}: the study cannot be read ({reason_of(error)})") from error
     _same(folder, data, found)
     return found
@@ -85,12 +88,17 @@ def save_point(folder: Path, point: Point, begin: Mapping[str, np.ndarray]) -> N
     Nothing is ever written over: what a pass gives depends on the passes before it alone, whenever the study stopped.
     """
     name, begin_digest = f"{point.index:04d}-{point.after_pass}", None
-    if begin:
-        buffer = io.BytesIO()
-        np.savez(buffer, **begin)  # type: ignore[arg-type]
-        begin_digest = digest(buffer.getvalue())
-        write_whole(folder / "points" / f"{name}.npz", buffer.getvalue())
-    write_point(folder / "points" / f"{name}.json", point, begin_digest)
+    with writing(f"{folder}: point {point.index + 1}", _go_on(folder)):
+        if begin:
+            buffer = io.BytesIO()
+            np.savez(buffer, **begin)  # type: ignore[arg-type]
+            begin_digest = digest(buffer.getvalue())
+            write_whole(folder / "points" / f"{name}.npz", buffer.getvalue())
+        write_point(folder / "points" / f"{name}.json", point, begin_digest)
+
+
+def _go_on(folder: Path) -> str:
+    return f"what is finished is kept: make room, then hopopt sweep --resume {folder}"
 
 
 def load_begin(folder: Path, point: Point) -> dict[str, np.ndarray]:
@@ -122,13 +130,11 @@ PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest
 
 def save_tables(folder: Path, definition: Definition, points: Sequence[Point], data: Mapping[str, Any]) -> None:
     """study.json, table.csv and sweep.nc; ResultError if they cannot be written."""
-    try:
+    with writing(f"{folder}: the table of all points", _go_on(folder)):
         write_whole(folder / "study.json", (as_json(data) + "\n").encode())
         write_whole(folder / "table.csv", table(definition, points).encode())
         write_whole(folder / "sweep.nc", bytes(dataset(definition, points).to_netcdf(engine="h5netcdf")))  # type: ignore[arg-type]
         seal(folder, FILES)
-    except OSError as error:
-        raise ResultError(f"{folder}: the tables cannot be written ({reason_of(error)})") from error
 
 
 def table(definition: Definition, points: Sequence[Point]) -> str:

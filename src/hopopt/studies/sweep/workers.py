@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from hopopt.errors import HopoptError
-from hopopt.studies.sweep.crew import GO_ON, Workers
+from hopopt.studies.sweep.crew import GO_ON, Kept, Workers
 from hopopt.studies.sweep.dask_workers import dask_workers
 from hopopt.studies.sweep.point_file import Point
 
@@ -61,9 +61,9 @@ def workers(count: int, scheduler: str | None = None) -> Iterator[Workers]:
         executor.shutdown(kill_workers=True)
 
 
-def _first_of(futures: set[Any]) -> tuple[set[Any], set[Any]]:
+def _first_of(futures: set[Any]) -> tuple[list[Kept], set[Any]]:
     ended, running = wait(futures, return_when=FIRST_COMPLETED)
-    return set(ended), set(running)
+    return [future.result() for future in ended], set(running)
 
 
 def _begin_worker(parent: int) -> None:

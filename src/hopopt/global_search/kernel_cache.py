@@ -1,0 +1,64 @@
+"""What numba keeps on disk, checked: numba loads what it finds, and a damaged or outdated file ends the process or lies.
+
+Every file ends with its digest, and every function is kept for the sources of this whole package, for numba looks at the
+file of the function alone and not at those of the functions that it calls. What does not fit is compiled again.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+from hopopt.files import write_whole
+
+LENGTH = 32  # bytes of a digest
+SOURCES = sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
+
+
+class CheckedFiles(IndexDataCacheFile):
+    """numba's index and data files, written whole, each with a digest at its end, where unpickling ignores it."""
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep a compiled function; where nothing can be written it serves this process alone."""
+        with suppress(OSError):
+            super().save((key, SOURCES), ((key, SOURCES), data))
+
+    def load(self, key: Any) -> Any:
+        """The compiled function of a key; None if there is none that is whole."""
+        found = super().load((key, SOURCES))
+        return found[1] if found is not None and found[0] == (key, SOURCES) else None
+
+    def _load_index(self) -> dict[Any, str]:
+        return super()._load_index() if _whole(Path(self._index_path)) else {}
+
+    def _load_data(self, name: str) -> Any:
+        if not _whole(Path(self._data_path(name))):
+            raise OSError(0, "it is damaged")
+        return super()._load_data(name)
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[Any]:
+        content = BytesIO()
+        yield content
+        write_whole(Path(filepath), content.getvalue() + sha256(content.getvalue()).digest())
+
+
+class CheckedCache(FunctionCache):
+    """numba's cache of one function with checked files; RuntimeError where no folder can be written."""
+
+    def __init__(self, function: Callable[..., Any]):
+        super().__init__(function)
+        stamp = self._impl.locator.get_source_stamp()
+        self._cache_file = CheckedFiles(self.cache_path, self._impl.filename_base, stamp)
+
+
+def _whole(path: Path) -> bool:
+    """Whether a file is there as it was written."""
+    with suppress(OSError):
+        content = path.read_bytes()
+        return content[-LENGTH:] == sha256(content[:-LENGTH]).digest()
+    return False

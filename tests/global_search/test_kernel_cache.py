@@ -1,0 +1,68 @@
+"""Compiled loops kept on disk: loaded if whole, compiled again if not, and never a reason to fail."""
+
+import errno
+import importlib.util
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hopopt.global_search.compiled import kernel
+
+
+@pytest.fixture
+def function(tmp_path: Path) -> Callable[[float], float]:
+    """Of a module whose cache lies beside it."""
+    (tmp_path / "loops.py").write_text("def f(x):\n    return 2.0 * x + 1.0\n")
+    spec = importlib.util.spec_from_file_location("loops", tmp_path / "loops.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.f
+
+
+def loaded(made: Any) -> bool:
+    """Whether its machine code for 3.0 came from disk; that the answer is right."""
+    assert made(3.0) == 7.0
+    return bool(made.stats.cache_hits)
+
+
+def damaged(content: bytes) -> list[bytes]:
+    middle = len(content) // 2
+    return [content[:middle], b"", b"foreign", content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]]
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+def test_what_is_damaged_is_compiled_again(suffix: str, function: Callable[..., float], tmp_path: Path) -> None:
+    assert not loaded(kernel(function))
+    assert loaded(kernel(function))
+    (path,) = tmp_path.rglob(f"*{suffix}")
+    for content in damaged(path.read_bytes()):
+        path.write_bytes(content)
+        assert not loaded(kernel(function))
+        assert loaded(kernel(function))
+    assert not list(tmp_path.rglob(".*@*"))
+
+
+def test_a_file_of_another_function_is_not_taken_for_it(function: Callable[..., float], tmp_path: Path) -> None:
+    """As after an end between the writing of numba's index and of its data."""
+    made = kernel(function)
+    assert made(3.0) == 7.0
+    first = next(tmp_path.rglob("*.1.nbc")).read_bytes()
+    assert made(3) == 7  # whole numbers: another machine code
+    next(tmp_path.rglob("*.2.nbc")).write_bytes(first)
+    again = kernel(function)
+    assert again(3) == 7
+    assert not again.stats.cache_hits
+
+
+def test_a_full_disk_is_no_reason_to_fail(function: Callable[..., float], monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_room(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", no_room)
+    assert not loaded(kernel(function))
+    assert not loaded(kernel(function))
