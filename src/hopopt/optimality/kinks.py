@@ -8,6 +8,7 @@ properties of the marginal function in mathematical programming, 1982; Fiacco 19
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -148,7 +149,7 @@ def _dependent(rows: Matrix) -> tuple[np.ndarray, np.ndarray]:
     dense decomposition gives.
     """
     lengths = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1))).ravel()
-    A = sparse.csc_matrix(sparse.diags(1 / np.where(lengths > 0, lengths, 1.0)) @ rows)
+    A: Any = sparse.csc_matrix(sparse.diags(1 / np.where(lengths > 0, lengths, 1.0)) @ rows)
     solver = splu(sparse.csc_matrix(A.T @ A + DAMPED * sparse.identity(A.shape[1])))
     part = np.zeros(A.shape[0], dtype=bool)
     for r in np.random.default_rng(0).standard_normal((DRAWN, A.shape[0])):
