@@ -257,10 +257,9 @@ def _height_and_place(now: Any) -> Any:
     return now.q[1] + 0.1 * now.q[0]
 
 
-@pytest.mark.parametrize("override", ['leg.guides=["z"]', "leg.hip.axis=[0.6, -0.8, 0.0]"])
-def test_simulation_of_a_closed_loop_is_refused(override: str) -> None:
+def test_simulation_of_a_leg_that_leaves_the_plane_is_refused() -> None:
     with pytest.raises(UsageError, match="hopopt solves and verifies its hop, but simulates only"):
-        make_plant(load("three_joint", [override]))
+        make_plant(load("three_joint", ["leg.hip.axis=[0.6, -0.8, 0.0]"]))
 
 
 @pytest.mark.slow

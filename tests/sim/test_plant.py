@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from drawn_legs import evaluate, legs_in_motion, symbols
@@ -468,3 +468,49 @@ def test_a_ground_that_would_have_to_pull_is_named(smooth: dict[float, Trace], p
     trace = smooth[PERIOD]
     pulled = replace(trace, f=np.where(trace.contact[:, None], [0.0, -25.0], 0.0))
     assert "the ground would have to pull with 25 N" in HopFigures(paper, pulled).limits_exceeded
+
+
+# ---- a vertical slider ---------------------------------------------------------------------------------------
+
+
+@quick
+@given(legs_in_motion(plane=True), st.floats(-200, 200))
+def test_stance_on_a_slider_is_constrained_dynamics(
+    case: tuple[Leg, np.ndarray, np.ndarray, np.ndarray], push: float
+) -> None:
+    """Joints whose motion the guide allows accelerate as Pinocchio's leg with foot and guide held by forces."""
+    leg, q, v, _ = case
+    slider = leg.model_copy(update={"guides": ("z",)})
+    machine, tau = Machine(build_robot(slider)), np.linspace(push, -push, len(leg.joints))
+    J = machine.stance_terms(q[BASE:], v[BASE:]).jacobian[:1]
+    assume(np.linalg.norm(J) > 1e-2)
+    q_j, v_j = machine.on_guides(q[BASE:], v[BASE:], 0.0, float(machine.stance_terms(q[BASE:], v[BASE:]).q[0]))
+    s = machine.stance_terms(q_j, v_j)
+    assert abs(s.v[0]) < 1e-9 * (1 + np.abs(v_j).sum())
+    whole, a_j = machine.acceleration(s.q, s.v, tau, contact=True), s.acceleration(tau)
+    forces = pin.rnea(machine.model, machine.data, s.q, s.v, whole)
+    size = float(np.abs(forces).max() + np.abs(tau).max() + np.abs(s.bias).max())
+    np.testing.assert_allclose(s.mass_matrix @ (whole[BASE:] - a_j), 0, atol=1e-8 * size)
+    ground = s.contact_force(tau)
+    np.testing.assert_allclose(forces[BASE:] - s.jacobian.T @ ground, tau, atol=1e-8 * size)
+
+
+def test_a_leg_on_a_slider_keeps_its_guide_and_its_energy() -> None:
+    """Thrown up by springs from a foot ahead of the hip: the body stays at its x, and no energy is lost."""
+    design = load("paper", {"leg.guides": ("z",), "start.hip_height": 0.4, "start.foot_x": 0.05})
+    plant, start, spring = plant_of(design), start_angles(design), Spring(np.array([0.35, -0.7]), d=0.0)
+    trace = plant.run(start, spring, 0.5, timing=Timing(PERIOD, hold=False))
+    assert [e.kind for e in trace.events][:1] == ["lift-off"]
+    np.testing.assert_allclose(trace.q[:, 0], trace.q[0, 0], atol=1e-9)
+    stance = trace.contact
+    feet = [plant.machine.foot_motion(q, v)[0] for q, v in zip(trace.q[stance], trace.v[stance], strict=True)]
+    np.testing.assert_allclose(feet, np.zeros_like(feet), atol=1e-8)
+    stored = [
+        plant.machine.energy(q, v) + 0.5 * spring.k * float(np.sum((q[BASE:] - spring.at) ** 2))
+        for q, v in zip(trace.q, trace.v, strict=True)
+    ]
+    lower, upper = plant.stops.lower, plant.stops.upper
+    touched = ((trace.q[:, BASE:] < lower) | (trace.q[:, BASE:] > upper)).any(axis=1)
+    before = int(np.argmax(touched)) if touched.any() else len(stored)
+    assert trace.t[before - 1] > trace.events[0].t  # the leg is in the air before a joint meets its end stop
+    np.testing.assert_allclose(stored[:before], stored[0], rtol=1e-6)

@@ -486,3 +486,31 @@ def test_a_link_cannot_get_shorter_than_its_centre_of_mass_is_far(free: dict[str
 def test_couplings_need_freedom(capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["solve", "--couple", "leg.thigh.length = 0.4"]) == 2
     assert "--free leg.thigh.length" in capfd.readouterr().err
+
+
+# ---- between two limits ------------------------------------------------------------------------------------------
+
+
+def test_a_ratio_between_the_drives_cap_and_the_gears() -> None:
+    """Below a ratio of 65 the drive's cap acts, 1 N m times the ratio, above it the gear's, 65 N m: the best is there, and
+    without either it lies on that one's side."""
+    fast = ["leg.motor.max_speed=2000", "leg.motor.max_torque=3", "leg.motor.torque_cap=1"]
+    mesh = ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
+    design = ho.load("paper", [*fast, "leg.gear.torque_cap=65", *mesh])
+    found = ho.codesign(design, {"leg.gear.ratio": (60, 140)}, starts=1, processes=1).summary.codesign
+    assert found is not None
+    (ratio,) = found.parameters
+    assert ratio.optimal == pytest.approx(65, rel=1e-4)
+    assert ratio.between is not None
+    assert ratio.between.gain_per_unit_more < 0 < ratio.between.gain_per_unit_less
+    without = {w.limit: w for w in ratio.between.without}
+    assert set(without) == set(ratio.between.limits) == {"drive torque cap", "gear torque cap"}
+    assert without["gear torque cap"].optimal > 65 + 1 > without["drive torque cap"].optimal + 1
+    gains = [w.objective_value for w in ratio.between.without]
+    assert found.objective_value < gains[0] < gains[1]  # the lesser first
+    alone = {"gear torque cap": "leg.gear.torque_cap=200", "drive torque cap": "leg.motor.torque_cap=2.9"}
+    for limit, loose in alone.items():
+        other = ho.load("paper", [*fast, "leg.gear.torque_cap=65", *mesh, loose])
+        again = ho.codesign(other, {"leg.gear.ratio": (30, 140)}, starts=1, processes=1).summary.codesign
+        assert again is not None
+        assert again.objective_value >= without[limit].objective_value - 1e-5

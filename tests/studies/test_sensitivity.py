@@ -289,18 +289,58 @@ def test_scaling_of_a_refined_optimum(paper: Solution) -> None:
     assert abs(weighted(influences(paper), dict.fromkeys(endings, 1.0))) < settled_within(paper)
 
 
+def settled(s: Solution) -> Solution:
+    """A solution of one mesh as if that were settled: no second mesh matters here."""
+    unsettled = {"change of the objective": 0.0}
+    checks = tuple(replace(c, residual=unsettled.get(c.name, c.residual)) for c in s.summary.verification)
+    return s.with_summary(verification=checks)
+
+
 def test_one_sided_derivatives_are_called_so() -> None:
     """Two caps at the same torque: lowering one costs height, raising it gains nothing."""
-    s = coarse("two caps")
-    unsettled = {"change of the objective": 0.0}  # there is no second mesh, and none matters here
-    checks = tuple(replace(c, residual=unsettled.get(c.name, c.residual)) for c in s.summary.verification)
-    s = s.with_summary(verification=checks)
+    s = settled(coarse("two caps"))
     i = confirmed(s, influences(s)["leg.gear.torque_cap"])
     assert i.difference is not None
-    assert i.difference.backward > 1e-5
-    assert abs(i.difference.forward) < 0.01 * i.difference.backward
+    assert i.less_m_per_unit is not None
+    assert i.less_m_per_unit > 1e-5
+    assert abs(i.m_per_unit) < 0.01 * i.less_m_per_unit
+    assert i.difference.agrees(i.m_per_unit, i.less_m_per_unit)
     assert not i.difference.agrees(i.m_per_unit)
-    assert i.difference.verdict(i.m_per_unit).startswith("one-sided")
+    assert i.difference.verdict(i.m_per_unit, i.less_m_per_unit).startswith("agrees: +")
+    assert {w.partition("[")[2] for w in i.between} == {"drive torque cap]", "gear torque cap]"}
+    assert sentences([i]) == ["No entry of the leg makes the height more to first order."]
+
+
+KINKS = {  # caps of the gear and of the drive that are the same torque at the joint
+    "both joints": TWO_CAPS,
+    "hip": ["leg.hip.gear.torque_cap=80", "leg.hip.motor.torque_cap=0.8"],
+    "knee": ["leg.knee.gear.torque_cap=120", "leg.knee.motor.torque_cap=1.2"],
+    "other ratio": ["leg.gear.ratio=80", "leg.gear.torque_cap=120", "leg.motor.torque_cap=1.5"],
+    "joints apart": ["leg.hip.gear.torque_cap=90", "leg.hip.motor.torque_cap=0.9", "leg.knee.gear.torque_cap=140",
+                     "leg.knee.motor.torque_cap=1.4"],
+    "four quadrants": ["leg.motor.laws=['four-quadrant']", *TWO_CAPS],
+    "heavy": ["leg.body.mass=7", "leg.gear.torque_cap=150", "leg.motor.torque_cap=1.5"],
+    "friction": ["contact.friction=0.6", *TWO_CAPS],
+    "long shank": ["leg.shank.length=0.45", "start.hip_height=0.4", *TWO_CAPS],
+    "nearly": ["leg.gear.torque_cap=120.001", "leg.motor.torque_cap=1.2"],
+}  # fmt: skip
+FEW = ("hip", "four quadrants")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in FEW else pytest.mark.slow) for n in KINKS])
+def test_both_sides_of_a_kink_against_solved_optima(name: str) -> None:
+    """Every entry that more and less of differ, each way, within 1 %."""
+    mesh = ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
+    s = solve(load("paper", [*KINKS[name], *mesh]), starts=1, processes=1)
+    nlp, found = stored_nlp(s), [i for i in sensitivity(s) if i.kinked and i.part_of is None]
+    assert {"torque_cap", "ratio"} <= {i.name.split(".")[-1] for i in found}
+    here, step = solve_again(nlp, s.design, s.objective).objective, 2e-3 if name == "nearly" else 2e-4
+    for i in found:
+        h = step * i.value
+        up, down = (solve_again(nlp, with_entry(s.design, i.name, i.value + x), s.objective).objective for x in (h, -h))
+        largest = max(abs(i.m_per_unit), abs(i.less_m_per_unit or 0.0))
+        assert (up - here) / h == pytest.approx(i.m_per_unit, rel=0.01, abs=0.01 * largest), i.name
+        assert (here - down) / h == pytest.approx(i.less_m_per_unit, rel=0.01, abs=0.01 * largest), i.name
 
 
 def test_verdicts() -> None:
@@ -344,7 +384,7 @@ def test_sentences() -> None:
     assert "leg.hip.gear.ratio 1 % more, from 100 to 101, gains 0.10 cm" in both
     assert asked == "Of what the hop is asked to be: hop.foot_window 1 % more, from 0.1 to 0.101 m, gains 0.09 cm."
     assert sentences([influence("start.foot_x", 0.0, 1.0)]) == [
-        "No entry of the leg changes the height to first order."
+        "No entry of the leg makes the height more to first order."
     ]
 
 

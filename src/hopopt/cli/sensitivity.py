@@ -19,7 +19,8 @@ Confirm = Annotated[
         name="--confirm",
         negative=(),
         consume_multiple=True,
-        help="Solve again with the leading five a little larger and smaller; or with all, or with the entries named.",
+        help="Solve again with the leading five a little larger and smaller; or with all, or with the entries named "
+        "(default: those for which more and less differ).",
     ),
 ]
 
@@ -107,12 +108,13 @@ def _optimum(
 def _confirmed(
     solution: "Solution", influences: "list[Influence]", wanted: list[str] | None, say: Any
 ) -> "list[Influence]":
-    """The influences, those that are wanted with their finite differences."""
-    if wanted is None:
+    """The influences, those that are wanted with their finite differences: unless others are named, those at a kink."""
+    kinked = [i.name for i in influences if i.kinked and i.part_of is None]
+    if wanted is None and not kinked:
         return influences
-    from hopopt.studies.finite_differences import chosen, confirmed
+    from hopopt.studies.finite_differences import LEADING, chosen, confirmed
 
-    names, found = chosen(influences, wanted), []
+    names, found = kinked[:LEADING] if wanted is None else chosen(influences, wanted), []
     for i in influences:
         if i.name in names:
             say(f"solving again with a little more and a little less of {i.name}")

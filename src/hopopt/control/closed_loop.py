@@ -13,7 +13,7 @@ from hopopt.control.strategies import Strategy
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.kinematics import loop_axes, start_angles
+from hopopt.leg.kinematics import planar, start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim import mujoco
 from hopopt.sim.controller import Controller, Measurement
@@ -43,13 +43,12 @@ class Run:
 def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
     """The leg of a problem with its drives, gear losses and encoders; torque_gain as in ``Drive``.
 
-    Raises UsageError for a leg that closes a loop with its guides when the foot stands.
+    Raises UsageError for a leg that leaves the x-z plane.
     """
-    if loop_axes(design.leg):
-        why = "stands on a vertical slider" if "x" not in design.leg.guides else "leaves the x-z plane"
+    if not planar(design.leg):
         raise UsageError(
-            f"{design.name}: this leg {why}; hopopt solves and verifies its hop, but simulates only legs on x and z "
-            'guides that move in the x-z plane: simulate it with leg.guides = ["x", "z"]'
+            f"{design.name}: this leg leaves the x-z plane; hopopt solves and verifies its hop, but simulates only legs "
+            "whose joints all turn about the y axis"
         )
     robot, s = build_robot(design.leg), design.simulation
     regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]

@@ -10,7 +10,6 @@ forwards the Kalman filter that makes joint speeds from coarse encoders, both on
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
 from hopopt.control.reference import PhaseReference
 from hopopt.control.setting import Setting, one_of, read_options
@@ -188,5 +187,5 @@ def joint_acceleration(machine: Machine, z: np.ndarray, contact: bool) -> np.nda
     if contact:
         return machine.stance_terms(q, v).acceleration(tau)
     base = np.zeros(BASE)
-    whole = (np.concatenate([base, x]) for x in (q, v, tau))
-    return pin.aba(machine.model, machine.data, *whole)[BASE:]
+    q, v = (np.concatenate([base, x]) for x in (q, v))
+    return machine.acceleration(q, v, tau, False)[BASE:]

@@ -48,7 +48,8 @@ def holds(t: Transcription) -> bool:
     """Whether enforcing limits between the nodes pays: not where a control or a least number only bounds from above, nor
     with both ends of an interval collocated, where controls oscillate."""
     least = bool(t.free) and t.problem.objective.sign < 0
-    return not least and not t.scheme.starts_at_node and all(len(phase.controls) <= 1 for phase in t.problem.phases)
+    bounding = any(c.only_bounds for phase in t.problem.phases for c in phase.controls)
+    return not (least or bounding or t.scheme.starts_at_node)
 
 
 def nothing_held(t: Transcription) -> dict[str, np.ndarray]:

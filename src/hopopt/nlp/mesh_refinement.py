@@ -41,6 +41,7 @@ AGREED = 1e-4  # relative
 PATIENCE = 60  # iterations from carried multipliers, before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
+NEARBY = 4.0  # times its aim: an error within that is not called stuck, for wandering it will meet it
 # How a refinement ends:
 MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its meshes are used up"
 TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
@@ -159,7 +160,7 @@ class Refinement:
     def _stuck(self) -> bool:
         """Whether errors and excess are far from their aims and no longer fall, as where an optimum is an impulse."""
         far = [self._far(step) for step in self.history]
-        return len(far) > STUCK and min(far[-STUCK:]) > max(1.0, NEARER * min(far[:-STUCK]))
+        return len(far) > STUCK and min(far[-STUCK:]) > max(NEARBY, NEARER * min(far[:-STUCK]))
 
     def _far(self, step: MeshStep) -> float:
         """How far a mesh is from its aims: at most 1 where it meets them."""

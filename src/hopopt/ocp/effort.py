@@ -77,7 +77,11 @@ def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], tie_break: fl
     """A control for every joint that is at least its power and at least zero: at the optimum the positive part."""
 
     def controls(hop: MovingLeg) -> tuple[Control, ...]:
-        return (Control("drawn", hop.n, lower=0.0, scale=power_scale(hop), unit="W", labels=hop.leg.joints),)
+        return (
+            Control(
+                "drawn", hop.n, lower=0.0, scale=power_scale(hop), unit="W", labels=hop.leg.joints, only_bounds=True
+            ),
+        )
 
     def path(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
         return (

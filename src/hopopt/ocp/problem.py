@@ -76,8 +76,11 @@ class Variable:
         return components(self.name, self.size, self.labels)
 
 
+@dataclass(frozen=True)
 class Control(Variable):
-    """A control."""
+    """A control; ``only_bounds``: it moves nothing, but bounds a quantity of the motion from above."""
+
+    only_bounds: bool = False
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 At an optimum the objective's derivative by any number is the Lagrangian's partial derivative by it, for the rest
 of the solution moves along directions that do not matter to first order (the envelope theorem; Fiacco,
 Introduction to Sensitivity and Stability Analysis in Nonlinear Programming, 1983, theorem 3.4.1). It holds as long
-as the same limits stay active.
+as the same limits stay active; where they trade places, see optimality/kinks.py.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ import numpy as np
 
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.layout import PhaseLayout
-from hopopt.nlp.transcription import Rows
+from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.problem import split
 
 
@@ -60,18 +60,20 @@ class Slopes:
         return self.solution.transcription.layouts[phase]
 
 
-def slopes(solution: NlpSolution) -> Slopes:
-    """First derivatives of the optimal objective of a solved program."""
+def slopes(solution: NlpSolution, by_parameters: ca.Function | None = None) -> Slopes:
+    """First derivatives of the optimal objective of a solved program; ``by_parameters``: its ``gradient_by_parameters``,
+    if it is made already."""
     t, sign = solution.transcription, -solution.transcription.problem.objective.sign
     sides = []
     for lam, scale in ((solution.lam_x, t.scale), (solution.lam_g, t.row_scale)):
         sides += [-sign * np.minimum(lam, 0.0) / scale, -sign * np.maximum(lam, 0.0) / scale]
-    return Slopes(solution, split(t.fixed, sign * _by_parameters(solution)), *sides)
+    gradient = (by_parameters or gradient_by_parameters(t))(solution.z, solution.p, solution.lam_g)
+    return Slopes(solution, split(t.fixed, sign * np.array(gradient).ravel()), *sides)
 
 
-def _by_parameters(s: NlpSolution) -> np.ndarray:
-    """Partial derivative of f + lam_g' g by the fixed parameters."""
-    nlp = s.transcription.nlp
-    lam = ca.MX.sym("lam", len(s.lam_g))
+def gradient_by_parameters(t: Transcription) -> ca.Function:
+    """(x, p, lam_g) -> partial derivative of f + lam_g' g by the fixed parameters p."""
+    nlp = t.nlp
+    lam = ca.MX.sym("lam", nlp["g"].numel())
     gradient = ca.gradient(nlp["f"] + ca.dot(lam, nlp["g"]), nlp["p"])
-    return np.array(ca.Function("by_parameters", [nlp["x"], nlp["p"], lam], [gradient])(s.z, s.p, s.lam_g)).ravel()
+    return ca.Function("by_parameters", [nlp["x"], nlp["p"], lam], [gradient])

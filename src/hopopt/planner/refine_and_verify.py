@@ -26,6 +26,7 @@ from hopopt.verify.check import LIMIT
 
 Refined = Refinement | Resolved
 MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
+SMALL_MARGIN = 0.1  # and at this where a hop is not verified: with all drives at their limits, excess adds up
 TOLERANCE, PRICE_TOLERANCE = 1e-6, 1e-5  # a tenth and a fifth of the defaults
 AT_MOST = {"tolerance": TOLERANCE, "price_tolerance": PRICE_TOLERANCE}  # entries of [solver]
 
@@ -78,10 +79,11 @@ def refine_and_verify(
     first: Transcription | None = None,
     restarts: bool = True,
     clock: Stopwatch | None = None,
+    margin: float = MARGIN,
 ) -> Answer:
     """One start's optimum refined, with its verdict; with tighter tolerances if those of the problem are met and it is
-    not verified. ``first`` is the first mesh's program if there is one."""
-    clock, refinement = clock or Stopwatch(), refine_outcome(hop, outcome, say, first, restarts)
+    not verified. ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that is aimed at."""
+    clock, refinement = clock or Stopwatch(), refine_outcome(hop, outcome, say, first, restarts, margin)
     clock.mark("refinement")
     say("verifying")
     found = judged(hop, refinement, clock)
@@ -93,7 +95,7 @@ def refine_and_verify(
         again = judged(closer, refinement.further(aims_of(closer)), clock)
         return again if again.verified and again.verdict.certified else found
     say("not verified: refining again, with tighter tolerances")
-    again = refine_and_verify(closer, outcome, say, first, restarts, clock)
+    again = refine_and_verify(closer, outcome, say, first, restarts, clock, SMALL_MARGIN)
     return again if again.verified else found
 
 
@@ -139,10 +141,16 @@ def stated_figure(hop: Hop, solution: NlpSolution) -> dict[str, float]:
 
 
 def refine_outcome(
-    hop: Hop, outcome: StartOutcome, say: Progress, first: Transcription | None = None, restarts: bool = True
+    hop: Hop,
+    outcome: StartOutcome,
+    say: Progress,
+    first: Transcription | None = None,
+    restarts: bool = True,
+    margin: float = MARGIN,
 ) -> Refinement:
-    """A start's optimum, refined as the problem's solver settings ask for."""
-    aims = aims_of(hop) if restarts else replace(aims_of(hop), restarts=0)
+    """A start's optimum, refined as the problem's solver settings ask for; ``margin`` as of ``refine_and_verify``."""
+    aims = replace(aims_of(hop), excess=margin * LIMIT)
+    aims = aims if restarts else replace(aims, restarts=0)
     solution = solution_of(outcome, first or first_transcription(hop))
     refinement = refinement_of(solution, aims, lambda step: say(progress_line(hop, step)))
     refinement.run()

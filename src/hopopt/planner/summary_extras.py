@@ -77,6 +77,25 @@ class CrossCheck(Strict):
 
 
 @dataclass(frozen=True)
+class WithoutLimit(Strict):
+    """The co-design's optimum without one of the limits that it sits between."""
+
+    limit: str = stated("which one is left out")
+    objective_value: float = stated("of the optimum without it, on the same mesh [its unit]")
+    optimal: float = stated("the entry's best value then [its unit]")
+
+
+@dataclass(frozen=True)
+class Between(Strict):
+    """The limits that a free entry's best value sits between, where they trade places."""
+
+    gain_per_unit_more: float = stated("slope of the objective towards more of the entry [objective/unit]")
+    gain_per_unit_less: float = stated("slope of the objective towards less of the entry [objective/unit]")
+    limits: tuple[str, ...] = stated("which limits trade places")
+    without: tuple[WithoutLimit, ...] = stated("the optimum without each of them, the lesser limit first")
+
+
+@dataclass(frozen=True)
 class FreeEntry(Strict):
     """A number of the leg that was optimised too."""
 
@@ -88,6 +107,7 @@ class FreeEntry(Strict):
     optimal: float = stated("now [unit]")
     at_bound: str | None = stated("lower or upper, if it is at one")
     gain_per_unit_of_the_bound: float = stated("what moving it gains [objective/unit]")
+    between: Between | None = if_any("the limits that it sits between, if it does")
 
 
 @dataclass(frozen=True)

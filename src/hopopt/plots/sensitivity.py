@@ -17,9 +17,10 @@ COLORS = {"the leg": "#0072B2", "one joint's part of it": "#56B4E9", "what the h
 
 
 def tornado(solution: Solution, influences: Sequence[Influence]) -> Figure:
-    """What 1 % more of each entry changes in the height [cm], the largest on top; diamonds: solved again."""
-    least = LEAST * max((abs(i.cm_per_percent) for i in influences), default=0.0)
-    shown = [i for i in influences if abs(i.cm_per_percent) > least][:BARS]
+    """What 1 % more of each entry changes in the height [cm], the largest on top; diamonds: solved again. Where 1 % less
+    changes something else, an outlined bar says what."""
+    least = LEAST * max((i.most_cm for i in influences), default=0.0)
+    shown = [i for i in influences if i.most_cm > least][:BARS]
     what, height = headline(solution)
     figure = solution_figure(
         solution, f"what 1 % more changes of {height:.3f} m {what}", (11.0, 2.4 + 0.36 * len(shown))
@@ -40,13 +41,15 @@ def tornado(solution: Solution, influences: Sequence[Influence]) -> Figure:
 def _bar(ax: Axes, row: int, i: Influence) -> None:
     kind = "one joint's part of it" if i.part_of else ("the leg" if i.of_leg else "what the hop is asked to be")
     ax.barh(row, i.cm_per_percent, 0.5 if i.part_of else 0.74, label=kind, color=COLORS[kind])
+    if i.kinked:
+        ax.barh(row, i.cm_per_percent_less, 0.3, label="1 % less, where it differs", fill=False, ec=BLACK)
     side = 1 if i.cm_per_percent > 0 else -1
     ax.annotate(
         f"{i.cm_per_percent:+#.2g}".rstrip("."), (i.cm_per_percent, row), xytext=(9 * side, 0), textcoords="offset points",
         ha="left" if side > 0 else "right", va="center", fontsize=SMALL,
     )  # fmt: skip
     if i.difference is not None and not i.difference.fault:
-        gained = CM * PERCENT * i.value * i.difference.central
+        gained = CM * PERCENT * i.value * (i.difference.forward if i.kinked else i.difference.central)
         ax.plot(gained, row, "D", ms=6, mfc="white", mec=BLACK, label="solved again, a little more and less", zorder=4)
 
 

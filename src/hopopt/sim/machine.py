@@ -1,5 +1,6 @@
 """The leg as Pinocchio's C++ moves it: what verification and simulation stand on, apart from the planner's CasADi."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +14,9 @@ from hopopt.leg.robot import BASE, Robot
 class StanceTerms:
     """Stance at one state: q, v (BASE + n) with the foot at the origin, mass matrix M (BASE + n square), bias
     (BASE + n, what M a must be added to when only the joints accelerate), joint part of the foot Jacobian (2 x n),
-    drift (2) of the foot [m/s^2].
+    drift (2) of the foot [m/s^2], held: coordinates of the body that no guide lets move.
 
-    With base_a = -jacobian a_j - drift eliminated, tau = mass_matrix a_j + joint_bias.
+    With base_a = -jacobian a_j - drift eliminated, tau = mass_matrix a_j + joint_bias, less what a guide takes.
     """
 
     q: np.ndarray
@@ -24,6 +25,7 @@ class StanceTerms:
     bias: np.ndarray
     jacobian: np.ndarray
     drift: np.ndarray
+    held: Sequence[int] = ()
 
     @property
     def mass_matrix(self) -> np.ndarray:
@@ -37,12 +39,28 @@ class StanceTerms:
 
     def acceleration(self, tau: np.ndarray) -> np.ndarray:
         """Joint accelerations [rad/s^2] under joint torques tau (n) [N m]."""
-        columns = self._columns()
-        return np.linalg.solve(self._reduced(columns), tau - self._reduced(self.bias))
+        return self._response(tau)[0]
 
     def force(self, a_j: np.ndarray) -> np.ndarray:
-        """Contact force (x, z) [N] at joint accelerations a_j."""
+        """Force (x, z) [N] on the leg from outside at joint accelerations a_j: of the ground, and of guides that hold."""
         return self._columns()[:BASE] @ a_j + self.bias[:BASE]
+
+    def contact_force(self, tau: np.ndarray) -> np.ndarray:
+        """Force (x, z) [N] of the ground alone under joint torques tau (n) [N m]."""
+        a_j, guides = self._response(tau)
+        force = self.force(a_j)
+        force[list(self.held)] -= guides
+        return force
+
+    def _response(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Joint accelerations, and forces of the guides that hold the body (one for each) [N]."""
+        M, b, n = self._reduced(self._columns()), tau - self._reduced(self.bias), len(tau)
+        if not self.held:
+            return np.linalg.solve(M, b), np.zeros(0)
+        J = self.jacobian[list(self.held)]
+        both = np.block([[M, J.T], [J, np.zeros((len(J), len(J)))]])
+        found = np.linalg.solve(both, np.concatenate([b, -self.drift[list(self.held)]]))
+        return found[:n], found[n:]
 
     def _columns(self) -> np.ndarray:
         """M times the motion that unit joint accelerations make, (BASE + n, n)."""
@@ -121,7 +139,17 @@ class Machine:
         v[:BASE] = -jacobian @ v_j
         M = self.mass_matrix(q)
         bias = pin.nonLinearEffects(self.model, self.data, q, v) - M[:, :BASE] @ drift[[0, 2]]
-        return StanceTerms(q, v, M, bias, jacobian, drift[[0, 2]])
+        return StanceTerms(q, v, M, bias, jacobian, drift[[0, 2]], self.held)
+
+    def on_guides(self, q_j: np.ndarray, v_j: np.ndarray, foot: float, body: float) -> tuple[np.ndarray, np.ndarray]:
+        """Angles and speeds of the joints, brought back to where a slider at x = ``body`` and a foot at x = ``foot`` [m] let
+        them be; on two guides as they are."""
+        if not self.held:
+            return q_j, v_j
+        terms = self.stance_terms(q_j, v_j)
+        J = terms.jacobian[:1]
+        back = np.linalg.pinv(J)
+        return q_j + back @ np.array([terms.q[0] + foot - body]), v_j - back @ (J @ v_j)
 
     def touch_down(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Speeds just after the foot has hit the ground and stays (plastic impact; Featherstone, RBDA, 11.6)."""

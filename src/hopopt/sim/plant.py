@@ -10,7 +10,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 from scipy.optimize import brentq
 
 from hopopt.errors import UsageError
@@ -56,7 +55,7 @@ class Plant:
         if s.contact:
             a = self.machine.stance_terms(q, v).acceleration(tau + stop)
         else:
-            a = pin.aba(self.machine.model, self.machine.data, q, v, np.concatenate([np.zeros(BASE), tau + stop]))
+            a = self.machine.acceleration(q, v, tau + stop, False)
         return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w]])
 
     def step(self, s: State, torque: Torque, h: float) -> State:
@@ -84,6 +83,7 @@ class Plant:
         m = (len(y) - len(s.work)) // 2
         q, v, work = y[:m], y[m : 2 * m], y[2 * m :]
         if s.contact:
+            q, v = self.machine.on_guides(q, v, s.foot, s.q[0])
             terms = self.machine.stance_terms(q, v)
             q, v = terms.q + np.array([s.foot, *[0.0] * (self.n + 1)]), terms.v
         return replace(s, q=q, v=v, t=t, work=work)
@@ -93,8 +93,7 @@ class Plant:
         if not s.contact:
             return np.zeros(BASE)
         q, v = s.q[BASE:], s.v[BASE:]
-        terms = self.machine.stance_terms(q, v)
-        return terms.force(terms.acceleration(self.drive.torque(v, command)[1] + self.stops.torque(q, v)))
+        return self.machine.stance_terms(q, v).contact_force(self.drive.torque(v, command)[1] + self.stops.torque(q, v))
 
     def _margin(self, s: State, torque: Torque) -> float:
         """Below zero where the contact must change: vertical force [N] in stance, height of a sinking foot [m].
@@ -110,8 +109,9 @@ class Plant:
 
     def _pressed_by_grip(self, s: State) -> float:
         """Upward acceleration of a free foot by a sideways force, over that by the same force upwards."""
-        J = self.machine.foot_jacobian(s.q)
-        mobility = J @ np.linalg.solve(self.machine.mass_matrix(s.q), J.T)
+        free = [k for k in range(len(s.q)) if k not in self.machine.held]
+        J = self.machine.foot_jacobian(s.q)[:, free]
+        mobility = J @ np.linalg.solve(self.machine.mass_matrix(s.q)[np.ix_(free, free)], J.T)
         return mobility[1, 0] / mobility[1, 1]
 
     # ---- events ----------------------------------------------------------------------------------------

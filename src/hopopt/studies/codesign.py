@@ -42,6 +42,7 @@ from hopopt.problem.load import changed
 from hopopt.problem.render import rows
 from hopopt.problem.wording import did_you_mean
 from hopopt.storage.recheck import CONFIRMED, co_design_checks
+from hopopt.studies.codesign_kinks import between
 from hopopt.studies.mass_coupling import asks_catalogue, beyond, catalogue_coupling, laws
 
 AT_BOUND = 1e-6  # share of its range within which a parameter sits on a bound
@@ -171,6 +172,7 @@ def _parameters(hop: Hop, best: NlpSolution) -> list[FreeEntry]:
                 optimal=values[p.name],
                 at_bound=bound,
                 gain_per_unit_of_the_bound=slope,
+                between=None if bound else between(hop, best, p.name),
             )
         )
     return found

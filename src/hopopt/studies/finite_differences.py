@@ -51,7 +51,9 @@ def confirmed(solution: Solution, influence: Influence) -> Influence:
 
 
 def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Difference:
-    noise, slope = settled_within(solution), max(abs(i.m_per_unit), 1e-12)
+    if i.kinked:  # each side counts by itself, so that the middle must have been solved alike
+        nlp = replace(nlp, objective=solve_again(nlp, solution.design, solution.objective).objective)
+    noise, slope = settled_within(solution), max(abs(i.m_per_unit), abs(i.less_m_per_unit or 0.0), 1e-12)
     if not i.value:
         if slope < LEAST:
             return Difference(fault="not solved again: it is 0, and hardly matters")
@@ -60,10 +62,11 @@ def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Differenc
     found, narrow = _over(solution, nlp, i, wide, noise), STEP * abs(i.value)
     if found.fault and wide > narrow:
         found = _over(solution, nlp, i, narrow, noise)
-    if found.fault or found.agrees(i.m_per_unit):
+    sides = i.m_per_unit, i.less_m_per_unit
+    if found.fault or found.agrees(*sides):
         return found
     closer = _over(solution, nlp, i, CLOSER * wide, SOLVED * abs(nlp.objective))  # over a smaller step less bends
-    return closer if not closer.fault and closer.agrees(i.m_per_unit) else found
+    return closer if not closer.fault and closer.agrees(*sides) else found
 
 
 def _over(solution: Solution, nlp: NlpSolution, i: Influence, h: float, noise: float) -> Difference:

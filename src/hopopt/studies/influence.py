@@ -29,14 +29,20 @@ class Difference:
         """Whether more and less of the entry tell different slopes: it is where the active limits change."""
         return abs(self.forward - self.backward) > KINK * max(abs(self.forward), abs(self.backward)) + 2 * self.noise
 
-    def agrees(self, slope: float) -> bool:
-        """Whether a derivative [m per unit] is confirmed."""
+    def agrees(self, slope: float, less: float | None = None) -> bool:
+        """Whether a derivative [m per unit] is confirmed; ``less``: the one towards less, where it is another."""
+        if less is not None:
+            pairs = (self.forward, slope), (self.backward, less)
+            return all(abs(found - told) <= AGREE * abs(told) + 2 * self.noise for found, told in pairs)
         return not self.one_sided and bool(abs(self.central - slope) <= AGREE * abs(slope) + self.noise)
 
-    def verdict(self, slope: float) -> str:
-        """In words, what solving again says of a derivative [m per unit]."""
+    def verdict(self, slope: float, less: float | None = None) -> str:
+        """In words, what solving again says of a derivative [m per unit], and of the one towards less."""
         if self.fault:
             return self.fault
+        if less is not None:
+            sides = f"{self.forward:+.4g} upwards, {self.backward:+.4g} downwards"
+            return f"{'agrees' if self.agrees(slope, less) else 'differs'}: {sides}"
         if self.one_sided:
             return f"one-sided: {self.forward:+.4g} upwards, {self.backward:+.4g} downwards"
         if abs(slope) <= self.noise and self.agrees(slope):
@@ -51,8 +57,15 @@ CM = 100.0  # [cm/m]
 
 @dataclass(frozen=True)
 class Influence:
-    """d height / d one entry of the problem [m per its unit], at its value; ``part_of`` names the entry of the whole
-    leg that a single joint's drive takes its value from."""
+    """What one entry of the problem changes in the height, to first order.
+
+    value: the entry's [its unit].
+    m_per_unit: d height / d entry [m per its unit]; at a kink, towards more of it.
+    part_of: the entry of the whole leg that a single joint's drive takes its value from.
+    less_m_per_unit: at a kink, d height / d entry towards less of it [m per its unit].
+    between: the limits that trade places there, in words.
+    difference: what solving again gave.
+    """
 
     name: str
     value: float
@@ -60,11 +73,34 @@ class Influence:
     m_per_unit: float
     part_of: str | None = None
     difference: Difference | None = None
+    less_m_per_unit: float | None = None
+    between: tuple[str, ...] = ()
 
     @property
     def cm_per_percent(self) -> float:
         """What one per cent more of it gains [cm]; 0 for an entry that is 0."""
         return CM * PERCENT * self.value * self.m_per_unit or 0.0  # no -0
+
+    @property
+    def cm_per_percent_less(self) -> float:
+        """What one per cent less of it gains [cm]."""
+        slope = self.m_per_unit if self.less_m_per_unit is None else self.less_m_per_unit
+        return -CM * PERCENT * self.value * slope or 0.0
+
+    @property
+    def kinked(self) -> bool:
+        """Whether limits trade places, so that more and less of it differ."""
+        return self.less_m_per_unit is not None
+
+    @property
+    def best_cm(self) -> float:
+        """What one per cent gains the better way [cm]; below 0 at a kink from which both ways lose."""
+        return max(self.cm_per_percent, self.cm_per_percent_less)
+
+    @property
+    def most_cm(self) -> float:
+        """The larger change of the height with one per cent either way [cm]."""
+        return max(abs(self.cm_per_percent), abs(self.cm_per_percent_less))
 
     @property
     def of_leg(self) -> bool:
@@ -76,9 +112,13 @@ class Influence:
         figures = {name: getattr(self, name) for name in ("name", "value", "unit", "cm_per_percent", "m_per_unit")}
         if self.part_of:
             figures["part_of"] = self.part_of
+        if self.kinked:
+            figures |= {"less_m_per_unit": self.less_m_per_unit, "cm_per_percent_less": self.cm_per_percent_less}
+            figures |= {"between_limits": list(self.between)}
         if d := self.difference:
             figures |= {"finite_difference_m_per_unit": d.central, "step": d.step, "noise_m_per_unit": d.noise}
             figures |= {"forward_m_per_unit": d.forward, "backward_m_per_unit": d.backward}
-            agrees = None if d.fault else d.agrees(self.m_per_unit)
-            figures |= {"confirmed": agrees, "verdict": d.verdict(self.m_per_unit)}
+            sides = self.m_per_unit, self.less_m_per_unit
+            agrees = None if d.fault else d.agrees(*sides)
+            figures |= {"confirmed": agrees, "verdict": d.verdict(*sides)}
         return figures

@@ -5,7 +5,7 @@ durations and heights are its bounds. The start pose is both: its angles are giv
 lengths and the hip's height by inverse kinematics, so they enter by the chain rule.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,14 +15,17 @@ from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
+from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.phases import FLIGHT, STANCE
-from hopopt.optimality.parametric_sensitivity import Slopes, slopes
+from hopopt.optimality.kinks import DIFFERS, kink
+from hopopt.optimality.parametric_sensitivity import Slopes, gradient_by_parameters, slopes
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.summary import by_friction
 from hopopt.problem.render import rows
 from hopopt.studies.influence import Influence
 
+FELT = 1e-6  # [m] that twice an entry's value must make of two sides that differ
 STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretched
 
 
@@ -35,13 +38,34 @@ def sensitivity(solution: Solution) -> list[Influence]:
     design = solution.design
     if solution.summary.objective_unit != "m" or solution.own != (None, ()):
         raise UsageError(f"what to change first is reported for heights, not for {solution.objective}")
-    found = derivatives(design, slopes(stored_nlp(with_own_drives(solution))))
+    nlp = stored_nlp(with_own_drives(solution))
+    by_parameters = gradient_by_parameters(nlp.transcription)
+
+    def all_of(s: NlpSolution) -> dict[str, tuple[float, str | None]]:
+        return derivatives(design, slopes(s, by_parameters))
+
+    found = all_of(nlp)
+    more, less, between = _sides(nlp, lambda s: np.array([slope for slope, _ in all_of(s).values()]))
     entries, influences = {row.path: row for row in rows(design)}, []
-    for name, (slope, part_of) in found.items():
+    for k, (name, (_, part_of)) in enumerate(found.items()):
         path, _, index = (part_of or name).partition("[")
         value = entries[path].value[int(index[:-1])] if index else entries[path].value
-        influences.append(Influence(name, float(value), entries[path].unit, slope, part_of))
-    return sorted(influences, key=lambda i: (-abs(i.cm_per_percent), -abs(i.m_per_unit)))
+        felt = abs(more[k] - less[k]) * max(abs(value), 1.0)
+        smooth = felt <= FELT or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
+        i = Influence(name, float(value), entries[path].unit, float(more[k]), part_of)
+        influences.append(i if smooth else replace(i, less_m_per_unit=float(less[k]), between=between))
+    return sorted(influences, key=lambda i: (-i.most_cm, -abs(i.m_per_unit)))
+
+
+def _sides(
+    nlp: NlpSolution, values: Callable[[NlpSolution], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Derivatives towards more and towards less of each entry, and the limits that trade places if they differ."""
+    if (at := kink(nlp)) is None:
+        return (here := values(nlp)), here, ()
+    low, high = at.ranges(values)
+    more, less = (low, high) if nlp.transcription.problem.objective.maximize else (high, low)
+    return more, less, tuple(str(limit.name) for limit in at.limits())
 
 
 def as_dict(solution: Solution, influences: Sequence[Influence], failed: Sequence[str]) -> dict[str, Any]:

@@ -7,7 +7,20 @@ from rich.table import Table
 from hopopt.cli.screen.console import console, print_table
 
 if TYPE_CHECKING:
-    from hopopt.planner.summary_extras import CoDesign
+    from hopopt.planner.summary_extras import CoDesign, FreeEntry
+
+
+def _between(p: "FreeEntry") -> list[str]:
+    """The limits that an entry sits between, and what it would be without each."""
+    if (at := p.between) is None:
+        return []
+    lines = [f"{p.entry} = {p.optimal:.5g} sits where limits trade places: {' and '.join(at.limits)}"]
+    for k, w in enumerate(at.without):
+        which = " (the lesser)" if k == 0 and len(at.without) > 1 else ""
+        lines.append(
+            f"  without the {w.limit}{which}: {w.objective_value:.5g} at {w.optimal:.5g} {p.unit}".removesuffix(" 1")
+        )
+    return lines
 
 
 def print_codesign(found: "CoDesign") -> None:
@@ -20,6 +33,9 @@ def print_codesign(found: "CoDesign") -> None:
         table.add_row(p.entry, *figures, p.unit, f"at its {p.at_bound} bound" if p.at_bound else "")
     out = console()
     print_table(out, table)
+    for p in found.parameters:
+        for line in _between(p):
+            out.print(line)
     for c in found.couplings:
         out.print(f"{c.coupling}   ({'active' if c.active else 'not active'})")
         if c.coupling.startswith("catalogue"):

@@ -25,6 +25,7 @@ def print_sensitivity(data: Mapping[str, Any], influences: "Sequence[Influence]"
     out.print(f"{data['problem']}: {what} {height:.4f} m, verified. What 1 % more of an entry would change:")
     print_table(out, _table(influences))
     for line in (
+        *_kinks(influences),
         *_indented(influences),
         *left_out(influences),
         *sentences(influences),
@@ -36,24 +37,36 @@ def print_sensitivity(data: Mapping[str, Any], influences: "Sequence[Influence]"
 
 
 def _table(influences: "Sequence[Influence]") -> Table:
-    again = any(i.difference for i in influences)
+    again, kinked = any(i.difference for i in influences), any(i.kinked for i in influences)
     table = Table(box=None, pad_edge=False)
     table.add_column("entry", style="bold", no_wrap=True)
-    for head in ("value", "1 % more gives", "m per unit", *(["solved again"] if again else [])):
+    sides = ["1 % more gives", *(["1 % less gives"] if kinked else []), "m per unit"]
+    for head in ("value", *sides, *(["solved again"] if again else [])):
         table.add_column(head, justify="right", no_wrap=head == "value")
     if again:
         table.add_column("")
     for i in _shown(influences):
-        cells = [f"{i.value:g} {i.unit}".removesuffix(" 1"), f"{i.cm_per_percent:+.3f} cm", f"{i.m_per_unit:+.4g}"]
+        cells = [f"{i.value:g} {i.unit}".removesuffix(" 1"), f"{i.cm_per_percent:+.3f} cm"]
+        cells += [f"{i.cm_per_percent_less:+.3f} cm"] if kinked else []
+        cells += [f"{i.m_per_unit:+.4g}" + (f", {i.less_m_per_unit:+.4g}" if i.kinked else "")]
         if again:
             d = i.difference
-            cells += ["", ""] if d is None else ["" if d.fault else f"{d.central:+.4g}", d.verdict(i.m_per_unit)]
+            found = "" if d is None or d.fault or i.kinked else f"{d.central:+.4g}"
+            cells += [found, "" if d is None else d.verdict(i.m_per_unit, i.less_m_per_unit)]
         table.add_row(f"  {i.name}" if i.part_of else i.name, *cells)
     return table
 
 
 def _shown(influences: "Sequence[Influence]") -> "list[Influence]":
-    return [i for k, i in enumerate(influences) if (k < ROWS and abs(i.cm_per_percent) >= LEAST) or i.difference]
+    return [i for k, i in enumerate(influences) if (k < ROWS and i.most_cm >= LEAST) or i.difference]
+
+
+def _kinks(influences: "Sequence[Influence]") -> list[str]:
+    """Which limits trade places at the optimum."""
+    at = next((i for i in influences if i.kinked), None)
+    if at is None:
+        return []
+    return [f"Limits trade places at this optimum, so that more and less of an entry differ: {'; '.join(at.between)}."]
 
 
 def _indented(influences: "Sequence[Influence]") -> list[str]:
@@ -64,31 +77,39 @@ def _indented(influences: "Sequence[Influence]") -> list[str]:
 def left_out(influences: "Sequence[Influence]") -> list[str]:
     """How many entries that matter have no row."""
     shown = _shown(influences)
-    count = sum(abs(i.cm_per_percent) >= LEAST and i not in shown for i in influences)
+    count = sum(i.most_cm >= LEAST and i not in shown for i in influences)
     return [f"({count} more that matter less: --json)"] if count > 0 else []
 
 
 def sentences(influences: "Sequence[Influence]") -> list[str]:
     """What to change first: of the leg, of the joints apart, and of what the hop is asked to be."""
-    first = next((i for i in influences if i.of_leg and abs(i.cm_per_percent) >= LEAST), None)
+    gains = [i for i in influences if i.best_cm >= LEAST]
+    if any(i.kinked for i in influences):  # they are ranked by their larger side, which may be a loss
+        gains.sort(key=lambda i: -i.best_cm)
+    first = next((i for i in gains if i.of_leg), None)
     if first is None:
-        return ["No entry of the leg changes the height to first order."]
+        return ["No entry of the leg makes the height more to first order."]
     lines = [f"What to change first: {_advice(first)}."]
     for whole in influences:
-        parts = [i for i in influences if i.part_of == whole.name and abs(i.cm_per_percent) >= LEAST]
-        if len({i.cm_per_percent > 0 for i in parts}) > 1:
+        parts = [i for i in gains if i.part_of == whole.name]
+        if len({_up(i) for i in parts}) > 1:
             lines.append(f"{whole.name} pulls both ways, give the joints their own: {'; '.join(map(_advice, parts))}.")
-    asked = next((i for i in influences if not i.of_leg and abs(i.cm_per_percent) >= LEAST), None)
+    asked = next((i for i in gains if not i.of_leg), None)
     return lines + ([f"Of what the hop is asked to be: {_advice(asked)}."] if asked else [])
+
+
+def _up(i: "Influence") -> bool:
+    """Whether more of it is the better way."""
+    return i.cm_per_percent >= i.cm_per_percent_less
 
 
 def _advice(i: "Influence") -> str:
     """leg.gear.ratio 1 % down, from 100 to 99, gains 0.24 cm"""
-    up = i.cm_per_percent > 0
+    up = _up(i)
     to = i.value * (1.01 if up else 0.99)
     unit = "" if i.unit == "1" else f" {i.unit}"
     size = "1 % more" if up else "1 % less"
-    return f"{i.name} {size}, from {i.value:g} to {to:.4g}{unit}, gains {abs(i.cm_per_percent):.2f} cm"
+    return f"{i.name} {size}, from {i.value:g} to {to:.4g}{unit}, gains {i.best_cm:.2f} cm"
 
 
 def _rest(influences: "Sequence[Influence]") -> list[str]:
