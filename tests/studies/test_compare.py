@@ -290,25 +290,15 @@ def test_fifty_mismatched_legs_hop_if_enough_is_held_back(solution):
 
 
 def test_the_command_prints_one_object(comparison, solution, tmp_path, capsys):
-    folder = str(save(solution, tmp_path).result_dir)
-    arguments = [
-        "compare",
-        "--bound",
-        folder,
-        "--strategies",
-        "force",
-        "--tune",
-        "0",
-        "--results",
-        str(tmp_path),
-        "--no-figures",
-        "--json",
-    ]
-    assert run(arguments) == 0
+    """And --strategies may be given again, as other options may."""
+    folder, where = str(save(solution, tmp_path).result_dir), ["--results", str(tmp_path)]
+    named = ["--strategies", "force", "--strategies", "force_tuck"]
+    assert run(["compare", "--bound", folder, *named, *where, "--no-figures", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["bound_m"] == pytest.approx(comparison.bound)
     assert data["strategies"]["force"]["clearance_m"] == pytest.approx(comparison.figures["force"].clearance)
-    assert set(data["strategies"]) == {"optimum", "force"}
+    assert data["strategies"]["force"]["options"]["k_p"] == 5424.0  # what it ran with, not only what was given
+    assert list(data["strategies"]) == ["optimum", "force", "force_tuck"]
     kept = json.loads((tmp_path / data["result_dir"].rsplit("/", 1)[1] / "comparison.json").read_text())
     assert kept["strategies"].keys() == data["strategies"].keys()
 
@@ -435,6 +425,20 @@ def test_an_overshoot_is_told_beside_the_number_and_the_braked_servo_has_none(so
     shown = capsys.readouterr().out
     assert f"force: its servo overshoots: at the clearance the leg is {100 * short['force']:.1f} cm shorter" in shown
     assert "force_braked: its" not in shown
+    assert "force clears less than half" not in shown
+
+
+def test_a_strategy_far_from_the_bound_says_what_is_in_its_way(solution, capsys):
+    """Position control as soft as in the paper's figures pushes too little."""
+    found = compare(solution.design, ["position_soft"], bound=solution)
+    gap = found.gap("position_soft")
+    most = max(gap, key=lambda part: gap[part])
+    print_comparison(found.as_dict(), "here")
+    said = capsys.readouterr().out
+    words = {"push_m": "push", "timing_m": "timing", "retraction_m": "fold"}[most]
+    assert (
+        f"position_soft clears less than half of the bound: it loses most by {words}, {100 * gap[most]:.1f} cm" in said
+    )
 
 
 def test_a_strategy_that_does_not_hop_has_no_share(solution):

@@ -9,6 +9,7 @@ from rich.table import Table
 from hopopt.cli.screen.console import console, print_table
 
 ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
+HALF = 0.5  # of the bound, below which a line says what is in the way
 OVERSHOOT = 0.005  # [m] from which on it is worth a line
 BRAKED = "force_braked"
 GAPS = {"push": "push_m", "timing": "timing_m", "fold": "retraction_m"}
@@ -27,6 +28,10 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
     for name, row in rows.items():
         if row["no_hop"]:
             out.print(f"{name} does not hop: {row['no_hop']}")
+        elif row["share_of_bound"] is not None and row["share_of_bound"] < HALF:
+            part, key = max(GAPS.items(), key=lambda item: row["gap"][item[1]])
+            lost = f"it loses most by {part}, {100 * row['gap'][key]:.1f} cm"
+            out.print(f"{name} clears less than half of the bound: {lost}")
         if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
             out.print(f"{name}: {_overshoot(short)}; {BRAKED} follows it without")
     for name, row in rows.items():
