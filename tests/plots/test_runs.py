@@ -231,7 +231,7 @@ def test_poses_are_to_scale_apart_and_in_columns(runs: Callable[[str], Runs], ca
         poses = [np.array(line.get_xydata()) for line in ax.lines if line.get_marker() == "o"]
         lengths = [link.length for link in run.design.leg.link.values()]
         for pose in poses:
-            np.testing.assert_allclose(np.hypot(*np.diff(pose, axis=0).T), lengths, rtol=1e-9)
+            np.testing.assert_allclose(np.hypot(*np.diff(pose, axis=0).T), lengths, rtol=1e-6)  # drawn between samples
         assert all(a[:, 0].max() < b[:, 0].min() for a, b in pairwise(poses))
         assert ax.get_aspect() == 1
         first = np.ceil(-run.lift_off["time_s"] / 0.04 - 1e-9)
