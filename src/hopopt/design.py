@@ -245,14 +245,18 @@ class Reserve(Section):
 class Control(Section):
     """Gains of the paper's strategies; what is left out is scaled from the paper's leg."""
 
-    k_p: float | None = quantity("stiffness of the joints' PD law", "N m/rad", 0, 1e7, None)
-    k_d: float | None = quantity("damping of the joints' PD law in stance", "N m s/rad", 0, 1e6, None)
-    k_s: float | None = quantity("stiffness of the reference's spring", "N/m", 0, 1e7, None)
-    y_neu: float | None = quantity("rest length of the reference's spring", "m", 0, 10, None)
-    C_amp: float | None = quantity("amplitude of the reference beyond its rest length", "m", 0, 10, None)
-    C_max: float | None = quantity("largest shortening of the reference", "1", 0, 0.99, None)
-    plumb_k: float | None = quantity("how stiffly the body is kept on the plumb line", "1/s^2", 0, 1e6, None)
-    plumb_d: float | None = quantity("damping of that", "1/s", 0, 1e5, None)
+    k_p: float | None = quantity("stiffness of the joints' PD law (default: scaled)", "N m/rad", 1e-6, 1e7, None)
+    k_d: float | None = quantity("damping of the joints' PD law in stance (default: scaled)", "N m s/rad", 0, 1e6, None)
+    k_s: float | None = quantity("stiffness of the reference's spring (default: scaled)", "N/m", 0, 1e7, None)
+    y_neu: float | None = quantity("rest length of the reference's spring (default: scaled)", "m", 0, 10, None)
+    C_amp: float | None = quantity(
+        "amplitude of the reference beyond its rest length (default: scaled)", "m", 0, 10, None
+    )
+    C_max: float | None = quantity("largest shortening of the reference (default: scaled)", "1", 0, 0.99, None)
+    plumb_k: float | None = quantity(
+        "how stiffly the body is kept on the plumb line (default: scaled)", "1/s^2", 0, 1e6, None
+    )
+    plumb_d: float | None = quantity("damping of that (default: scaled)", "1/s", 0, 1e5, None)
 
 
 class Design(Section):
