@@ -252,7 +252,7 @@ class Control(Section):
     C_amp: float | None = quantity(
         "amplitude of the reference beyond its rest length (default: scaled)", "m", 0, 10, None
     )
-    C_max: float | None = quantity("largest shortening of the reference (default: scaled)", "1", 0, 0.99, None)
+    C_max: float | None = quantity("largest shortening of the reference (default 0.11)", "1", 0, 0.99, None)
     plumb_k: float | None = quantity(
         "how stiffly the body is kept on the plumb line (default: scaled)", "1/s^2", 0, 1e6, None
     )
