@@ -65,7 +65,8 @@ def sensitivity(solution: Solution) -> "list[Influence]":
 
 
 def compare(solution: Solution, *strategies: str, tune: int = 0) -> Comparison:
-    """This hop as the bound, beside what controllers make of the same leg; all that suit the leg if none is named.
+    """This hop as the bound, beside what controllers make of the same leg: those named, "all" that suit it, or the
+    default rows of ``hopopt compare``.
 
     tune: hops on which the gains of "force" and "position" are tuned. Raises UsageError for unknown strategies,
     NotSolvedError if there is no plan to track.

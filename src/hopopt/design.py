@@ -242,6 +242,23 @@ class Reserve(Section):
     angle: float = quantity("distance from the joint limits", "rad", 0, 1, 0.02)
 
 
+class Control(Section):
+    """Gains of the paper's strategies; what is left out is scaled from the paper's leg."""
+
+    k_p: float | None = quantity("stiffness of the joints' PD law (default: scaled)", "N m/rad", 1e-6, 1e7, None)
+    k_d: float | None = quantity("damping of the joints' PD law in stance (default: scaled)", "N m s/rad", 0, 1e6, None)
+    k_s: float | None = quantity("stiffness of the reference's spring (default: scaled)", "N/m", 0, 1e7, None)
+    y_neu: float | None = quantity("rest length of the reference's spring (default: scaled)", "m", 0, 10, None)
+    C_amp: float | None = quantity(
+        "amplitude of the reference beyond its rest length (default: scaled)", "m", 0, 10, None
+    )
+    C_max: float | None = quantity("largest shortening of the reference (default 0.11)", "1", 0, 0.99, None)
+    plumb_k: float | None = quantity(
+        "how stiffly the body is kept on the plumb line (default: scaled)", "1/s^2", 0, 1e6, None
+    )
+    plumb_d: float | None = quantity("damping of that (default: scaled)", "1/s", 0, 1e5, None)
+
+
 class Design(Section):
     """A whole problem: the leg, the ground, where the hop starts, what it may do and how it is solved."""
 
@@ -263,6 +280,7 @@ class Design(Section):
     solver: Solver = Solver()
     simulation: Simulation = Simulation()
     reserve: Reserve = Reserve()
+    control: Control = Control()
 
     @model_validator(mode="after")
     def _all_above_ground(self) -> "Design":

@@ -12,7 +12,7 @@ from hopopt.cli.main import run
 from hopopt.cli.screen.answer import checks_line
 from hopopt.cli.screen.certificate import structure_lines
 from hopopt.cli.screen.console import console, print_checks, print_lines
-from hopopt.cli.screen.runs import PARTS, gap_table, height_table, print_comparison
+from hopopt.cli.screen.runs import print_comparison, run_table
 from hopopt.cli.screen.sensitivity import print_sensitivity
 from hopopt.cli.screen.sweep import print_study
 from hopopt.planner.solution import Solution
@@ -90,20 +90,17 @@ def test_a_comparison_fits_a_narrow_screen(hop: Solution) -> None:
     lines = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue()).splitlines()
     assert max(map(len, lines)) <= 80
     assert not any("…" in line for line in lines)
-    assert [len(line.split()) for line in lines if line.startswith("force ")] == [7, 10, 5]
+    (row,) = [line.split() for line in lines if line.startswith("force ")]
+    assert len(row) == 11  # one table: name, clearance, share, three losses, two joints, lift-off, ground
 
 
-def test_a_clearance_that_never_was_has_no_parts() -> None:
-    nothing = dict.fromkeys(PARTS, 0.0)
+def test_a_strategy_that_does_not_hop_says_why_and_has_no_share(capsys: pytest.CaptureFixture[str]) -> None:
     gap = {"push_m": 0.8, "timing_m": 0.0, "retraction_m": -0.2}
-    row = {"clearance_m": 0.0, "share_of_bound": 0.0, "foot_height_m": 0.0, "parts": nothing, "gap": gap}
-    with redirect_stdout(Screen()) as screen:
-        console().print(gap_table({"optimum": row, "stands": row}))
-        console().print(height_table({"stands": row}))
-    plain = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue())
-    gaps, heights = (line.split() for line in plain.splitlines() if line.startswith("stands"))
-    assert gaps == ["stands", "-", "-", "-", "+60.0"]
-    assert heights == ["stands", "0.000", "0%", "-", "-", "-", "0.000"]
+    stands = {"clearance_m": 0.0, "share_of_bound": None, "gap": gap, "saturation_mean": {"hip": 0.1, "knee": 0.2}}
+    stands |= {"no_hop": "the foot never leaves the ground", "lift_off": {"time_s": 0.0, "vertical_m_s": 0.0}}
+    console().print(run_table({"stands": {**stands, "peaks": {"ground_force_N": 80.0}}}))
+    (row,) = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("stands")]
+    assert row == ["stands", "0.000", "-", "-", "-", "-", "0.10", "0.20", "-", "-", "80"]
 
 
 def test_names_are_whole_on_a_narrow_screen() -> None:

@@ -378,7 +378,7 @@ def test_strategies_come_from_other_packages(own_module: str, monkeypatch: pytes
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("forse", r"^there is no strategy 'forse': choose one of force, force_tuck, .* package\.module:Class$"),
+        ("forse", r"^there is no strategy 'forse': choose one of force, force_braked, .* package\.module:Class$"),
         (
             "no_such_module:Mine",
             r"^strategy no_such_module:Mine cannot be imported: .*No module named .*current folder or on PYTHONPATH\?$",

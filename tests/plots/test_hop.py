@@ -99,7 +99,7 @@ def title(figure: Figure) -> str:
 @pytest.mark.parametrize("name", FIGURES)
 def test_title_says_whether_the_plan_is_verified(solved: Callable[[str], Solution], name: str) -> None:
     plan = solved("paper")
-    assert title(FIGURES[name](plan)).startswith("paper: ")
+    assert title(FIGURES[name](plan)).startswith("The paper's leg: ")
     assert "NOT verified" in title(FIGURES[name](plan))
     true = replace(plan, summary=replace(plan.summary, verified=True))
     assert "verified" not in title(FIGURES[name](true))

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from hopopt.cli.main import run
 from hopopt.cli.screen.answer import print_answer
+from hopopt.cli.screen.runs import print_comparison
 from hopopt.control.closed_loop import clearance_in_mujoco, make_plant, simulate
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.design import Design
@@ -25,13 +27,14 @@ from hopopt.storage.runs import save_runs
 from hopopt.storage.solution import save
 from hopopt.studies.compare import (
     OPTIMUM,
+    TUNED_PD,
     Comparison,
+    chosen_names,
     compare,
     integrals_to,
     paper_strategy,
     planned_trace,
     reference_of,
-    suiting,
 )
 from hopopt.studies.paper_results import is_the_papers
 from hopopt.studies.robustness import mismatched, spread
@@ -294,25 +297,15 @@ def test_fifty_mismatched_legs_hop_if_enough_is_held_back(solution):
 
 
 def test_the_command_prints_one_object(comparison, solution, tmp_path, capsys):
-    folder = str(save(solution, tmp_path).result_dir)
-    arguments = [
-        "compare",
-        "--bound",
-        folder,
-        "--strategies",
-        "force",
-        "--tune",
-        "0",
-        "--results",
-        str(tmp_path),
-        "--no-figures",
-        "--json",
-    ]
-    assert run(arguments) == 0
+    """And --strategies may be given again, as other options may."""
+    folder, where = str(save(solution, tmp_path).result_dir), ["--results", str(tmp_path)]
+    named = ["--strategies", "force", "--strategies", "force_tuck"]
+    assert run(["compare", "--bound", folder, *named, *where, "--no-figures", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["bound_m"] == pytest.approx(comparison.bound)
     assert data["strategies"]["force"]["clearance_m"] == pytest.approx(comparison.figures["force"].clearance)
-    assert set(data["strategies"]) == {"optimum", "force"}
+    assert data["strategies"]["force"]["options"]["k_p"] == 5424.0  # what it ran with, not only what was given
+    assert list(data["strategies"]) == ["optimum", "force", "force_tuck"]
     kept = json.loads((tmp_path / data["result_dir"].rsplit("/", 1)[1] / "comparison.json").read_text())
     assert kept["strategies"].keys() == data["strategies"].keys()
 
@@ -323,7 +316,7 @@ def test_the_command_speaks_plainly(comparison, solution, tmp_path, capsys):
     assert run(["compare", *arguments, "--no-figures"]) == 0
     out = capsys.readouterr().out
     assert "the bound is 0.79" in out
-    assert "Where the centimetres are lost (+)" in out
+    assert "where the centimetres to the bound are lost (+)" in out
     assert "paper, force: foot 0.44 m simulated" in out
 
 
@@ -400,14 +393,75 @@ def test_strategies_that_do_not_suit_the_leg_are_refused_before_the_work(monkeyp
     assert run(["simulate", "three_joint", "--strategy", "track", "--set", sideways]) == 2
 
 
-def test_by_default_the_strategies_are_those_that_suit_the_leg():
-    names, notes = suiting(load("paper"))
-    assert set(names) == set(BUILT_IN)
-    assert names[:2] == ["track", "track_pd"]
+def test_by_default_a_reader_gets_five_rows_and_all_on_request(solution):
+    """The optimum, the tracked one, force control plain and with a tuck, and the better of the two tuned ones."""
+    names, notes = chosen_names(load("paper"), None)
+    assert names == ["track", "force", "force_tuck", "force_tuned", "position_tuned"]
     assert not notes
-    names, notes = suiting(load("three_joint"))
-    assert names == ["track", "track_pd"]
-    assert "left out: they need a leg of two joints" in notes[0]
+    names, notes = chosen_names(load("paper"), ["all", "mine:Own"])
+    assert set(names) == {*BUILT_IN, "mine:Own"}
+    assert names[:2] == ["track", "track_pd"]
+    for given, kept in ((None, ["track"]), (["all"], ["track", "track_pd"])):
+        names, notes = chosen_names(load("three_joint"), given)
+        assert names == kept
+        assert "left out" in notes[0]
+
+
+def test_the_best_tuned_strategy_is_shown_and_the_other_named(solution, monkeypatch):
+    monkeypatch.setattr("hopopt.studies.compare.DEFAULT", ("force",))  # tracking needs a plan of its own
+    found = compare(solution.design, bound=solution)
+    heights = {name: simulate(solution.design, find(name)).figures.clearance for name in TUNED_PD}
+    best, worse = sorted(heights, key=lambda name: -heights[name])
+    assert list(found.runs) == ["force", best]
+    assert found.notes == (f"{worse}, the lesser of the tuned two, clears {heights[worse]:.3f} m",)
+
+
+def test_an_overshoot_is_told_beside_the_number_and_the_braked_servo_has_none(solution, capsys):
+    """The paper's 0.44 m is what its reference alone gives: the leg as short as y_f when the foot is highest."""
+    found = compare(solution.design, ["force", "force_braked", "force_tuck"], bound=solution)
+    short = {name: run.overshoot for name, run in found.runs.items()}
+    assert short["force_tuck"] is None
+    assert short["force"] > 0.03
+    assert abs(short["force_braked"]) < 0.005
+    assert found.figures["force_braked"].foot_height == pytest.approx(0.44, abs=0.01)
+    f = found.figures["force"]
+    length = np.hypot(*(f.trace.points["hip"] - f.trace.points["foot"])[f.highest])
+    assert length + short["force"] + f.clearance == pytest.approx(
+        f.trace.points["hip"][f.highest, 1] + short["force"], abs=0.01
+    )  # the foot hangs below the hip
+    print_comparison(found.as_dict(), "here")
+    shown = capsys.readouterr().out
+    assert f"force: its servo overshoots: at the clearance the leg is {100 * short['force']:.1f} cm shorter" in shown
+    assert "force_braked: its" not in shown
+    assert "force clears less than half" not in shown
+
+
+def test_a_strategy_far_from_the_bound_says_what_is_in_its_way(solution, capsys):
+    """Position control as soft as in the paper's figures pushes too little."""
+    found = compare(solution.design, ["position_soft"], bound=solution)
+    gap = found.gap("position_soft")
+    most = max(gap, key=lambda part: gap[part])
+    print_comparison(found.as_dict(), "here")
+    said = capsys.readouterr().out
+    words = {"push_m": "push", "timing_m": "timing", "retraction_m": "fold"}[most]
+    assert (
+        f"position_soft clears less than half of the bound: it loses most by {words}, {100 * gap[most]:.1f} cm" in said
+    )
+
+
+def test_a_strategy_that_does_not_hop_has_no_share(solution):
+    limp = replace(find("force"), options={"k_s": 1700.0}, make=lambda setting: Limp())
+    run = simulate(solution.design, limp)
+    row = Comparison(solution, None, {"limp": run}).row("limp")
+    assert row["share_of_bound"] is None
+    assert "never leaves the ground" in row["no_hop"]
+
+
+class Limp:
+    """No torque at all."""
+
+    def torque(self, now):
+        return 0 * now.q
 
 
 def test_a_hop_faster_than_a_gear_may_turn_does_not_disprove_the_bound():

@@ -12,6 +12,14 @@ from hopopt.errors import UsageError
 if TYPE_CHECKING:
     from hopopt.design import Design
 
+Strategies = Annotated[
+    list[str] | None,
+    repeated(
+        "--strategies",
+        "A strategy to simulate, such as force, or your own as package.module:Class (repeat, or separate by commas). All "
+        "that suit the leg: all. Default: track, force, force_tuck and the better tuned one.",
+    ),
+]
 Options = Annotated[
     list[str] | None,
     repeated("--option", "A setting of the strategy: --option k_p=6000 (repeat)."),
@@ -44,8 +52,9 @@ def simulate(
     problem
         A problem file, or the name of a built-in one.
     strategy
-        force, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the paper's), track,
-        track_pd (follow the optimum), an entry point of the group hopopt.strategies, or your own class as package.module:Class.
+        force, force_braked, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the
+        paper's, scaled to the leg), track, track_pd (follow the optimum), an entry point of the group hopopt.strategies,
+        or your own class as package.module:Class.
     hops
         How many hops one after the other.
     plan
@@ -76,9 +85,10 @@ def simulate(
             "problem": design.name,
             "strategy": strategy,
             "meaning": chosen.meaning,
-            "options": options,
+            "options": run.options,
             "hops": hops,
             **run.figures.as_dict(),
+            "overshoot_m": run.overshoot,
             "lift_offs": run.trace.times_of("lift-off"),
             "touchdowns": run.trace.times_of("touchdown"),
         }
@@ -96,7 +106,7 @@ def compare(
     problem: str | None = None,
     *,
     set_: Overrides = None,
-    strategies: str | None = None,
+    strategies: Strategies = None,
     bound: Path | None = None,
     tune: int = 0,
     mujoco: bool = False,
@@ -116,14 +126,11 @@ def compare(
     ----------
     problem
         A problem file, or the name of a built-in one (default: the bound's problem, or paper).
-    strategies
-        Which to simulate, separated by commas (default: all that suit the leg): track, track_pd, force, force_tuck,
-        force_tuned, position, position_soft, position_tuck, position_tuned; also your own as package.module:Class.
     bound
         A results folder of hopopt solve for the same problem, to save solving again.
     tune
         Tune the gains of force and position for this leg on so many simulated hops each (24 or more; half a minute),
-        in place of those tuned for the paper's leg.
+        in place of those tuned for the paper's leg and scaled.
     mujoco
         Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws
@@ -142,9 +149,10 @@ def compare(
     began = time.perf_counter()
     from hopopt.problem.load import load
 
-    names = None if strategies is None else [name.strip() for name in strategies.split(",") if name.strip()]
+    given_names = [name.strip() for words in strategies or () for name in words.split(",") if name.strip()]
+    names = list(dict.fromkeys(given_names)) if strategies else None
     if names == []:
-        raise UsageError("--strategies names none: give one or more, separated by commas, such as track,force")
+        raise UsageError("--strategies names none: give one or more, such as --strategies track --strategies force")
     if tune and tune < 24:
         raise UsageError("--tune must be 0 or at least 24")
     if draws < 0 or not (0 <= mass < 1 and 0 <= torque < 1):

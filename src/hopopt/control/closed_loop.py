@@ -1,12 +1,13 @@
 """A strategy on the simulated leg: the plant that the problem file describes, and what the run amounts to."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from hopopt.control.paper_pd import PaperStrategy
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import Strategy
@@ -29,15 +30,27 @@ PAST_APEX = 1.0  # [m/s] of fall, 5 cm below the apex: no leg rises as fast any 
 
 @dataclass(frozen=True)
 class Run:
-    """One simulated run: the strategy, what happened, and the figures of its first hop."""
+    """One simulated run: the strategy, what happened, the controller that did it, and the figures of its first hop."""
 
     strategy: Strategy
     design: Design
     trace: Trace
+    controller: Controller
 
     @cached_property
     def figures(self) -> HopFigures:
         return HopFigures(self.design, self.trace)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The settings it ran with, by name; those of a controller that keeps none are the strategy's."""
+        own = getattr(self.controller, "options", None)
+        return asdict(own) if is_dataclass(own) and not isinstance(own, type) else dict(self.strategy.options)
+
+    @property
+    def overshoot(self) -> float | None:
+        """How much shorter the leg is at its clearance than the reference it follows in flight [m]; None without one."""
+        return self.controller.overshoot(self.figures) if isinstance(self.controller, PaperStrategy) else None
 
 
 def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
@@ -96,7 +109,7 @@ def simulate(
         landings=hops,
         falling=PAST_APEX if past_apex else np.inf,
     )
-    return Run(strategy, truth, trace)
+    return Run(strategy, truth, trace, controller)
 
 
 def clearance_in_mujoco(

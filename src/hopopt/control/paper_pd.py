@@ -5,35 +5,44 @@ Both follow the two-mass reference y_des(t) (eq. kin_ydes) with the foot under t
 - The hip in stance. With both joints saturated it throws the leg over, so in force control the knee is driven and
   clamped (eq. con_tdyn, con_tdes), and the hip is given the torque that keeps the body on the plumb line.
 - The servo in flight, the "swing motion (position control)". With the printed k_d the leg swings about y_f(t) without
-  end, so it is damped critically.
+  end, so it is damped critically. It still folds the leg further than y_f where the drives cannot brake in time; with
+  flight = "braked" it approaches y_f only as fast as they can.
 - The landing. The reference jumps at touchdown (docs/paper.md), then runs ahead of the leg and pulls the foot off the
   ground. So the leg brakes evenly down to the height at which it once started, and there the push begins anew.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from hopopt.control.setting import Setting, one_of, read_options
+from hopopt.control.setting import Setting, chosen, one_of
+from hopopt.control.similarity import scaled
 from hopopt.control.two_mass import TwoMass
+from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, foot_offset, reach, tucked, two_joints
 from hopopt.leg.robot import BASE
 from hopopt.sim.controller import Measurement
+from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.machine import StanceTerms
 
 RATE = 1e-5  # [m] step of the reference's own derivative
 MARGIN = 0.03  # [rad] that references keep from the joint limits
 SHORTEST = 1e-3  # [m] over which a landing brakes at least
+BRAKING = 0.5  # share of the drives' braking torque that a braked servo counts on: links are coupled
 
 
 @dataclass(frozen=True)
 class PaperOptions:
-    """Settings of the paper's tables (tabF, tabP), and what they leave open.
+    """Settings of the paper's tables (tabF, tabP) on the paper's leg, and what they leave open.
 
-    k_p [N m/rad], k_d [N m s/rad]; k_s [N/m], the printed 17 read as N/cm; retraction: "reference" (y_f goes on in
-    flight) or "tuck" (the pose that lifts the foot highest); stance: "reference" (y_s) or "step" (a step to the
-    stretched leg); plumb_k [1/s^2] and plumb_d [1/s] bring the body back to the plumb line.
+    k_p [N m/rad], k_d [N m s/rad]; k_s [N/m], the printed 17 read as N/cm; y_neu and C_amp [m], C_max [1];
+    retraction: "reference" (y_f goes on in flight) or "tuck" (the pose that lifts the foot highest);
+    stance: "reference" (y_s) or "step" (a step to the stretched leg);
+    flight: "servo" (as fast as it can towards the reference) or "braked" (no faster than it can brake);
+    plumb_k [1/s^2] and plumb_d [1/s] bring the body back to the plumb line.
     """
 
     k_p: float = 5424.0
@@ -44,8 +53,16 @@ class PaperOptions:
     C_max: float = 0.11
     retraction: str = one_of("reference", "tuck")
     stance: str = one_of("reference", "step")
+    flight: str = one_of("servo", "braked")
     plumb_k: float = 400.0
     plumb_d: float = 40.0
+
+    @classmethod
+    def of(cls, design: Design, gains: Mapping[str, Any]) -> "PaperOptions":
+        """For a leg: the printed ones, or these ``gains`` of the paper's leg, scaled to it; what the problem's
+        [control] gives goes before the printed ones, unscaled."""
+        own = {name: x for name, x in design.control.model_dump(exclude_none=True).items() if name not in gains}
+        return replace(scaled(cls(**gains), design), **own)
 
     def two_mass(self, setting: Setting) -> TwoMass:
         """The reference model, with the body's and the last link's mass for m and m_e."""
@@ -60,10 +77,11 @@ class PaperOptions:
             raise UsageError(str(error)) from None
 
 
-class _Paper:
+class PaperStrategy:
     """What both strategies share: the reference, the servo towards it in flight, and the landing."""
 
-    def __init__(self, setting: Setting):
+    def __init__(self, setting: Setting, **gains: Any):
+        """gains: options on the paper's leg in place of the printed ones."""
         self.leg = setting.design.leg
         if not two_joints(self.leg):
             has = f"has {len(self.leg.joints)}" if len(self.leg.joints) != 2 else "leaves the x-z plane"
@@ -72,7 +90,7 @@ class _Paper:
                 "simulate track or a strategy of your own (compare --strategies track)"
             )
         self.geometry = TwoJoints.of(self.leg)
-        self.options = read_options(PaperOptions, setting.options)
+        self.options = replace(PaperOptions.of(setting.design, gains), **chosen(PaperOptions, setting.options))
         self.two_mass = self.options.two_mass(setting)
         self.machine, self.drive = setting.machine(), setting.drive()
         self.side = np.sign(self.geometry.bend(setting.start[1])) or 1.0
@@ -112,12 +130,18 @@ class _Paper:
     def swing(self, now: Measurement) -> np.ndarray:
         """k_p (theta_des - theta) + d (theta_des' - theta'), critically damped at every joint's own inertia.
 
-        Large errors are made good at half the no-load speed at most: from there the drive can still brake.
+        Large errors are made good at half the no-load speed at most: from there the drive can still brake. A braked
+        servo comes no faster than sqrt(2 a e), with the deceleration a that its drive has at this speed.
         """
         angles, rates = self.desired(now)
+        error = angles - now.q
         inertia = np.diag(self.machine.mass_matrix(np.concatenate([np.zeros(BASE), now.q])))[BASE:]
         damping = 2 * np.sqrt(self.options.k_p * inertia)
-        approach = np.clip(self.options.k_p / damping * (angles - now.q), -self.quick, self.quick)
+        approach = np.clip(self.options.k_p / damping * error, -self.quick, self.quick)
+        if self.options.flight == "braked":
+            strength = np.abs(self.drive.clamp(now.v, np.copysign(np.inf, -error)))
+            quickest = np.sqrt(2 * BRAKING * strength / inertia * np.abs(error))
+            approach = np.clip(approach, -quickest, quickest)
         return damping * (approach + rates - now.v)
 
     def land(self, now: Measurement, s: StanceTerms) -> np.ndarray:
@@ -151,6 +175,14 @@ class _Paper:
             y, rate = self.two_mass.stance_reference(self.begin + now.t - (self.pushed or 0.0))
         return float(y), float(rate)
 
+    def overshoot(self, hop: HopFigures) -> float | None:
+        """How much shorter the leg is than y_f at the clearance of a hop [m]; None where flight does not follow y_f."""
+        if hop.highest is None or hop.no_hop or self.options.retraction != "reference":
+            return None
+        trace, k = hop.trace, hop.highest
+        length = -float(foot_offset(self.leg, trace.q[k, BASE:])[1])
+        return float(self.two_mass.flight_reference(trace.t[k] - hop.lift_off["time_s"])[0]) - length
+
     @property
     def landing_length(self) -> float:
         """y_des [m] at touchdown."""
@@ -177,7 +209,7 @@ class _Paper:
         return np.clip(np.array([self.geometry.middle[0], folded]), self.lower, self.upper)
 
 
-class Force(_Paper):
+class Force(PaperStrategy):
     """Force control with motor saturation: a PD law on the joint angles, clamped to the operating region."""
 
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
@@ -186,7 +218,7 @@ class Force(_Paper):
         return self.upright(now, s, (-self.options.k_p * (now.q - angles) - self.options.k_d * now.v)[1])
 
 
-class Position(_Paper):
+class Position(PaperStrategy):
     """Position control: a stiff servo of the knee on y_des(t) and its rate, and of the hip to the angle at which the
     foot is under it, whatever length the leg has: where the knee saturates, it must not throw the leg over."""
 

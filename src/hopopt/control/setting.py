@@ -28,7 +28,12 @@ def one_of(*choices: str) -> Any:
 
 def read_options(kind: type[Options], given: Mapping[str, Any]) -> Options:
     """A dataclass of numbers and words from settings by name; UsageError for a name or value it does not have."""
-    known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    return kind(**chosen(kind, given))
+
+
+def chosen(kind: type, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings by name as a dataclass of numbers and words takes them; UsageError for a name or value it does not have."""
+    known = {f.name: f for f in fields(kind)}
     for name, value in given.items():
         if name not in known:
             raise UsageError(f"there is no option {name!r}: choose one of {', '.join(known)}")
@@ -37,7 +42,7 @@ def read_options(kind: type[Options], given: Mapping[str, Any]) -> Options:
             raise UsageError(f"{name} = {value!r}: choose one of {', '.join(choices)}")
         if not choices and (isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value)):
             raise UsageError(f"{name} = {value!r}: a number is needed")
-    return kind(**given)
+    return dict(given)
 
 
 @dataclass(frozen=True)

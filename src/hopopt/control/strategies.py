@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -15,10 +16,11 @@ from hopopt.sim.controller import Controller, Measurement
 from hopopt.user_code import last_line, load
 
 SOFT = 180.0  # [N m/rad] the paper prints no gain for position control; `hopopt calibrate --free position.k_p=...`
-BEST = {  # found by `hopopt tune --evaluations 60` (seed 0) on problems/paper.toml
-    "force": {"k_p": 8974.0, "k_d": 3.5, "k_s": 2809.0, "retraction": "tuck"},
-    "position": {"k_p": 2107.0, "k_d": 2.1, "k_s": 4403.0, "retraction": "tuck"},
+BEST = {  # found by `hopopt tune --evaluations 60` (seed 0) on problems/paper.toml, with retraction tuck
+    "force": {"k_p": 8974.0, "k_d": 3.5, "k_s": 2809.0},
+    "position": {"k_p": 2107.0, "k_d": 2.1, "k_s": 4403.0},
 }
+TUCK, BRAKED = {"retraction": "tuck"}, {"flight": "braked"}
 GROUP = "hopopt.strategies"  # entry points of other packages
 
 
@@ -60,12 +62,15 @@ BUILT_IN = {
     s.name: s
     for s in (
         Strategy("force", "the paper's force control with motor saturation", Force),
-        Strategy("force_tuck", "the same, then a full tuck", Force, {"retraction": "tuck"}),
+        Strategy("force_braked", "the same, its reference followed in flight without overshoot", Force, BRAKED),
+        Strategy("force_tuck", "the paper's force control, then a full tuck", Force, TUCK),
         Strategy("position", "the paper's position control", Position),
-        Strategy("position_soft", "the same, its servo as soft as fits the paper's figures", Position, {"k_p": SOFT}),
-        Strategy("position_tuck", "the same, then a full tuck", Position, {"retraction": "tuck"}),
-        Strategy("force_tuned", "the same with the gains that clear most on the paper's leg", Force, BEST["force"]),
-        Strategy("position_tuned", "the same with the gains that clear most there", Position, BEST["position"]),
+        Strategy("position_soft", "the same, as soft as fits the paper's figures", partial(Position, k_p=SOFT)),
+        Strategy("position_tuck", "the paper's position control, then a full tuck", Position, TUCK),
+        Strategy(
+            "force_tuned", "force_tuck with gains tuned on the paper's leg", partial(Force, **BEST["force"]), TUCK
+        ),
+        Strategy("position_tuned", "position_tuck with such gains", partial(Position, **BEST["position"]), TUCK),
         Strategy("track", "the optimum tracked, LQG feedback", Track, needs_plan=True),
         Strategy("track_pd", "the optimum tracked, PD feedback", Track, {"feedback": "pd"}, needs_plan=True),
     )

@@ -59,6 +59,7 @@ class PaperStrategy(Strict):
     share_of_bound: float | None = stated("of the optimum's clearance")
     fault: str = stated("why it does not; empty if it does")
     beyond_bound: bool = stated("whether it passes the optimum, which then is wrong")
+    overshoot_m: float | None = if_any("how much shorter the leg is at the clearance than its reference [m]")
 
 
 @dataclass(frozen=True)

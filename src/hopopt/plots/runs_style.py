@@ -1,21 +1,44 @@
-"""What the figures of simulated runs share: one look a strategy, the title, and what a run is called."""
+"""What the figures of simulated runs share: how many are drawn, one look a strategy, the title, names, and the clock."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from hopopt.plots.style import BLACK, SIZE, Picture, new_figure
+from hopopt.plots.style import BLACK, SIZE, TITLE, Picture, called_after, new_figure
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.studies.compare import OPTIMUM
 
 COLORS = (  # Okabe and Ito, all that show on white, and darker ones of Tol's: one for each built-in strategy
-    "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7", "#882255", "#332288", "#999933",
+    "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7", "#882255", "#332288", "#999933", "#661100",
 )  # fmt: skip
 STYLES = ("-", (0, (4, 1.5)), "-.", ":")  # in turn, for dashes over a full line show both
 OUTSIDE = "*"  # after the name of a run that did not keep every limit
 
+MOST = 5  # runs in a figure; with more it cannot be read
+
 Runs = Mapping[str, HopFigures]
+
+
+def few(draw: Callable[[Runs], Figure]) -> Callable[[Runs], Figure]:
+    """A figure of at most MOST runs: the optimum, then those that clear most, in the order given; the title says so."""
+
+    @wraps(draw)
+    def drawn(runs: Runs) -> Figure:
+        ranked = sorted(runs, key=lambda name: (name != OPTIMUM, -runs[name].clearance))[:MOST]
+        figure = draw({name: run for name, run in runs.items() if name in ranked})
+        if len(runs) > MOST:
+            figure.suptitle(f"{figure.get_suptitle()} (the highest {MOST} of {len(runs)})", fontsize=TITLE)
+        return figure
+
+    return drawn
+
+
+def since_lift_off(run: HopFigures) -> np.ndarray:
+    """Times of a run's samples from its lift-off on, (k,) [s]; from its beginning where it never lifts off."""
+    return run.trace.t - run.lift_off["time_s"]
 
 
 def looks(runs: Runs) -> dict[str, dict[str, Any]]:
@@ -52,7 +75,7 @@ def runs_figure(runs: Runs, title: str, size: tuple[float, float] = SIZE) -> Pic
     """An empty figure that says which problem it shows, and whether a run did not keep its limits."""
     marked = any(f.limits_exceeded for f in runs.values())
     note = f" ({OUTSIDE}: a limit exceeded)" if marked else ""
-    return new_figure(f"{next(iter(runs.values())).design.name}: {title}{note}", size)
+    return new_figure(f"{called_after(next(iter(runs.values())).design)}: {title}{note}", size)
 
 
 def called(name: str, run: HopFigures) -> str:

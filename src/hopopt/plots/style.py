@@ -50,10 +50,15 @@ def new_figure(title: str, size: tuple[float, float] = SIZE) -> Picture:
     return figure
 
 
+def called_after(design: Design) -> str:
+    """What a figure calls a problem: its title, or its name."""
+    return design.title or design.name
+
+
 def solution_figure(solution: Solution, title: str, size: tuple[float, float] = SIZE) -> Picture:
     """An empty figure that says which problem it shows, and whether its checks failed."""
     warning = "" if solution.verified else " (NOT verified)"
-    return new_figure(f"{solution.design.name}: {title}{warning}", size)
+    return new_figure(f"{called_after(solution.design)}: {title}{warning}", size)
 
 
 def describe(ax: Axes, x: str, y: str, title: str = "") -> None:

@@ -1,8 +1,10 @@
 """Figures of a design study: a curve over one entry, a map over two, one panel for each of more.
 
-Points without a verified hop are never left out: they are crosses, and hatched cells of a map.
+Points and cells have the colour of the limit that holds their hop back; a map has its values written into its cells, or
+as contours where there are too many. Points without a verified hop are never left out: they are crosses, and hatched cells of a map.
 """
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +22,7 @@ from hopopt.plots.style import (
     PALE,
     SMALL,
     TEXT,
+    called_after,
     describe,
     entry_label,
     legend,
@@ -30,7 +33,10 @@ from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 if TYPE_CHECKING:
     from hopopt.studies.sweep.run import Study
 
-BLUE, ORANGE = list(COLOR.values())[:2]
+ORANGE = COLOR["flight"]
+LIMITS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#999999")  # in turn
+NO_LIMIT = "no limit"
+WRITTEN = 120  # cells of a map that have room for their values
 FAILED = {NOT_VERIFIED: (ORANGE, "x", "///"), NOT_SOLVED: (GREY, "x", "xxx"), IMPOSSIBLE: (BLACK, "+", "...")}
 
 
@@ -38,7 +44,9 @@ def figures(study: "Study") -> dict[str, Figure]:
     """The study's figures by name."""
     axes = study.definition.axes
     draw = {1: _curve, 2: _map}.get(len(axes), _panels)
-    figure = new_figure(f"{study.definition.design.name}: best {study.definition.objective} over {_listed(study)}")
+    figure = new_figure(
+        f"{called_after(study.definition.design)}: best {study.definition.objective} over {_listed(study)}"
+    )
     draw(figure, study)
     legend(figure)
     return {"study": figure}
@@ -71,7 +79,8 @@ def _heights(study: "Study") -> np.ndarray:
 def _curve(figure: Figure, study: "Study") -> None:
     ax, x, z = figure.subplots(), study.definition.points[:, 0], _heights(study)
     order = np.argsort(x)
-    ax.plot(x[order], z[order], "o-", color=BLUE, lw=2, ms=5, label="verified")  # broken where a point failed
+    ax.plot(x[order], z[order], "-", color=GREY, lw=1.5, zorder=2)  # broken where a point failed
+    _by_limit(ax, study, x, z)
     _failures_below(ax, study, x, z)
     _best(ax, study, x, z)
     describe(ax, entry_label(study.definition.design, study.definition.axes[0].entry), _goal(study))
@@ -82,12 +91,25 @@ def _panels(figure: Figure, study: "Study") -> None:
     d, z = len(study.definition.axes), _heights(study)
     for k, ax in enumerate(np.ravel(figure.subplots(1, d, sharey=True))):
         x = study.definition.points[:, k]
-        ax.plot(x, z, "o", color=BLUE, ms=5, label="verified")
+        _by_limit(ax, study, x, z)
         _failures_below(ax, study, x, z)
         _best(ax, study, x, z)
         describe(
             ax, entry_label(study.definition.design, study.definition.axes[k].entry), _goal(study) if k == 0 else ""
         )
+
+
+def _by_limit(ax: Axes, study: "Study", x: np.ndarray, y: np.ndarray, size: float = 8) -> None:
+    """A dot for each verified point in the colour of its limit."""
+    for limit, color in _colors(study).items():
+        at = [k for k, p in enumerate(study.points) if p.verified and (p.limit or NO_LIMIT) == limit]
+        ax.plot(x[at], y[at], "o", color=color, mec=BLACK, mew=0.6, ms=size, label=f"limit: {limit}", zorder=3)
+
+
+def _colors(study: "Study") -> dict[str, str]:
+    """By limit, its colour; the most frequent one first."""
+    counted = Counter(p.limit or NO_LIMIT for p in study.points if p.verified)
+    return {limit: LIMITS[k % len(LIMITS)] for k, (limit, _) in enumerate(counted.most_common())}
 
 
 def _failures_below(ax: Axes, study: "Study", x: np.ndarray, z: np.ndarray) -> None:
@@ -117,41 +139,56 @@ def _best(ax: Axes, study: "Study", x: np.ndarray, y: np.ndarray) -> None:
     best = study.best
     if best:
         label = f"best: {_heights(study)[best.index]:.4f} {find(study.definition.objective).unit}"
-        ax.plot(x[best.index], y[best.index], "*", color=GREEN, ms=20, mec=BLACK, label=label, zorder=5)
+        ring = {"mfc": "none", "mec": GREEN, "mew": 3, "ms": 16, "ls": "none"}  # the point itself stays in sight
+        ax.plot(x[best.index], y[best.index], "o", label=label, zorder=5, **ring)
 
 
 def _map(figure: Figure, study: "Study") -> None:
     ax, z, (x, y) = figure.subplots(), _heights(study), study.definition.points.T
-    low, high = (float(f(z)) if np.isfinite(z).any() else 0.0 for f in (np.nanmin, np.nanmax))
-    shape = study.definition.shape
-    if shape:
-        _cells(ax, study, z.reshape(shape), low, high)
-    shown = ax.scatter(x, y, c=z, vmin=low, vmax=high, cmap="viridis", s=20 if shape else 90, edgecolors=BLACK, lw=0.5)
-    for outcome, (color, marker, _) in FAILED.items():
-        at = [k for k, p in enumerate(study.points) if p.outcome == outcome]
-        if at:
-            ax.plot(x[at], y[at], marker, color=color, ms=10, mew=2, label=outcome)
-    _best(ax, study, x, y)
-    bar = figure.colorbar(shown, ax=ax)
-    bar.set_label(_goal(study), fontsize=TEXT)
-    bar.ax.tick_params(labelsize=SMALL)
-    describe(
-        ax,
-        entry_label(study.definition.design, study.definition.axes[0].entry),
-        entry_label(study.definition.design, study.definition.axes[1].entry),
-    )
+    if study.definition.shape:
+        _cells(ax, study, z.reshape(study.definition.shape))
+    else:
+        _by_limit(ax, study, x, y, 10)
+        for at in np.flatnonzero(np.isfinite(z))[:WRITTEN]:
+            ax.annotate(
+                f"{z[at]:#.4g}", (x[at], y[at]), (0, 7), textcoords="offset points", ha="center", fontsize=SMALL
+            )
+        for outcome, (color, marker, _) in FAILED.items():
+            at = [k for k, p in enumerate(study.points) if p.outcome == outcome]
+            if at:
+                ax.plot(x[at], y[at], marker, color=color, ms=10, mew=2, label=outcome)
+        _best(ax, study, x, y)
+    first, second = (entry_label(study.definition.design, axis.entry) for axis in study.definition.axes)
+    describe(ax, first, second, _goal(study))
+    ax.grid(False)
 
 
-def _cells(ax: Axes, study: "Study", z: np.ndarray, low: float, high: float) -> None:
-    """A grid's cells coloured by height; those without a verified hop are hatched, so the feasible region stands out."""
+def _cells(ax: Axes, study: "Study", z: np.ndarray) -> None:
+    """A grid's cells with their values z in the colour of their limit; those without a verified hop are hatched, and the
+    best has a frame."""
     edges = [_edges(np.array(axis.values)) for axis in study.definition.axes]
-    order = [np.argsort(axis.values) for axis in study.definition.axes]
-    ax.pcolormesh(*edges, z[np.ix_(*order)].T, vmin=low, vmax=high, cmap="viridis", alpha=0.85)
-    outcome = np.array([p.outcome for p in study.points]).reshape(z.shape)[np.ix_(*order)]
-    for i, j in np.argwhere(np.isnan(z[np.ix_(*order)])):
-        color, _, hatch = FAILED[str(outcome[i, j])]
-        (a, b), (c, d) = edges[0][i : i + 2], edges[1][j : j + 2]
-        ax.fill([a, b, b, a], [c, c, d, d], facecolor="white", edgecolor=color, hatch=hatch, lw=0)
+    order = np.ix_(*(np.argsort(axis.values) for axis in study.definition.axes))
+    points, z, colors = np.array(study.points, dtype=object).reshape(z.shape)[order], z[order], _colors(study)
+    shortest = min(8.0 / z.shape[0], 3.6 / z.shape[1] * 2.5)  # [in] that a value has in a cell
+    for i, j in np.ndindex(z.shape):
+        p, (a, b), (c, d) = points[i, j], edges[0][i : i + 2], edges[1][j : j + 2]
+        corners = [a, b, b, a], [c, c, d, d]
+        if p.verified:
+            limit = p.limit or NO_LIMIT
+            ax.fill(*corners, fc=colors[limit], ec="white", lw=0.5, alpha=0.75, label=f"limit: {limit}")
+            if z.size <= WRITTEN:
+                size = min(TEXT, 20 * shortest)
+                ax.text((a + b) / 2, (c + d) / 2, f"{z[i, j]:#.4g}", fontsize=size, ha="center", va="center")
+        else:
+            color, _, hatch = FAILED[p.outcome]
+            ax.fill(*corners, facecolor="white", edgecolor=color, hatch=hatch, lw=0, label=p.outcome)
+        if p is study.best:
+            label = f"best: {z[i, j]:.4f} {find(study.definition.objective).unit}"
+            ax.fill(*corners, fill=False, ec=BLACK, lw=3.5, label=label, zorder=5)
+    if z.size > WRITTEN and min(z.shape) > 1:
+        middle = [np.sort(np.array(axis.values)) for axis in study.definition.axes]
+        ax.clabel(ax.contour(*middle, z.T, colors=BLACK, linewidths=0.8), fontsize=SMALL)
+    ax.set(xlim=edges[0][[0, -1]], ylim=edges[1][[0, -1]])
 
 
 def _edges(values: np.ndarray) -> np.ndarray:

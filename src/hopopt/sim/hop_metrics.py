@@ -91,6 +91,21 @@ class HopFigures:
         )
 
     @property
+    def no_hop(self) -> str:
+        """Why the run is no hop, in a clause; empty if the foot leaves the ground while the centre of mass rises, and
+        clears it."""
+        lift = self.lift_off
+        if not self.flies:
+            return f"the foot never leaves the ground ({self.trace.outcome})"
+        if lift["vertical_m_s"] <= SLACK:
+            return f"the leg folds at {lift['time_s']:.3f} s without a push"
+        if not self._in_window.any():
+            return f"the foot is never within {self.design.hop.foot_window:g} m of the hip's plumb line in flight"
+        if self.highest is None:
+            return "a joint is at its end stop before the foot is in its window"
+        return "" if self.clearance > SLACK else "the leg's lowest point stays on the ground"
+
+    @property
     def clearance(self) -> float:
         """Height of the leg's lowest point [m], greatest in flight with the foot in its window; 0 if it never is."""
         return 0.0 if self.highest is None else float(self.trace.lowest[self.highest])
@@ -239,6 +254,7 @@ class HopFigures:
             "peaks": self.peaks,
             "slip_ratio": self.slip_ratio,
             "limits_exceeded": self.limits_exceeded,
+            "no_hop": self.no_hop,
             "cut_short": self.cut_short,
             "energy_error": self.trace.energy_error,
             "outcome": self.trace.outcome,

@@ -31,6 +31,9 @@ from hopopt.studies.paper_results import PAPER, is_the_papers
 from hopopt.verify.table import NORMALISED_TIMES
 
 TUNED = ("force", "position")  # strategies whose gains can be tuned
+ALL = "all"  # in place of names: every strategy that suits the leg
+DEFAULT = ("track", "force", "force_tuck")  # and the better of these two:
+TUNED_PD = ("force_tuned", "position_tuned")
 BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
 EARLY = 0.9  # share of the planned stance, before which a foot should not leave
 OPTIMUM = "optimum"
@@ -95,8 +98,10 @@ class Comparison:
         f = self.figures[name]
         found = "the verified optimum" if self.solution.verified else "an optimum that was not verified"
         row: dict[str, Any] = {"meaning": found if name == OPTIMUM else self.runs[name].strategy.meaning}
-        row |= f.as_dict() | {"options": {} if name == OPTIMUM else dict(self.runs[name].strategy.options)}
-        row |= {"share_of_bound": f.clearance / self.bound if self.solution.verified else None, "gap": self.gap(name)}
+        row |= f.as_dict() | {"options": {} if name == OPTIMUM else self.runs[name].options}
+        counts = self.solution.verified and not f.no_hop
+        row |= {"share_of_bound": f.clearance / self.bound if counts else None, "gap": self.gap(name)}
+        row["overshoot_m"] = None if name == OPTIMUM else self.runs[name].overshoot
         row["left_early"] = self.left_early(name)
         if name in self.mujoco:
             row["mujoco_clearance_m"] = self.mujoco[name]
@@ -129,18 +134,18 @@ def compare(
     tune: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Comparison:
-    """Solve for the bound (or take one that was solved), simulate every strategy (by default all that suit the leg), and
-    set them side by side.
+    """Solve for the bound (or take one that was solved), simulate strategies, and set them side by side.
 
-    tune: the tuned ones of the paper's strategies get the best gains among so many hops of this leg. mujoco: run all in
-    MuJoCo too. Raises MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg and
-    for a bound of another problem, NotSolvedError if there is none.
+    strategies: names; "all" for every one that suits the leg; by default the tracked optimum, the paper's force control,
+    plain and with a tuck, and the better of its tuned PD strategies. tune: the tuned ones get the best gains among so
+    many hops of this leg. mujoco: run all in MuJoCo too. Raises MissingExtraError without it, UsageError for strategies
+    that are unknown or do not suit the leg and for a bound of another problem, NotSolvedError if there is none.
     """
     if mujoco:
         library()
         if design.simulation.torque_delay:
             raise UsageError("runs in MuJoCo have no delay: leave out --mujoco, or set simulation.torque_delay=0")
-    say, (names, notes) = progress or (lambda text: None), suiting(design) if strategies is None else (strategies, [])
+    say, (names, notes) = progress or (lambda text: None), chosen_names(design, strategies)
     chosen = [find(name) for name in names]
     make_plant(design)  # what cannot be simulated, or does not suit the leg, is said before the work
     for strategy in chosen:
@@ -158,23 +163,41 @@ def compare(
             chosen = [s for s in chosen if not s.needs_plan]
             notes.append(f"nothing is tracked, as no plan keeps the problem's [reserve] back: {error}")
     reference = None if plan is None else reference_of(plan)
-    again = [tuned(design, name, tune, say) for name in TUNED if tune and name in names]
-    chosen = [s for s in chosen if s.name not in [t.name for t in again]] + again
+    for name in TUNED:
+        if tune and (name in names or f"{name}_tuned" in names):
+            strategy, found = tuned(design, name, tune, say)
+            chosen = [s for s in chosen if s.name != strategy.name] + [strategy]
+            notes.append(found)
     runs, elsewhere = {}, {}
     for strategy in chosen:
         say(f"simulating {strategy.name}")
         runs[strategy.name] = simulate(design, strategy, plan=reference)
         if mujoco:
             elsewhere[strategy.name] = clearance_in_mujoco(design, strategy, reference)
+    if strategies is None and runs.keys() >= set(TUNED_PD):
+        worse = min(TUNED_PD, key=lambda name: _merit(runs[name].figures))
+        notes.append(f"{worse}, the lesser of the tuned two, clears {runs.pop(worse).figures.clearance:.3f} m")
+        elsewhere.pop(worse, None)
     return Comparison(solution, plan, runs, elsewhere, tuple(notes))
 
 
-def suiting(design: Design) -> tuple[list[str], list[str]]:
-    """Names of the strategies that suit a leg, those that track the optimum first; and a note of what does not."""
+def _merit(f: HopFigures) -> tuple[bool, float]:
+    """By which one run is better than another: within every limit first, then by clearance."""
+    return not f.limits_exceeded and not f.no_hop, f.clearance
+
+
+def chosen_names(design: Design, names: Sequence[str] | None) -> tuple[list[str], list[str]]:
+    """Names of the strategies to compare: those given, with "all" for all that suit the leg, or the default ones; and a
+    note of what does not suit it."""
+    if names is not None and ALL not in names:
+        return list(names), []
     tracking = [name for name, s in BUILT_IN.items() if s.needs_plan]
-    if not two_joints(design.leg):
-        return tracking, ["the paper's strategies are left out: they need a leg of two joints in the x-z plane"]
-    return [*tracking, *(name for name in BUILT_IN if name not in tracking)], []
+    wanted = [*DEFAULT, *TUNED_PD] if names is None else [*tracking, *(n for n in BUILT_IN if n not in tracking)]
+    wanted += [name for name in names or () if name not in (ALL, *wanted)]
+    if two_joints(design.leg):
+        return wanted, []
+    kept = [name for name in wanted if name in tracking or name not in BUILT_IN]
+    return kept, ["the paper's strategies are left out: their reference y is inverted for two joints in the x-z plane"]
 
 
 def paper_strategy(solution: Solution) -> PaperStrategy | None:
@@ -193,32 +216,35 @@ def paper_strategy(solution: Solution) -> PaperStrategy | None:
     except (UsageError, ArithmeticError, ValueError):  # nothing that the answer needs
         return None
     fault = "" if f.trace.outcome == PAST_APEX else f.trace.outcome
-    fault = "; ".join(f.limits_exceeded) or fault
+    fault = f.no_hop or "; ".join(f.limits_exceeded) or fault
     reached = None if fault else f.clearance
     share = None if reached is None else reached / solution.clearance
     beyond = not fault and bool(Comparison(solution, None, {PAPERS: run}).beaten_by)
-    return PaperStrategy(PAPERS, reached, share, fault, beyond_bound=beyond)
+    return PaperStrategy(
+        PAPERS, reached, share, fault, beyond_bound=beyond, overshoot_m=None if fault else run.overshoot
+    )
 
 
 def answering(design: Design, bound: Solution) -> Solution:
-    """A bound for this problem's simulations: [reserve], [simulation] and [solver] may differ, which are no part of what
+    """A bound for this problem's simulations: [reserve], [simulation], [solver] and [control] may differ, which are no part of what
     is asked. UsageError if it answers another question."""
     if bound.objective != OBJECTIVE:
         raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
-    others = {name: getattr(design, name) for name in ("reserve", "simulation", "solver")}
+    others = {name: getattr(design, name) for name in ("reserve", "simulation", "solver", "control")}
     same = bound.design.model_copy(update=others)
     if design_hash(same) != design_hash(design):
         raise UsageError("the bound given: it was solved for another problem; leave out the problem or the bound")
     return replace(bound, design=design)
 
 
-def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None]) -> Strategy:
-    """A strategy of the paper with the best gains that so many simulated hops find."""
+def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None]) -> tuple[Strategy, str]:
+    """A strategy of the paper with the best gains that so many simulated hops find, and what was found in words."""
     from hopopt.studies.gain_tuning import tune
 
     say(f"tuning {name}")
-    best, strategy = tune(design, name, evaluations=evaluations, progress=say).best, find(name)
-    return Strategy(f"{name}_tuned", f"{strategy.meaning}, best of {evaluations} tries", strategy.make, best.options)
+    found, strategy = tune(design, name, evaluations=evaluations, progress=say), find(name)
+    meaning = f"{strategy.meaning}, best of {evaluations} tries"
+    return Strategy(f"{name}_tuned", meaning, strategy.make, found.best.options), found.found
 
 
 def reference_of(plan: Solution) -> PlanReference:

@@ -1,14 +1,16 @@
 """How high the paper's PD strategies hop with the best gains: tuned by differential evolution on the simulator.
 
 A hop counts with its clearance, less PRICE for every limit of the problem that it does not keep: an end stop that is
-hit softly is no reason to throw a hop away, but no reason to prefer it either. The printed gains are among the first
-that are tried, with every kind of push and retraction, so the answer is never worse than they are.
+hit softly is no reason to throw a hop away, but no reason to prefer it either. The gains that the strategy has untuned
+(the problem's [control], or the printed ones scaled to the leg) are among the first that are tried, with every kind of
+push and retraction, so the answer is never worse than they are.
 """
 
 import itertools
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,15 +18,20 @@ from joblib import Parallel, delayed
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
-from hopopt.control.closed_loop import simulate
+from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.paper_pd import PaperOptions
+from hopopt.control.similarity import Size, factors
 from hopopt.control.strategies import BUILT_IN
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.sim.hop_metrics import HopFigures
 
 PRICE = 0.05  # [m] that a hop counts less for every limit it does not keep
-GAINS = {"k_p": (100.0, 20000.0), "k_d": (1.0, 200.0), "k_s": (600.0, 6000.0)}  # bounds, searched in their logarithms
+GAINS = {
+    "k_p": (100.0, 20000.0),
+    "k_d": (1.0, 200.0),
+    "k_s": (600.0, 6000.0),
+}  # bounds on the paper's leg, scaled alike
 KINDS = {  # what else each strategy may choose
     "force": {"retraction": ("reference", "tuck"), "stance": ("reference", "step")},
     "position": {"retraction": ("reference", "tuck")},
@@ -49,7 +56,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Tuned:
-    """A strategy's best trial beside that of the printed gains, and how many hops were simulated to find it.
+    """A strategy's best trial beside that of its untuned gains, and how many hops were simulated to find it.
 
     nearby is the clearance [m] of the best with motors NEARBY weaker and stronger than it believes: heights of these
     strategies jump where the leg swings once more in flight, and a search finds such heights first.
@@ -57,9 +64,19 @@ class Tuned:
 
     strategy: str
     best: Trial
-    printed: Trial
+    untuned: Trial
     nearby: tuple[float, float]
     evaluations: int
+
+    @property
+    def found(self) -> str:
+        """What the search found, in a sentence."""
+        start = f"untuned {self.untuned.clearance:.3f} m{_limits(self.untuned)}"
+        if self.best.merit <= self.untuned.merit:
+            return f"{self.strategy}: nothing better than the untuned gains in {self.evaluations} hops; {start}"
+        gains = ", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in self.best.options.items())
+        best = f"{self.best.clearance:.3f} m{_limits(self.best)} with {gains}"
+        return f"{self.strategy}: {best} ({self.evaluations} hops tried); {start}"
 
     def as_dict(self) -> dict[str, Any]:
         """Everything in numbers, for ``--json``."""
@@ -81,6 +98,7 @@ def tune(
         raise UsageError(f"strategy {strategy} has no gains to tune: choose {' or '.join(KINDS)}")
     if evaluations < 2 * POPULATION:
         raise UsageError(f"tuning takes at least {2 * POPULATION} evaluations")
+    make_controller(design, BUILT_IN[strategy])  # a leg that it does not suit is said before the search
     search, say = Search(design.model_dump(exclude_none=True), strategy), progress or (lambda line: None)
     with Parallel(n_jobs=processes or os.cpu_count() or 1, backend="loky") as run:
 
@@ -93,8 +111,8 @@ def tune(
             callback=lambda intermediate_result: say(f"{strategy}: best so far counts {-intermediate_result.fun:.3f} m"),
         )  # fmt: skip
         gains = np.array([1 - NEARBY, 1 + NEARBY])
-        best, printed = search.options(found.x), search.options(search.printed()[0])
-        jobs = [(best, 1.0), (printed, 1.0), *((best, gain) for gain in gains)]
+        best, untuned = search.options(found.x), search.options(search.untuned()[0])
+        jobs = [(best, 1.0), (untuned, 1.0), *((best, gain) for gain in gains)]
         hops: Any = run(delayed(search.trial)(*job) for job in jobs)
     return Tuned(strategy, hops[0], hops[1], (hops[2].clearance, hops[3].clearance), int(found.nfev))
 
@@ -111,10 +129,20 @@ class Search:
         """Choices by option."""
         return KINDS[self.strategy]
 
-    @property
+    @cached_property
+    def gains(self) -> dict[str, float]:
+        """The untuned gains of this leg."""
+        own = PaperOptions.of(Design.model_validate(self.problem), {})
+        return {name: getattr(own, name) for name in GAINS}
+
+    @cached_property
     def bounds(self) -> list[tuple[float, float]]:
-        """Of every coordinate."""
-        return [*(tuple(np.log(b)) for b in GAINS.values()), *((0, len(c) - 1) for c in self.kinds.values())]
+        """Of every coordinate; gains that the problem gives lie within them."""
+        found, by = [], factors(Size.of(Design.model_validate(self.problem)))
+        for name, (lower, upper) in GAINS.items():
+            lower, upper, own = by[name] * lower, by[name] * upper, self.gains[name]
+            found.append((float(np.log(min(lower, own))), float(np.log(max(upper, own)))))
+        return [*found, *((0, len(c) - 1) for c in self.kinds.values())]
 
     @property
     def discrete(self) -> np.ndarray:
@@ -127,16 +155,16 @@ class Search:
         choices = zip(self.kinds.items(), x[len(GAINS) :], strict=True)
         return gains | {name: among[round(k)] for (name, among), k in choices}
 
-    def printed(self) -> np.ndarray:
-        """The printed gains with every combination of kinds, the paper's own first; a row each."""
-        gains = [np.log(getattr(PaperOptions(), name)) for name in GAINS]
+    def untuned(self) -> np.ndarray:
+        """The untuned gains with every combination of kinds, the paper's own first; a row each."""
+        gains = [np.log(self.gains[name]) for name in GAINS]
         return np.array([[*gains, *kind] for kind in itertools.product(*(range(len(c)) for c in self.kinds.values()))])
 
     def first(self, seed: int) -> np.ndarray:
-        """The first generation: the printed gains, and others spread out evenly."""
-        printed, (lower, upper) = self.printed(), np.array(self.bounds).T
-        spread = qmc.LatinHypercube(len(lower), rng=seed).random(POPULATION - len(printed))
-        return np.vstack([printed, lower + spread * (upper - lower)])
+        """The first generation: the untuned gains, and others spread out evenly."""
+        untuned, (lower, upper) = self.untuned(), np.array(self.bounds).T
+        spread = qmc.LatinHypercube(len(lower), rng=seed).random(POPULATION - len(untuned))
+        return np.vstack([untuned, lower + spread * (upper - lower)])
 
     def trial(self, options: dict[str, Any], torque_gain: float = 1.0) -> Trial:
         """A hop with these options, its motors as strong as believed times torque_gain."""
@@ -156,12 +184,8 @@ def text(tuned: Sequence[Tuned]) -> str:
     """What the screen shows, in plain lines."""
     lines = []
     for t in tuned:
-        options = ", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in t.best.options.items())
-        lines += [
-            f"{t.strategy}: {t.best.clearance:.3f} m{_limits(t.best)} with {options} ({t.evaluations} hops tried)",
-            f"  printed gains: {t.printed.clearance:.3f} m{_limits(t.printed)}",
-            f"  the best with motors {NEARBY:.0%} weaker and stronger: {t.nearby[0]:.3f} and {t.nearby[1]:.3f} m",
-        ]
+        around = f"{t.nearby[0]:.3f} and {t.nearby[1]:.3f} m"
+        lines += [t.found, f"  the best with motors {NEARBY:.0%} weaker and stronger: {around}"]
     return "\n".join([*lines, f"every limit not kept counted as {PRICE:g} m less"])
 
 

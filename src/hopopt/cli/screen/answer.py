@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from hopopt.cli.screen.certificate import certified_words, structure_lines
 from hopopt.cli.screen.console import console, print_lines
+from hopopt.cli.screen.runs import OVERSHOOT
 from hopopt.ocp.direction import sign
 from hopopt.planner.solution import at_apex
 
@@ -97,7 +98,9 @@ def control_lines(s: "Summary") -> list[str]:
     if found.fault:
         reached = f"no hop within this leg's limits ({found.fault})"
     else:
-        reached = f"{found.clearance_m:.3f} m, {found.share_of_bound:.0%} of the optimum"
+        over = found.overshoot_m or 0.0
+        fold = f", {100 * over:.1f} cm of it by a servo that overshoots its reference" if over > OVERSHOOT else ""
+        reached = f"{found.clearance_m:.3f} m, {found.share_of_bound:.0%} of the optimum{fold}"
     wrong = ["it passes the optimum within every limit: that is not the highest hop"] if found.beyond_bound else []
     return [
         f"the paper's PD control (force control, clamped to the drives) in simulation: {reached}",

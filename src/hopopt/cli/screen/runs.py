@@ -9,21 +9,31 @@ from rich.table import Table
 from hopopt.cli.screen.console import console, print_table
 
 ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
+HALF = 0.5  # of the bound, below which a line says what is in the way
+OVERSHOOT = 0.005  # [m] from which on it is worth a line
+BRAKED = "force_braked"
+GAPS = {"push": "push_m", "timing": "timing_m", "fold": "retraction_m"}
 PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
 
 
 def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
-    """The bound, the table, where the centimetres are lost, the paper's figures, and warnings."""
+    """The bound, the table, the paper's figures, and warnings."""
     rows, out = comparison["strategies"], console()
     out.print(_headline(comparison))
-    print_table(out, height_table(rows))
-    print_table(out, _efforts(rows))
+    print_table(out, run_table(rows))
     out.print(
-        "C_avg: mean saturation ratio in stance, 1 where a drive always gives all that its speed allows; work: of the motors, "
-        "net, until the clearance counts; ground: largest force, along and up together"
+        "push, timing, fold: where the centimetres to the bound are lost (+) or gained (-): height and speed at lift-off, not "
+        "at the apex, leg not drawn up as far; C_avg: mean saturation of each joint in stance; ground: largest force"
     )
-    if comparison["verified"]:
-        print_table(out, gap_table(rows))
+    for name, row in rows.items():
+        if row["no_hop"]:
+            out.print(f"{name} does not hop: {row['no_hop']}")
+        elif row["share_of_bound"] is not None and row["share_of_bound"] < HALF:
+            part, key = max(GAPS.items(), key=lambda item: row["gap"][item[1]])
+            lost = f"it loses most by {part}, {100 * row['gap'][key]:.1f} cm"
+            out.print(f"{name} clears less than half of the bound: {lost}")
+        if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
+            out.print(f"{name}: {_overshoot(short)}; {BRAKED} follows it without")
     for name, row in rows.items():
         if "paper" in row:
             out.print(_paper(name, row))
@@ -71,6 +81,10 @@ def print_run(row: Mapping[str, Any], where: str) -> None:
         f"gears {e['gears_J']:.1f} J, end stops {e['stops_J']:.1f} J (balance closes to {row['energy_error']:.0e})"
     )
     out.print(f"  peak ground force {row['peaks']['ground_force_N']:.0f} N; the run ended: {row['outcome']}")
+    if row["no_hop"]:
+        out.print(f"  no hop: {row['no_hop']}")
+    if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
+        out.print(f"  {_overshoot(short)}; the strategy {BRAKED} follows it without")
     if row["limits_exceeded"]:
         out.print(f"  limits of the problem not kept: {', '.join(row['limits_exceeded'])}")
     if row["cut_short"]:
@@ -96,67 +110,41 @@ def _headline(c: Mapping[str, Any]) -> str:
     return f"{c['problem']}: the bound is {c['bound_m']:.4f} m, the highest hop found, verified"
 
 
-def height_table(rows: Mapping[str, Any]) -> Table:
-    """Clearances with their parts."""
-    table = _by_strategy("clearance m", "of bound", "= lift-off", "+ rise", "- posture", "foot max m")
+def run_table(rows: Mapping[str, Any]) -> Table:
+    """A row for each strategy: its clearance, what it misses of the bound and by what, and how it pushed."""
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("strategy", style="bold", no_wrap=True)
+    for head in (
+        "clears\nm",
+        "of\nbound",
+        *(f"{part}\ncm" for part in GAPS),
+        "C_avg",
+        "left\ns",
+        "at\nm/s",
+        "ground\nN",
+    ):
+        table.add_column(head, justify="right", no_wrap=True)
     for name, r in rows.items():
+        hops, share = not r["no_hop"], r["share_of_bound"]
         table.add_row(
             name,
             f"{r['clearance_m']:.3f}",
-            "-" if r["share_of_bound"] is None else f"{r['share_of_bound']:.0%}",
-            *(
-                f"{sign * r['parts'][key]:.3f}" if _cleared(r) else "-"
-                for sign, key in zip((1, 1, -1), PARTS, strict=True)
-            ),
-            f"{r['foot_height_m']:.3f}",
+            "-" if share is None else f"{share:.0%}",
+            *(_cm(r["gap"][key]) if hops else "-" for key in GAPS.values()),
+            " ".join(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
+            f"{r['lift_off']['time_s']:.3f}" if hops else "-",
+            f"{r['lift_off']['vertical_m_s']:.2f}" if hops else "-",
+            f"{r['peaks']['ground_force_N']:.0f}",
         )
     return table
 
 
-def _efforts(rows: Mapping[str, Any]) -> Table:
-    """What the hops ask of the drives and of the ground."""
-    joints = next(iter(rows.values()))["saturation_mean"]
-    means = [f"C_avg\n{joint}" for joint in joints]
-    table = _by_strategy(
-        *means, "lift-off\ns", "at\nm/s", "work\nJ", "stops\nJ", "peak\nN m", "peak\nrad/s", "ground\nN"
-    )
-    for name, r in rows.items():
-        peaks, energy = r["peaks"], r["energy"]
-        table.add_row(
-            name,
-            *(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
-            f"{r['lift_off']['time_s']:.3f}",
-            f"{r['lift_off']['vertical_m_s']:.2f}",
-            f"{energy['motors_J']:.0f}",
-            f"{energy['stops_J']:.0f}",
-            f"{max(peaks['torque_Nm'].values()):.0f}",
-            f"{max(peaks['speed_rad_s'].values()):.1f}",
-            f"{peaks['ground_force_N']:.0f}",
-        )
-    return table
+def _cm(gap: float) -> str:
+    return f"{round(100 * gap, 1) or 0:+.1f}"
 
 
-def _by_strategy(*heads: str, title: str | None = None) -> Table:
-    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("strategy", style="bold", no_wrap=True)
-    for head in heads:
-        table.add_column(head, justify="right")
-    return table
-
-
-def gap_table(rows: Mapping[str, Any]) -> Table:
-    title = "Where the centimetres are lost (+) or gained (-)"
-    table = _by_strategy("push cm", "timing cm", "retraction cm", "together cm", title=title)
-    for name, r in list(rows.items())[1:]:
-        gaps = [100 * r["gap"][part] for part in ("push_m", "timing_m", "retraction_m")]
-        each = [f"{round(gap, 1) or 0:+.1f}" for gap in (*gaps, sum(gaps))]
-        table.add_row(name, *(each if _cleared(r) else ["-", "-", "-", each[-1]]))
-    return table
-
-
-def _cleared(r: Mapping[str, Any]) -> bool:
-    """Whether the leg was ever in flight with its foot in the window: else its clearance has no parts."""
-    return any(r["parts"].values())
+def _overshoot(short: float) -> str:
+    return f"its servo overshoots: at the clearance the leg is {100 * short:.1f} cm shorter than its reference y_f"
 
 
 def _paper(name: str, r: Mapping[str, Any]) -> str:

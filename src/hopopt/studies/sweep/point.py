@@ -35,7 +35,7 @@ from hopopt.planner.multistart import (
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solve import TIME_LIMIT
-from hopopt.planner.summary import parts
+from hopopt.planner.summary import limit_gains, parts
 from hopopt.planner.summary_entry import as_data
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import unlike
@@ -127,8 +127,10 @@ def _better(hop: Hop, value: float, than: Point, by: float = BETTER) -> bool:
 
 
 def _described(point: Point, found: Answer, source: Source | None) -> Point:
-    heights: dict[str, Any] = {"clearance_m": None, "unverified_clearance_m": None, "parts": None}
+    heights: dict[str, Any] = {"clearance_m": None, "unverified_clearance_m": None, "parts": None, "limit": ""}
     if found.verified:
+        gains = limit_gains(found.refined.solution, found.hop.design.contact.friction)
+        heights["limit"] = next(iter(gains), "")
         heights |= {"clearance_m": found.claims["clearance_m"], "parts": as_data(parts(found.plan))}
     else:
         heights["unverified_clearance_m"] = found.claims["clearance_m"]

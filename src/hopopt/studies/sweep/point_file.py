@@ -32,6 +32,7 @@ class Point:
     clearance_m, parts: height of the lowest point and what it is the sum of [m], only if verified
     unverified_clearance_m: [m], only if it is solved and not verified
     error: by how much the objective may be better than the optimum, at most, by estimate [the objective's unit]
+    limit: the limiting constraint, of whose range one per cent more gives most; empty if none does or it is not verified
     certified: whether the conditions of first-order optimality hold
     begun_from: the neighbour whose solution was the guess; None: the problem's starts
     tried: the neighbours that it was solved from, each with the pass that its solution is of
@@ -49,6 +50,7 @@ class Point:
     unverified_clearance_m: float | None = None
     parts: Mapping[str, float] | None = None
     error: float | None = None
+    limit: str = ""
     certified: bool = False
     begun_from: int | None = None
     tried: tuple[tuple[int, int], ...] = ()
