@@ -2,10 +2,11 @@
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from hopopt.design import Design
-from hopopt.errors import NotSolvedError, UsageError
+from hopopt.errors import NotSolvedError
 from hopopt.nlp.mesh_refinement import UNSOLVED, relative
 from hopopt.ocp.custom import custom
 from hopopt.ocp.feasibility import joints_without_inertia
@@ -35,12 +36,13 @@ from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary_extras import FlatDirection
 from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.hints import hints
+from hopopt.problem.load import as_design
 
 CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
 
 
 def solve(
-    design: Design,
+    design: Design | str | Path,
     objective: str | Callable[..., Any] | HopObjective = "clearance",
     *,
     constraints: Sequence[str | Callable[..., Any]] = (),
@@ -52,7 +54,7 @@ def solve(
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified.
 
-    objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
+    design is a problem, or its name or file. objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
     (optimality/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another solver and other schemes too,
@@ -60,8 +62,7 @@ def solve(
     NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.
     """
-    if not isinstance(design, Design):
-        raise UsageError(f"solve needs a problem, not {design!r:.80}: load it first, ho.solve(ho.load('paper'))")
+    design = as_design(design)
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, with_tighter_tolerances(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
@@ -73,8 +74,10 @@ def solve(
     searched = search_first_mesh(hop, count, processes, say, economical)
     outcomes = searched.outcomes
     clock.mark("starts")
+    chosen = contenders(outcomes)
     finished = [
-        refined_and_verified(hop, candidate, outcomes, say, clock, restarts=False) for candidate in contenders(outcomes)
+        refined_and_verified(hop, candidate, outcomes, _one_of(say, k, len(chosen)), clock, restarts=False)
+        for k, candidate in enumerate(chosen, 1)
     ]
     if not finished:
         say("looking for the limits that cannot hold together")
@@ -95,6 +98,11 @@ def solve(
     if cross_check:
         best = with_cross_checks(hop, best, clock, say)
     return best
+
+
+def _one_of(say: Progress, k: int, count: int) -> Progress:
+    """Progress that says which of several hops is refined."""
+    return say if count == 1 else lambda text: say(f"hop {k} of {count}: {text}")
 
 
 def solve_from(
