@@ -99,3 +99,13 @@ def test_the_controller_of_the_page_hops_and_folds_at_lift_off(tmp_path: Path, m
     assert left > 0.1
     at, later = (abs(trace.q[trace.t.searchsorted(t), -1]) for t in (left, left + 0.2))
     assert later > at + 0.5
+
+
+def test_completion_is_installed_by_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the home of whoever runs it: a script that knows the commands."""
+    assert "`hopopt --install-completion`" in (ROOT / "docs" / "own_leg.md").read_text(encoding="utf-8")
+    for name, value in {"HOME": str(tmp_path), "SHELL": "/bin/bash"}.items():
+        monkeypatch.setenv(name, value)
+    assert run(["--install-completion", "--shell", "bash"]) == 0
+    (script,) = tmp_path.rglob("completions/hopopt")
+    assert {"solve", "compare", "sweep"} <= set(re.findall(r"\w+", script.read_text(encoding="utf-8")))
