@@ -16,11 +16,11 @@ from hopopt.sim.hop_metrics import HopFigures
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SMALLER = {  # sizes for a test: the same command on fewer points
-    r":(11|9|7|5)\b": ":2", r"\b(lhs|sobol):40": r"\1:3", "60,80,100": "80,100", "--points 8": "--points 2",
+    r":(11|9|7|5)\b": ":2", r"\b(lhs|sobol):40": r"\1:3", "60,80,100": "80,100", "--points 8": "--points 3",
     "--draws 50": "--draws 2", "--starts 100 --global": "--starts 2", "--tune 60": "--tune 24",
     "--processes 4": "--processes 2",
 }  # fmt: skip
-ONE_START = ("solve", "sweep")  # those are solved from a single start
+ONE_START = ("solve", "sweep", "pareto")  # those are solved from a single start
 NEEDS = {"--mujoco": "mujoco", "--scheduler": "distributed"}  # extras
 NAMES = {"[PROBLEM]": "paper", "FILE": "paper", "my_leg.toml": "my_leg.toml"}
 
