@@ -67,7 +67,7 @@ LATE = {  # where hopopt is imported inside functions, so that commands start at
 MOST = 8  # files that lie in hopopt itself
 ONLY = {  # libraries with one home
     "matplotlib": ("plots/", "api.py"),
-    "xarray": ("storage/runs.py", "studies/sweep/store.py"),
+    "xarray": ("storage/runs.py", "studies/sweep/store.py", "studies/notebook_views.py"),
     "h5netcdf": ("storage/netcdf.py",),
     "h5py": ("storage/netcdf.py",),
 }

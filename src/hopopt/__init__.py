@@ -1,7 +1,7 @@
 """hopopt: how high can a leg possibly lift its foot in a hop with the motors it has.
 
 import hopopt as ho
-s = ho.solve(ho.load("paper"), objective="clearance")
+s = ho.solve("paper", objective="clearance")
 s.plot()
 """
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         objective,
         read,
         save,
+        simulate,
         solve,
         sweep,
     )
@@ -36,6 +37,7 @@ __all__ = [
     "objective",
     "read",
     "save",
+    "simulate",
     "solve",
     "sweep",
 ]
@@ -44,7 +46,7 @@ _LIGHT = {"load": "problem.load", "objective": "ocp.custom", "constraint": "ocp.
 
 def __dir__() -> list[str]:
     """What there is, imported or not: for tab completion."""
-    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
+    return sorted(__all__)
 
 
 def __getattr__(name: str) -> Any:

@@ -12,10 +12,12 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.solution import read, save
+from hopopt.studies import notebook_views as views
 from hopopt.studies.codesign import codesign
 from hopopt.studies.compare import Comparison
 from hopopt.studies.compare import compare as compare_strategies
 from hopopt.studies.pareto import Front, front
+from hopopt.studies.simulation import simulate
 from hopopt.studies.sweep.run import Study, sweep
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ __all__ = [
     "objective",
     "read",
     "save",
+    "simulate",
     "solve",
     "sweep",
 ]
@@ -93,3 +96,11 @@ def plot_study(study: Study) -> "dict[str, Figure]":
 
 Solution.plot, Solution.sensitivity, Solution.compare = plot, sensitivity, compare
 Comparison.plot, Study.plot = plot_comparison, plot_study
+for kind, dataset, frame, table in (
+    (Solution, views.solution_dataset, views.solution_frame, views.solution_html),
+    (Comparison, views.comparison_dataset, views.comparison_frame, views.comparison_html),
+    (Study, views.study_dataset, views.study_frame, views.study_html),
+):
+    kind.to_xarray, kind.to_dataframe = dataset, frame  # type: ignore[attr-defined]
+    kind._repr_html_ = table  # type: ignore[attr-defined]
+del kind, dataset, frame, table

@@ -319,7 +319,7 @@ def test_readme_commands(tmp_path: Path) -> None:
 def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the user-defined strategy that docs/simulation.md shows."""
     shown = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "simulation.md").read_text(), re.S)[0]
-    (tmp_path / "my_module.py").write_text(shown.replace("class Stand", "class MyController"))
+    (tmp_path / "my_module.py").write_text(shown.replace("class PushThenTuck", "class MyController"))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     run("new", "my_leg", cwd=tmp_path)
     lines = readme_block("sh", "hopopt compare") + readme_block("sh", "hopopt sensitivity")

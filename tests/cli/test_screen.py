@@ -2,6 +2,7 @@
 
 import io
 import re
+import time
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -9,15 +10,17 @@ from pathlib import Path
 import pytest
 
 from hopopt.cli.main import run
-from hopopt.cli.screen.answer import checks_line
+from hopopt.cli.screen.answer import checks_line, in_short
 from hopopt.cli.screen.certificate import structure_lines
-from hopopt.cli.screen.console import console, print_checks, print_lines
+from hopopt.cli.screen.console import console, print_checks, print_lines, progress
+from hopopt.cli.screen.details import print_details
 from hopopt.cli.screen.runs import print_comparison, run_table
 from hopopt.cli.screen.sensitivity import print_sensitivity
 from hopopt.cli.screen.sweep import print_study
 from hopopt.planner.solution import Solution
+from hopopt.planner.stopwatch import Countdown
 from hopopt.planner.summary_extras import Stretch, Structure
-from hopopt.planner.summary_parts import NamedCheck
+from hopopt.planner.summary_parts import LeansOn, NamedCheck
 from hopopt.problem.load import load
 from hopopt.studies.compare import compare
 from hopopt.studies.influence import Influence
@@ -145,3 +148,45 @@ def test_checks_that_are_left_out_are_counted_apart_with_the_reason(
         "left out: simulated in one piece, limits when simulated in one piece (the simulated leg left the plan)"
         in shown
     )
+
+
+def test_one_line_says_what_a_hop_is_worth_and_leans_on(hop: Solution) -> None:
+    (line,) = in_short(hop.summary, hop.design)
+    lengths = hop.clearance / sum(hop.design.leg.link[name].length for name in hop.design.leg.links)
+    assert line.startswith(
+        f"the foot clears {lengths:.2f} leg lengths; this leans on ground that holds the foot sideways"
+    )
+    assert "of stance without load" in line
+    assert line.endswith("the longest stance allowed, 0.4 s")
+    gripping = replace(hop.summary, leans_on=LeansOn(0.55, 0.0, None))
+    assert in_short(gripping, hop.design)[0].endswith("leans on friction of at least 0.55")
+    assert in_short(replace(hop.summary, verified=False), hop.design) == []
+
+
+def test_a_certified_answer_has_no_crude_bound_beside_it(hop: Solution) -> None:
+    for certified in (True, False):
+        with redirect_stdout(io.StringIO()) as screen:
+            print_details(hop.with_summary(certified=certified))
+        assert ("no controller can pass" in screen.getvalue()) is not certified
+
+
+def test_progress_that_is_piped_is_a_line_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("hopopt.cli.screen.console.EVERY", 0.05)
+    with progress(quiet=False) as say:
+        count_down = Countdown(say, "starting points", 3)
+        count_down.more()
+        time.sleep(0.2)
+        count_down.more(2)
+        time.sleep(0.2)
+    shown = capsys.readouterr()
+    lines = shown.err.splitlines()
+    assert shown.out == ""
+    assert 2 <= len(lines) <= 9
+    assert re.fullmatch(r"hopopt: after 0 s: starting points: 1 of 3 done, about 0 s left", lines[0])
+    assert lines[-1].endswith("starting points: 3 of 3 done")
+    with progress(quiet=True) as say:
+        say("x")
+        time.sleep(0.1)
+    assert capsys.readouterr().err == ""

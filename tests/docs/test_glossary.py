@@ -44,7 +44,7 @@ def names_of_checks() -> set[str]:
 
 def headings() -> set[str]:
     """Of an answer's parts, on the screen."""
-    parts = {keyword.arg or "" for call in calls("print_parts", "cli") for keyword in call.keywords}
+    parts = {(keyword.arg or "").replace("_", " ") for call in calls("print_parts", "cli") for keyword in call.keywords}
     return (parts | {fixed(call.args[1]) for call in calls("print_lines", "cli")}) - {"", "from"}
 
 

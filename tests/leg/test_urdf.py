@@ -152,7 +152,14 @@ def test_drives_come_with_the_urdf_and_give_way_to_the_files(tmp_path: Path) -> 
     [
         ('effort="150"', 'effort="0"', "m.toml: leg.knee.motor is missing, and the URDF states no usable effort"),
         ('velocity="16"', 'velocity="0"', "m.toml: leg.ankle.motor is missing"),
-        ('lower="-2.4"', 'lower="-1e9"', "leg.urdf: leg.knee.lower = -1000000000.0 rad is too small"),
+        ('lower="-2.4"', 'lower="-1e9"', "leg.urdf: leg.knee.lower = -1e+09 rad is a placeholder"),
+        ('lower="-2.4"', 'lower="-10"', "leg.urdf: leg.knee.lower = -10 rad is a placeholder"),
+        (
+            'effort="150"',
+            'effort="1000"',
+            "leg.urdf: leg.knee.motor.max_torque comes of 1000 (effort, N m), a placeholder",
+        ),
+        ('velocity="16"', 'velocity="1000"', "leg.urdf: leg.ankle.motor.max_speed comes of 1000 (velocity, rad/s)"),
         ('lower="0.2"', 'lower="1.8"', "leg.urdf: leg.ankle.lower = 1.8 rad is not below"),
     ],
 )
@@ -169,6 +176,7 @@ def test_placeholders_of_a_urdf_are_named_where_they_stand(
         load(tmp_path / "m.toml")
     assert len(str(raised.value).splitlines()) == 1
     assert sentence in str(raised.value)
+    assert "degrees" not in str(raised.value)
     if "leg.urdf" in sentence:
         assert "in the problem file to replace it" in str(raised.value)
 

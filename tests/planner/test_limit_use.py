@@ -14,9 +14,9 @@ from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.optimality.flat_directions import NotInvertible
 from hopopt.planner.limit_use import as_dict, idle_uses
+from hopopt.planner.motion_figures import FINE, active_limits
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
-from hopopt.planner.summary import FINE, active_limits
 from hopopt.problem.load import load
 from hopopt.storage.solution import save
 from hopopt.studies.diagnosis import diagnose

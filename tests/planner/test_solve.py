@@ -149,8 +149,8 @@ def test_what_plays_no_part_and_what_is_in_the_way_of_nothing_is_said(
 
 
 def test_what_is_no_problem_is_a_sentence() -> None:
-    with pytest.raises(UsageError, match="solve needs a problem, not 'paper': load it first"):
-        solve(cast("Any", "paper"))
+    with pytest.raises(UsageError, match="a problem is needed, not 3: give its name or file"):
+        solve(cast("Any", 3))
 
 
 def test_a_solution_is_shown_on_one_line(one_push: Solution) -> None:

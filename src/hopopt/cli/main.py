@@ -249,9 +249,11 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
     from hopopt.storage.folder import as_json
     from hopopt.storage.recheck import accept, recheck, with_functions
     from hopopt.storage.solution import read
+    from hopopt.studies.control_recheck import control_check
 
     solution = with_functions(read(result), objective, constraint or ())
     verdict = recheck(solution)
+    verdict = verdict.with_checks(control_check(solution))
     for words in solution.doubts:
         print(f"hopopt: {words}", file=sys.stderr)
     if verdict.verified:
@@ -271,7 +273,8 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
         print_checks(str(result), verdict.checks)
         print_certificate(verdict.conditions)
         height = solution.clearance  # one of the claims that are checked
-        print(f"{result}: {f'verified, clearance {height:.4f} m' if verdict.verified else 'NOT verified'}")
+        wrong = "; ".join(f"{c.name}{f' ({c.where})' if c.where else ''}" for c in verdict.checks if not c.passed)
+        print(f"{result}: {f'verified, clearance {height:.4f} m' if verdict.verified else f'NOT verified: {wrong}'}")
     return code
 
 
@@ -304,6 +307,7 @@ for command in (
     cli_evidence.evidence, cli_families.families, cli_diagnose.diagnose, cli_schema.schema,
 ):  # fmt: skip
     app.command(command)
+app.register_install_completion_command(help="Let the shell complete hopopt's commands and options (bash, zsh, fish).")
 for each in app.subapps:
     each.help_epilogue = ""  # where to start is said once, on the first page
 

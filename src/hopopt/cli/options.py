@@ -54,7 +54,7 @@ AsJson = Annotated[
 
 
 def progress(quiet: bool) -> AbstractContextManager[Callable[[str], None]]:
-    """A function that shows progress on standard error; silent when piped or ``quiet``."""
+    """A function that shows progress on standard error, now and then when piped; silent if ``quiet``."""
     from hopopt.cli.screen import console as screen
 
     return screen.progress(quiet)

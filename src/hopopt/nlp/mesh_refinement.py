@@ -145,11 +145,8 @@ class Refinement:
     @property
     def change(self) -> float:
         """Relative change of the objective with the last mesh; infinite after one."""
-        sizes = [step.intervals for step in self.history]
-        first = [k for k, size in enumerate(sizes) if k == 0 or size != sizes[k - 1]]
-        if len(first) < 2:
-            return float("inf")
-        return relative(self.history[-1].objective, self.history[first[-1] - 1].objective, self.solution.least)
+        steps = [(step.intervals, step.objective) for step in self.history]
+        return change_of(steps, self.solution.least)
 
     @property
     def _kept(self) -> bool:
@@ -332,6 +329,13 @@ def moves_to(over: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     coarse intervals to any other of them, (N,)."""
     coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
     return (np.convolve(over, [1, 1, 1])[1:-1] > 0) | (coarse & (over & coarse).any())
+
+
+def change_of(steps: Sequence[tuple[Mapping[str, int], float]], least: float) -> float:
+    """Relative change of the objective with the last mesh, from (intervals by phase, objective) of every solve; infinite
+    after one mesh."""
+    before = [objective for sizes, objective in steps if sizes != steps[-1][0]]
+    return relative(steps[-1][1], before[-1], least) if before else float("inf")
 
 
 def relative(a: float, b: float, least: float = 1e-9) -> float:

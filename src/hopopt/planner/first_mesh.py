@@ -25,6 +25,7 @@ from hopopt.planner.multistart import (
     run_starts,
 )
 from hopopt.planner.relaxations import QUICK, relaxed_starts
+from hopopt.planner.stopwatch import Countdown
 
 SIZE = 15  # nodes along each axis of the global method's grid in a plain solve
 CLOSER = 21  # where the first grid promises more than the answer
@@ -57,11 +58,11 @@ def search_first_mesh(
         outcomes = [*run_starts(hop, count, side_by_side, say, besides)]
         if count > 1 and (not weak or any(o.success for o in outcomes)):  # seldom do other starts help a weak leg
             say("solving relaxed problems, and tightening them to what is asked")
-            outcomes += relaxed_starts(hop, QUICK, outcomes)
+            outcomes += relaxed_starts(hop, QUICK, outcomes, say=say)
         found, reason = (None, reason) if overall is None else overall.result()
     if found is not None:
         say(f"solving from {len(found.rollouts)} motions of the global method")
-        outcomes += rollout_starts(hop, found.rollouts, outcomes)
+        outcomes += rollout_starts(hop, found.rollouts, outcomes, say=say)
     return FirstMesh(tuple(outcomes), found, reason)
 
 
@@ -78,7 +79,7 @@ def looked_closer(hop: Hop, searched: FirstMesh, say: Progress) -> FirstMesh:
     found, _ = _searched(hop, CLOSER, 2)
     if found is None:
         return searched
-    more = rollout_starts(hop, found.rollouts, searched.outcomes, "global method, finer grid")
+    more = rollout_starts(hop, found.rollouts, searched.outcomes, "global method, finer grid", say)
     return FirstMesh((*searched.outcomes, *more), found)
 
 
@@ -91,14 +92,20 @@ def _searched(hop: Hop, size: int, threads: int) -> tuple[GlobalSearch | None, s
 
 
 def rollout_starts(
-    hop: Hop, rollouts: Sequence[Rollout], known: Sequence[StartOutcome] = (), name: str = "global method"
+    hop: Hop,
+    rollouts: Sequence[Rollout],
+    known: Sequence[StartOutcome] = (),
+    name: str = "global method",
+    say: Progress = lambda text: None,
 ) -> list[StartOutcome]:
     """What the motions of the global method lead to on the first mesh; none is followed to a hop that is known."""
     watch, outcomes = known_optima(hop, known), list[StartOutcome]()
     solver = first_solver(hop, any(o.success for o in known), watch)
+    count_down = Countdown(say, f"motions of the {name}", len(rollouts))
     for k, r in enumerate(rollouts):
         began = time.perf_counter()
         s = solver(stance_guess(hop, r.t, r.q, r.v, r.a))
         outcomes.append(noted(solver, outcome_of(f"{name} {k + 1}", s, time.perf_counter() - began)))
         remember(watch, outcomes[-1])
+        count_down.more()
     return outcomes

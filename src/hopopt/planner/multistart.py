@@ -25,6 +25,7 @@ from hopopt.ocp.phases import STANCE
 from hopopt.optimality.infeasibility import conflict
 from hopopt.optimality.violations import violations
 from hopopt.planner.limit_names import conflict_words
+from hopopt.planner.stopwatch import Countdown
 from hopopt.problem.hints import hints
 
 Progress = Callable[[str], None]
@@ -115,23 +116,32 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
     if weak and (ended := _beyond_limits(hop)):
         return [ended]
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
-    began, watch = time.perf_counter(), known_optima(hop)
+    began, watch, count_down = time.perf_counter(), known_optima(hop), Countdown(say, "starting points", count)
     solver = first_solver(hop, known, watch)
     first = run_chunk(hop, [0], solver, known)
+    count_down.more()
     remember(watch, first[0])  # and no other, so that what starts lead to does not depend on how they are divided
     each, others = time.perf_counter() - began, range(1, count)
     if not first[0].success and weak:  # seldom does another start help such a leg
         return first
     processes = min(processes, len(others))
     if processes < 2 or each * len(others) * (1 - 1 / processes) < WORKER:
-        return first + (run_chunk(hop, others, solver, known) if others else [])
+        return first + [_counted(run_chunk(hop, [k], solver, known)[0], count_down) for k in others]
     from joblib import Parallel, delayed
 
     data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
     more = (hop.asked, hop.free_parameters, hop.constraints)
     jobs = (delayed(_chunk_in_worker)(data, *more, chunk, known, first[0], seconds_left()) for chunk in chunks)
-    parts: list[list[StartOutcome]] = Parallel(n_jobs=processes, backend="loky")(jobs)  # type: ignore[assignment]
+    parts = list[list[StartOutcome]]()
+    for part in Parallel(n_jobs=processes, backend="loky", return_as="generator")(jobs):
+        parts.append(part)  # type: ignore[arg-type]
+        count_down.more(len(parts[-1]))
     return first + [parts[k % processes][k // processes] for k in range(len(others))]
+
+
+def _counted(outcome: StartOutcome, count_down: Countdown) -> StartOutcome:
+    count_down.more()
+    return outcome
 
 
 def _beyond_limits(hop: Hop) -> StartOutcome | None:

@@ -17,6 +17,7 @@ from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import make_guess, starts
 from hopopt.planner.multistart import (
+    Progress,
     StartOutcome,
     first_options,
     first_solver,
@@ -26,6 +27,7 @@ from hopopt.planner.multistart import (
     outcome_of,
     remember,
 )
+from hopopt.planner.stopwatch import Countdown
 
 Widen = Callable[[Transcription, Bounds], None]  # writes into the bounds
 BEGUN_FROM = (0, 1)  # starts that each relaxed problem is solved from
@@ -120,24 +122,30 @@ THOROUGH = (
 
 
 def relaxed_starts(
-    hop: Hop, chosen: Sequence[Relaxation], known: Sequence[StartOutcome] = (), begun_from: Sequence[int] = BEGUN_FROM
+    hop: Hop,
+    chosen: Sequence[Relaxation],
+    known: Sequence[StartOutcome] = (),
+    begun_from: Sequence[int] = BEGUN_FROM,
+    say: Progress = lambda text: None,
 ) -> list[StartOutcome]:
     """What the relaxed problems lead to once they are tightened, on the first mesh.
 
     chosen: the relaxations, of which those are tried that suit the problem; known: hops to which none need be followed
-    again; begun_from: numbers of the starts that each relaxed problem is solved from.
+    again; begun_from: numbers of the starts that each relaxed problem is solved from; say: told how far it is.
     """
     watch, relaxed_watch = known_optima(hop, known), known_optima(hop)
     asked = NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch)
     relaxed = first_solver(hop, True, relaxed_watch)
-    outcomes = []
-    for relaxation in (r for r in chosen if r.suits(asked.transcription)):
+    outcomes, suiting = [], [r for r in chosen if r.suits(asked.transcription)]
+    count_down = Countdown(say, "relaxed problems, each tightened to what is asked", len(suiting) * len(begun_from))
+    for relaxation in suiting:
         relaxed_watch.known.clear()  # each relaxed problem has its own optima
         for k in begun_from:
             outcome = _tightened(hop, asked, relaxed, relaxation, k)
             if outcome is not None:
                 outcomes.append(outcome)
                 remember(watch, outcome)
+            count_down.more()
     return outcomes
 
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.errors import UsageError
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import dependent_joints, start_place
@@ -22,6 +23,8 @@ from hopopt.planner.stored_summary import Summary
 from hopopt.planner.verdict import Multipliers, Verdict
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import NORMALISED_TIMES, Table
+
+OUTSIDE = 1e-9  # s: what rounding may put a time outside the hop
 
 
 @dataclass(frozen=True)
@@ -130,8 +133,14 @@ class Motion:
         return operating_region(self.design.leg, joint, self.robot.parameters)
 
     def sample(self, t: Any) -> Samples:
-        """The whole leg at times t [s] since stance began (clipped to the hop); at lift-off and apex, flight."""
-        t = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), 0.0, self.end)
+        """The whole leg at times t [s] since stance began; at lift-off and apex, flight. UsageError for times outside the
+        hop."""
+        t = np.atleast_1d(np.asarray(t, dtype=float))
+        outside = ~((t >= -OUTSIDE) & (t <= self.end + OUTSIDE))  # not-a-number too
+        if outside.any():
+            words = "give times in seconds since stance began"
+            raise UsageError(f"t = {t[outside][0]:g} s is outside the hop, 0 to {self.end:.6g} s: {words}")
+        t = np.clip(t, 0.0, self.end)
         parts, order = [], []
         stance, descent = t < self.lift_off, t > self.duration
         for phase, rows in ((STANCE, stance), (FLIGHT, ~stance & ~descent), (DESCENT, descent)):
@@ -208,6 +217,9 @@ class Solution(Motion):
     plot: ClassVar[Callable[..., Any]]
     sensitivity: ClassVar[Callable[..., Any]]
     compare: ClassVar[Callable[..., Any]]
+    to_xarray: ClassVar[Callable[..., Any]]
+    to_dataframe: ClassVar[Callable[..., Any]]
+    _repr_html_: ClassVar[Callable[..., str]]
 
     def __repr__(self) -> str:
         s = self.summary

@@ -1,6 +1,6 @@
 """The nonlinear program that a solution is the answer of, made again from what the solution holds."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import casadi as ca
 import numpy as np
@@ -56,14 +56,11 @@ def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolutio
         raise ResultError(f"{solution.result_dir}: mesh and NLP vectors do not belong together")
     bounds = Bounds(*(kkt.pop(side.name) for side in fields(Bounds)))
     phases, values = t.unpack(kkt["z"], kkt["p"])
-    kkt["g"] = np.array(ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(kkt["z"], kkt["p"])).ravel()
-    objective = solution.summary.objective_value
+    f, g = ca.Function("fg", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"], t.nlp["g"]])(kkt["z"], kkt["p"])
+    kkt["g"], objective = np.array(g).ravel(), t.problem.objective.cost(float(f))
     return NlpSolution(t, phases, values, objective, "stored", True, 0, **kkt, bounds=bounds)
 
 
 def without_tie_break(solution: Solution, hop: Hop | None = None) -> NlpSolution:
     """The program of a hop and its solution, the tie-break taken off the objective; ``hop``: it, if it is made already."""
-    nlp = stored_nlp(solution, (hop or hop_of(solution)).untied)
-    goal = nlp.transcription.problem.objective
-    cost = ca.Function("f", [nlp.transcription.nlp[k] for k in "xp"], [nlp.transcription.nlp["f"]])(nlp.z, nlp.p)
-    return replace(nlp, objective=goal.cost(float(cost)))
+    return stored_nlp(solution, (hop or hop_of(solution)).untied)

@@ -2,10 +2,11 @@
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from hopopt.design import Design
-from hopopt.errors import NotSolvedError, UsageError
+from hopopt.errors import NotSolvedError
 from hopopt.nlp.mesh_refinement import UNSOLVED, relative
 from hopopt.nlp.time_limit import limited, time_is_up
 from hopopt.ocp.custom import custom
@@ -36,6 +37,7 @@ from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary_extras import FlatDirection
 from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.hints import hints
+from hopopt.problem.load import as_design
 
 TIME_LIMIT = 600.0  # s; one random leg in ten takes over a minute from two starts, the slowest known 270 s
 SEARCHING = (
@@ -46,7 +48,7 @@ CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on n
 
 
 def solve(
-    design: Design,
+    design: Design | str | Path,
     objective: str | Callable[..., Any] | HopObjective = "clearance",
     *,
     constraints: Sequence[str | Callable[..., Any]] = (),
@@ -59,7 +61,7 @@ def solve(
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified.
 
-    objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
+    design is a problem, or its name or file. objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
     (optimality/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another
@@ -68,8 +70,7 @@ def solve(
     with a line of text now and then. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.
     """
-    if not isinstance(design, Design):
-        raise UsageError(f"solve needs a problem, not {design!r:.80}: load it first, ho.solve(ho.load('paper'))")
+    design = as_design(design)
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, with_tighter_tolerances(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
@@ -122,11 +123,17 @@ def _refined(
     """The chosen outcomes of the first mesh, the best first, refined and verified; the first of them, and more while there
     is time."""
     finished: list[Solution] = []
-    for outcome in chosen:
+    for k, outcome in enumerate(chosen, 1):
         if finished and time_is_up():
             break
-        finished.append(refined_and_verified(hop, outcome, outcomes, say, clock, restarts=False))
+        told = _one_of(say, k, len(chosen))
+        finished.append(refined_and_verified(hop, outcome, outcomes, told, clock, restarts=False))
     return finished
+
+
+def _one_of(say: Progress, k: int, count: int) -> Progress:
+    """Progress that says which of several hops is refined."""
+    return say if count == 1 else lambda text: say(f"hop {k} of {count}: {text}")
 
 
 def solve_from(

@@ -22,6 +22,7 @@ from hopopt.planner.summary_parts import (
     Condition,
     Error,
     IdleLimit,
+    LeansOn,
     LiftOff,
     Measures,
     Mesh,
@@ -68,6 +69,7 @@ class Summary(Measures):
     peak_vertical_force_N: float = stated("its largest vertical part [N]")
     friction: float | None = stated("coefficient; null: the foot never slips")
     grip_without_load_N: float = stated("largest horizontal force on an unloaded foot [N]")
+    leans_on: LeansOn = stated("what the hop needs of the ground and of the time that it is allowed")
     saturation_mean: Mapping[str, float] = stated("mean use of the operating region in stance, by joint")
     energy: Mapping[str, float] = stated("work of the joints, by phase, net and positive [J]")
     active_limits: Mapping[str, float] = stated("share of stance in which each limit acts")

@@ -57,6 +57,17 @@ class LiftOff(Strict):
 
 
 @dataclass(frozen=True)
+class LeansOn(Strict):
+    """What the hop needs of the ground, and of the time that it is allowed."""
+
+    friction_needed: Real = stated(
+        "coefficient that keeps the foot from slipping; null: none does, as it is held without load"
+    )
+    load_free_share: float = stated("share of stance in which the foot carries no load")
+    stance_at_its_limit: str | None = stated("longest or shortest, if stance lasts as long as it may")
+
+
+@dataclass(frozen=True)
 class UpperBound(Strict):
     """What no controller can pass; None for what nothing bounds."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hopopt.design import Design
-from hopopt.errors import ProblemFileError
+from hopopt.errors import ProblemFileError, UsageError
 from hopopt.files import read_regular
 from hopopt.problem.catalogue import named, problems_folder, with_numbers
 from hopopt.problem.check import check
@@ -45,6 +45,15 @@ def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[s
     if design is None or report.sentences:
         raise ProblemFileError(report.source, report.sentences)
     return design
+
+
+def as_design(problem: Any) -> Design:
+    """A problem that may be given by its name or file; UsageError for what is none of these."""
+    if isinstance(problem, str | Path):
+        return load(problem)
+    if not isinstance(problem, Design):
+        raise UsageError(f"a problem is needed, not {problem!r:.80}: give its name or file, or ho.load('paper')")
+    return problem
 
 
 def changed(design: Design, entries: Mapping[str, Any]) -> Design:

@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from hopopt.nlp.interval_errors import interval_errors
@@ -14,20 +13,17 @@ from hopopt.ocp.custom import as_objective, custom
 from hopopt.ocp.objective import HopObjective
 from hopopt.planner.judge import judge, plan_checks
 from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import has_multipliers, own_functions, stored_nlp
+from hopopt.planner.solution_program import has_multipliers, hop_of, own_functions, stored_nlp
 from hopopt.planner.stored_multipliers import agreement
-from hopopt.planner.summary import FINE, motion_figures
-from hopopt.planner.summary_entry import as_data
 from hopopt.planner.summary_extras import CoDesign
 from hopopt.planner.verdict import Verdict
 from hopopt.storage.digests import seal
 from hopopt.storage.folder import fitting
+from hopopt.storage.stated_figures import motion_check, stated_checks
 from hopopt.verify.check import KKT, Check
 
 CONFIRMED = 1e-4  # relative: the fixed design may be worse than the co-design by this
 AGREE = 1e-9  # stored tables against the stored trajectories, relative
-FIGURES = 1e-6  # the summary against the motion, relative, or absolute below 1
-SAME = 1e-7  # the error of the objective against the stated one, relative to the objective
 
 
 def recheck(solution: Solution) -> Verdict:
@@ -56,22 +52,24 @@ def _recheck(solution: Solution) -> Verdict:
     goal, constraints = own_functions(solution)
     summary = solution.summary
     claims = {name: x for name in ("clearance_m", goal.figure) if (x := summary.figure(name)) is not None}
-    agree, sound = _agreement(solution), _same_figures(solution)
+    agree = _agreement(solution)
     co_design = tuple(co_design_checks(goal, summary.objective_value, summary.codesign))
     if not has_multipliers(solution):
         missing = Check("first-order conditions", float("inf"), KKT, "scaled", "the file holds no multipliers")
-        return Verdict((missing, agree, sound, *plan_checks(solution, goal, constraints, claims), *co_design))
-    nlp = stored_nlp(solution)
+        return Verdict(
+            (missing, agree, motion_check(solution), *plan_checks(solution, goal, constraints, claims), *co_design)
+        )
+    hop = hop_of(solution)
+    nlp = stored_nlp(solution, hop.problem)
     of_file = replace(nlp, phases=solution.phases)
     errors = {name: interval_errors(of_file, name) for name in solution.phases}
     change = summary.check("change of the objective").residual
     found = judge(solution, of_file, goal, constraints, claims, errors, change)
     more = [
         agree,
-        sound,
         _same_program(solution, nlp),
         _same_limits(nlp),
-        *_same_error(solution, nlp, found),
+        *stated_checks(solution, hop, of_file, errors, found.with_checks(co_design)),
         *co_design,
     ]
     conditions = [replace(agree, name="stored torques and motion")]
@@ -113,39 +111,8 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
         other = nlp.phases[name]
         wrong += [getattr(trajectory, s) - getattr(other, s) for s in ("edges", "x_start")]
         wrong.append((trajectory.u - other.u) / np.maximum(1.0, np.abs(other.u).max(axis=(0, 1))))
-    t = nlp.transcription
-    cost = ca.Function("f", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"]])(nlp.z, nlp.p)
-    goal = t.problem.objective
-    wrong.append((float(cost) - goal.cost(nlp.objective)) / goal.scale)
+    wrong.append((nlp.objective - solution.summary.objective_value) / nlp.transcription.problem.objective.scale)
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
-
-
-def _same_error(solution: Solution, nlp: NlpSolution, found: Verdict) -> Iterator[Check]:
-    """The error of the objective, computed again, is no larger than the one that stands beside the answer."""
-    if found.error:
-        more = (found.error.too_high_by - solution.summary.objective_error.too_high_by) / nlp.magnitude
-        yield Check("error of the objective as stated", max(more, 0.0), SAME, "relative")
-
-
-def _same_figures(solution: Solution) -> Check:
-    """What the summary says of the motion against the motion, and against itself."""
-    fine = {phase: solution.everywhere(phase, FINE) for phase in solution.phases}
-    fresh, wrong = as_data(motion_figures(solution, fine)), {"": 0.0}
-    for name, value in fresh.items():
-        wrong[name] = _difference(as_data(getattr(solution.summary, name)), value)
-    if words := solution.summary.contradictions():
-        wrong[words[0]] = float("inf")
-    worst = max(wrong, key=lambda name: wrong[name])
-    return Check("figures of the summary as computed", wrong[worst], FIGURES, "relative", worst)
-
-
-def _difference(stored: Any, fresh: Any) -> float:
-    """Largest relative difference of the numbers in two pieces of JSON data; infinite if anything else differs."""
-    if isinstance(fresh, float) and isinstance(stored, int | float):
-        return abs(stored - fresh) / max(1.0, abs(fresh))
-    if isinstance(fresh, dict) and isinstance(stored, dict) and stored.keys() == fresh.keys():
-        return max((_difference(stored[key], fresh[key]) for key in fresh), default=0.0)
-    return 0.0 if stored == fresh else float("inf")
 
 
 def _agreement(solution: Solution) -> Check:

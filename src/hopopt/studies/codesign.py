@@ -8,6 +8,7 @@ must reach the same objective.
 import os
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ from hopopt.planner.solve import SEARCHING, TIME_LIMIT, best_of
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
 from hopopt.planner.verdict_entries import verification_entries
-from hopopt.problem.load import changed
+from hopopt.problem.load import as_design, changed
 from hopopt.problem.render import rows
 from hopopt.problem.wording import did_you_mean
 from hopopt.storage.recheck import CONFIRMED, co_design_checks
@@ -49,7 +50,7 @@ AT_BOUND = 1e-6  # share of its range within which a parameter sits on a bound
 
 
 def codesign(
-    design: Design,
+    design: Design | str | Path,
     free: Mapping[str, tuple[float, float]],
     objective: Any = "clearance",
     *,
@@ -67,6 +68,7 @@ def codesign(
     The solution's ``design`` has the optimal numbers; its summary's ``codesign`` says what was free and what is at
     its bound. time_limit [s]: as in ``solve``. Raises UsageError for entries or bounds that no problem can have, NotSolvedError as ``solve`` does.
     """
+    design = as_design(design)
     say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
     side_by_side = processes or os.cpu_count() or 1
     free_parameters = checked(design, free, couple)

@@ -50,7 +50,15 @@ class Comparison:
     runs: Mapping[str, Run]
     mujoco: Mapping[str, float] = field(default_factory=dict)  # clearances [m] there, where asked for
     notes: tuple[str, ...] = ()
-    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
+    # given by hopopt.api
+    plot: ClassVar[Callable[..., Any]]
+    to_xarray: ClassVar[Callable[..., Any]]
+    to_dataframe: ClassVar[Callable[..., Any]]
+    _repr_html_: ClassVar[Callable[..., str]]
+
+    def __repr__(self) -> str:
+        reached = ", ".join(f"{name} {f.clearance:.3f} m" for name, f in self.figures.items())
+        return f"<Comparison on {self.solution.design.name}: {reached}>"
 
     @cached_property
     def figures(self) -> dict[str, HopFigures]:

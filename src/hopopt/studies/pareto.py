@@ -33,7 +33,7 @@ from hopopt.planner.required_clearance import begun_from, maximum_clearance_hop,
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.problem.load import changed
+from hopopt.problem.load import as_design, changed
 from hopopt.storage.folder import unused, write_json, writing
 from hopopt.storage.solution import save
 from hopopt.verify.measures import MEASURES
@@ -111,7 +111,7 @@ class Front:
 
 
 def front(
-    design: Design,
+    design: Design | str | Path,
     against: str = "energy",
     *,
     points: int = 8,
@@ -129,6 +129,7 @@ def front(
     called with the front before the first point. Raises UsageError for what is no front, NotSolvedError if an end
     cannot be solved.
     """
+    design = as_design(design)
     goal = _goal(design, against, points)
     say, found = progress or (lambda text: None), Front(design, goal, _folder(design, against, results))
     if begun:

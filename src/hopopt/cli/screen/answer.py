@@ -13,14 +13,17 @@ from rich.markup import escape
 from hopopt.cli.screen.certificate import certified_words, structure_lines
 from hopopt.cli.screen.console import console, print_lines
 from hopopt.cli.screen.runs import OVERSHOOT
+from hopopt.leg.kinematics import reach
 from hopopt.ocp.direction import sign
 from hopopt.planner.solution import at_apex
 
 if TYPE_CHECKING:
+    from hopopt.design import Design
     from hopopt.planner.solution import Solution
     from hopopt.planner.stored_summary import Summary
 
 MOST = 4  # limits that are named
+LITTLE = 0.005  # share of stance that is no word worth
 FAMILIES = 3  # different hops that are listed
 
 
@@ -29,6 +32,7 @@ def print_answer(solution: "Solution") -> None:
     s = solution.shown
     print_parts(
         s,
+        in_short=in_short(s, solution.design),
         hop=hop_lines(s),
         control=control_lines(s),
         limits=_limits(s),
@@ -46,7 +50,7 @@ def print_parts(s: "Summary", **parts: Sequence[str]) -> None:
     out.print(f"[bold]{escape(s.title or s.problem)}[/bold]  ({escape(which)})", markup=True)
     out.print(head, markup=True)
     for name, lines in parts.items():
-        print_lines(out, name, lines)
+        print_lines(out, name.replace("_", " "), lines)
 
 
 def _headline(s: "Summary") -> str:
@@ -70,6 +74,22 @@ def _stated(s: "Summary") -> str:
     value = measure(s, s.reached, ".4f")
     asked = s.clearance_asked_for_m
     return f"{name} {value}" if asked is None else f"least {name} {value} to clear {asked:g} m"
+
+
+def in_short(s: "Summary", design: "Design") -> list[str]:
+    """What the hop is worth, and what it leans on, in one line."""
+    found, lengths = s.leans_on, s.clearance_m / reach(design.leg)
+    if not s.verified:
+        return []
+    grip = f"friction of at least {found.friction_needed:.2f}"
+    if not isfinite(found.friction_needed):
+        grip = "ground that holds the foot sideways without load, which no friction does"
+    lean = [grip]
+    if found.load_free_share > LITTLE:
+        lean.append(f"{found.load_free_share:.0%} of stance without load on the foot")
+    if found.stance_at_its_limit:
+        lean.append(f"the {found.stance_at_its_limit} stance allowed, {s.phases['stance'].duration_s:.3g} s")
+    return [f"the {s.lowest_point} clears {lengths:.2f} leg lengths; this leans on {'; '.join(lean)}"]
 
 
 def hop_lines(s: "Summary") -> list[str]:

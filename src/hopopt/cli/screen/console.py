@@ -2,9 +2,11 @@
 
 import sys
 import textwrap
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from contextlib import contextmanager, suppress
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console
 from rich.table import Table
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
 
 ROOM = 100  # columns of a screen on which tables have all their columns
 PIPED = 180  # columns of a table that no screen shows
+EVERY = 10.0  # s between two lines of progress that is piped
 
 
 def console() -> Console:
@@ -30,13 +33,37 @@ def print_table(out: Console, table: Table) -> None:
 
 @contextmanager
 def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A function that shows one line of progress on standard error; silent when piped or ``quiet``."""
-    if quiet or not sys.stderr.isatty():
+    """A function that shows one line of progress on standard error, which when piped is a new line every EVERY seconds;
+    silent if ``quiet``."""
+    if quiet:
         yield lambda text: None
+        return
+    if not sys.stderr.isatty():
+        with _now_and_then(sys.stderr) as say:
+            yield say
         return
     screen = Console(stderr=True, highlight=False)
     with screen.status("starting") as status:
         yield lambda text: status.update(textwrap.shorten(text, max(screen.width - 4, 20), placeholder=" …"))
+
+
+@contextmanager
+def _now_and_then(out: TextIO) -> Iterator[Callable[[str], None]]:
+    """A function that is told of progress, the last of which is written every EVERY seconds, also if there is no more."""
+    began, last, ended = time.monotonic(), ["starting"], Event()
+
+    def write() -> None:
+        while not ended.wait(EVERY):
+            with suppress(OSError, ValueError):  # nobody reads it any more
+                print(f"hopopt: after {time.monotonic() - began:.0f} s: {last[0]}", file=out, flush=True)
+
+    writer = Thread(target=write, daemon=True)
+    writer.start()
+    try:
+        yield lambda text: last.__setitem__(0, text)
+    finally:
+        ended.set()
+        writer.join()
 
 
 def print_lines(out: Console, name: str, lines: Sequence[str]) -> None:

@@ -10,6 +10,7 @@ from hopopt.cli.screen.answer import (
     gains,
     global_line,
     hop_lines,
+    in_short,
     measure,
     print_parts,
     simulated_words,
@@ -31,6 +32,7 @@ def print_details(solution: "Solution") -> None:
     s = solution.shown
     print_parts(
         s,
+        in_short=in_short(s, solution.design),
         hop=[*hop_lines(s), _ground(s)],
         effort=_effort(s),
         limits=_limits(s),
@@ -94,7 +96,7 @@ def _evidence(s: "Summary") -> list[str]:
         *global_line(s),
         f"{len(s.mesh)} mesh{'es' if len(s.mesh) > 1 else ''}, last {sizes} intervals ({s.scheme}); {settled}, {bias}",
         checks_line(s),
-        *bound_line(s.upper_bound.clearance_m, s.objective),
+        *([] if s.certified else bound_line(s.upper_bound.clearance_m, s.objective)),  # else hopopt evidence has it
         *_failed(s),
         *certificate_line(s),
     ]

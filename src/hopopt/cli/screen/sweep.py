@@ -6,7 +6,7 @@ from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
 from hopopt.ocp.objectives import find
-from hopopt.studies.sweep.workers import duration
+from hopopt.planner.stopwatch import duration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

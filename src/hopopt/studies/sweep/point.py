@@ -25,6 +25,7 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
 from hopopt.planner.first_mesh import search_first_mesh
+from hopopt.planner.motion_figures import parts
 from hopopt.planner.multistart import (
     StartOutcome,
     contenders,
@@ -35,7 +36,7 @@ from hopopt.planner.multistart import (
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solve import TIME_LIMIT
-from hopopt.planner.summary import limit_gains, parts
+from hopopt.planner.summary import limit_gains
 from hopopt.planner.summary_entry import as_data
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import unlike

@@ -7,12 +7,14 @@ from typing import Any
 
 from hopopt.errors import ResultError
 from hopopt.storage.digests import changed, digest
+from hopopt.storage.stated_figures import difference
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.point import again
 from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point
 from hopopt.studies.sweep.run import Study
 from hopopt.studies.sweep.store import FILES, load_begin, read_definition, save_tables
 
+AGAIN, NO_ERROR = 0.1, 1e-8  # relative, of the error; what a smaller one is relative to [the objective's unit]
 SAME = 1e-5  # relative: what refining again may differ by
 
 
@@ -72,6 +74,10 @@ def _fault(stated: Point, found: Point) -> str:
     """How what is stated differs from what was found."""
     if not found.verified:
         return f"it is not verified ({found.sentence})"
+    if stated.certified != found.certified:
+        return f"it states certified = {stated.certified}, and {found.certified} was computed"
+    if stated.error is None or found.error is None or difference(stated.error, found.error, NO_ERROR) > AGAIN:
+        return f"it states error {stated.error}, and {found.error} was computed"
     pairs = {name: (getattr(stated, name), getattr(found, name)) for name in ("clearance_m", "objective_value")}
     pairs |= {name: ((stated.parts or {}).get(name), value) for name, value in (found.parts or {}).items()}
     for name, (reported, value) in pairs.items():

@@ -17,6 +17,7 @@ from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.files import remove_abandoned
 from hopopt.ocp.objectives import find
+from hopopt.problem.load import as_design
 from hopopt.studies.sweep.crew import Workers
 from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.order import doubtful, sources
@@ -44,7 +45,17 @@ class Study:
     points: tuple[Point, ...]
     folder: Path
     seconds: float
-    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
+    # given by hopopt.api
+    plot: ClassVar[Callable[..., Any]]
+    to_xarray: ClassVar[Callable[..., Any]]
+    to_dataframe: ClassVar[Callable[..., Any]]
+    _repr_html_: ClassVar[Callable[..., str]]
+
+    def __repr__(self) -> str:
+        entries, verified = (axis.entry for axis in self.definition.axes), sum(p.verified for p in self.points)
+        best = "" if self.best is None else f", best at {dict(self.best.values)}"
+        over = f"over {', '.join(entries)}"
+        return f"<Study of {self.definition.design.name} {over}: {verified} of {len(self.points)} verified{best}>"
 
     @property
     def best(self) -> Point | None:
@@ -97,7 +108,7 @@ class Study:
 
 
 def sweep(
-    design: Design,
+    design: Design | str | Path,
     vary: Mapping[str, Any],
     *,
     objective: str = "clearance",
@@ -112,12 +123,13 @@ def sweep(
 ) -> Study:
     """Solve and verify a design at every point of a study.
 
+    design: a problem, or its name or file.
     vary: entry -> "lower:upper:count", a list of values or, with a sample ("lhs:40", "sobol:64"), (lower, upper).
     scheduler: the address of a Dask scheduler, or "local" for a cluster of so many processes on this computer.
     The study lies in a new folder below ``results``, or is continued in ``resume``. Raises UsageError if the study
     makes no sense, ResultError if its folder cannot be used.
     """
-    definition = define(design, vary, objective=objective, sample=sample, seed=seed, starts=starts)
+    definition = define(as_design(design), vary, objective=objective, sample=sample, seed=seed, starts=starts)
     folder = None if resume is None else Path(resume)
     return run(
         definition, processes=processes, scheduler=scheduler, results=Path(results), resume=folder, progress=progress

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from hopopt.errors import HopoptError
+from hopopt.planner.stopwatch import duration
 from hopopt.studies.sweep.crew import GO_ON, Kept, Workers
 from hopopt.studies.sweep.dask_workers import dask_workers
 from hopopt.studies.sweep.point_file import Point
@@ -30,13 +31,6 @@ class Clock:
         left = (time.perf_counter() - self.began) / self.count * (self.remaining - self.count)
         height = f" {point.clearance_m:.4f} m" if point.clearance_m is not None else ""
         self.say(f"{done} of {total} points, about {duration(left)} left (last: {point.outcome}{height})")
-
-
-def duration(seconds: float) -> str:
-    """A time in words: 45 s, 12 min, 3.5 h."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 @contextmanager

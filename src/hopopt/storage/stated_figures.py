@@ -1,0 +1,127 @@
+"""What a stored summary states, against the same computed again from the stored motion, program and verdict.
+
+What only the search knew cannot be computed again without it: starts, families, the global method, cross-checks, earlier
+meshes, times. Digests alone guard those (storage/digests.py).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from hopopt.nlp.interval_errors import IntervalErrors
+from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.mesh_refinement import change_of
+from hopopt.ocp.hop import Hop
+from hopopt.planner.motion_figures import FINE, motion_figures
+from hopopt.planner.solution import Solution
+from hopopt.planner.summary import figures
+from hopopt.planner.summary_entry import as_data
+from hopopt.planner.verdict import Verdict
+from hopopt.planner.verdict_entries import verification_entries
+from hopopt.verify.check import Check
+
+FIGURES = 1e-6  # relative, of figures
+LEAST = 1e-3  # what figures that are smaller are relative to [their unit]: some are zero but for rounding
+RESIDUALS = 0.01  # relative, of what is measured: faults of 1e-8 are known to few digits
+ROUNDING = 1e-3  # share of what is allowed, that smaller residuals are relative to
+OF_THE_OBJECTIVE = 1e-8  # relative to the objective: the same for its error
+MOST = 4  # figures that are named
+
+Pair = tuple[str, Any, Any]  # path of an entry, what is stated, what was computed
+
+
+def stated_checks(
+    solution: Solution, hop: Hop, nlp: NlpSolution, errors: Mapping[str, IntervalErrors], found: Verdict
+) -> list[Check]:
+    """That the summary's figures, residuals and error of the objective are those computed again.
+
+    hop, nlp: the solution's question and program, as stored
+    errors: local errors of every interval, by phase
+    found: the verdict, computed again
+    """
+    s, fresh = as_data(solution.summary), as_data(figures(hop, solution, nlp, found))
+    error, certificate = fresh.pop("objective_error"), fresh.pop("certificate")
+    fresh["structure"] = {**s["structure"], **fresh["structure"]}  # of free switches it says more
+    fresh["mesh"] = [*s["mesh"][:-1], s["mesh"][-1] | _last_mesh(nlp)]
+    wrong = [(name, difference(a, b)) for name, a, b in _pairs(_only(s, fresh), fresh)]
+    wrong += [(words, float("inf")) for words in solution.summary.contradictions()]
+    size = OF_THE_OBJECTIVE * nlp.magnitude
+    off = [(name, difference(a, b, size)) for name, a, b in _pairs(s["objective_error"], error, "objective_error")]
+    return [
+        _check("figures of the summary as computed", wrong, FIGURES),
+        _check("residuals of the summary as computed", list(_residuals(s, certificate, errors, nlp, found)), RESIDUALS),
+        _check("error of the objective as stated", off, RESIDUALS),
+    ]
+
+
+def motion_check(solution: Solution) -> Check:
+    """The same of a result without multipliers: what the summary says of the motion alone."""
+    fresh = as_data(motion_figures(solution, {phase: solution.everywhere(phase, FINE) for phase in solution.phases}))
+    pairs = _pairs(_only(as_data(solution.summary), fresh), fresh)
+    wrong = [(name, difference(a, b)) for name, a, b in pairs]
+    wrong += [(words, float("inf")) for words in solution.summary.contradictions()]
+    return _check("figures of the summary as computed", wrong, FIGURES)
+
+
+def difference(stated: Any, computed: Any, least: float = LEAST) -> float:
+    """Difference of two pieces of JSON data, of numbers relative to the computed one, or to ``least`` if that is larger;
+    infinite if anything else differs."""
+    numbers = [isinstance(x, int | float) and not isinstance(x, bool) for x in (stated, computed)]
+    if stated == computed or not all(numbers):
+        return 0.0 if stated == computed else float("inf")
+    return abs(stated - computed) / max(abs(computed), least)
+
+
+def _last_mesh(nlp: NlpSolution) -> dict[str, Any]:
+    return {"intervals": {name: m.intervals for name, m in nlp.transcription.mesh.items()}, "objective": nlp.objective}
+
+
+def _residuals(
+    s: Mapping[str, Any],
+    certificate: Mapping[str, Any],
+    errors: Mapping[str, IntervalErrors],
+    nlp: NlpSolution,
+    found: Verdict,
+) -> Iterator[tuple[str, float]]:
+    """Differences of what was measured, by name: the checks, the certificate's conditions, and the last mesh."""
+    checks = as_data(verification_entries(found))
+    for key in ("verified", "failed_checks"):
+        yield key, difference(s[key], checks[key])
+    told, again = ({c["name"]: c for c in v} for v in (s["verification"], checks["verification"]))
+    if s["structure"].get("solved_again") is not True:  # whose first mesh is that of another program
+        again["change of the objective"]["residual"] = change_of(
+            [(m["intervals"], m["objective"]) for m in s["mesh"]], nlp.least
+        )
+    for stated, computed, where in ((told, again, "verification"), (s["certificate"], certificate, "certificate")):
+        for name, a, b in _pairs(_only(stated, computed), computed, where):
+            check = name.split(".")[1]
+            if name.endswith(".where"):  # of several places that are as bad, rounding chooses one
+                continue
+            yield name, difference(a, b, ROUNDING * computed[check]["tolerance"] if check in computed else 0.0)
+    for name, part in (("local_error", "local"), ("excess", "excess")):
+        worst = max(float(getattr(e, part).max()) for e in errors.values())
+        yield f"mesh.{name}", difference(s["mesh"][-1][name], worst, ROUNDING * LEAST)
+
+
+def _pairs(stated: Any, computed: Any, path: str = "") -> Iterator[Pair]:
+    """Every value of two pieces of JSON data of the same form; of others the whole."""
+    if isinstance(stated, Mapping) and isinstance(computed, Mapping):
+        for key in {**stated, **computed}:
+            yield from _pairs(stated.get(key), computed.get(key), f"{path}.{key}" if path else key)
+    elif isinstance(stated, Sequence) and isinstance(computed, Sequence) and not isinstance(stated, str):
+        for k in range(max(len(stated), len(computed))):
+            a, b = (part[k] if k < len(part) else None for part in (stated, computed))
+            yield from _pairs(a, b, f"{path}.{k}")
+    else:
+        yield path, stated, computed
+
+
+def _only(stated: Mapping[str, Any], computed: Mapping[str, Any]) -> dict[str, Any]:
+    """The stated entries that were computed."""
+    return {key: stated.get(key) for key in computed}
+
+
+def _check(name: str, wrong: Sequence[tuple[str, float]], allowed: float) -> Check:
+    """A check that names what is wrong, the worst first."""
+    ranked = sorted(wrong, key=lambda pair: -pair[1])
+    named = [path for path, amount in ranked if amount > allowed][:MOST] or [ranked[0][0]]
+    return Check(name, ranked[0][1], allowed, "relative", ", ".join(named))

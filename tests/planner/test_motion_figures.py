@@ -1,0 +1,34 @@
+"""What a hop leans on, against its own forces and times."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hopopt.leg.scales import force_range
+from hopopt.ocp.phases import STANCE
+from hopopt.planner.motion_figures import FINE, leans_on
+from hopopt.planner.solution import Solution
+
+
+def test_the_papers_hop_leans_on_ground_that_no_friction_is(hop: Solution) -> None:
+    """By the stored table: share of the time without load, and a sideways grip in it."""
+    found, table = hop.summary.leans_on, hop.tables[STANCE]
+    t, f = table.t.ravel(), table.f.reshape(-1, 2)
+    free = f[:, 1] < 1e-3 * force_range(hop.robot.model)
+    share = np.sum(np.diff(t) * (free[1:] & free[:-1])) / hop.lift_off
+    assert found.load_free_share == pytest.approx(share, abs=0.02)
+    assert np.abs(f[free, 0]).max() > 50.0
+    assert found.friction_needed == np.inf
+    assert found.stance_at_its_limit == "longest"
+    assert hop.lift_off == pytest.approx(hop.design.hop.stance_duration[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.6, -0.6])
+def test_friction_needed_is_the_steepest_force(hop: Solution, slope: float) -> None:
+    stance = hop.everywhere(STANCE, FINE)
+    up = 100.0 + 50.0 * np.sin(stance.t)
+    leaning = np.linspace(0.0, slope, len(up)) * up
+    found = leans_on(hop, replace(stance, f=np.stack([leaning, up], axis=1)))
+    assert found.friction_needed == pytest.approx(abs(slope))
+    assert found.load_free_share == 0.0
