@@ -26,6 +26,7 @@ from hopopt.problem.load import design_hash
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.mujoco import library
 from hopopt.sim.plant import PAST_APEX
+from hopopt.sim.state import ACCOUNTS
 from hopopt.sim.trace import Event, Trace
 from hopopt.studies.paper_results import PAPER, is_the_papers
 from hopopt.verify.table import NORMALISED_TIMES
@@ -236,7 +237,7 @@ def planned_trace(solution: Solution) -> Trace:
     spans = np.ptp(t.reshape(power.shape), axis=1)[:, None]
     each = spans * (power @ integrals_to(inside).T)  # since each interval began
     work = (each + np.concatenate([[0.0], np.cumsum(each[:-1, -1])])[:, None]).ravel()
-    works = np.stack([work, np.zeros_like(work), np.zeros_like(work)], axis=1)
+    works = np.stack([work, *[np.zeros_like(work)] * (ACCOUNTS - 1)], axis=1)
     events = (Event("lift-off", solution.lift_off, 0.0),)
     return Trace(solution.robot, t, q, v, tau, tau, tau, f, contact, works, events, "the clearance is reached")
 
