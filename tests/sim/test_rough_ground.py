@@ -208,6 +208,22 @@ def test_ground_that_grips_enough_is_ideal_ground() -> None:
     assert rough.trace.times_of("lift-off") == pytest.approx(ideal.trace.times_of("lift-off"), abs=1e-8)
 
 
+def test_compiled_ideal_ground_is_the_same_plant() -> None:
+    """With landings, some of which bounce."""
+    design = load("paper")
+    start = np.array([1.1, -2.3])
+    for tau in ([-10.0, 120.0], [-60.0, 60.0], [20.0, -20.0]):
+        plain, fast = (
+            make_plant(design, compiled=compiled).run(start, Fixed(np.array(tau)), 0.25) for compiled in (False, True)
+        )
+        assert fast.outcome == plain.outcome
+        happened = [(e.kind, round(e.t, 5)) for e in fast.events if "strikes" not in e.kind]
+        assert happened == [(e.kind, round(e.t, 5)) for e in plain.events]
+        end = min(fast.t[-1], plain.t[-1]) - 1e-9
+        a, b = (trace.q[np.searchsorted(trace.t, end) - 1] for trace in (fast, plain))
+        np.testing.assert_allclose(a, b, atol=1e-6)
+
+
 CASES = (("force", 0.6), ("force_tuck", 0.6), ("force_tuck", 0.3), ("position_tuck", 0.3), ("position_tuck", 0.1))
 
 

@@ -146,6 +146,15 @@ def step(
 
 
 @kernel
+def grips(mu: float, fx: float, fz: float, G: np.ndarray) -> float:
+    """Below zero where a foot cannot stick under the force that this takes [N]. On ideal ground (mu infinite) it stays
+    until it would rise if it were let go: its sideways grip may press it down."""
+    if mu == np.inf:
+        return fz if fz >= 0 else fz + max(0.0, G[1, 0] / G[1, 1] * fx)
+    return mu * fz - abs(fx)
+
+
+@kernel
 def holds(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> float:
     """Below zero where the ground cannot hold the mode: force outside the cone, or none that presses [N]."""
     if mode == FLIGHT:
@@ -153,7 +162,7 @@ def holds(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
     _, c, G, _, _ = loads(leg, q, v, command)
     fx, fz = contact_force(mode, leg.mu, c, G)
     if mode == STICK:
-        return leg.mu * fz - abs(fx)
+        return grips(leg.mu, fx, fz, G)
     return fz if slipping(mode, leg.mu, c, G)[1] > 0 else -1.0
 
 
@@ -205,8 +214,10 @@ def at_rest(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> int:
     """The mode into which a foot goes that rests on the ground."""
     _, c, G, _, _ = loads(leg, q, v, command)
     fx, fz = contact_force(STICK, leg.mu, c, G)
-    if leg.mu * fz >= abs(fx):
+    if grips(leg.mu, fx, fz, G) >= 0:
         return STICK
+    if leg.mu == np.inf:
+        return FLIGHT
     first = BACKWARD if fx > 0 else FORWARD
     for mode in (first, -first):
         force, ease = slipping(mode, leg.mu, c, G)
@@ -229,7 +240,7 @@ def impact(leg: Any, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float, i
             G[a, 1] += J[a, k] * X[k, 1]
     px, pz = contact_force(STICK, leg.mu, before, G)
     mode = STICK
-    if leg.mu * pz < abs(px):
+    if leg.mu < np.inf and leg.mu * pz < abs(px):
         first = FORWARD if before[0] > 0 else BACKWARD
         for way in (first, -first):
             p, ease = slipping(way, leg.mu, before, G)
@@ -257,9 +268,7 @@ def changed(
     if mode == FLIGHT:
         v, lost, now = impact(leg, q, v)
         settled(leg, BACKWARD, 0.0, q, v)
-        if now == STICK:
-            now = at_rest(leg, q, v, command)
-        return q, v, now, LANDS, lost
+        return q, v, now, LANDS, lost  # if the ground cannot hold it so, that is a change of its own
     what = STAYS
     if mode == STICK or mode * velocity[0] <= RESTS:
         now = at_rest(leg, q, v, command)
@@ -270,8 +279,6 @@ def changed(
     else:  # Painleve: the ground grips the slipping foot at once
         v, lost, now = impact(leg, q, v)
         what = JAMS
-        if now == STICK:
-            now = at_rest(leg, q, v, command)
     if what == STAYS and now != mode:
         what = LIFTS if now == FLIGHT else STICKS if now == STICK else SLIPS
     return q, v, now, what, lost

@@ -37,7 +37,7 @@ class RoughGround(Plant):
         above_ground: Collection[str] | None = None,
         finer: int = 1,
     ):
-        """friction: coefficient; the others as for ``Plant``. UsageError for other legs."""
+        """friction: coefficient, infinite for ideal ground; the others as for ``Plant``. UsageError for other legs."""
         super().__init__(robot, drive, above_ground, finer)
         self.friction = friction
         self.leg = packed(planar_leg(robot, drive, self.stops, self.above_ground, friction, finer))
