@@ -14,15 +14,13 @@ from hopopt.control.strategies import Strategy
 from hopopt.design import Design
 from hopopt.errors import HopoptError, UsageError
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.kinematics import loop_axes, start_angles
+from hopopt.leg.kinematics import can_slip, loop_axes, start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim import mujoco
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_metrics import HopFigures, beyond_limits
-from hopopt.sim.planar import can_slip
 from hopopt.sim.plant import RAN_AWAY, Plant
-from hopopt.sim.rough_ground import RoughGround
 from hopopt.sim.state import Timing
 from hopopt.sim.trace import Trace
 
@@ -65,6 +63,8 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     friction = np.inf if design.contact.friction is None and compiled else design.contact.friction
     if friction is None or not can_slip(design.leg):
         return Plant(robot, drive, design.hop.above_ground, finer)
+    from hopopt.sim.rough_ground import RoughGround
+
     return RoughGround(robot, drive, friction, design.hop.above_ground, finer)
 
 
@@ -87,8 +87,9 @@ def simulate(
     compiled: bool = False,
     options: Mapping[str, Any] | None = None,
     controller: Controller | None = None,
+    start: np.ndarray | None = None,
 ) -> Run:
-    """Hop a leg with a strategy, ``hops`` times, from the problem's start.
+    """Hop a leg with a strategy, ``hops`` times, from the problem's start, or from joint angles ``start`` (n) [rad].
 
     compiled: as in ``make_plant``. past_apex: end well past the first apex, where the clearance is decided, not at the landing. plan is what
     ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
@@ -98,11 +99,13 @@ def simulate(
     """
     period, truth = 1 / design.simulation.control_rate, plant or design
     fresh, s = controller or make_controller(design, strategy, plan, options), truth.simulation
-    error = np.inf
+    spare, error = deepcopy(controller), np.inf
     for finer in FINER:
+        if finer > FINER[0]:
+            fresh = deepcopy(spare) or make_controller(design, strategy, plan, options)
         trace = make_plant(truth, torque_gain, finer, compiled).run(
-            start_angles(design),
-            deepcopy(fresh),
+            start_angles(design) if start is None else start,
+            fresh,
             hops * (design.hop.stance_duration[1] + LONGEST),
             timing=Timing(period, s.torque_delay),
             encoder=Encoder(s.encoder_bits, s.speed_window, period),

@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hopopt.design import Leg
 from hopopt.errors import UsageError
-from hopopt.leg.kinematics import planar
+from hopopt.leg.kinematics import can_slip
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.compiled import kernel
 from hopopt.sim.drive import Drive, Stops
@@ -51,12 +50,6 @@ class PlanarLeg(NamedTuple):
     watched: np.ndarray
     mu: float
     finer: int
-
-
-def can_slip(leg: Leg) -> bool:
-    """Whether slipping is simulated for a leg: on x and z guides, every joint turning in their plane. Other feet stay, and
-    the friction that this needs is reported."""
-    return planar(leg) and "x" in leg.guides
 
 
 def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: float, finer: int = 1) -> PlanarLeg:

@@ -202,11 +202,11 @@ def paper_strategy(solution: Solution) -> PaperStrategy | None:
 
 
 def answering(design: Design, bound: Solution) -> Solution:
-    """A bound for this problem's simulations: [reserve], [simulation] and [solver] may differ, which are no part of what
-    is asked. UsageError if it answers another question."""
+    """A bound for this problem's simulations: [reserve], [simulation], [solver] and [uncertainty] may differ, which are no
+    part of what is asked. UsageError if it answers another question."""
     if bound.objective != OBJECTIVE:
         raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
-    others = {name: getattr(design, name) for name in ("reserve", "simulation", "solver")}
+    others = {name: getattr(design, name) for name in ("reserve", "simulation", "solver", "uncertainty")}
     same = bound.design.model_copy(update=others)
     if design_hash(same) != design_hash(design):
         raise UsageError("the bound given: it was solved for another problem; leave out the problem or the bound")
