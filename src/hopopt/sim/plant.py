@@ -186,7 +186,7 @@ class Plant:
         pending: list[tuple[float, Command]] = [(0.0, lambda s: lambda t, q, v: np.zeros(self.n))]
         for k in range(max(1, round(duration / timing.period))):
             begin, end = k * timing.period, (k + 1) * timing.period
-            s = replace(s, t=begin)
+            s = s if s.t == begin else replace(s, t=begin)
             pending.append((begin + timing.delay, self._command(controller, s, encoder, timing)))
             pending = pending[max(i for i, (at, _) in enumerate(pending) if at <= begin + EVENT) :]
             cuts = [t for t in (*(at for at, _ in pending), *breaks) if begin + EVENT < t < end - EVENT]
@@ -247,7 +247,7 @@ class Plant:
                 if chatters(writer.events):
                     s = replace(s, halted="the contact chatters")
                 torque, before = from_here(s), None
-        return s if s.halted else replace(s, t=end), torque
+        return s if s.halted or s.t == end else replace(s, t=end), torque
 
     def _note(self, writer: TraceWriter, s: State, torque: Torque) -> None:
         command = torque(s.t, s.q[BASE:], s.v[BASE:])

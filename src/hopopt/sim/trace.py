@@ -81,7 +81,8 @@ class Trace:
 
     def _impacts(self, t: np.ndarray) -> np.ndarray:
         """Energy [J] that impacts have taken up to times t."""
-        return np.array([sum(e.lost for e in self.events if e.t <= at) for at in t])
+        so_far = np.cumsum([0.0, *(e.lost for e in self.events)])
+        return so_far[np.searchsorted([e.t for e in self.events], t, side="right")]
 
 
 class TraceWriter:
