@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import binom
 
 from hopopt.cli.main import run
+from hopopt.cli.screen.robust import print_robust
 from hopopt.design import Uncertainty
 from hopopt.errors import UsageError
 from hopopt.problem.load import load
@@ -85,6 +86,35 @@ def test_what_cannot_be_promised_is_said_in_a_sentence(
 ) -> None:
     assert run(["robust", "paper", "--results", str(tmp_path), *arguments]) == 2
     assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) -> None:
+    """Four numbers, the promise in words, and a table for the problem file."""
+    numbers = {
+        "clearance_m": 0.6,
+        "lowest_m": 0.59,
+        "median_m": 0.63,
+        "plan_m": 0.64,
+        "bound_m": None,
+        "ideal_bound_m": 0.8,
+    }
+    counts = {"share": 0.95, "confidence": 0.9, "draws": 60, "rank": 1, "fell": 2, "evaluations": 3, "wall_s": 1.0}
+    rest = {
+        "tracker": "track",
+        "reserve": {"torque": 0.1},
+        "plan_verified": False,
+        "pd": {"pd": 0.5},
+        "pd_fell": {"pd": 0},
+    }
+    print_robust({**numbers, **counts, **rest}, "there")
+    words = " ".join(capsys.readouterr().out.split())
+    assert "bound, ideal ground 0.8000 m bound, this ground not verified" in words
+    assert "track, 95 % of the legs 0.6000 m 2 pd, 95 % of the legs 0.5000 m 0" in words
+    assert (
+        "95 % of all legs within [uncertainty] reach this, with confidence 90 %: it is number 1 from below of 60"
+        in words
+    )
+    assert "best of 3 reserves; it was NOT verified: [reserve] torque = 0.1" in words
 
 
 @pytest.mark.slow

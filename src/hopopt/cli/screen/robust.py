@@ -16,13 +16,17 @@ def print_robust(found: Mapping[str, Any], where: str) -> None:
     for words, key in (("bound, ideal ground", "ideal_bound_m"), ("bound, this ground", "bound_m")):
         table.add_row(words, "not verified" if found[key] is None else f"{found[key]:.4f} m", "")
     table.add_row(
-        f"{found['tracker']}, {found['share']:.4g} of the legs", f"{found['clearance_m']:.4f} m", f"{found['fell']}"
+        f"{found['tracker']}, {100 * found['share']:g} % of the legs",
+        f"{found['clearance_m']:.4f} m",
+        f"{found['fell']}",
     )
     for name, clearance in found["pd"].items():
-        table.add_row(f"{name}, {found['share']:.4g} of the legs", f"{clearance:.4f} m", f"{found['pd_fell'][name]}")
+        table.add_row(
+            f"{name}, {100 * found['share']:g} % of the legs", f"{clearance:.4f} m", f"{found['pd_fell'][name]}"
+        )
     print_table(out, table)
     out.print(
-        f"{found['share']:.4g} of all legs within [uncertainty] reach this, with confidence {found['confidence']:.4g}: "
+        f"{100 * found['share']:g} % of all legs within [uncertainty] reach this, with confidence {100 * found['confidence']:g} %: "
         f"it is number {found['rank']} from below of {found['draws']} legs that the tuning did not see"
     )
     out.print(f"tracked by {found['tracker']}: lowest {found['lowest_m']:.4f} m, median {found['median_m']:.4f} m")
