@@ -15,10 +15,10 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from hopopt.global_search.compiled import kernel
 from scipy.optimize import linprog
 
 from hopopt import load
-from hopopt.global_search.compiled import kernel
 from hopopt.global_search.constants import stance_constants, start_state, to_joint_angles
 from hopopt.verify.upper_bound import upper_bound
 

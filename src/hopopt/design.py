@@ -259,6 +259,30 @@ class Control(Section):
     plumb_d: float | None = quantity("damping of that (default: scaled)", "1/s", 0, 1e5, None)
 
 
+class Uncertainty(Section):
+    """How far a true leg may be from the one that is planned for: what ``hopopt robust`` draws, uniformly.
+
+    The defaults of mass and torque constant are unverified; the others are taken as known until a spread is given.
+    """
+
+    mass: float = quantity("share of each mass, either way (default unverified)", "1", 0, 0.5, 0.05)
+    torque_constant: float = quantity(
+        "share of each motor's torque constant, either way (default unverified)", "1", 0, 0.5, 0.1
+    )
+    length: float = quantity("share of each link's length, either way", "1", 0, 0.2, 0.0)
+    friction: float = quantity("share of contact.friction, either way", "1", 0, 0.9, 0.0)
+    start_angle: float = quantity("of each joint at the start, either way", "rad", 0, 0.2, 0.0)
+    torque_delay: float = quantity("more delay than simulation.torque_delay, at most", "s", 0, 0.02, 0.0)
+    gear_loss: float = quantity(
+        "share of its torque that each gear loses beyond what is known, at most", "1", 0, 0.5, 0.0
+    )
+
+    @property
+    def known(self) -> bool:
+        """Whether nothing is uncertain."""
+        return not any(getattr(self, name) for name in type(self).model_fields)
+
+
 class Design(Section):
     """A whole problem: the leg, the ground, where the hop starts, what it may do and how it is solved."""
 
@@ -281,6 +305,7 @@ class Design(Section):
     simulation: Simulation = Simulation()
     reserve: Reserve = Reserve()
     control: Control = Control()
+    uncertainty: Uncertainty = Uncertainty()
 
     @model_validator(mode="after")
     def _all_above_ground(self) -> "Design":

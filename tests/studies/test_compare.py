@@ -14,7 +14,7 @@ from hopopt.cli.screen.answer import print_answer
 from hopopt.cli.screen.runs import print_comparison
 from hopopt.control.closed_loop import clearance_in_mujoco, make_plant, simulate
 from hopopt.control.strategies import BUILT_IN, find
-from hopopt.design import Design
+from hopopt.design import Design, Uncertainty
 from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import start_angles
@@ -37,7 +37,7 @@ from hopopt.studies.compare import (
     reference_of,
 )
 from hopopt.studies.paper_results import is_the_papers
-from hopopt.studies.robustness import mismatched, spread
+from hopopt.studies.robustness import drawn, spread
 
 
 @pytest.fixture(scope="module")
@@ -256,12 +256,12 @@ def _parameters(design):
 
 def test_draws_are_seeded_and_within_what_was_asked():
     design = load("paper")
-    first, again, other = (mismatched(design, 20, seed, 0.05, 0.1) for seed in (3, 3, 4))
-    assert [leg for leg, _ in first] == [leg for leg, _ in again]
-    assert [leg for leg, _ in first] != [leg for leg, _ in other]
-    masses = np.array([[leg.leg.body.mass, leg.leg.link["shank"].mass] for leg, _ in first])
+    first, again, other = (drawn(design, Uncertainty(mass=0.05, torque_constant=0.1), 20, seed) for seed in (3, 3, 4))
+    assert [d.leg for d in first] == [d.leg for d in again]
+    assert [d.leg for d in first] != [d.leg for d in other]
+    masses = np.array([[d.leg.leg.body.mass, d.leg.leg.link["shank"].mass] for d in first])
     assert np.abs(masses / [5.6, 0.8] - 1).max() <= 0.05
-    gains = np.array([gain for _, gain in first])
+    gains = np.array([d.torque_gain for d in first])
     assert 0.05 < np.abs(gains - 1).max() <= 0.1
 
 

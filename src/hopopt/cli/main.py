@@ -21,6 +21,7 @@ from hopopt.cli import evidence as cli_evidence
 from hopopt.cli import families as cli_families
 from hopopt.cli import paper as cli_paper
 from hopopt.cli import pareto as cli_pareto
+from hopopt.cli import robust as cli_robust
 from hopopt.cli import schema as cli_schema
 from hopopt.cli import sensitivity as cli_studies
 from hopopt.cli import sweep as cli_sweep
@@ -304,7 +305,7 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
 for command in (
     cli_runs.simulate, cli_runs.compare, cli_runs.export, cli_studies.sensitivity, cli_paper.calibrate,
     cli_paper.tune, cli_paper.reproduce, cli_sweep.sweep, cli_pareto.pareto, cli_actuators.actuators,
-    cli_evidence.evidence, cli_families.families, cli_diagnose.diagnose, cli_schema.schema,
+    cli_evidence.evidence, cli_families.families, cli_diagnose.diagnose, cli_schema.schema, cli_robust.robust,
 ):  # fmt: skip
     app.command(command)
 app.register_install_completion_command(help="Let the shell complete hopopt's commands and options (bash, zsh, fish).")

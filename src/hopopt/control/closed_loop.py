@@ -1,6 +1,7 @@
 """A strategy on the simulated leg: the plant that the problem file describes, and what the run amounts to."""
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import asdict, dataclass, is_dataclass
 from functools import cached_property
 from typing import Any
@@ -12,18 +13,20 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import Strategy
 from hopopt.design import Design
-from hopopt.errors import UsageError
+from hopopt.errors import HopoptError, UsageError
 from hopopt.leg.actuator import operating_region
-from hopopt.leg.kinematics import planar, start_angles
+from hopopt.leg.kinematics import can_slip, planar, start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim import mujoco
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_metrics import HopFigures, beyond_limits
-from hopopt.sim.plant import Plant
+from hopopt.sim.plant import RAN_AWAY, Plant
 from hopopt.sim.state import Timing
 from hopopt.sim.trace import Trace
 
+BALANCED = 1e-4  # of the energy turned over: a greater error is none of rounding, and 0.1 mm of a clearance of 1 m
+FINER = (1, 4, 16)  # parts of every step, tried in turn until the energy balances
 LONGEST = 1.0  # [s] of a hop beyond its longest stance
 PAST_APEX = 1.0  # [m/s] of fall, 5 cm below the apex: no leg rises as fast any more
 
@@ -53,8 +56,9 @@ class Run:
         return self.controller.overshoot(self.figures) if isinstance(self.controller, PaperStrategy) else None
 
 
-def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
-    """The leg of a problem with its drives, gear losses and encoders; torque_gain as in ``Drive``.
+def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int = 1, compiled: bool = False) -> Plant:
+    """The leg of a problem with its drives and gear losses, on ideal ground, or where the foot may slip if the problem has
+    contact.friction and ``can_slip``; torque_gain as in ``Drive``, finer as in ``Plant``. compiled: faster code for ideal ground too, if it takes the leg.
 
     Raises UsageError for a leg that leaves the x-z plane.
     """
@@ -67,9 +71,13 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
     regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
     own = [design.leg.drive(joint, "gear", "efficiency")[1] for joint in robot.joints]
     efficiency = np.array([s.gear_efficiency if e is None else e for e in own])
-    return Plant(
-        robot, Drive(regions, Gear(efficiency, s.gear_friction, s.gear_damping), torque_gain), design.hop.above_ground
-    )
+    drive = Drive(regions, Gear(efficiency, s.gear_friction, s.gear_damping), torque_gain)
+    friction = np.inf if design.contact.friction is None and compiled else design.contact.friction
+    if friction is None or not can_slip(design.leg):
+        return Plant(robot, drive, design.hop.above_ground, finer)
+    from hopopt.sim.rough_ground import RoughGround
+
+    return RoughGround(robot, drive, friction, design.hop.above_ground, finer)
 
 
 def make_controller(
@@ -88,35 +96,48 @@ def simulate(
     torque_gain: np.ndarray | None = None,
     hops: int = 1,
     past_apex: bool = False,
+    compiled: bool = False,
     options: Mapping[str, Any] | None = None,
     controller: Controller | None = None,
+    start: np.ndarray | None = None,
 ) -> Run:
-    """Hop a leg with a strategy, ``hops`` times, from the problem's start.
+    """Hop a leg with a strategy, ``hops`` times, from the problem's start, or from joint angles ``start`` (n) [rad].
 
-    past_apex: end well past the first apex, where the clearance is decided, not at the landing. plan is what
+    compiled: as in ``make_plant``. past_apex: end well past the first apex, where the clearance is decided, not at the landing. plan is what
     ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
     options are settings of the strategy, unless a fresh controller is given. Raises UsageError if the strategy
-    cannot be made.
+    cannot be made. Where the energy does not balance it is simulated again in finer steps; HopoptError if it does not
+    balance then either.
     """
     period, truth = 1 / design.simulation.control_rate, plant or design
-    controller, s = controller or make_controller(design, strategy, plan, options), truth.simulation
-    trace = make_plant(truth, torque_gain).run(
-        start_angles(design),
-        controller,
-        hops * (design.hop.stance_duration[1] + LONGEST),
-        timing=Timing(period, s.torque_delay),
-        encoder=Encoder(s.encoder_bits, s.speed_window, period),
-        landings=hops,
-        falling=PAST_APEX if past_apex else np.inf,
+    fresh, s = controller or make_controller(design, strategy, plan, options), truth.simulation
+    spare, error = deepcopy(controller), np.inf
+    for finer in FINER:
+        if finer > FINER[0]:
+            fresh = deepcopy(spare) or make_controller(design, strategy, plan, options)
+        trace = make_plant(truth, torque_gain, finer, compiled).run(
+            start_angles(design) if start is None else start,
+            fresh,
+            hops * (design.hop.stance_duration[1] + LONGEST),
+            timing=Timing(period, s.torque_delay),
+            encoder=Encoder(s.encoder_bits, s.speed_window, period),
+            landings=hops,
+            falling=PAST_APEX if past_apex else np.inf,
+        )
+        error = trace.energy_error
+        if error <= BALANCED or trace.outcome == RAN_AWAY:
+            return Run(strategy, truth, trace, fresh)
+    raise HopoptError(
+        f"{design.name}, strategy {strategy.name}: the simulation's energy balance is off by {error:.1e}, more than "
+        f"{BALANCED:g} may be, even in steps of 1/{FINER[-1]}: give less gear friction or softer gains"
     )
-    return Run(strategy, truth, trace, controller)
 
 
 def clearance_in_mujoco(
     design: Design, strategy: Strategy, plan: PlanReference | None, options: Mapping[str, Any] | None = None
 ) -> float:
-    """The clearance [m] of a strategy's first hop in MuJoCo: the same controller, rate, encoders and drives on another
-    party's dynamics, ground and integrator (its joints have no end stops). Raises MissingExtraError without MuJoCo."""
+    """The clearance [m] of a strategy's first hop in MuJoCo: the same controller, rate, encoders, drives and friction on
+    another party's dynamics, contact and integrator (its joints have no end stops). Raises MissingExtraError without MuJoCo."""
     plant, period, s = make_plant(design), 1 / design.simulation.control_rate, design.simulation
     controller = make_controller(design, strategy, plan, options)
     encoder, since = Encoder(s.encoder_bits, s.speed_window, period), [0.0, True]
@@ -130,7 +151,8 @@ def clearance_in_mujoco(
 
     start = plant.stance_start(start_angles(design))
     duration = design.hop.stance_duration[1] + LONGEST
-    run = mujoco.simulate(plant.robot, start.q, start.v, torque, duration, control_period=period)
+    friction = design.contact.friction
+    run = mujoco.simulate(plant.robot, start.q, start.v, torque, duration, control_period=period, friction=friction)
     stopped = np.logical_or.accumulate(~run.contact & beyond_limits(design, run.q[:, BASE:]))
     allowed = ~run.contact & ~stopped & (np.abs(run.foot[:, 0] - run.q[:, 0]) <= design.hop.foot_window)
     return float(run.lowest[allowed].max(initial=0.0))

@@ -38,7 +38,7 @@ class PhaseReference:
     def at(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, v, tau (n) at t [s] since the phase began, clipped to it; at an edge (to EDGE), what follows."""
         t = min(max(t, 0.0), self.duration)
-        k = int(np.clip(np.searchsorted(self.t[:, 0], t + EDGE, side="right") - 1, 0, len(self.t) - 1))
+        k = min(max(int(np.searchsorted(self.t[:, 0], t + EDGE, side="right")) - 1, 0), len(self.t) - 1)
         weights = self._weights((t - self.t[k, 0]) / (self.t[k, -1] - self.t[k, 0]))
         return weights @ self.q[k], weights @ self.v[k], weights @ self.tau[k]
 
@@ -61,11 +61,16 @@ class PhaseReference:
         return t, np.vstack([np.zeros(tau.shape[1]), np.cumsum(pieces, axis=0)])
 
     def _weights(self, place: float) -> np.ndarray:
-        return self._basis(place)
+        """Lagrange's polynomials at a place, in barycentric form."""
+        away = place - self.places
+        if not away.all():
+            return (away == 0).astype(float)
+        parts = self._barycentric / away
+        return parts / parts.sum()
 
     @cached_property
-    def _basis(self) -> Any:
-        return BarycentricInterpolator(self.places, np.eye(len(self.places)))
+    def _barycentric(self) -> np.ndarray:
+        return BarycentricInterpolator(self.places).wi
 
 
 @dataclass(frozen=True)

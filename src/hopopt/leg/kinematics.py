@@ -50,6 +50,12 @@ def planar(leg: Leg) -> bool:
     return all(abs(unit(leg.joint[name].axis)[1]) == 1 for name in leg.joints)
 
 
+def can_slip(leg: Leg) -> bool:
+    """Whether slipping is simulated for a leg: on x and z guides, every joint turning in their plane. Other feet stay, and
+    the friction that this needs is reported."""
+    return planar(leg) and "x" in leg.guides
+
+
 def two_joints(leg: Leg) -> bool:
     """Whether the leg is one of two joints that moves, with both links, in the plane: what ``TwoJoints`` needs."""
     across = [np.hypot(*np.array(unit(leg.link[name].direction))[[0, 2]]) for name in leg.links]

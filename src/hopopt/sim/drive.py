@@ -8,6 +8,9 @@ import numpy as np
 from hopopt.leg.actuator import OperatingRegion
 
 SLOW = 0.05  # joint speed [rad/s] over which friction changes its sign smoothly
+STIFF = 1.0  # step times the rate at which friction stops a joint; the Runge-Kutta scheme's limit is 2.8
+LIGHTEST = 1e-3  # [kg m^2] least inertia that friction is taken to stop
+MOST_PARTS = 64  # of a step where gears rub
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,18 @@ class Drive:
             low = max(c - d * speed for c, d in self.lower[k])
             out[k] = min(max(tau[k], low), high) if low <= high else 0.0
         return out
+
+    def parts(self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float) -> int:
+        """Into how many parts a step of h [s] must be cut so that gear friction is no stiffer than the step can take.
+
+        w (n) [rad/s], command (n) [N m], armature (n): the rotors' inertia at the joints [kg m^2].
+        """
+        if self.lossless:
+            return 1
+        rubbing = (1 - self.gear.efficiency) * np.abs(self.torque(w, command)[0]) + self.gear.friction
+        return min(
+            MOST_PARTS, max(1, int(np.ceil(np.max(h * rubbing / SLOW / np.maximum(armature, LIGHTEST)) / STIFF)))
+        )
 
     def torque(self, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]."""

@@ -175,10 +175,11 @@ class HopFigures:
         """Up to the clearance [J]: the motors' net work, what gears and end stops took, what the leg gained."""
         trace = self.trace
         k = self.highest if self.highest is not None else self.stance.stop - 1
-        motors, gears, stops = (float(x) for x in trace.work[k])
+        motors, gears, stops, ground = (float(x) for x in trace.work[k])
         gained = float(trace.energy[k] - trace.energy[0])
         push = float(trace.work[self.stance.stop - 1, 0])
-        return {"stance_net_J": push, "motors_J": motors, "gears_J": gears, "stops_J": stops, "gained_J": gained}
+        lost = {"gears_J": gears, "stops_J": stops, "ground_friction_J": ground}
+        return {"stance_net_J": push, "motors_J": motors, **lost, "gained_J": gained}
 
     @property
     def peaks(self) -> dict[str, dict[str, float] | float]:
@@ -200,6 +201,13 @@ class HopFigures:
         return float((np.abs(f[pressed, 0]) / f[pressed, 1]).max(initial=0.0))
 
     @property
+    def slip_distance(self) -> float:
+        """How far the foot slips along the ground in stance, forth and back [m]."""
+        on_ground = self.trace.contact[self.stance]
+        path = np.abs(np.diff(self.trace.points["foot"][self.stance, 0]))
+        return float(path[on_ground[1:] & on_ground[:-1]].sum())
+
+    @property
     def limits_exceeded(self) -> list[str]:
         """Limits of the problem that the hop did not keep, in words; the bound does not hold for such a hop."""
         trace, hop, found = self.trace, self.design.hop, []
@@ -216,6 +224,8 @@ class HopFigures:
         friction = self.design.contact.friction
         if friction is not None and self.slip_ratio > friction + SLACK:
             found.append(f"needs friction {self.slip_ratio:.2f}, the ground has {friction:g}")
+        if self.slip_distance > SLACK:
+            found.append(f"the foot slips {1e3 * self.slip_distance:.0f} mm in stance")
         if (pull := -float(trace.f[self.stance, 1].min())) > PULL:
             found.append(f"the ground would have to pull with {pull:.0f} N")
         least, lowest = self.design.contact.least_force, float(self.trace.f[self.stance, 1][:-1].min(initial=np.inf))
@@ -253,6 +263,7 @@ class HopFigures:
             "energy": self.energy,
             "peaks": self.peaks,
             "slip_ratio": self.slip_ratio,
+            "slip_distance_m": self.slip_distance,
             "limits_exceeded": self.limits_exceeded,
             "no_hop": self.no_hop,
             "cut_short": self.cut_short,

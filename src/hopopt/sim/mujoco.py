@@ -1,9 +1,9 @@
 """The leg in MuJoCo: a third party's dynamics, contact and integrator, to check a plan or a controller against.
 
 The ground is the planner's ideal one: in stance the foot is pinned (an equality constraint, as stiff as the time step
-allows), and the ground can only push: the pin lets go for good once it would have to pull. Friction contact would be
-another problem: a plan for the ideal ground may hold the foot along the ground where it carries no load. Joint limits
-are not enforced here: a plan has to keep them by itself.
+allows), and the ground can only push: the pin lets go for good once it would have to pull. With a friction coefficient it
+is MuJoCo's own frictional contact instead, on which the foot may slip. Joint limits are not enforced here: a plan has to
+keep them by itself.
 """
 
 from collections.abc import Callable
@@ -17,10 +17,13 @@ from hopopt.errors import HopoptError, MissingExtraError, UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot
+from hopopt.sim.state import BOUNCE
 
 Controller = Callable[[float, np.ndarray, np.ndarray, bool], np.ndarray]  # (t, q, v, contact) -> tau (n) [N m]
 GRIP = 0.02  # of the weight: what the pin may pull before it lets go; a plan without load is at zero give or take
 SETTLING = 8  # time steps: time constant of the pin. MuJoCo's least, 2, disturbs the contact force by 5e-4, 8 by 2e-6
+GRIPS = 100.0  # how much harder friction is than the contact's normal, so that a foot within the cone hardly creeps
+TOUCHES = 1e-5  # m: below which a foot on frictional ground is on it; MuJoCo's contact is soft by less
 PLACED = 1e-6  # m: how far from the origin a foot may be that is to stand there
 SENSELESS = 1e3  # rad/s or m/s: beyond this the motion has run away
 IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # MuJoCo's hardest constraint
@@ -57,25 +60,30 @@ def simulate(
     time_step: float = 5e-5,
     control_period: float = 1e-4,
     contact: bool = True,
+    friction: float | None = None,
 ) -> MujocoTrace:
     """Run a controller on the leg in MuJoCo, from q0, v0 (2 + n), for ``duration`` [s].
 
     controller(t, q, v, contact) is called every ``control_period`` [s] and its torques (n) [N m] are held; they are
     not clamped here. A whole number of Runge-Kutta steps of about ``time_step`` [s] fits into each period. With
     ``contact`` the run begins in stance, the foot at the origin; else in flight. It ends early where the foot comes down.
+    friction: coefficient of the ground; by default the foot is pinned.
     Raises MissingExtraError without MuJoCo, UsageError for a foot that is elsewhere, HopoptError if the motion runs away.
     """
     steps = max(1, round(control_period / time_step))
-    scene = _Scene(robot, control_period / steps)
+    scene = _Scene(robot, control_period / steps, friction)
     scene.begin(q0, v0, contact)
-    rows = []
+    rows, left = [], -np.inf if contact else 0.0  # when the foot last left the ground
     for k in range(round(duration / control_period) + 1):
         if k > 0:
             scene.advance(steps)
         rows.append(scene.instant(k * control_period, controller))
-        *_, contact, foot, _ = rows[-1]
-        if not contact and foot[1] < -PLACED:
+        t, *_, on_ground, foot, _ = rows[-1]
+        if contact and not on_ground:
+            left = t
+        if (scene.pinned and not on_ground and foot[1] < -PLACED) or (on_ground and not contact and t - left > BOUNCE):
             break
+        contact = on_ground
     return MujocoTrace(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -127,20 +135,27 @@ def _means(plan: Plan, instants: np.ndarray, period: float, places: int = 8) -> 
 class _Scene:
     """MuJoCo's model and data of the leg, from the exported file."""
 
-    def __init__(self, robot: Robot, time_step: float):
+    def __init__(self, robot: Robot, time_step: float, friction: float | None = None):
         self.mj = library()
         self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot))
         self.data = self.mj.MjData(self.model)
         option, disable = self.model.opt, self.mj.mjtDisableBit
         option.timestep, option.integrator = time_step, int(self.mj.mjtIntegrator.mjINT_RK4)
         option.tolerance = 1e-14  # of the constraint solver: rounding
-        option.disableflags |= int(disable.mjDSBL_LIMIT) | int(disable.mjDSBL_CONTACT) | int(disable.mjDSBL_AUTORESET)
+        option.disableflags |= int(disable.mjDSBL_LIMIT) | int(disable.mjDSBL_AUTORESET)
+        self.pinned = friction is None
+        if friction is None:
+            option.disableflags |= int(disable.mjDSBL_CONTACT)
+        else:
+            option.cone, option.impratio = int(self.mj.mjtCone.mjCONE_ELLIPTIC), GRIPS
+            self.model.geom_friction[:, 0] = friction
+            self.model.geom_solref[:], self.model.geom_solimp[:] = (SETTLING * time_step, 1.0), IMPEDANCE
         self.model.eq_solref[0] = SETTLING * time_step, 1.0  # critically damped
         self.model.eq_solimp[0] = IMPEDANCE
         self.grip = GRIP * float(np.linalg.norm(option.gravity)) * float(self.model.body_mass.sum())
 
     def begin(self, q: np.ndarray, v: np.ndarray, contact: bool) -> None:
-        self.data.qpos[:], self.data.qvel[:], self.data.eq_active[0] = q, v, contact
+        self.data.qpos[:], self.data.qvel[:], self.data.eq_active[0] = q, v, contact and self.pinned
         self.mj.mj_forward(self.model, self.data)
         if contact and np.abs(self._foot()).max() > PLACED:
             x, z = self._foot()
@@ -148,20 +163,31 @@ class _Scene:
 
     def instant(self, t: float, controller: Controller) -> tuple[Any, ...]:
         """Ask the controller, let go of the foot if the ground would pull; a row of the trace."""
-        q, v, contact = self.data.qpos.copy(), self.data.qvel.copy(), bool(self.data.eq_active[0])
+        q, v = self.data.qpos.copy(), self.data.qvel.copy()
+        contact = bool(self.data.eq_active[0]) if self.pinned else bool(self._foot()[1] < TOUCHES)
         if not np.abs(v).max() < SENSELESS:
             raise HopoptError(f"the motion ran away at {t:.4f} s: the controller is unstable, or its period too long")
         tau = np.array(controller(t, q, v, contact), dtype=float)
         self.data.qfrc_applied[BASE:] = tau
         self.mj.mj_forward(self.model, self.data)
-        f = self.data.efc_force[PLANE].copy() if contact else np.zeros(BASE)  # the pin is the only constraint
-        if contact and f[1] < -self.grip:
+        f = self._force()
+        if self.pinned and f[1] < -self.grip:
             self.data.eq_active[0], contact, f = False, False, np.zeros(BASE)
         foot = self._foot()
         return t, q, v, tau, f, contact, foot, min(foot[1], self.data.xanchor[BASE:, 2].min())
 
     def advance(self, steps: int) -> None:
         self.mj.mj_step(self.model, self.data, steps)
+
+    def _force(self) -> np.ndarray:
+        """Contact force (x, z) [N] on the foot at the last step: of the pin, the only constraint, or of the floor."""
+        if self.pinned:
+            return self.data.efc_force[PLANE].copy() if self.data.eq_active[0] else np.zeros(BASE)
+        total, local = np.zeros(3), np.zeros(6)
+        for k in range(self.data.ncon):
+            self.mj.mj_contactForce(self.model, self.data, k, local)
+            total += self.data.contact[k].frame.reshape(3, 3).T @ local[:3]
+        return total[PLANE]
 
     def _foot(self) -> np.ndarray:
         return self.data.site("foot").xpos[PLANE].copy()

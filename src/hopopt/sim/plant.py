@@ -24,15 +24,19 @@ LONGEST = 2.5e-4  # [s] of a step, however slow the controller
 EVENT = 1e-9  # [s] to which events are located
 JUMP = 1e-8  # [s] before the end of a step within which the torque that follows may already hold
 AHEAD = 1e-5  # [s] over which a foot let go must rise
+RAN_AWAY = "the motion ran away"  # how a run ends whose figures mean nothing
 PAST_APEX = "past the apex"  # how a run ends that was to end there
+CHATTER = 40  # lift-offs within a bounce's time: more than every second control period has one
 AT_STOPS = 8  # parts of a step where a joint touches its end stop: they are stiff
 
 
 class Plant:
     """A leg that can be hopped, with its drives and the end stops of its joints."""
 
-    def __init__(self, robot: Robot, drive: Drive, above_ground: Collection[str] | None = None):
-        """above_ground: joints that stop a run where they hit the ground; by default all."""
+    def __init__(self, robot: Robot, drive: Drive, above_ground: Collection[str] | None = None, finer: int = 1):
+        """above_ground: joints that stop a run where they hit the ground; by default all. finer: parts into which every
+        step is cut."""
+        self.finer = finer
         self.above_ground = set(robot.joints if above_ground is None else above_ground) - {"foot"}
         self.robot, self.machine, self.drive, self.n = robot, Machine(robot), drive, len(robot.joints)
         joints = [robot.leg.joint[name] for name in robot.joints]
@@ -56,11 +60,15 @@ class Plant:
             a = self.machine.stance_terms(q, v).acceleration(tau + stop)
         else:
             a = self.machine.acceleration(q, v, tau + stop, False)
-        return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w]])
+        return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w, 0.0]])
 
     def step(self, s: State, torque: Torque, h: float) -> State:
-        """A step of length h [s] without regard to events; in several parts where a joint meets its end stop."""
+        """A step of length h [s] without regard to events; in several parts where a joint meets its end stop, or gears rub hard."""
         parts = AT_STOPS if self.stops.near(s.q[BASE:], s.v[BASE:], h) else 1
+        if not self.drive.lossless:
+            command = torque(s.t, s.q[BASE:], s.v[BASE:])
+            parts = max(parts, self.drive.parts(s.v[BASE:], command, self.robot.model.armature[BASE:], h))
+        parts *= self.finer
         for _ in range(parts):
             s = self._runge_kutta(s, torque, h / parts)
         return s
@@ -139,8 +147,8 @@ class Plant:
         free = self.step(replace(s, contact=False), torque, AHEAD)
         return bool(self.machine.foot_motion(free.q, free.v)[0][1] > 0)
 
-    def change(self, s: State) -> tuple[State, Event]:
-        """Let go of the foot; or land it, with a plastic impact, and note the energy that takes."""
+    def change(self, s: State, torque: Torque) -> tuple[State, Event | None]:
+        """Let go of the foot; or land it, with a plastic impact, and note the energy that takes; whatever the torque."""
         if s.contact:
             return replace(s, contact=False, since=s.t, before=s.since), Event("lift-off", s.t, 0.0)
         v = self.machine.touch_down(s.q, s.v)
@@ -178,7 +186,7 @@ class Plant:
         pending: list[tuple[float, Command]] = [(0.0, lambda s: lambda t, q, v: np.zeros(self.n))]
         for k in range(max(1, round(duration / timing.period))):
             begin, end = k * timing.period, (k + 1) * timing.period
-            s = replace(s, t=begin)
+            s = s if s.t == begin else replace(s, t=begin)
             pending.append((begin + timing.delay, self._command(controller, s, encoder, timing)))
             pending = pending[max(i for i, (at, _) in enumerate(pending) if at <= begin + EVENT) :]
             cuts = [t for t in (*(at for at, _ in pending), *breaks) if begin + EVENT < t < end - EVENT]
@@ -224,7 +232,7 @@ class Plant:
             return lambda t, q, v: torque(min(t, end - JUMP), q, v)
 
         torque = from_here(s)
-        while end - s.t > EVENT and s.sane:
+        while end - s.t > EVENT and s.sane and not s.halted:
             changes = self.lets_go(s, torque)
             if not changes:
                 self._note(writer, s, torque)
@@ -233,10 +241,13 @@ class Plant:
             if changes:
                 if before:
                     self._note(writer, s, before)
-                s, event = self.change(s)
-                writer.events.append(event)
+                s, event = self.change(s, torque)
+                if event:
+                    writer.events.append(event)
+                if chatters(writer.events):
+                    s = replace(s, halted="the contact chatters")
                 torque, before = from_here(s), None
-        return replace(s, t=end), torque
+        return s if s.halted or s.t == end else replace(s, t=end), torque
 
     def _note(self, writer: TraceWriter, s: State, torque: Torque) -> None:
         command = torque(s.t, s.q[BASE:], s.v[BASE:])
@@ -245,8 +256,19 @@ class Plant:
 
     def fault(self, s: State) -> str:
         """Why the simulation cannot go on, or nothing."""
-        if not s.sane:
-            return "the motion ran away"
-        heights = {name: z for name, (_, z) in self.machine.points(s.q).items() if name in self.above_ground}
-        lowest = min(heights, key=lambda name: heights[name], default="")
-        return f"the {lowest} hit the ground" if lowest and heights[lowest] < 0 else ""
+        if s.halted or not s.sane:
+            return s.halted or RAN_AWAY
+        lowest, height = self.lowest_watched(s)
+        return f"the {lowest} hit the ground" if height < 0 else ""
+
+    def lowest_watched(self, s: State) -> tuple[str, float]:
+        """The lowest of the joints that must not come to the ground, and its height [m]; infinite if there is none."""
+        heights = [(z, name) for name, (_, z) in self.machine.points(s.q).items() if name in self.above_ground]
+        height, name = min(heights, default=(np.inf, ""))
+        return name, float(height)
+
+
+def chatters(events: Sequence[Event]) -> bool:
+    """Whether the foot has left the ground CHATTER times within the last BOUNCE [s]."""
+    recent = [e for e in events[-4 * CHATTER :] if e.kind == "lift-off" and e.t >= events[-1].t - BOUNCE]
+    return len(recent) >= CHATTER

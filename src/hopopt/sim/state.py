@@ -7,6 +7,10 @@ import numpy as np
 
 SENSELESS = 1e3  # [rad/s] beyond this the simulation has broken down
 
+ACCOUNTS = (
+    4  # of work [J]: by the motors; lost in the gears, taken by the joints' end stops, lost in friction at the foot
+)
+
 BOUNCE = 0.02  # [s] a foot off the ground for less has not hopped: its stance goes on
 
 
@@ -24,8 +28,8 @@ class Timing:
 
 @dataclass(frozen=True)
 class State:
-    """Where the leg is: q, v (BASE + n); on the ground the foot rests at (foot, 0); in this phase since ``since``,
-    in the one before it since ``before`` [s]."""
+    """Where the leg is: q, v (BASE + n); on the ground the foot is at (foot, 0), or slips (+1 forward, -1 backward);
+    in this phase since ``since``, in the one before it since ``before`` [s]; halted: why the run must end here."""
 
     q: np.ndarray
     v: np.ndarray
@@ -35,7 +39,9 @@ class State:
     since: float = 0.0
     before: float = 0.0
     landings: int = 0
-    work: np.ndarray = field(default_factory=lambda: np.zeros(3))  # of the motors, lost in gears, taken by stops [J]
+    work: np.ndarray = field(default_factory=lambda: np.zeros(ACCOUNTS))
+    slip: int = 0
+    halted: str = ""
 
     @property
     def sane(self) -> bool:

@@ -15,7 +15,8 @@ SAME = 1e-8  # [s] samples and events nearer than this are at one instant
 
 @dataclass(frozen=True)
 class Event:
-    """A lift-off or touchdown at time t [s], and the energy the impact took [J]."""
+    """What happened at time t [s]: a lift-off, touchdown, slip, stick or jam of the foot, or "<joint> strikes"; and the
+    energy that an impact took [J]."""
 
     kind: str
     t: float
@@ -25,8 +26,8 @@ class Event:
 @dataclass(frozen=True)
 class Trace:
     """A simulated run at k instants: t (k,) [s]; q, v (k, 2 + n); command, motor (after the drives' limits) and tau
-    (after the gears' losses) (k, n) [N m]; contact force f (k, 2) [N]; contact (k,); work (k, 3) [J] done by the
-    motors, lost in the gears and taken by the joints' end stops so far. A change of contact has a sample just before it and one just after, if it lasts."""
+    (after the gears' losses) (k, n) [N m]; contact force f (k, 2) [N]; contact (k,); work (k, 4) [J] done by the
+    motors, lost in the gears, taken by the joints' end stops and lost in friction at the foot so far. A change of contact has a sample just before it and one just after, if it lasts."""
 
     robot: Robot
     t: np.ndarray
@@ -73,14 +74,15 @@ class Trace:
     @property
     def energy_error(self) -> float:
         """Largest error of motors' work = gain in energy + losses, relative to the largest energy turned over."""
-        spent = self.work[:, 0] - self.work[:, 1] - self.work[:, 2] - (self.energy - self.energy[0])
+        spent = self.work[:, 0] - self.work[:, 1:].sum(axis=1) - (self.energy - self.energy[0])
         before, after = (self._impacts(self.t + gap) for gap in (-SAME, SAME))  # both at an impact's own instant
         wrong = np.minimum(np.abs(spent - before), np.abs(spent - after))
         return float(wrong.max()) / max(float(np.abs(self.work[:, 0]).max()), float(np.ptp(self.energy)), 1e-9)
 
     def _impacts(self, t: np.ndarray) -> np.ndarray:
         """Energy [J] that impacts have taken up to times t."""
-        return np.array([sum(e.lost for e in self.events if e.t <= at) for at in t])
+        so_far = np.cumsum([0.0, *(e.lost for e in self.events)])
+        return so_far[np.searchsorted([e.t for e in self.events], t, side="right")]
 
 
 class TraceWriter:

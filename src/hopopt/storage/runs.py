@@ -82,9 +82,9 @@ def _dataset(trace: Trace) -> xr.Dataset:
     variables["t"] = ("sample", trace.t, {"units": "s"})
     variables["contact"] = ("sample", trace.contact.astype(np.int8), {"long_name": "1: foot on the ground"})
     variables["event_t"] = ("event", np.array([e.t for e in trace.events]), {"units": "s"})
-    kinds = np.array([e.kind == "lift-off" for e in trace.events], dtype=np.int8)
-    variables["event_kind"] = ("event", kinds, {"long_name": "1: lift-off, 0: touchdown"})
+    kinds = np.array([e.kind for e in trace.events], dtype=str)
+    variables["event_kind"] = ("event", kinds, {"long_name": "what happened"})
     joints = list(trace.robot.joints)
     coordinates = {"coordinate": ["x", "z", *joints], "joint": joints, "direction": ["x", "z"]}
-    coordinates["account"] = ["motors", "gears", "stops"]
+    coordinates["account"] = ["motors", "gears", "stops", "ground friction"]
     return xr.Dataset(variables, coords=coordinates, attrs={"outcome": trace.outcome})

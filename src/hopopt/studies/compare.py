@@ -26,6 +26,7 @@ from hopopt.problem.load import design_hash
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.mujoco import library
 from hopopt.sim.plant import PAST_APEX
+from hopopt.sim.state import ACCOUNTS
 from hopopt.sim.trace import Event, Trace
 from hopopt.studies.paper_results import PAPER, is_the_papers
 from hopopt.verify.table import NORMALISED_TIMES
@@ -234,11 +235,11 @@ def paper_strategy(solution: Solution) -> PaperStrategy | None:
 
 
 def answering(design: Design, bound: Solution) -> Solution:
-    """A bound for this problem's simulations: [reserve], [simulation], [solver] and [control] may differ, which are no part of what
-    is asked. UsageError if it answers another question."""
+    """A bound for this problem's simulations: [reserve], [simulation], [solver], [control] and [uncertainty] may differ, which
+    are no part of what is asked. UsageError if it answers another question."""
     if bound.objective != OBJECTIVE:
         raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
-    others = {name: getattr(design, name) for name in ("reserve", "simulation", "solver", "control")}
+    others = {name: getattr(design, name) for name in ("reserve", "simulation", "solver", "control", "uncertainty")}
     same = bound.design.model_copy(update=others)
     if design_hash(same) != design_hash(design):
         raise UsageError("the bound given: it was solved for another problem; leave out the problem or the bound")
@@ -270,7 +271,7 @@ def planned_trace(solution: Solution) -> Trace:
     spans = np.ptp(t.reshape(power.shape), axis=1)[:, None]
     each = spans * (power @ integrals_to(inside).T)  # since each interval began
     work = (each + np.concatenate([[0.0], np.cumsum(each[:-1, -1])])[:, None]).ravel()
-    works = np.stack([work, np.zeros_like(work), np.zeros_like(work)], axis=1)
+    works = np.stack([work, *[np.zeros_like(work)] * (ACCOUNTS - 1)], axis=1)
     events = (Event("lift-off", solution.lift_off, 0.0),)
     return Trace(solution.robot, t, q, v, tau, tau, tau, f, contact, works, events, "the clearance is reached")
 

@@ -1,26 +1,123 @@
-"""Tracking on legs that differ from the believed one: seeded draws of masses and torque constants."""
+"""Strategies on legs that differ from the believed one: seeded draws, and what a share of them reaches."""
 
 from copy import deepcopy
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import binom
 
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.reference import PlanReference
-from hopopt.control.strategies import Strategy, find
-from hopopt.design import Design
+from hopopt.control.strategies import find
+from hopopt.design import Design, Uncertainty
+from hopopt.errors import UsageError
+from hopopt.leg.kinematics import start_angles
+from hopopt.sim.plant import PAST_APEX
 from hopopt.studies.compare import Comparison, reference_of
 
 
-def mismatched(design: Design, draws: int, seed: int, mass: float, torque: float) -> list[tuple[Design, np.ndarray]]:
-    """Seeded draws of a true leg: every mass within +- ``mass`` (share), every motor's torque constant within
-    +- ``torque`` (share) of what the controller believes, uniformly; (leg, torque gain (n)) each."""
-    rng, found = np.random.default_rng(seed), []
+@dataclass(frozen=True)
+class Draw:
+    """A true leg: its problem, torque constants over the believed ones (n), joint angles at the start (n) [rad]."""
+
+    leg: Design
+    torque_gain: np.ndarray
+    start: np.ndarray
+
+
+def drawn(design: Design, spread: Uncertainty, draws: int, seed: int) -> list[Draw]:
+    """So many true legs, every quantity uniform within its spread, independently.
+
+    What later entries draw comes from a sequence of its own: a spread that is added leaves masses and torques as they were.
+    """
+    rng, more, found = np.random.default_rng(seed), np.random.default_rng((seed, 1)), []
+    n = len(design.leg.joints)
     for _ in range(draws):
         data = design.model_dump(exclude_none=True)
         for name in ("body", *design.leg.links):
-            data["leg"][name]["mass"] *= 1 + mass * rng.uniform(-1, 1)
-        found.append((Design.model_validate(data), 1 + torque * rng.uniform(-1, 1, len(design.leg.joints))))
+            data["leg"][name]["mass"] *= 1 + spread.mass * rng.uniform(-1, 1)
+        gain = 1 + spread.torque_constant * rng.uniform(-1, 1, n)
+        for name in design.leg.links:
+            data["leg"][name]["length"] *= 1 + spread.length * more.uniform(-1, 1)
+        if design.contact.friction is not None:
+            data["contact"]["friction"] *= 1 + spread.friction * more.uniform(-1, 1)
+        start = start_angles(design) + spread.start_angle * more.uniform(-1, 1, n)
+        data["simulation"]["torque_delay"] += spread.torque_delay * more.uniform()
+        for name in design.leg.joints:
+            kept = design.leg.drive(name, "gear", "efficiency")[1] or design.simulation.gear_efficiency
+            lost = spread.gear_loss * more.uniform()
+            if lost:
+                data["leg"][name].setdefault("gear", {})["efficiency"] = kept * (1 - lost)
+        found.append(Draw(Design.model_validate(data), gain, start))
+    return found
+
+
+@dataclass(frozen=True)
+class Reached:
+    """What a strategy reaches on draws: clearances (draws,) [m], and how each run ended."""
+
+    clearances: np.ndarray
+    outcomes: tuple[str, ...]
+
+    @property
+    def fell(self) -> int:
+        """How many legs did not come past the apex of a hop: they struck the ground, or never left it."""
+        return sum(outcome != PAST_APEX for outcome in self.outcomes)
+
+    def promised(self, share: float, confidence: float) -> float:
+        """The clearance [m] that at least this share of all legs reaches, with this confidence: an order statistic."""
+        return float(np.sort(self.clearances)[rank(len(self.clearances), share, confidence) - 1])
+
+
+def rank(draws: int, share: float, confidence: float) -> int:
+    """Which smallest clearance of so many draws (1: the least) at least this share of all legs reaches, with this
+    confidence, whatever their distribution (Wilks, 1941): the greatest k with P(at least k draws among the lowest
+    1 - share) >= confidence. UsageError if no draw is low enough for that."""
+    if not (0 < share < 1 and 0 < confidence < 1):
+        raise UsageError(f"share {share:g}, confidence {confidence:g}: both lie between 0 and 1, such as 0.95")
+    k = np.arange(1, draws + 1)
+    enough = np.flatnonzero(binom.sf(k - 1, draws, 1 - share) >= confidence)
+    if not len(enough):
+        least = int(np.ceil(np.log(1 - confidence) / np.log(share)))
+        raise UsageError(
+            f"{draws} draws cannot promise what {share:.4g} of the legs reach with confidence {confidence:.4g}: "
+            f"give at least {least} draws"
+        )
+    return int(k[enough[-1]])
+
+
+def reached(design: Design, name: str, reference: PlanReference | None, draws: list[Draw], processes: int) -> Reached:
+    """What a strategy that believes in ``design`` reaches on every draw, side by side on the cores."""
+    from joblib import Parallel, delayed
+
+    data, chunks = design.model_dump(exclude_none=True), [draws[k::processes] for k in range(processes)]
+    jobs = (delayed(_reached)(data, name, reference, chunk) for chunk in chunks if chunk)
+    parts: Any = Parallel(n_jobs=processes, backend="loky")(jobs)
+    clearances, outcomes = np.empty(len(draws)), [""] * len(draws)
+    for k, part in enumerate(parts):
+        clearances[k::processes] = [clearance for clearance, _ in part]
+        outcomes[k::processes] = [outcome for _, outcome in part]
+    return Reached(clearances, tuple(outcomes))
+
+
+def _reached(
+    data: dict[str, Any], name: str, reference: PlanReference | None, draws: list[Draw]
+) -> list[tuple[float, str]]:
+    design, strategy = Design.model_validate(data), find(name)
+    fresh, found = make_controller(design, strategy, reference), []  # its gains take longer than a hop
+    for draw in draws:
+        run = simulate(
+            design,
+            strategy,
+            plant=draw.leg,
+            torque_gain=draw.torque_gain,
+            start=draw.start,
+            controller=deepcopy(fresh),
+            past_apex=True,
+            compiled=True,
+        )
+        found.append((run.figures.clearance, run.trace.outcome))
     return found
 
 
@@ -28,11 +125,12 @@ def spread(
     comparison: Comparison, draws: int, seed: int, mass: float, torque: float, processes: int
 ) -> dict[str, dict[str, Any]]:
     """How the tracked optimum fares on drawn legs, for every tracking strategy compared; failed is below half of
-    the plan's clearance."""
-    legs, found = mismatched(comparison.solution.design, draws, seed, mass, torque), {}
+    the plan's clearance. mass, torque: shares, as in ``Uncertainty``."""
+    design, found = comparison.solution.design, {}
+    legs = drawn(design, Uncertainty(mass=mass, torque_constant=torque), draws, seed)
     for name, run in comparison.runs.items():
         if run.strategy.needs_plan and comparison.plan is not None:
-            heights = robustness(comparison, run.strategy, legs, processes)
+            heights = reached(design, run.strategy.name, reference_of(comparison.plan), legs, processes).clearances
             levels = {"lowest_m": 0, "p05_m": 5, "median_m": 50, "p95_m": 95, "highest_m": 100}
             found[name] = {
                 "draws": draws,
@@ -44,29 +142,3 @@ def spread(
                 "clearances_m": heights.tolist(),
             }
     return found
-
-
-def robustness(
-    comparison: Comparison, strategy: Strategy, draws: list[tuple[Design, np.ndarray]], processes: int
-) -> np.ndarray:
-    """Clearances [m] of a strategy on every drawn leg, (draws,), side by side on the cores."""
-    from joblib import Parallel, delayed
-
-    design = comparison.solution.design
-    reference = None if comparison.plan is None else reference_of(comparison.plan)
-    data, chunks = design.model_dump(exclude_none=True), [draws[k::processes] for k in range(processes)]
-    jobs = (delayed(_clearances)(data, strategy.name, reference, chunk) for chunk in chunks)
-    parts: Any = Parallel(n_jobs=processes, backend="loky")(jobs)
-    found = np.empty(len(draws))
-    for k, part in enumerate(parts):
-        found[k::processes] = part
-    return found
-
-
-def _clearances(
-    data: dict[str, Any], name: str, reference: PlanReference | None, draws: list[tuple[Design, np.ndarray]]
-) -> list[float]:
-    design, strategy = Design.model_validate(data), find(name)
-    fresh = make_controller(design, strategy, reference)  # its gains take longer than a hop
-    runs = (simulate(design, strategy, plant=leg, torque_gain=gain, controller=deepcopy(fresh)) for leg, gain in draws)
-    return [run.figures.clearance for run in runs]

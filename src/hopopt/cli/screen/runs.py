@@ -78,7 +78,7 @@ def print_run(row: Mapping[str, Any], where: str) -> None:
     e = row["energy"]
     out.print(
         f"  mean saturation in stance: {means}; work of the motors {e['motors_J']:.1f} J, gained {e['gained_J']:.1f} J, "
-        f"gears {e['gears_J']:.1f} J, end stops {e['stops_J']:.1f} J (balance closes to {row['energy_error']:.0e})"
+        f"gears {e['gears_J']:.1f} J, end stops {e['stops_J']:.1f} J, friction {e['ground_friction_J']:.1f} J (balance closes to {row['energy_error']:.0e})"
     )
     out.print(f"  peak ground force {row['peaks']['ground_force_N']:.0f} N; the run ended: {row['outcome']}")
     if row["no_hop"]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from hopopt.global_search.compiled import kernel
+from hopopt.sim.compiled import kernel
 
 
 @pytest.fixture

@@ -1,11 +1,12 @@
 """What numba keeps on disk, checked: numba loads what it finds, and a damaged or outdated file ends the process or lies.
 
-Every file ends with its digest, and every function is kept for the sources of this whole package, for numba looks at the
+Every file ends with its digest, and every function is kept for the sources of its whole package, for numba looks at the
 file of the function alone and not at those of the functions that it calls. What does not fit is compiled again.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -16,21 +17,25 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from hopopt.files import write_whole
 
 LENGTH = 32  # bytes of a digest
-SOURCES = sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
 
 
 class CheckedFiles(IndexDataCacheFile):
-    """numba's index and data files, written whole, each with a digest at its end, where unpickling ignores it."""
+    """numba's index and data files, written whole, each with a digest at its end, where unpickling ignores it.
+
+    sources: digest of the sources that the function is kept for
+    """
+
+    sources: str
 
     def save(self, key: Any, data: Any) -> None:
         """Keep a compiled function; where nothing can be written it serves this process alone."""
         with suppress(OSError):
-            super().save((key, SOURCES), ((key, SOURCES), data))
+            super().save((key, self.sources), ((key, self.sources), data))
 
     def load(self, key: Any) -> Any:
         """The compiled function of a key; None if there is none that is whole."""
-        found = super().load((key, SOURCES))
-        return found[1] if found is not None and found[0] == (key, SOURCES) else None
+        found = super().load((key, self.sources))
+        return found[1] if found is not None and found[0] == (key, self.sources) else None
 
     def _load_index(self) -> dict[Any, str]:
         return super()._load_index() if _whole(Path(self._index_path)) else {}
@@ -54,6 +59,13 @@ class CheckedCache(FunctionCache):
         super().__init__(function)
         stamp = self._impl.locator.get_source_stamp()
         self._cache_file = CheckedFiles(self.cache_path, self._impl.filename_base, stamp)
+        self._cache_file.sources = _sources(Path(function.__code__.co_filename).parent)
+
+
+@cache
+def _sources(folder: Path) -> str:
+    """Digest of all modules in a folder."""
+    return sha256(b"".join(path.read_bytes() for path in sorted(folder.glob("*.py")))).hexdigest()
 
 
 def _whole(path: Path) -> bool:

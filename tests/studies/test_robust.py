@@ -1,0 +1,131 @@
+"""What a share of drawn legs reaches: draws within their spreads, and a promise that holds as often as it says."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from hopopt.cli.main import run
+from hopopt.cli.screen.robust import print_robust
+from hopopt.design import Uncertainty
+from hopopt.errors import UsageError
+from hopopt.problem.load import load
+from hopopt.sim.plant import PAST_APEX
+from hopopt.studies import robust as studying
+from hopopt.studies.robustness import Reached, drawn, rank, reached
+
+
+def test_a_promise_is_broken_no_more_often_than_its_confidence_says() -> None:
+    """2000 samples of a skewed distribution whose quantile is known: the order statistic is at most it, often enough."""
+    rng, share, confidence, draws = np.random.default_rng(0), 0.9, 0.8, 40
+    quantile = -np.log(share)  # of the exponential distribution: a share of all is above it
+    samples = rng.exponential(size=(2000, draws))
+    kept = float(np.mean([Reached(row, ()).promised(share, confidence) <= quantile for row in samples]))
+    k = rank(draws, share, confidence)
+    exact = 1 - sum(binom.pmf(j, draws, 1 - share) for j in range(k))
+    assert exact >= confidence
+    assert abs(kept - exact) < 4 * np.sqrt(exact * (1 - exact) / len(samples))
+
+
+@pytest.mark.parametrize(("draws", "expected"), [(93, 2), (124, 3), (153, 4)])
+def test_ranks_of_wilks(draws: int, expected: int) -> None:
+    """95 % at 95 %: the least numbers of draws for these ranks, and 59 for the first (Wilks, 1941)."""
+    assert (rank(draws, 0.95, 0.95), rank(draws - 1, 0.95, 0.95)) == (expected, expected - 1)
+    assert rank(59, 0.95, 0.95) == 1
+    with pytest.raises(UsageError, match="58 draws cannot promise"):
+        rank(58, 0.95, 0.95)
+
+
+def test_draws_stay_within_every_spread_and_share_masses() -> None:
+    design = load("paper", {"contact.friction": 0.6, "simulation.gear_efficiency": 0.9})
+    wide = Uncertainty(length=0.02, friction=0.2, start_angle=0.03, torque_delay=1e-3, gear_loss=0.1)
+    draws, plain = drawn(design, wide, 40, 5), drawn(design, Uncertainty(), 40, 5)
+    assert [d.leg.leg.body.mass for d in draws] == [d.leg.leg.body.mass for d in plain]
+    lengths = np.array([d.leg.leg.link["thigh"].length for d in draws]) / design.leg.link["thigh"].length - 1
+    assert 0.01 < np.abs(lengths).max() <= 0.02
+    friction = np.array([d.leg.contact.friction for d in draws], dtype=float)
+    assert 0.1 < np.abs(friction / 0.6 - 1).max() <= 0.2
+    delays = np.array([d.leg.simulation.torque_delay for d in draws])
+    assert 0 <= delays.min() < 3e-4 < 7e-4 < delays.max() <= 1e-3
+    kept = np.array([d.leg.leg.drive("knee", "gear", "efficiency")[1] for d in draws], dtype=float)
+    assert 0.81 <= kept.min() < 0.85 < kept.max() <= 0.9
+    starts = np.array([d.start for d in draws]) - plain[0].start
+    assert 0.02 < np.abs(starts).max() <= 0.03
+
+
+def test_runs_on_draws_are_those_of_single_runs_and_falls_are_counted() -> None:
+    """PD control on rough ground, in this process and by the workers; a leg without torque falls."""
+    design = load("paper", {"contact.friction": 0.6})
+    draws = drawn(design, Uncertainty(), 3, 1)
+    found = reached(design, "force_tuck", None, draws, 1)
+    assert found.fell == 0
+    assert set(found.outcomes) == {PAST_APEX}
+    assert np.all((found.clearances > 0.4) & (found.clearances < 0.7))
+    weak = [type(d)(d.leg, 0.05 * d.torque_gain, d.start) for d in draws[:1]]
+    fallen = reached(design, "force_tuck", None, weak, 1)
+    assert fallen.fell == 1
+    assert fallen.clearances[0] < 0.05
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--share", "1.5"], "share 1.5, confidence 0.95: both lie between 0 and 1"),
+        (
+            ["--draws", "20"],
+            "20 draws cannot promise what 0.95 of the legs reach with confidence 0.95: give at least 59",
+        ),
+        (["--set", "uncertainty.mass=0", "--set", "uncertainty.torque_constant=0"], "[uncertainty] is zero throughout"),
+        (["--set", "uncertainty.mass=-0.1"], "uncertainty.mass = -0.1"),
+        (["--evaluations", "0"], "0 evaluations: at least 1 reserve must be tried"),
+    ],
+)
+def test_what_cannot_be_promised_is_said_in_a_sentence(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str], tmp_path: object
+) -> None:
+    assert run(["robust", "paper", "--results", str(tmp_path), *arguments]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) -> None:
+    """Four numbers, the promise in words, and a table for the problem file."""
+    numbers = {
+        "clearance_m": 0.6,
+        "lowest_m": 0.59,
+        "median_m": 0.63,
+        "plan_m": 0.64,
+        "bound_m": None,
+        "ideal_bound_m": 0.8,
+    }
+    counts = {"share": 0.95, "confidence": 0.9, "draws": 60, "rank": 1, "fell": 2, "evaluations": 3, "wall_s": 1.0}
+    rest = {
+        "tracker": "track",
+        "reserve": {"torque": 0.1},
+        "plan_verified": False,
+        "pd": {"pd": 0.5},
+        "pd_fell": {"pd": 0},
+    }
+    print_robust({**numbers, **counts, **rest}, "there")
+    words = " ".join(capsys.readouterr().out.split())
+    assert "bound, ideal ground 0.8000 m bound, this ground not verified" in words
+    assert "track, 95 % of the legs 0.6000 m 2 pd, 95 % of the legs 0.5000 m 0" in words
+    assert (
+        "95 % of all legs within [uncertainty] reach this, with confidence 90 %: it is number 1 from below of 60"
+        in words
+    )
+    assert "best of 3 reserves; it was NOT verified: [reserve] torque = 0.1" in words
+
+
+@pytest.mark.slow
+def test_the_command_prints_one_object(capsys: pytest.CaptureFixture[str], tmp_path: object) -> None:
+    """Small budgets: the promise is below the plan, above PD, and the bounds are above all."""
+    arguments = ["--set", "contact.friction=0.6", "--set", "hop.stance_duration=[0.03, 0.2]"]
+    budget = ["--share", "0.8", "--confidence", "0.8", "--draws", "12", "--evaluations", "2", "--starts", "1"]
+    assert run(["robust", "paper", *arguments, *budget, "--json", "--results", str(tmp_path)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["fell"] == 0
+    assert found["pd"]["force_tuck"] < found["clearance_m"] < found["bound_m"] <= found["ideal_bound_m"]
+    assert (found["draws"], found["share"], found["confidence"]) == (12, 0.8, 0.8)
+    assert found["reserve"]["torque"] >= 0
+    assert found["tracker"] == studying.TRACKER
