@@ -41,7 +41,7 @@ def compiled(function: ca.Function) -> ca.Function:
     if function.n_instructions() < WORTH_IT:
         return function
     try:
-        folder = _folder()
+        folder = cache_folder()
         library = folder / f"{_key(function)}.so" if folder else None
         if library and (library.is_file() or (_making and _made(function, library))) and _ours(library):
             return ca.external(function.name(), str(library))
@@ -56,7 +56,7 @@ def _key(function: ca.Function) -> str:
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 
-def _folder() -> Path | None:
+def cache_folder() -> Path | None:
     """Where libraries are kept, a folder that nobody else may write to; None if there is none."""
     asked = os.environ.get(FOLDER, "")
     if asked == "off" or os.name != "posix":
