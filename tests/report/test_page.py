@@ -269,7 +269,10 @@ def test_solve_writes_the_page_beside_the_answer(tmp_path: Path, capsys: pytest.
     """Of a hop that is not verified it states no answer."""
     assert cli.run(["solve", *COARSE, "--report", "--json", "--results", str(tmp_path)]) == 3
     folder = Path(json.loads(capsys.readouterr().out)["result_dir"])
-    assert "No answer is stated: the hop was not verified." in (folder / "report.html").read_text(encoding="utf-8")
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert "No answer is stated: the hop was not verified." in text
+    assert "parts.ballistic_rise_m" not in text
+    assert "better than the optimum" not in text
 
 
 def test_what_has_no_page_is_said_in_a_sentence(
