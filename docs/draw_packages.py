@@ -31,6 +31,8 @@ WORDS = {  # what a package holds, as its box says
     "planner": "a problem to a verdict",
     "storage": "result folders",
     "studies": "many solves, many runs",
+    "export": "plans for robots",
+    "report": "a page of results",
     "plots": "figures",
     "cli": "commands and screen",
     "api": "the verbs in Python",

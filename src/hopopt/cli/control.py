@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from hopopt.cli.options import AsJson, Overrides, progress, repeated, write_new
+from hopopt.cli.options import AsJson, Overrides, progress, repeated
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -185,34 +185,6 @@ def compare(
 
     print_comparison(data, f"{where}   ({data['wall_s']:.1f} s)")
     return found.exit_code
-
-
-def export(
-    problem: str = "paper", *, set_: Overrides = None, urdf: Path | None = None, mjcf: Path | None = None
-) -> int:
-    """Write the leg as URDF or MJCF, for other simulators. An existing file is never overwritten.
-
-    Parameters
-    ----------
-    problem
-        A problem file, or the name of a built-in one.
-    urdf
-        The URDF file to write.
-    mjcf
-        The MuJoCo file to write.
-    """
-    from hopopt.leg.export import to_mjcf, to_urdf
-    from hopopt.leg.robot import build_robot
-    from hopopt.problem.load import load
-
-    robot = build_robot(load(problem, set_ or ()).leg)
-    if urdf is None and mjcf is None:
-        raise UsageError("say what to write: --urdf leg.urdf or --mjcf leg.xml")
-    for path, write in ((urdf, to_urdf), (mjcf, to_mjcf)):
-        if path is not None:
-            write_new(path, write(robot))
-            print(f"{path} written")
-    return 0
 
 
 def _options(given: "list[str] | tuple[str, ...]") -> dict[str, Any]:

@@ -14,13 +14,18 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import CycloptsError
 
+from hopopt.cli import animate as cli_animate
 from hopopt.cli import catalogue as cli_actuators
 from hopopt.cli import control as cli_runs
 from hopopt.cli import diagnose as cli_diagnose
+from hopopt.cli import doctor as cli_doctor
 from hopopt.cli import evidence as cli_evidence
+from hopopt.cli import export as cli_export
 from hopopt.cli import families as cli_families
+from hopopt.cli import log as cli_log
 from hopopt.cli import paper as cli_paper
 from hopopt.cli import pareto as cli_pareto
+from hopopt.cli import report as cli_report
 from hopopt.cli import robust as cli_robust
 from hopopt.cli import schema as cli_schema
 from hopopt.cli import sensitivity as cli_studies
@@ -50,6 +55,7 @@ def solve(
     control: bool = True,
     results: Path = Path("results"),
     figures: bool = True,
+    report: bool = False,
     json_: AsJson = False,
 ) -> int:
     """Find the highest hop of a leg (or another best one), verify it, and save it with its figures.
@@ -84,6 +90,8 @@ def solve(
         Folder for the results; each run gets a new folder inside it.
     figures
         Draw the figures.
+    report
+        Also write report.html into the results folder: a page with the hop moving (hopopt report has more).
     """
     began = time.perf_counter()
     from hopopt.problem.load import load
@@ -123,6 +131,9 @@ def solve(
             say("simulating the paper's force control")
             with suppress(KeyboardInterrupt):  # the answer is there
                 solution = _beside(solution)
+        if report:
+            say("writing the report")
+            _report(solution)
     _answer(solution, json_)
     return solution.summary.exit_code
 
@@ -151,6 +162,18 @@ def _beside(solution: "Solution") -> "Solution":
         return solution
     code = 3 if found.beyond_bound else solution.summary.exit_code
     return with_more(solution, paper_strategy=found, exit_code=code)
+
+
+def _report(solution: "Solution") -> None:
+    """Write report.html into the folder of a saved solution; the answer is there, so what goes wrong is only reported."""
+    from hopopt.report.content import of_solutions
+    from hopopt.report.page import page
+
+    assert solution.result_dir is not None
+    try:
+        write_new(solution.result_dir / "report.html", page(of_solutions([solution])))
+    except (HopoptError, KeyboardInterrupt) as error:
+        print(f"hopopt: the report is missing ({error or 'interrupted'})", file=sys.stderr)
 
 
 def _solved(
@@ -303,9 +326,10 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
 
 
 for command in (
-    cli_runs.simulate, cli_runs.compare, cli_runs.export, cli_studies.sensitivity, cli_paper.calibrate,
+    cli_runs.simulate, cli_runs.compare, cli_export.export, cli_studies.sensitivity, cli_paper.calibrate,
     cli_paper.tune, cli_paper.reproduce, cli_sweep.sweep, cli_pareto.pareto, cli_actuators.actuators,
     cli_evidence.evidence, cli_families.families, cli_diagnose.diagnose, cli_schema.schema, cli_robust.robust,
+    cli_doctor.doctor, cli_report.report, cli_animate.animate, cli_log.log,
 ):  # fmt: skip
     app.command(command)
 app.register_install_completion_command(help="Let the shell complete hopopt's commands and options (bash, zsh, fish).")

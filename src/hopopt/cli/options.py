@@ -1,7 +1,7 @@
 """What all commands of the command line share."""
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -61,7 +61,8 @@ def progress(quiet: bool) -> AbstractContextManager[Callable[[str], None]]:
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a file that must not exist yet, in a folder that may not; UsageError in a sentence if that cannot be."""
+    """Write a file that must not exist yet, in a folder that may not; UsageError in a sentence, and no file, if that cannot
+    be."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
@@ -69,4 +70,6 @@ def write_new(path: Path, text: str) -> None:
     except FileExistsError:
         raise UsageError(f"{path} exists already and is not overwritten: choose another name") from None
     except OSError as error:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)  # what was written of it
         raise UsageError(f"{path} cannot be written ({error.strerror}): choose another name or folder") from None

@@ -51,11 +51,12 @@ class PhaseReference:
 
     def _impulse(self, t: float) -> np.ndarray:
         """Integral of tau from the phase's beginning to t."""
-        return np.array([np.interp(t, self._fine[0], column) for column in self._fine[1].T])
+        times, impulses = self.impulses
+        return np.array([np.interp(t, times, column) for column in impulses.T])
 
     @cached_property
-    def _fine(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times and integrals of tau at all places, by the trapezoidal rule."""
+    def impulses(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (N K) [s] and integrals of tau until then (N K, n) [N m s] at all places, by the trapezoidal rule."""
         t, tau = self.t.ravel(), self.tau.reshape(-1, self.tau.shape[-1])
         pieces = 0.5 * (tau[1:] + tau[:-1]) * np.diff(t)[:, None]
         return t, np.vstack([np.zeros(tau.shape[1]), np.cumsum(pieces, axis=0)])

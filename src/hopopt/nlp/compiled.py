@@ -45,7 +45,7 @@ def compiled(function: ca.Function) -> ca.Function:
     if function.n_instructions() < WORTH_IT:
         return function
     try:
-        folder = _folder()
+        folder = cache_folder()
         library = folder and (_kept(folder, _key(function)) or (_made(function, folder) if _making else None))
         if library:
             return ca.external(function.name(), str(library))
@@ -60,7 +60,7 @@ def _key(function: ca.Function) -> str:
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 
-def _folder() -> Path | None:
+def cache_folder() -> Path | None:
     """Where libraries are kept, a folder that nobody else may write to; None if there is none."""
     asked = os.environ.get(FOLDER, "")
     if asked == "off" or os.name != "posix":

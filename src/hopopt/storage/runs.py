@@ -6,10 +6,12 @@ results/<problem>-<what>-<hash8>/
 """
 
 import hashlib
+import json
 import logging
 import os
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +20,17 @@ import xarray as xr
 
 from hopopt.design import Design
 from hopopt.errors import ResultError
-from hopopt.problem.load import design_hash, resolved_toml
-from hopopt.sim.trace import Trace
+from hopopt.leg.robot import Robot, build_robot
+from hopopt.problem.load import design_hash, load, resolved_toml
+from hopopt.sim.trace import Event, Trace
 from hopopt.storage.folder import new_work_folder, reason_of, unused, write_json
+from hopopt.storage.netcdf import Group
+from hopopt.storage.netcdf import read as read_netcdf
 
 UNITS = {"q": "m or rad", "v": "m/s or rad/s", "command": "N m", "motor": "N m", "tau": "N m", "f": "N", "work": "J"}
 DIMENSIONS = {"q": "coordinate", "v": "coordinate", "command": "joint", "motor": "joint", "tau": "joint"}
 DIMENSIONS |= {"f": "direction", "work": "account"}
+EVENTS = {0: "touchdown", 1: "lift-off"}  # as the file has them
 
 
 def save_runs(
@@ -88,3 +94,38 @@ def _dataset(trace: Trace) -> xr.Dataset:
     coordinates = {"coordinate": ["x", "z", *joints], "joint": joints, "direction": ["x", "z"]}
     coordinates["account"] = ["motors", "gears", "stops", "ground friction"]
     return xr.Dataset(variables, coords=coordinates, attrs={"outcome": trace.outcome})
+
+
+@dataclass(frozen=True)
+class StoredRuns:
+    """Runs as they lie in their folder.
+
+    design: the problem
+    data: what the JSON file holds
+    traces: name -> the run
+    """
+
+    design: Design
+    data: Mapping[str, Any]
+    traces: Mapping[str, Trace]
+
+
+def read_runs(folder: Path, what: str) -> StoredRuns:
+    """Runs that ``save_runs`` wrote, such as a "comparison"; ResultError if files are missing or broken."""
+    try:
+        data = json.loads((folder / f"{what}.json").read_text(encoding="utf-8"))
+        design = load(folder / "problem.toml")
+        robot, groups = build_robot(design.leg), read_netcdf(folder / "runs.nc")
+        traces = {name: _trace(groups[name.replace(":", ".")], robot) for name in data["strategies"]}
+    except FileNotFoundError as error:
+        raise ResultError(f"{error.filename}: this file of the {what} is missing: make it again") from error
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ResultError(f"{folder}: the {what} cannot be read ({reason_of(error)}): make it again") from error
+    return StoredRuns(design, data, traces)
+
+
+def _trace(group: Group, robot: Robot) -> Trace:
+    arrays = {name: group[name] for name in ("t", *UNITS)} | {"contact": group["contact"].astype(bool)}
+    kinds = zip(group["event_kind"], group["event_t"], strict=True)
+    events = tuple(Event(EVENTS.get(kind, str(kind)), float(t), 0.0) for kind, t in kinds)  # losses: not kept
+    return Trace(robot, **arrays, events=events, outcome=str(group.attributes["outcome"]))

@@ -1,0 +1,46 @@
+"""The command that makes a moving picture of results: animate."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from hopopt.cli.options import AsJson, progress
+
+
+def animate(
+    *results: Path,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("hop.gif"),
+    slower: float = 4.0,
+    json_: AsJson = False,
+) -> int:
+    """Write hops as a moving picture, one over the other in step. An existing file is never overwritten.
+
+    Parameters
+    ----------
+    results
+        A folder that hopopt solve or hopopt compare wrote; or up to four solved hops of legs with the same joints.
+    output
+        The file to write: .gif, .svg (moves in a browser), or .mp4 (needs ffmpeg).
+    slower
+        How many seconds a second takes, from 1 to 100.
+    """
+    from hopopt.errors import UsageError
+
+    if not results:
+        raise UsageError(
+            "give a folder that hopopt solve or hopopt compare wrote: hopopt animate results/paper-0a1b2c3d"
+        )
+    if not 1 <= slower <= 100:
+        raise UsageError(f"--slower {slower:g}: from 1 to 100 are allowed")
+    from hopopt.plots import animation
+    from hopopt.report.content import content_of
+    from hopopt.storage.folder import as_json, fitting
+
+    with progress(quiet=json_) as say:
+        with fitting(results[0]):
+            content = content_of(results)
+        say("drawing")
+        animation.animate(content.hops, content.design.title or content.design.name, output, slower)
+    print(as_json({"written": [str(output)], "exit_code": 0}) if json_ else f"{output} written")
+    return 0

@@ -1,0 +1,69 @@
+"""The command that sets a robot's hop beside the bound: log."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from hopopt.cli.options import AsJson, write_new
+
+
+def log(
+    run: Path,
+    *,
+    leg: str = "paper",
+    bound: Path | None = None,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    report: Path | None = None,
+    json_: AsJson = False,
+) -> int:
+    """Read the log of a robot's hop: its clearance, its share of the bound, what it misses, limits exceeded.
+
+    Parameters
+    ----------
+    run
+        A CSV file with a header: t, q_JOINT, v_JOINT and tau_JOINT of every joint, and contact or force_z. A unit may
+        follow in brackets, as in q_knee [deg].
+    leg
+        The problem file of the leg, or the name of a built-in problem.
+    bound
+        A results folder of hopopt solve for the same leg, to compare with.
+    map_
+        A TOML file with the log's own names: q_hip = "hip_position".
+    report
+        Also write a page with the run beside the bound, such as run.html.
+    """
+    from hopopt.errors import UsageError
+    from hopopt.problem.load import load
+    from hopopt.storage.folder import as_json
+    from hopopt.storage.solution import read
+    from hopopt.studies.robot_hop import account, sentences, trace_of
+    from hopopt.studies.robot_log import read_log, read_map
+
+    design, best = load(leg), read(bound) if bound else None
+    if best is not None and (best.design.leg.joints != design.leg.joints or best.objective != "clearance"):
+        raise UsageError(
+            f"--bound {bound}: it is not the highest hop of a leg with the joints {', '.join(design.leg.joints)}"
+        )
+    if best is not None and not best.verified:
+        raise UsageError(f"--bound {bound}: it is not verified, so it bounds nothing: hopopt verify says why")
+    found = read_log(run, design, read_map(map_))
+    data = {"log": str(run), "problem": design.name, **account(design, found, best)}
+    if report is not None:
+        from hopopt.report.motion import planned, simulated
+        from hopopt.report.page import Content, page
+
+        trace = trace_of(found, design)
+        hops = [simulated(trace, run.name, data["clearance_m"]), *([planned(best, "the bound")] if best else [])]
+        answer = sentences(data)
+        write_new(report, page(Content(design, hops, words=answer, provenance={"log": str(run), "bound": str(bound)})))
+    if json_:
+        print(as_json({**data, "exit_code": 0}))
+    else:
+        from hopopt.cli.screen.console import console, print_lines
+
+        out = console()
+        first, *others = sentences(data)
+        out.print(f"{run}: {first}")
+        print_lines(out, "hop", others)
+    return 0

@@ -1,0 +1,133 @@
+"""A planned hop at the control rate, for whoever moves a robot by it: CSV, JSON, and a message of ROS 2.
+
+Angles and speeds are those of the joints as the problem file defines them, torques are behind the gear. SI throughout.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hopopt.control.closed_loop import make_plant
+from hopopt.control.reference import PlanReference
+from hopopt.control.setting import Setting
+from hopopt.control.tracking import Track
+from hopopt.leg.kinematics import loop_axes
+from hopopt.leg.robot import BASE
+from hopopt.ocp.phases import DESCENT, STANCE
+from hopopt.planner.solution import Samples, Solution
+from hopopt.verify.table import NORMALISED_TIMES
+
+NANOSECONDS = 10**9  # in a second
+FORMAT = 1  # of the JSON object
+
+
+@dataclass(frozen=True)
+class PlanRows:
+    """A planned hop at the control instants, and at its end.
+
+    problem: name of the problem
+    joints: names, from the body down
+    period: of the controller [s]
+    clearance: at the apex [m]
+    samples: the whole leg at k times (``Samples``)
+    gains: K (k, n, 2 n) of the tracker's torque tau - K (q - q_plan, v - v_plan) [N m/rad, N m s/rad]; NaN in a descent,
+        which the tracker does not follow, and all along for a leg that cannot be simulated
+    """
+
+    problem: str
+    joints: tuple[str, ...]
+    period: float
+    clearance: float
+    samples: Samples
+    gains: np.ndarray
+
+
+def tracker_of(solution: Solution) -> Track:
+    """The strategy ``track`` with its own settings, for the plan of a solution.
+
+    Raises UsageError for a leg that cannot be simulated, and so not tracked.
+    """
+    make_plant(solution.design)
+    plan = PlanReference.from_tables(NORMALISED_TIMES, solution.tables, solution.clearance)
+    return Track(Setting(solution.design, 1 / solution.design.simulation.control_rate, plan))
+
+
+def plan_rows(solution: Solution) -> PlanRows:
+    """The plan of a solution at the control rate of its problem."""
+    design, samples, n = solution.design, samples_at_control_rate(solution), len(solution.robot.joints)
+    gains, period = np.full((len(samples.t), n, 2 * n), np.nan), 1 / design.simulation.control_rate
+    if not loop_axes(design.leg):
+        tracker = tracker_of(solution)
+        for k in np.flatnonzero(samples.phase != DESCENT):
+            contact = bool(samples.phase[k] == STANCE)
+            since = samples.t[k] - (0.0 if contact else solution.lift_off)
+            gains[k] = tracker.gains[contact].at(round(since / period))[2]
+    return PlanRows(design.name, design.leg.joints, period, solution.clearance, samples, gains)
+
+
+def samples_at_control_rate(solution: Solution) -> Samples:
+    """The whole leg at every control instant of the hop, and at its end."""
+    rate = solution.design.simulation.control_rate
+    instants = np.arange(int(np.ceil(solution.end * rate - 1e-6))) / rate
+    return solution.sample([*instants, solution.end])
+
+
+def columns(rows: PlanRows) -> dict[str, tuple[str, Sequence[Any]]]:
+    """name -> (unit, values): time, phase, body, joints, ground force, gains if the leg has any."""
+    s, found = rows.samples, {}
+    found["t"], found["phase"] = ("s", s.t), ("", s.phase)
+    for k, axis in enumerate("xz"):
+        found[f"body_{axis}"], found[f"body_v{axis}"] = ("m", s.q[:, k]), ("m/s", s.v[:, k])
+    for k, joint in enumerate(rows.joints):
+        found[f"q_{joint}"] = "rad", s.q[:, BASE + k]
+        found[f"v_{joint}"] = "rad/s", s.v[:, BASE + k]
+        found[f"tau_{joint}"] = "N m", s.tau[:, k]
+    for k, axis in ((0, "x"), (-1, "z")):
+        found[f"force_{axis}"] = "N", s.f[:, k]
+    for k, joint in enumerate(rows.joints if np.isfinite(rows.gains).any() else ()):
+        for m, other in enumerate(rows.joints):
+            found[f"K_{joint}_q_{other}"] = "N m/rad", rows.gains[:, k, m]
+            found[f"K_{joint}_v_{other}"] = "N m s/rad", rows.gains[:, k, len(rows.joints) + m]
+    return found
+
+
+def to_csv(solution: Solution) -> str:
+    """One header line of names with units in brackets, one line for each instant; an empty cell where there is no gain."""
+    found, text = columns(plan_rows(solution)), io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([f"{name} [{unit}]" if unit else name for name, (unit, _) in found.items()])
+    writer.writerows(zip(*([_plain(x) for x in values] for _, values in found.values()), strict=True))
+    return text.getvalue()
+
+
+def to_json(solution: Solution) -> str:
+    """One object: the columns of the CSV file by name, their units, and what the plan is; null where there is no gain."""
+    rows = plan_rows(solution)
+    found = columns(rows)
+    head = {"format": FORMAT, "problem": rows.problem, "joints": rows.joints, "period_s": rows.period}
+    units = {name: unit for name, (unit, _) in found.items() if unit}
+    values = {name: [_plain(x) for x in values] for name, (_, values) in found.items()}
+    return json.dumps({**head, "clearance_m": rows.clearance, "units": units, "columns": values}) + "\n"
+
+
+def to_ros2(solution: Solution) -> str:
+    """A trajectory_msgs/msg/JointTrajectory as YAML, a point for each control instant; effort is the planned torque."""
+    s, joints = samples_at_control_rate(solution), solution.design.leg.joints
+    lines = ["header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}", f"joint_names: {json.dumps(joints)}", "points:"]
+    for k, t in enumerate(s.t):
+        seconds, rest = divmod(round(float(t) * NANOSECONDS), NANOSECONDS)
+        values = {"positions": s.q[k, BASE:], "velocities": s.v[k, BASE:], "accelerations": s.a[k, BASE:]}
+        for mark, (name, numbers) in zip("-   ", (values | {"effort": s.tau[k]}).items(), strict=True):
+            lines.append(f"{mark} {name}: [{', '.join(f'{x:.12f}' for x in numbers)}]")
+        lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
+    return "\n".join(lines) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    """A number or word as Python has it; None for NaN."""
+    return str(value) if isinstance(value, str) else None if np.isnan(value) else float(value)

@@ -1,0 +1,167 @@
+#ifndef HOPOPT_TRACKER_H
+#define HOPOPT_TRACKER_H
+
+#include <math.h>
+#include <string.h>
+
+/* @TABLES@ */
+
+#define HOPOPT_STATES (2 * HOPOPT_JOINTS)
+
+/* A planned phase: at HOPOPT_PLACES places of every interval the time since the phase began [s]; joint angles [rad],
+   speeds [rad/s], torques [N m] and their integrals since then [N m s]. For every control period the error's change by
+   itself (A) and by torque (B), the feedback (K) and the filter (L), matrices row by row. */
+typedef struct {
+    int intervals, periods;
+    const double *t, *q, *v, *tau, *impulse, *A, *B, *K, *L;
+} hopopt_phase;
+
+static const hopopt_phase hopopt_stance = {
+    HOPOPT_STANCE_INTERVALS, HOPOPT_STANCE_PERIODS, hopopt_stance_t, hopopt_stance_q, hopopt_stance_v,
+    hopopt_stance_tau, hopopt_stance_impulse, hopopt_stance_A, hopopt_stance_B, hopopt_stance_K, hopopt_stance_L};
+static const hopopt_phase hopopt_flight = {
+    HOPOPT_FLIGHT_INTERVALS, HOPOPT_FLIGHT_PERIODS, hopopt_flight_t, hopopt_flight_q, hopopt_flight_v,
+    hopopt_flight_tau, hopopt_flight_impulse, hopopt_flight_A, hopopt_flight_B, hopopt_flight_K, hopopt_flight_L};
+
+/* What the tracker remembers between two calls; all zeros before a hop: hopopt_reset. */
+typedef struct {
+    int known, contact, lost, early;
+    double error[HOPOPT_STATES], extra[HOPOPT_JOINTS], q[HOPOPT_JOINTS], v[HOPOPT_JOINTS];
+} hopopt_tracker;
+
+static inline void hopopt_reset(hopopt_tracker *s) { memset(s, 0, sizeof *s); }
+
+static inline double hopopt_duration(const hopopt_phase *p) { return p->t[p->intervals * HOPOPT_PLACES - 1]; }
+
+static inline double hopopt_within(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
+
+/* The last of `count` ascending times, `stride` apart, that is not above x; the first if all are. */
+static inline int hopopt_find(const double *t, int count, int stride, double x) {
+    int low = 0, high = count;
+    while (high - low > 1) {
+        int middle = (low + high) / 2;
+        if (t[middle * stride] <= x) low = middle; else high = middle;
+    }
+    return low;
+}
+
+/* q, v, tau of a phase at t [s] since it began, clipped to it: the polynomial through the places of an interval. */
+static inline void hopopt_at(const hopopt_phase *p, double t, double *q, double *v, double *tau) {
+    t = hopopt_within(t, 0.0, hopopt_duration(p));
+    const int k = hopopt_find(p->t, p->intervals, HOPOPT_PLACES, t + HOPOPT_EDGE), at = k * HOPOPT_PLACES;
+    const double place = (t - p->t[at]) / (p->t[at + HOPOPT_PLACES - 1] - p->t[at]);
+    double weight[HOPOPT_PLACES], sum = 0.0;
+    for (int i = 0; i < HOPOPT_PLACES; i++) {
+        const double gap = place - hopopt_places[i];
+        if (gap == 0.0) {
+            memset(weight, 0, sizeof weight);
+            weight[i] = sum = 1.0;
+            break;
+        }
+        sum += weight[i] = hopopt_weights[i] / gap;
+    }
+    for (int j = 0; j < HOPOPT_JOINTS; j++) {
+        q[j] = v[j] = tau[j] = 0.0;
+        for (int i = 0; i < HOPOPT_PLACES; i++) {
+            const int from = (at + i) * HOPOPT_JOINTS + j;
+            q[j] += weight[i] / sum * p->q[from];
+            v[j] += weight[i] / sum * p->v[from];
+            tau[j] += weight[i] / sum * p->tau[from];
+        }
+    }
+}
+
+/* Integral of a joint's planned torque from the phase's beginning to t [s]. Over the last short span of a phase its
+   rounding counts: the operations and their order are those of the Python tracker. */
+static inline double hopopt_impulse(const hopopt_phase *p, double t, int joint) {
+    const int last = p->intervals * HOPOPT_PLACES - 1;
+    const int k = hopopt_find(p->t, last + 1, 1, t), next = k < last ? k + 1 : last;
+    const double here = p->impulse[k * HOPOPT_JOINTS + joint], there = p->impulse[next * HOPOPT_JOINTS + joint];
+    const double span = p->t[next] - p->t[k];
+    return span > 0.0 ? (there - here) / span * (t - p->t[k]) + here : here;
+}
+
+/* q, v now, and the torque whose impulse over the next period is the plan's. */
+static inline void hopopt_planned(const hopopt_phase *p, double since, double *q, double *v, double *tau) {
+    const double end = hopopt_duration(p), from = hopopt_within(since, 0.0, end);
+    const double to = hopopt_within(since + HOPOPT_PERIOD, 0.0, end);
+    hopopt_at(p, since, q, v, tau);
+    for (int j = 0; j < HOPOPT_JOINTS; j++) {
+        if (since > end) v[j] = tau[j] = 0.0;
+        else if (to - from >= HOPOPT_EDGE)
+            tau[j] = (hopopt_impulse(p, to, j) - hopopt_impulse(p, from, j)) / (to - from);
+    }
+}
+
+/* A torque [N m] brought into the joint's operating region at speed w [rad/s]. */
+static inline double hopopt_clamp(int joint, double w, double tau) {
+    double high = INFINITY, low = -INFINITY;
+    for (int k = 0; k < HOPOPT_LINES; k++) {
+        high = fmin(high, hopopt_upper[joint][k][0] - hopopt_upper[joint][k][1] * w);
+        low = fmax(low, hopopt_lower[joint][k][0] - hopopt_lower[joint][k][1] * w);
+    }
+    return low <= high ? fmin(fmax(tau, low), high) : 0.0;
+}
+
+/* y += sign M x, with M (rows, columns) row by row. */
+static inline void hopopt_add(double *y, double sign, const double *M, int rows, int columns, const double *x) {
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < columns; j++) y[i] += sign * M[i * columns + j] * x[j];
+}
+
+/* Joint torques tau [N m] to ask of the drives for the next period.
+
+   t: since the hop began [s]          q, v: measured joint angles [rad] and speeds [rad/s]; the filter uses q alone
+   contact: whether the foot is on the ground        since: how long it has been on it, or off it [s]
+   landings: how often it has landed; from the first on the leg stands as at the start */
+static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, const double *v, int contact,
+                                 double since, int landings, double *tau) {
+    const int n = HOPOPT_JOINTS, m = HOPOPT_STATES;
+    const double stance = hopopt_duration(&hopopt_stance);
+    double planned_q[HOPOPT_JOINTS], planned_v[HOPOPT_JOINTS], planned_tau[HOPOPT_JOINTS];
+    contact = contact != 0;
+    if (contact && landings) {
+        for (int j = 0; j < n; j++) tau[j] = HOPOPT_K_P * (hopopt_rest[j] - q[j]) - HOPOPT_K_D * v[j];
+        return;
+    }
+    if (!landings) { /* a foot that comes off long before the planned lift-off has bounced: stance goes on */
+        if (contact) s->lost = 0;
+        else if (!s->lost) s->lost = 1, s->early = t < HOPOPT_EARLY * stance;
+        if (contact || (s->early && t < stance)) contact = 1, since = t;
+    }
+    if (contact && since > stance - HOPOPT_EDGE) {
+        hopopt_at(&hopopt_flight, 0.0, planned_q, planned_v, tau);
+        return;
+    }
+    const hopopt_phase *p = contact ? &hopopt_stance : &hopopt_flight;
+    hopopt_planned(p, since, planned_q, planned_v, planned_tau);
+    const double nearest = nearbyint(since / HOPOPT_PERIOD);
+    const int period = nearest < p->periods - 1 ? (int)nearest : p->periods - 1;
+    double error[HOPOPT_STATES] = {0}, miss[HOPOPT_JOINTS];
+    if (!s->known) {
+        for (int j = 0; j < n; j++) error[j] = q[j] - planned_q[j];
+    } else if (s->contact == contact) {
+        hopopt_add(error, 1.0, p->A + period * m * m, m, m, s->error);
+        hopopt_add(error, 1.0, p->B + period * m * n, m, n, s->extra);
+    } else { /* another reference */
+        for (int j = 0; j < n; j++) {
+            error[j] = s->q[j] + HOPOPT_PERIOD * s->v[j] - planned_q[j];
+            error[n + j] = s->v[j] - planned_v[j];
+        }
+    }
+    for (int j = 0; j < n; j++) miss[j] = q[j] - planned_q[j] - error[j];
+    hopopt_add(error, 1.0, p->L + period * m * n, m, n, miss);
+    for (int j = 0; j < n; j++) tau[j] = planned_tau[j];
+    hopopt_add(tau, -1.0, p->K + period * n * m, n, m, error);
+    for (int j = 0; j < n; j++) {
+        s->q[j] = planned_q[j] + error[j];
+        s->v[j] = planned_v[j] + error[n + j];
+        tau[j] = hopopt_clamp(j, s->v[j], tau[j]);
+        s->extra[j] = tau[j] - planned_tau[j];
+    }
+    memcpy(s->error, error, sizeof error);
+    s->known = 1;
+    s->contact = contact;
+}
+
+#endif

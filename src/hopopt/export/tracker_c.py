@@ -1,0 +1,89 @@
+"""The tracker of a plan as one C header without dependencies: the strategy ``track`` with its tables of numbers.
+
+``tracker.h`` beside this file is the algorithm; here its tables are filled in. A test compiles it and compares it with
+``control/tracking.py`` at every control instant of a simulated hop.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import version
+from importlib.resources import files
+
+import numpy as np
+
+from hopopt.control.reference import EDGE, FLIGHT, STANCE, PhaseReference
+from hopopt.control.tracking import EARLY, Gains, Track
+from hopopt.export.plan import tracker_of
+from hopopt.planner.solution import Solution
+
+MARK = "/* @TABLES@ */\n"
+WIDTH = 8  # numbers on a line
+
+
+def to_c(solution: Solution) -> str:
+    """The C header (C99, math.h and string.h alone). Raises UsageError as ``tracker_of`` does."""
+    return header(tracker_of(solution), solution.design.name, solution.design.leg.joints)
+
+
+def header(tracker: Track, problem: str, joints: Sequence[str]) -> str:
+    """The C header of a tracker, for the joints of a problem."""
+    code = files("hopopt.export").joinpath("tracker.h").read_text(encoding="utf-8")
+    title = (
+        f"/* Tracks the plan of {problem}: joints {', '.join(joints)}; clearance {tracker.plan.clearance:.4f} m. Made by "
+        f"hopopt {version('hopopt')}.\n   Call hopopt_reset before a hop and hopopt_torque once in every control "
+        "period. SI units. */\n"
+    )
+    before, after = code.split(MARK)
+    return title + before + tables(tracker) + after
+
+
+def tables(tracker: Track) -> str:
+    """All numbers of a tracker as C constants."""
+    o, n = tracker.options, len(tracker.rest)
+    places = tracker.plan.stance.places
+    sizes = {"JOINTS": n, "PLACES": len(places), "LINES": max(map(len, tracker.drive.upper + tracker.drive.lower))}
+    for name, phase in _phases(tracker).items():
+        gains = tracker.gains[name == STANCE]
+        sizes |= {f"{name.upper()}_INTERVALS": len(phase.t), f"{name.upper()}_PERIODS": len(gains.K)}
+    figures = {"PERIOD": tracker.period, "EDGE": EDGE, "EARLY": EARLY, "K_P": o.k_p, "K_D": o.k_d}
+    lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
+    lines += [_array("places", places), _array("weights", barycentric_weights(places)), _array("rest", tracker.rest)]
+    for side in ("upper", "lower"):
+        bounds = [padded(planes, sizes["LINES"]) for planes in getattr(tracker.drive, side)]
+        rows = ", ".join("{" + ", ".join(f"{{{c!r}, {d!r}}}" for c, d in planes) + "}" for planes in bounds)
+        lines.append(f"static const double hopopt_{side}[HOPOPT_JOINTS][HOPOPT_LINES][2] = {{{rows}}};")
+    for name, phase in _phases(tracker).items():
+        columns = phase_columns(phase, tracker.gains[name == STANCE])
+        lines += [_array(f"{name}_{column}", values) for column, values in columns.items()]
+    return "\n".join(lines) + "\n"
+
+
+def phase_columns(phase: PhaseReference, gains: Gains) -> Mapping[str, np.ndarray]:
+    """What the C code knows of a phase: t, q, v, tau and impulse [N m s] at the places, A, B, K, L of the periods."""
+    return {
+        **{name: getattr(phase, name) for name in ("t", "q", "v", "tau")},
+        "impulse": phase.impulses[1],
+        **{name: getattr(gains, name) for name in "ABKL"},
+    }
+
+
+def barycentric_weights(places: np.ndarray) -> np.ndarray:
+    """Of the polynomial through values at these places (Berrut and Trefethen, 2004), the largest 1."""
+    gaps = places[:, None] - places
+    np.fill_diagonal(gaps, 1.0)
+    weights = 1 / gaps.prod(axis=1)
+    return weights / np.abs(weights).max()
+
+
+def padded(planes: list[tuple[float, float]], count: int) -> list[tuple[float, float]]:
+    """A joint's bounds, the last repeated up to a count: that bounds nothing more."""
+    return planes + planes[-1:] * (count - len(planes))
+
+
+def _phases(tracker: Track) -> dict[str, PhaseReference]:
+    return {STANCE: tracker.plan.stance, FLIGHT: tracker.plan.flight}
+
+
+def _array(name: str, values: Iterable[float]) -> str:
+    numbers = [repr(float(x)) for x in np.ravel(np.asarray(values))]
+    rows = [", ".join(numbers[k : k + WIDTH]) for k in range(0, len(numbers), WIDTH)]
+    return f"static const double hopopt_{name}[] = {{\n" + ",\n".join(rows) + "};"

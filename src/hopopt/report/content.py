@@ -1,0 +1,82 @@
+"""What a page shows of stored results: solved hops, or comparisons of controllers."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from hopopt.design import Design
+from hopopt.errors import ResultError, UsageError
+from hopopt.planner.solution import Solution
+from hopopt.problem.load import design_hash
+from hopopt.report.motion import ShownHop, planned, simulated
+from hopopt.report.page import COLORS, Content
+from hopopt.storage.digests import manifest_of
+from hopopt.storage.runs import StoredRuns, read_runs
+from hopopt.storage.solution import read
+
+FIRST = ("optimum", "force", "track", "position")  # runs of a comparison that move, before others
+
+
+def content_of(folders: Sequence[Path]) -> Content:
+    """What the page of these results shows: of several, hops of legs with the same joints side by side.
+
+    Raises ResultError for a folder that is neither a solved hop nor a comparison, UsageError for results that do not go
+    together on one page.
+    """
+    if len(folders) > len(COLORS):
+        raise UsageError(f"{len(folders)} results do not fit on one page: give at most {len(COLORS)}")
+    compared = [folder for folder in folders if (folder / "comparison.json").is_file()]
+    for folder in folders:
+        if (folder / "sweep.json").is_file():
+            raise ResultError(f"{folder}: this is a study; a report is of solved hops or of a comparison")
+    if compared:
+        if len(folders) > 1:
+            raise UsageError(f"{compared[0]}: a comparison fills a page of its own: give it alone")
+        return of_comparison(compared[0])
+    return of_solutions([read(folder) for folder in folders])
+
+
+def of_solutions(solutions: Sequence[Solution]) -> Content:
+    """Solved hops; limits, evidence and parameters are those of the first."""
+    first = solutions[0]
+    for other in solutions[1:]:
+        if other.design.leg.joints != first.design.leg.joints:
+            raise UsageError(f"{other.result_dir}: it moves other joints than {first.result_dir}: give it alone")
+    names = [s.design.name if s.objective == "clearance" else f"{s.design.name}, {s.objective}" for s in solutions]
+    if len(set(names)) < len(names):
+        names = [str(s.result_dir.name if s.result_dir else name) for s, name in zip(solutions, names, strict=True)]
+    hops = [planned(s, name) for s, name in zip(solutions, names, strict=True)]
+    return Content(first.design, hops, first, provenance=provenance(first))
+
+
+def of_comparison(folder: Path) -> Content:
+    """The runs of a comparison, and the optimum that it stands on if that lies in its folder."""
+    stored = read_runs(folder, "comparison")
+    names = [name for name in FIRST if name in stored.traces]
+    names += [name for name in stored.traces if name not in names]
+    hops = [_run(stored, name) for name in names[: len(COLORS)]]
+    solution = bound_in(folder, stored.design)
+    where = provenance(solution) if solution else {"folder": str(folder)}
+    return Content(stored.design, hops, solution, stored.data, {"comparison": str(folder), **where})
+
+
+def _run(stored: StoredRuns, name: str) -> ShownHop:
+    return simulated(stored.traces[name], name, stored.data["strategies"][name]["clearance_m"])
+
+
+def bound_in(folder: Path, design: Design) -> Solution | None:
+    """The optimum of this very problem in a comparison's folder; None if it was solved before and lies elsewhere."""
+    found = (read(path.parent) for path in sorted(folder.glob("*/solution.nc")))
+    return next((s for s in found if design_hash(s.design) == design_hash(design)), None)
+
+
+def provenance(solution: Solution) -> Mapping[str, str]:
+    """Where a solution comes from: folder, versions, seed, scheme, mesh, times, digests of its files."""
+    s, found = solution.summary, {"folder": str(solution.result_dir)}
+    manifest = manifest_of(solution.result_dir) if solution.result_dir is not None else {}
+    found |= {f"version of {name}": str(x) for name, x in manifest.get("versions", {}).items()}
+    found |= {"seed": str(s.seed), "scheme": s.scheme, "refinement ended": s.refinement_ended}
+    found |= {"intervals": ", ".join(f"{phase} {p.intervals}" for phase, p in s.phases.items())}
+    found |= {"wall time": f"{s.wall_s:.1f} s"}
+    if s.overrides:
+        found["set on the command line"] = ", ".join(s.overrides)
+    return found | {f"SHA-256 of {name}": str(x) for name, x in manifest.get("sha256", {}).items()}

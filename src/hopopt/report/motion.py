@@ -1,0 +1,63 @@
+"""A hop as a page shows it: the leg, its operating points, heights and ground force at some instants."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hopopt.leg.robot import BASE
+from hopopt.planner.solution import Solution
+from hopopt.sim.trace import Trace
+
+STEP = 0.002  # [s] between two instants: smoother than a screen shows at a fourth of the speed
+
+
+@dataclass(frozen=True)
+class ShownHop:
+    """One hop at k instants.
+
+    name: what the page calls it
+    t: since the hop began [s], (k,)
+    chain: x, z of every joint and the foot, (k, n + 1, 2) [m]
+    com: x, z of the centre of mass, (k, 2) [m]
+    v, tau: speeds [rad/s] and torques [N m] of the joints, (k, n)
+    force: on the foot, along x and up, (k, 2) [N]
+    lift_off: when the foot leaves [s]
+    clearance: what the hop reaches [m]; None where it is not verified
+    """
+
+    name: str
+    t: np.ndarray
+    chain: np.ndarray
+    com: np.ndarray
+    v: np.ndarray
+    tau: np.ndarray
+    force: np.ndarray
+    lift_off: float
+    clearance: float | None
+
+    @property
+    def lowest(self) -> np.ndarray:
+        """Height of the lowest point, (k,) [m]."""
+        return self.chain[..., 1].min(axis=1)
+
+
+def planned(solution: Solution, name: str) -> ShownHop:
+    """The hop of a solution."""
+    even = np.linspace(0.0, solution.end, max(2, round(solution.end / STEP)))
+    s = solution.sample(np.union1d(even, [solution.lift_off, solution.duration]))
+    n = len(solution.robot.joints)
+    chain = np.stack([s.points[point] for point in (*solution.robot.joints, "foot")], axis=1)
+    clearance = solution.clearance if solution.verified else None
+    force = s.f[:, [0, -1]]
+    return ShownHop(name, s.t, chain, s.points["com"], s.v[:, -n:], s.tau, force, solution.lift_off, clearance)
+
+
+def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:
+    """A simulated hop; its torques are those behind the drives' limits."""
+    even = np.arange(trace.t[0], trace.t[-1], STEP)
+    rows = np.unique([*np.searchsorted(trace.t, even), len(trace.t) - 1])
+    arrays = ("t", "q", "v", "command", "motor", "tau", "f", "contact", "work")
+    few = replace(trace, **{array: getattr(trace, array)[rows] for array in arrays})
+    chain = np.stack([few.points[point] for point in (*trace.robot.joints, "foot")], axis=1)
+    lift_off = next(iter(trace.times_of("lift-off")), float(trace.t[-1]))
+    return ShownHop(name, few.t, chain, few.points["com"], few.v[:, BASE:], few.motor, few.f, lift_off, clearance)

@@ -1,0 +1,29 @@
+"""Files that commands write: whole or not at all."""
+
+import resource
+from pathlib import Path
+
+import pytest
+
+from hopopt.cli.options import write_new
+from hopopt.errors import UsageError
+
+
+def test_a_file_that_cannot_be_written_whole_is_not_there(tmp_path: Path) -> None:
+    """As on a disk that is full: the system refuses more than a thousand bytes."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(UsageError, match="cannot be written"):
+            write_new(tmp_path / "plan.csv", 100_000 * "x")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_is_there_stays_as_it_is(tmp_path: Path) -> None:
+    file = tmp_path / "plan.csv"
+    write_new(file, "mine")
+    with pytest.raises(UsageError, match="is not overwritten"):
+        write_new(file, "other")
+    assert file.read_text(encoding="utf-8") == "mine"

@@ -1,0 +1,143 @@
+"""A plan as a robot gets it: what stands in the files is the plan, in the units that they name."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from hopopt.cli import main as cli
+from hopopt.control.reference import PlanReference
+from hopopt.export.plan import plan_rows, to_csv, to_json, to_ros2, tracker_of
+from hopopt.leg.robot import BASE
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from hopopt.storage.solution import save
+from hopopt.verify.table import NORMALISED_TIMES
+
+QUICK = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
+RATE = 500.0  # Hz
+
+
+@pytest.fixture(scope="module")
+def solution() -> Solution:
+    """Any solution; that its mesh is too coarse to be true does not matter here."""
+    return solve(load("paper", {**QUICK, "simulation.control_rate": RATE}), starts=1, processes=1)
+
+
+@pytest.fixture(scope="module")
+def table(solution: Solution) -> dict[str, list[str]]:
+    """The columns of the CSV file by their heads."""
+    head, *lines = csv.reader(to_csv(solution).splitlines())
+    return dict(zip(head, map(list, zip(*lines, strict=True)), strict=True))
+
+
+def test_rows_stand_at_the_control_instants_and_at_the_end(solution: Solution, table: dict[str, list[str]]) -> None:
+    t = np.array(table["t [s]"], dtype=float)
+    np.testing.assert_allclose(t[:-1], np.arange(len(t) - 1) / RATE, rtol=0, atol=1e-12)
+    assert 0 < t[-1] - t[-2] <= 1 / RATE
+    assert t[-1] == pytest.approx(solution.duration, abs=1e-12)
+    assert table["phase"] == ["stance" if x < solution.lift_off else "flight" for x in t]
+
+
+def test_the_csv_file_holds_the_plan_that_controllers_follow(solution: Solution, table: dict[str, list[str]]) -> None:
+    """By the reference of the tracker, which reads the stored table and not the trajectory."""
+    plan = PlanReference.from_tables(NORMALISED_TIMES, solution.tables, solution.clearance)
+    for k in range(0, len(table["phase"]), 7):
+        t = float(table["t [s]"][k])
+        phase, since = (plan.stance, t) if table["phase"][k] == "stance" else (plan.flight, t - solution.lift_off)
+        for names, values in zip(("q_{} [rad]", "v_{} [rad/s]", "tau_{} [N m]"), phase.at(since), strict=True):
+            written = [float(table[names.format(joint)][k]) for joint in ("hip", "knee")]
+            np.testing.assert_allclose(written, values, rtol=1e-6, atol=1e-6)
+
+
+def test_gains_are_those_of_the_tracker_row_by_row(solution: Solution) -> None:
+    rows, tracker = plan_rows(solution), tracker_of(solution)
+    flying = int(np.argmax(rows.samples.phase == "flight"))
+    assert np.isfinite(rows.gains).all()
+    np.testing.assert_allclose(rows.gains[3], tracker.gains[True].K[3], rtol=1e-6)
+    since = rows.samples.t[flying] - solution.lift_off
+    np.testing.assert_allclose(rows.gains[flying], tracker.gains[False].K[round(since * RATE)], rtol=1e-6)
+
+
+def test_json_says_what_csv_says(solution: Solution, table: dict[str, list[str]]) -> None:
+    data = json.loads(to_json(solution))
+    assert data["joints"] == ["hip", "knee"]
+    assert data["period_s"] == 1 / RATE
+    assert data["clearance_m"] == solution.clearance
+    assert [f"{name} [{data['units'][name]}]" if name in data["units"] else name for name in data["columns"]] == [
+        *table
+    ]
+    np.testing.assert_array_equal(data["columns"]["q_knee"], np.array(table["q_knee [rad]"], dtype=float))
+
+
+def test_ros_reads_the_plan_as_a_joint_trajectory(solution: Solution) -> None:
+    """Fields of trajectory_msgs/msg/JointTrajectory, times that increase, values of the plan."""
+    message = yaml.safe_load(to_ros2(solution))
+    assert message.keys() == {"header", "joint_names", "points"}
+    assert message["joint_names"] == ["hip", "knee"]
+    point = message["points"][40]
+    assert point.keys() == {"positions", "velocities", "accelerations", "effort", "time_from_start"}
+    times = [p["time_from_start"]["sec"] * 10**9 + p["time_from_start"]["nanosec"] for p in message["points"]]
+    assert (np.diff(times) > 0).all()
+    assert all(0 <= p["time_from_start"]["nanosec"] < 10**9 for p in message["points"])
+    at = solution.sample(times[40] * 1e-9)
+    np.testing.assert_allclose(point["positions"], at.q[0, BASE:], atol=1e-9)
+    np.testing.assert_allclose(point["velocities"], at.v[0, BASE:], atol=1e-9)
+    np.testing.assert_allclose(point["accelerations"], at.a[0, BASE:], atol=1e-9)
+    np.testing.assert_allclose(point["effort"], at.tau[0], atol=1e-9)
+
+
+def test_a_leg_on_a_slider_is_exported_without_gains() -> None:
+    """The plant does not simulate it, so nothing tracks it; its plan is a plan all the same."""
+    slider = solve(load("paper", {**QUICK, "leg.guides": ["z"], "simulation.control_rate": RATE}), starts=1)
+    head = to_csv(slider).partition("\n")[0]
+    assert "q_knee [rad]" in head
+    assert "K_" not in head
+
+
+# ---- the command ---------------------------------------------------------------------------------------------
+
+
+def test_an_unverified_plan_is_refused(
+    solution: Solution, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    saved = save(solution, tmp_path / "results")
+    assert not solution.verified
+    assert cli.run(["export", str(saved.result_dir), "--format", "csv"]) == 2
+    assert "the plan is not verified, and only verified plans are exported" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
+
+
+def test_each_format_is_written_once(hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    slow = hop.design.simulation.model_copy(update={"control_rate": RATE})  # fewer rows
+    result = save(hop.noted(design=hop.design.model_copy(update={"simulation": slow})), tmp_path).result_dir
+    for form, mark in (("csv", "t [s],"), ("json", '{"format"'), ("ros2", "header:"), ("c", "/* Tracks the plan")):
+        file = tmp_path / f"plan.{form}"
+        assert cli.run(["export", str(result), "--format", form, "-o", str(file), "--json"]) == 0
+        assert json.loads(capsys.readouterr().out) == {"written": [str(file)], "exit_code": 0}
+        assert file.read_text(encoding="utf-8").startswith(mark)
+    assert cli.run(["export", str(result), "--format", "csv", "-o", str(tmp_path / "plan.csv")]) == 2
+    assert "is not overwritten" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["paper"], "say what to write"),
+        (["paper", "-o", "plan.csv"], "say in which form"),
+        (["paper", "--format", "csv"], "there is no such folder"),
+        (["paper", "--format", "csv", "--set", "leg.body.mass=5"], "exported as it was solved"),
+    ],
+)
+def test_what_cannot_be_exported_is_said_in_a_sentence(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.run(["export", *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
