@@ -52,7 +52,7 @@ def from_many_starts(hop: Hop) -> list[StartOutcome]:
 
 def from_friction(hop: Hop, entries: dict[str, Any]) -> list[StartOutcome]:
     """The hops of neighbouring frictions, followed to this one."""
-    mu, ended = entries.get("contact.friction"), list[StartOutcome]()
+    mu, ended = float(entries.get("contact.friction", 0.0)), list[StartOutcome]()
     for factor in AROUND if mu else ():
         beside = random_legs.loaded(entries | {"contact.friction": factor * mu})
         half = random_legs.loaded(entries | {"contact.friction": (1 + factor) / 2 * mu})

@@ -15,11 +15,11 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from hopopt.global_search.compiled import kernel
 from scipy.optimize import linprog
 
 from hopopt import load
 from hopopt.global_search.constants import stance_constants, start_state, to_joint_angles
+from hopopt.sim.compiled import kernel
 from hopopt.verify.upper_bound import upper_bound
 
 ROWS, ADDED, POOL = 1500, 400, 50_000  # samples at first, added in a round, among which violated ones are looked for

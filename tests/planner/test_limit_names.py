@@ -91,7 +91,7 @@ def test_a_list_of_names_and_a_switch_in_a_conflict() -> None:
         Part(limit("path", Component(HEIGHT, "foot"), "flight"), 0.1, 1.0, (0.1, 0.2)),
         Part(limit("path", Component(NO_DESCENT), "stance"), 0.0, 1.0, (0.1, 0.2)),
     )
-    said = " ".join(conflict_words(load("paper", SET), Conflict(parts, {})))
+    said = " ".join(conflict_words(load("paper", SET), Conflict(parts, {}, np.zeros(0))))
     assert 'hop.above_ground = ["foot", "knee"]' in said
     assert "hop.counter_movement = false" in said
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -42,14 +43,15 @@ def test_points_have_the_colour_of_their_limit(axes: dict[str, list[float]]) -> 
     ax = figure.axes[0]
     shown = {}
     for p in study.points:
+        assert p.clearance_m is not None
         x, y = p.values["leg.gear.ratio"], p.values.get("leg.shank.length", p.clearance_m)
         dots = [
             to_rgb(line.get_color())
             for line in ax.lines
             if line.get_marker() == "o"
-            and [x, y] in line.get_xydata().tolist()
+            and [x, y] in np.column_stack(line.get_data()).tolist()
             and line.get_markerfacecolor() != "none"
-        ]  # type: ignore[union-attr]
+        ]
         cells = [
             to_rgb(patch.get_facecolor())
             for patch in ax.patches
@@ -69,7 +71,7 @@ def test_a_maps_values_are_written_in_its_cells_and_nothing_covers_the_best() ->
     assert set(written) == {f"{p.clearance_m:.4f}" for p in study.points if p.verified}
     assert study.best is not None
     best = written[f"{study.best.clearance_m:.4f}"]
-    at = list(study.best.values.values())
+    at = study.best.values["leg.gear.ratio"], study.best.values["leg.shank.length"]
     assert best.get_position() == pytest.approx(at)
     frame = [patch for patch in ax.patches if not patch.get_fill()]
     assert [patch.get_path().contains_point(at) for patch in frame] == [True]

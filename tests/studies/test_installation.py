@@ -5,6 +5,7 @@ from importlib.metadata import version
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hopopt.cli import main as cli
@@ -25,8 +26,8 @@ def test_this_installation_works(found: dict[str, Finding]) -> None:
 
 def test_a_wrong_result_of_a_library_is_found(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
     """Torques off by a millionth: the self-test fails, the command says so and ends with 1."""
-    rnea = installation.pin.rnea
-    monkeypatch.setattr(installation.pin, "rnea", lambda *given: (1 + 1e-6) * rnea(*given))
+    rnea = pin.rnea
+    monkeypatch.setattr(pin, "rnea", lambda *given: (1 + 1e-6) * rnea(*given))
     monkeypatch.setattr(installation, "SELF_TESTS", {"dynamics, CasADi and Pinocchio": installation.dynamics})
     assert cli.run(["doctor", "--json"]) == 1
     data = json.loads(capsys.readouterr().out)

@@ -6,7 +6,7 @@ as contours where there are too many. Points without a verified hop are never le
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -168,10 +168,11 @@ def _cells(ax: Axes, study: "Study", z: np.ndarray) -> None:
     best has a frame."""
     edges = [_edges(np.array(axis.values)) for axis in study.definition.axes]
     order = np.ix_(*(np.argsort(axis.values) for axis in study.definition.axes))
-    points, z, colors = np.array(study.points, dtype=object).reshape(z.shape)[order], z[order], _colors(study)
+    grid: Any = np.array(study.points, dtype=object).reshape(z.shape)[order]
+    z, colors = z[order], _colors(study)
     shortest = min(8.0 / z.shape[0], 3.6 / z.shape[1] * 2.5)  # [in] that a value has in a cell
     for i, j in np.ndindex(z.shape):
-        p, (a, b), (c, d) = points[i, j], edges[0][i : i + 2], edges[1][j : j + 2]
+        p, (a, b), (c, d) = grid[i, j], edges[0][i : i + 2], edges[1][j : j + 2]
         corners = [a, b, b, a], [c, c, d, d]
         if p.verified:
             limit = p.limit or NO_LIMIT
