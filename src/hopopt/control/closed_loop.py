@@ -10,7 +10,7 @@ import numpy as np
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import Strategy
-from hopopt.design import Design
+from hopopt.design import Design, refuse_periodic
 from hopopt.errors import UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import loop_axes, start_angles
@@ -43,8 +43,9 @@ class Run:
 def make_plant(design: Design, torque_gain: np.ndarray | None = None) -> Plant:
     """The leg of a problem with its drives, gear losses and encoders; torque_gain as in ``Drive``.
 
-    Raises UsageError for a leg that closes a loop with its guides when the foot stands.
+    Raises UsageError for a leg that closes a loop with its guides when the foot stands, and for a periodic hop.
     """
+    refuse_periodic(design, "a simulation of controllers")
     if loop_axes(design.leg):
         why = "stands on a vertical slider" if "x" not in design.leg.guides else "leaves the x-z plane"
         raise UsageError(

@@ -21,6 +21,7 @@ from hopopt.optimality import switching_structure as structure
 from hopopt.optimality.free_switches import Resolved
 from hopopt.planner.limit_use import as_dict, idle_uses
 from hopopt.planner.multistart import StartOutcome, distinct, same
+from hopopt.planner.orbit import orbit
 from hopopt.planner.solution import Motion, Samples, Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import VERSION, Summary
@@ -41,6 +42,9 @@ from hopopt.planner.verdict_entries import conditions, error_entry, structure_en
 from hopopt.verify.upper_bound import upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
+BOUNDED = (  # limits whose range is their bound
+    Kind.REGION, Kind.WINDOW, Kind.LANDING_WINDOW, Kind.IMPULSE, Kind.IMPACT_LOSS, Kind.FOOT_SPEED, Kind.GEAR_IMPACT,
+)  # fmt: skip
 FINE = np.linspace(0.0, 1.0, 9)
 
 
@@ -62,6 +66,7 @@ def summarize(
         version=VERSION,
         problem=plan.design.name,
         title=plan.design.title,
+        hop=plan.design.hop.kind,
         objective=plan.objective,
         objective_meaning=goal.meaning,
         objective_unit=goal.unit,
@@ -99,6 +104,7 @@ def motion_figures(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, Any]:
     return {
         "upper_bound": UpperBound(**upper_bound(plan.design).figures()),
         "parts": parts(plan),
+        "orbit": orbit(plan),
         "lowest_point": _lowest(plan),
         "phases": {name: phase_figures(plan, name, s) for name, s in fine.items()},
         "lift_off": lift_off(plan),
@@ -248,7 +254,7 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
     t, gains, lam_g = solution.transcription, {}, of_limits(solution)
     for rows in t.rows:
         kind, reported = kind_of(rows.name), str(rows.name)
-        if kind in (Kind.REGION, Kind.WINDOW, Kind.LANDING_WINDOW):
+        if kind in BOUNDED:
             bound = np.abs(t.ubg[rows.start : rows.stop])
             gains[reported] = gains.get(reported, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
         elif kind is Kind.USER:

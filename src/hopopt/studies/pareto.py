@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.design import Design
+from hopopt.design import Design, refuse_periodic
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.reuse import with_numbers_of
@@ -125,6 +125,7 @@ def front(
     called with the front before the first point. Raises UsageError for what is no front, NotSolvedError if an end
     cannot be solved.
     """
+    refuse_periodic(design, "a front")
     goal = _goal(design, against, points)
     say, found = progress or (lambda text: None), Front(design, goal, _folder(design, against, results))
     if begun:
