@@ -230,6 +230,8 @@ def test_what_does_not_know_the_periodic_hop_says_so(capsys: pytest.CaptureFixtu
     for words in (
         ["sweep", "paper", "--vary", "leg.gear.ratio=90,100", "--set", 'hop.kind="periodic"'],
         ["simulate", "paper", "--set", 'hop.kind="periodic"'],
+        ["sensitivity", "paper", "--set", 'hop.kind="periodic"'],
+        ["solve", "paper", "--hop", "periodic", "--cross-check"],
         ["solve", "paper", "--hop", "periodic", "--free", "leg.gear.ratio=90:110"],
     ):
         assert run(words) == 2

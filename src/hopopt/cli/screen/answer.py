@@ -224,8 +224,7 @@ def bound_line(bound: float | None, objective: str) -> list[str]:
     if bound is None or objective not in ("clearance", "apex"):
         return []
     return [
-        f"no controller can pass {bound:.2f} m: a crude bound, by the drives' speed and their power in the longest "
-        "stance alone (docs/bound.md)"
+        f"no controller can pass {bound:.2f} m: a crude bound, by the drives' speed and power alone (docs/bound.md)"
     ]
 
 
