@@ -82,12 +82,13 @@ def impact_limits(leg: MovingLeg, before: str) -> Iterator[BoundaryConstraint]:
         both = of(lambda s: ca.vertcat(*[side(s) for side in sides]))
         yield BoundaryConstraint(IMPACT_FRICTION, both, 0.0, INF, push, "N s", labels=(LEFT, RIGHT))
     for limit, most, value in (
-        (IMPULSE, hop.touchdown_impulse, lambda s: _size(impulse(s), hop.touchdown_impulse)),
-        (IMPACT_LOSS, hop.touchdown_loss, lambda s: impact_at(leg, s)[2]),
-        (FOOT_SPEED, hop.touchdown_speed, lambda s: _size(foot_speed(s), hop.touchdown_speed)),
+        (IMPULSE, hop.touchdown_impulse, lambda s, most: _size(impulse(s), most)),
+        (IMPACT_LOSS, hop.touchdown_loss, lambda s, most: impact_at(leg, s)[2]),
+        (FOOT_SPEED, hop.touchdown_speed, lambda s, most: _size(foot_speed(s), most)),
     ):
         if most is not None:
-            yield BoundaryConstraint(limit, of(value), -INF, most, most, limit.unit)
+            at_touchdown = of(lambda s, value=value, most=most: value(s, most))
+            yield BoundaryConstraint(limit, at_touchdown, -INF, most, most, limit.unit)
     if (most := hop.touchdown_gear_torque) is not None:
         value = of(lambda s: gear_impulse(leg, s) / hop.touchdown_time)
         yield BoundaryConstraint(GEAR_IMPACT, value, -most, most, most, "N m", labels=leg.leg.joints)
