@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, create_model, model_serializer, model_validator
 
+from hopopt.errors import UsageError
 from hopopt.fields import (
     CATALOGUE,
     CATALOGUE_NAME,
@@ -165,6 +166,29 @@ class Start(Section):
 
 
 class Hop(Section):
+    kind: Literal["single", "periodic"] = choice(
+        "one hop from rest to the apex, or a hop that ends as it began and goes on for ever", "single"
+    )
+    speed: float = quantity("mean forward speed of a periodic hop; 0: in place", "m/s", -20, 20, 0.0)
+    touchdown_impulse: float | None = quantity(
+        "periodic hop: largest impulse of the ground on the foot at touchdown", "N s", 1e-3, 1e4, None
+    )
+    touchdown_loss: float | None = quantity(
+        "periodic hop: largest kinetic energy that the impact at touchdown takes", "J", 1e-3, 1e4, None
+    )
+    touchdown_speed: float | None = quantity(
+        "periodic hop: largest speed of the foot just before touchdown", "m/s", 1e-3, 100, None
+    )
+    touchdown_gear_torque: float | None = quantity(
+        "periodic hop: largest torque in a gear while its rotor is stopped or started by the impact",
+        "N m",
+        1e-2,
+        1e5,
+        None,
+    )
+    touchdown_time: float = quantity(
+        "periodic hop: how long the impact lasts, which makes a mean torque of a gear's impulse", "s", 1e-4, 0.1, 0.01
+    )
     stance_duration: tuple[Duration, Duration] = choice("shortest and longest stance", (0.03, 0.4), unit="s")
     flight_duration: tuple[Duration, Duration] = choice(
         "shortest and longest time from lift-off to the apex", (0.03, 1.0), unit="s"
@@ -313,6 +337,12 @@ class Design(Section):
             everything = self.hop.model_copy(update={"above_ground": (*self.leg.joints, "foot")})
             object.__setattr__(self, "hop", everything)  # frozen, but not yet anyone's
         return self
+
+
+def refuse_periodic(design: Design, what: str) -> None:
+    """UsageError for ``what`` knows the hop from rest alone, if the problem asks for a periodic hop."""
+    if design.hop.kind == "periodic":
+        raise UsageError(f'{what} does not know the periodic hop yet: set hop.kind = "single"')
 
 
 def unit(vector: Sequence[float]) -> tuple[float, ...]:

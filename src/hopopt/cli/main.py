@@ -10,7 +10,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from cyclopts import CycloptsError
 
@@ -43,6 +43,7 @@ def solve(
     problem: str = "paper",
     *,
     objective: str = "clearance",
+    hop: Literal["single", "periodic"] | None = None,
     set_: Overrides = None,
     constraint: Constraints = None,
     free: Free = None,
@@ -73,6 +74,9 @@ def solve(
         small as possible, with the clearance to reach as --set hop.clearance=0.4: energy, absolute_work,
         electrical_energy, time, saturation, peak_torque, peak_force or impact. Or a Python function of your own as
         module:function (docs/objectives.md).
+    hop
+        single: one hop from rest. periodic: a hop that ends as it began, for ever (docs/periodic.md); its mean speed is
+        --set hop.speed=0.5. Default: the problem's hop.kind.
     starts
         How many different starting points to solve from (default: the problem's solver.starts).
     processes
@@ -96,7 +100,8 @@ def solve(
     began = time.perf_counter()
     from hopopt.problem.load import load
 
-    design = load(problem, set_ or ())
+    set_ = [*(set_ or ()), *([f'hop.kind="{hop}"'] if hop else ())]
+    design = load(problem, set_)
     if (starts is not None and starts < 1) or (processes is not None and processes < 1):
         raise UsageError("--starts and --processes must be at least 1")
     if time_limit is not None and not time_limit >= 1:
@@ -110,6 +115,7 @@ def solve(
     for words in hints(design):
         print(f"hopopt: {words}", file=sys.stderr)  # before what may take long
 
+    control = control and design.hop.kind == "single"  # the paper's control begins at rest
     draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}
@@ -125,7 +131,7 @@ def solve(
 
             say("drawing")
         took = time.perf_counter() - began  # all but drawing and writing
-        solution = solution.with_summary(overrides=tuple(set_ or ()), wall_s=took)
+        solution = solution.with_summary(overrides=tuple(set_), wall_s=took)
         solution = save(solution, results, draw)
         if control:
             say("simulating the paper's force control")

@@ -92,6 +92,7 @@ def _optimum(
         say("verifying")
         solution = read(folder)
         return solution, [*solution.doubts, *recheck(solution).failed_checks]
+    from hopopt.design import refuse_periodic
     from hopopt.ocp.objective import HEIGHTS
     from hopopt.ocp.objectives import find
     from hopopt.planner.solve import solve
@@ -101,7 +102,9 @@ def _optimum(
         raise UsageError(
             f"what to change first is reported for heights, not for {objective}: --objective clearance or apex"
         )
-    solution = solve(load(problem, overrides), objective, starts=starts, progress=say)
+    design = load(problem, overrides)
+    refuse_periodic(design, "a sensitivity")  # before the work
+    solution = solve(design, objective, starts=starts, progress=say)
     return solution, list(solution.summary.failed_checks)
 
 

@@ -12,7 +12,7 @@ from hopopt.control.paper_pd import PaperStrategy
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import Strategy
-from hopopt.design import Design
+from hopopt.design import Design, refuse_periodic
 from hopopt.errors import HopoptError, UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import can_slip, planar, start_angles
@@ -60,8 +60,9 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     """The leg of a problem with its drives and gear losses, on ideal ground, or where the foot may slip if the problem has
     contact.friction and ``can_slip``; torque_gain as in ``Drive``, finer as in ``Plant``. compiled: faster code for ideal ground too, if it takes the leg.
 
-    Raises UsageError for a leg that leaves the x-z plane.
+    Raises UsageError for a leg that leaves the x-z plane, and for a periodic hop.
     """
+    refuse_periodic(design, "a simulation of controllers")
     if not planar(design.leg):
         raise UsageError(
             f"{design.name}: this leg leaves the x-z plane; hopopt solves and verifies its hop, but simulates only legs "

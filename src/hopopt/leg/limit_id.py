@@ -25,6 +25,12 @@ class Kind(Enum):
     PEAK_FORCE = "peak ground force"
     SLIDER = "body on its slider"
     FOOT = "foot at rest"
+    IMPACT_PUSH = "ground pushes in the impact"
+    IMPACT_FRICTION = "friction cone of the impact"
+    IMPULSE = "impulse at touchdown"
+    IMPACT_LOSS = "energy lost at touchdown"
+    FOOT_SPEED = "foot speed at touchdown"
+    GEAR_IMPACT = "gear torque at touchdown"
     USER = "user-defined"
 
 

@@ -183,20 +183,20 @@ def _force_peak(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConst
 
 EFFORTS = (
     _economical(
-        "energy", "positive mechanical work of the joints up to the end of flight, nothing recovered", "J", "energy_J",
+        "energy", "positive mechanical work of the joints over the hop, nothing recovered", "J", "energy_J",
         lambda hop, e: total(e, "work"), integrands=_drawn_work, **_drawn(_power, FLAT),
     ),
     _economical(
-        "absolute_work", "mechanical work of the joints up to the end of flight, braking counted like driving", "J",
+        "absolute_work", "mechanical work of the joints over the hop, braking counted like driving", "J",
         "absolute_work_J", lambda hop, e: total(e, "work"), integrands=_work_both_ways, **_drawn(_power, FLAT),
     ),
     _economical(
-        "electrical_energy", "electrical energy drawn up to the end of flight: Joule heat and mechanical power, nothing fed back",
+        "electrical_energy", "electrical energy drawn over the hop: Joule heat and mechanical power, nothing fed back",
         "J", "electrical_energy_J", lambda hop, e: total(e, "work"), integrands=_drawn_work, fault=_no_winding,
         **_drawn(lambda hop, motion, s: _power(hop, motion, s) + _losses(hop, motion, s)),
     ),
     _economical(
-        "time", "time from the start of stance to the end of flight", "s", "time_s",
+        "time", "time from the start of stance to the end of the hop", "s", "time_s",
         lambda hop, e: sum(e.duration.values(), ca.SX(0)),
     ),
     _economical(

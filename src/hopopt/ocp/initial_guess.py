@@ -29,6 +29,7 @@ from hopopt.leg.kinematics import (
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.landing import landing_guess
+from hopopt.ocp.periodic import PERIODIC, there_and_back
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 
 POINTS = 41  # of a guess, each phase
@@ -58,32 +59,33 @@ NAMED = (
 )
 
 
-def starts(count: int, seed: int) -> list[Start]:
-    """The named starts, then seeded Sobol points over the same directions."""
-    extra = count - len(NAMED)
+def starts(count: int, seed: int, kind: str = "single") -> list[Start]:
+    """The named starts, for a periodic hop the leaning ones first, then seeded Sobol points over the same directions."""
+    extra, named = count - len(NAMED), NAMED
+    if kind == PERIODIC:
+        named = (*(s for s in NAMED if s.lean), *(s for s in NAMED if not s.lean))
     if extra <= 0:
-        return list(NAMED[:count])
+        return list(named[:count])
     from scipy.stats import qmc  # slow to import, and most solves need no random starts
 
     sobol = qmc.Sobol(4, rng=seed).random(2 ** int(np.ceil(np.log2(extra))))[:extra]
     points = qmc.scale(sobol, [-0.5, -0.3, 0.0, 0.2], [0.6, 0.4, 0.4, 1.0])
-    return [*NAMED, *(Start(f"drawn {k + 1}", *map(float, p)) for k, p in enumerate(points))]
+    return [*named, *(Start(f"drawn {k + 1}", *map(float, p)) for k, p in enumerate(points))]
 
 
 def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
     """The start as guesses of the phases, by phase name."""
     simple = start == NAMED[0] and two_joints(hop.leg) and not hop.loops
     stance = (saturated_push(hop) if simple else None) or _stance_guess(hop, start)
-    return _all_phases(hop, _without_dependent(hop, stance), _flight_guess(hop, stance))
+    push = there_and_back(hop, stance) if hop.periodic else stance
+    return _all_phases(hop, _without_dependent(hop, push), _flight_guess(hop, stance))
 
 
 def motion_guess(hop: Hop, phases: Mapping[str, Any]) -> dict[str, Guess]:
     """A hop towards another objective (anything with duration [s] and sample, by phase name) as guesses of the phases."""
     s = np.linspace(0, 1, FINE)
-    stance, flight = (
-        Guess(found.duration, s, *found.sample(s * found.duration)) for found in (phases[STANCE], phases[FLIGHT])
-    )
-    return _all_phases(hop, stance, flight)
+    found = {name: Guess(motion.duration, s, *motion.sample(s * motion.duration)) for name, motion in phases.items()}
+    return _all_phases(hop, found[STANCE], found[FLIGHT], found.get(DESCENT))
 
 
 def stance_guess(hop: Hop, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, Guess]:
@@ -92,10 +94,10 @@ def stance_guess(hop: Hop, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.nd
     return _all_phases(hop, _without_dependent(hop, stance), _flight_guess(hop, stance))
 
 
-def _all_phases(hop: Hop, stance: Guess, flight: Guess) -> dict[str, Guess]:
+def _all_phases(hop: Hop, stance: Guess, flight: Guess, down: Guess | None = None) -> dict[str, Guess]:
     """The guesses of the phases that the objective has, with its controls."""
     more = sum(c.size for c in hop.objective.controls(hop))
-    found = {STANCE: stance, FLIGHT: flight, DESCENT: landing_guess(hop, flight)}
+    found = {STANCE: stance, FLIGHT: flight, DESCENT: down or landing_guess(hop, flight)}
     return {phase.name: _widened(found[phase.name], more) for phase in hop.problem.phases}
 
 

@@ -18,7 +18,7 @@ from hopopt.ocp.objective import HopObjective, lowest_point, no_required_clearan
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE, descent
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends
 from hopopt.ocp.sequence import PhaseSequence, from_rest
-from hopopt.ocp.transitions import apex, impact, touchdown
+from hopopt.ocp.transitions import apex, impact_at, touchdown
 
 GENTLE = 2e4  # times the usual tie-break: most legs can land at 0 J, and gentle torques decide between such hops
 
@@ -44,8 +44,7 @@ def body_above_lift_off(leg: MovingLeg) -> BoundaryConstraint:
 
 def energy_lost(leg: MovingLeg, e: Ends) -> ca.SX:
     """Kinetic energy [J] that the impact takes."""
-    s = e.final[DESCENT]
-    return impact(leg.dynamics(s), *leg.flight_pose(s))[2]
+    return impact_at(leg, e.final[DESCENT])[2]
 
 
 def landing_guess(leg: MovingLeg, flight: Guess) -> Guess:

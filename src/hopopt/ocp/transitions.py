@@ -14,7 +14,7 @@ from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.phases import BODY_SPEED, SPEED
-from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, linkage
+from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, linkage
 
 Transition = Callable[[MovingLeg, str, str], tuple[BoundaryConstraint, ...]]
 LANDING_WINDOW = LimitId(Kind.LANDING_WINDOW, key="hop.foot_window", unit="m")
@@ -40,15 +40,20 @@ def lift_off(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstrain
     return (linkage("lift-off", miss, flight_scales(leg), labels=labels),)
 
 
-def apex(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstraint, ...]:
-    """The descent begins as flight ends, where the centre of mass neither rises nor falls."""
+def handed_over(leg: MovingLeg, before: str, after: str) -> BoundaryConstraint:
+    """Flight goes on in the next phase as the one before it ends."""
 
-    def handed_over(e: Ends) -> ca.SX:
+    def miss(e: Ends) -> ca.SX:
         a, b = e.final[before], e.initial[after]
         return ca.vertcat(b.com - a.com, b.com_v - a.com_v, b.q - a.q, b.v - a.v)
 
+    return linkage("apex handed over", miss, flight_scales(leg).tolist())
+
+
+def apex(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstraint, ...]:
+    """The descent begins as flight ends, where the centre of mass neither rises nor falls."""
     return (
-        linkage("apex handed over", handed_over, flight_scales(leg).tolist()),
+        handed_over(leg, before, after),
         linkage("apex", lambda e: e.final[before].com_v[-1], RISE, unit="m/s"),
     )
 
@@ -84,6 +89,11 @@ def foot_before(dynamics: LegDynamics, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX
     if dynamics.slider:
         rows = ca.vertcat(rows, ca.SX.eye(BASE + n)[0, :])
     return rows, rows @ v
+
+
+def impact_at(leg: MovingLeg, s: Instant) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The impact of an instant of flight, as ``impact`` gives it."""
+    return s.once("impact", lambda: impact(leg.dynamics(s), *leg.flight_pose(s)))
 
 
 def impact(dynamics: LegDynamics, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -14,6 +14,7 @@ from hopopt.ocp.constraints import steepness
 from hopopt.ocp.objectives import find
 from hopopt.ocp.phases import DESCENT, FLIGHT
 from hopopt.planner.solution import Motion, Samples
+from hopopt.verify.limits import windowed
 
 IDLE = 0.999  # largest share of a limit that may be used if it is to count as idle
 LOADED = 1e-3  # of the force's range: a foot with less is not loaded
@@ -132,7 +133,9 @@ def _whole(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
         yield Use("friction cone", (), "contact.friction", friction, needed / friction, needed)
     if goal.ends != "free":
         ends = [
-            plan.sample_phase(p, np.array([plan.phases[p].duration])) for p in (FLIGHT, DESCENT) if p in plan.phases
+            plan.sample_phase(p, np.array([plan.phases[p].duration]))
+            for p in (FLIGHT, DESCENT)
+            if p in plan.phases and windowed(plan.design, p, goal.ends)
         ]
         off = max(float(abs(s.points["foot"][0, 0] - s.points[plan.robot.joints[0]][0, 0])) for s in ends)
         yield Use("foot window", (), "hop.foot_window", hop.foot_window, off / hop.foot_window, off)

@@ -176,7 +176,7 @@ def run_chunk(
 ) -> list[StartOutcome]:
     """Some of the starts, by number, on the first mesh; ``solver``: its program, if it is built already."""
     solver = solver or first_solver(hop, known)
-    chosen = starts(max(chunk) + 1, hop.design.solver.seed)
+    chosen = starts(max(chunk) + 1, hop.design.solver.seed, hop.design.hop.kind)
     return [run_start(hop, solver, chosen[k], known) for k in chunk]
 
 

@@ -152,7 +152,11 @@ def relaxed_starts(
 def _tightened(hop: Hop, asked: NlpSolver, relaxed: NlpSolver, relaxation: Relaxation, k: int) -> StartOutcome | None:
     """The relaxed problem from start k and, from its optimum and multipliers, what is asked; None if the relaxed optimum
     was known already."""
-    began, start, t = time.perf_counter(), starts(k + 1, hop.design.solver.seed)[k], asked.transcription
+    began, start, t = (
+        time.perf_counter(),
+        starts(k + 1, hop.design.solver.seed, hop.design.hop.kind)[k],
+        asked.transcription,
+    )
     s = relaxed(make_guess(hop, start), bounds=wider(t, relaxation))
     if relaxed.stopped:
         return None

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from hopopt.design import Design
+from hopopt.design import Design, refuse_periodic
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.mesh_refinement import UNSOLVED, relative
 from hopopt.nlp.time_limit import limited, time_is_up
@@ -72,6 +72,8 @@ def solve(
     """
     design = as_design(design)
     say, clock = progress or (lambda text: None), Stopwatch()
+    if structure or cross_check:
+        refuse_periodic(design, "a solve with free switch times, or a cross-check,")
     asked, design = design, with_tighter_tolerances(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
     if faults := joints_without_inertia(hop.design, hop.robot):
@@ -209,7 +211,7 @@ def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutc
     """What the start of outcome k leads to in a problem of the same form; from the outcome's own hop if it is none of the
     named or drawn starts."""
     name = outcomes[k].name
-    if name in [start.name for start in all_starts(k + 1, hop.design.solver.seed)]:
+    if name in [start.name for start in all_starts(k + 1, hop.design.solver.seed, hop.design.hop.kind)]:
         return run_chunk(hop, [k])[0]
     began, s = time.perf_counter(), first_solver(hop).from_vector(outcomes[k].vectors["z"])
     return outcome_of(name, s, time.perf_counter() - began)

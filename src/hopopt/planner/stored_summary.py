@@ -6,6 +6,7 @@ are left out of the file where there is nothing to say. SI units throughout.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from hopopt.planner.summary_entry import if_any, stated
 from hopopt.planner.summary_extras import (
@@ -27,6 +28,7 @@ from hopopt.planner.summary_parts import (
     Measures,
     Mesh,
     NamedCheck,
+    Orbit,
     Parts,
     PhaseFigures,
     Starts,
@@ -45,6 +47,7 @@ class Summary(Measures):
     version: int = stated("of these keys", ge=VERSION, le=VERSION)
     problem: str = stated("name of the problem")
     title: str = stated("its title")
+    hop: Literal["single", "periodic"] = stated("from rest to the apex, or a cycle that repeats itself (hop.kind)")
     objective: str = stated("name of the objective")
     objective_meaning: str = stated("what it is")
     objective_unit: str = stated("its unit (SI; 1 for none)")
@@ -91,6 +94,7 @@ class Summary(Measures):
     tie_break_bias: float | None = if_any("the same for objectives that are no lengths [the objective's unit]")
     gain_per_percent_m: Mapping[str, float] | None = if_any("what 1 % more of each limit's range gives [m]")
     gain_per_percent: Mapping[str, float] | None = if_any("the same for objectives that are no lengths [its unit]")
+    orbit: Orbit | None = if_any("the cycle of a periodic hop")
     notes: tuple[str, ...] = if_any("what the answer does not say by itself", default=())
     flat: tuple[FlatDirection, ...] | None = if_any("what the objective is insensitive to")
     time_limit_s: float | None = if_any("time after which the search ends with the best hop so far [s]")

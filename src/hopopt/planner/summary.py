@@ -26,6 +26,10 @@ from hopopt.planner.summary_parts import Mesh, Optimum, StartEnded, Starts
 from hopopt.planner.verdict import Verdict
 from hopopt.planner.verdict_entries import conditions, error_entry, structure_entry, verification_entries
 
+BOUNDED = (  # limits whose range is their bound
+    Kind.REGION, Kind.WINDOW, Kind.LANDING_WINDOW, Kind.IMPULSE, Kind.IMPACT_LOSS, Kind.FOOT_SPEED, Kind.GEAR_IMPACT,
+)  # fmt: skip
+
 
 def summarize(
     hop: Hop,
@@ -64,6 +68,7 @@ def figures(hop: Hop, plan: Motion, solution: NlpSolution, verdict: Verdict) -> 
     return {
         "problem": design.name,
         "title": design.title,
+        "hop": design.hop.kind,
         "objective": plan.objective,
         "objective_meaning": goal.meaning,
         "objective_unit": goal.unit,
@@ -126,7 +131,7 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
     t, gains, lam_g = solution.transcription, {}, of_limits(solution)
     for rows in t.rows:
         kind, reported = kind_of(rows.name), str(rows.name)
-        if kind in (Kind.REGION, Kind.WINDOW, Kind.LANDING_WINDOW):
+        if kind in BOUNDED:
             bound = np.abs(t.ubg[rows.start : rows.stop])
             gains[reported] = gains.get(reported, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
         elif kind is Kind.USER:

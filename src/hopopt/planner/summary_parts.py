@@ -79,6 +79,23 @@ class UpperBound(Strict):
 
 
 @dataclass(frozen=True)
+class Orbit(Strict):
+    """A cycle of a periodic hop, and the impact that ends it."""
+
+    closure: float = stated("difference of the state after the impact from that of the start [rad, rad/s]")
+    period_s: float = stated("duration of a cycle [s]")
+    step_m: float = stated("how far a cycle takes the foot forward [m]")
+    work_J: float = stated("net work of the joints in a cycle, which the impact takes [J]")
+    impulse_Ns: float = stated("of the ground on the foot at touchdown [N s]")
+    impact_loss_J: float = stated("kinetic energy that the impact takes [J]")
+    foot_speed_m_s: float = stated("of the foot just before touchdown [m/s]")
+    gear_impulse_Nms: float = stated("largest that a gear passes on to its rotor, joint side [N m s]")
+    gear_impact_torque_Nm: float = stated(
+        "the same over hop.touchdown_time: the gear's mean torque in the impact [N m]"
+    )
+
+
+@dataclass(frozen=True)
 class IdleLimit(Strict):
     """A limit that never acts."""
 

@@ -31,6 +31,7 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
         *(fault for name in joints for fault in _joint_faults(f"leg.{name}", _table(leg, name))),
         *(fault for name in links for fault in _link_faults(f"leg.{name}", _table(leg, name))),
         *(fault for name in ("stance_duration", "flight_duration") for fault in _range_faults(name, hop)),
+        *_periodic_faults(hop),
         *_above_ground_faults(_texts(hop.get("above_ground")), joints),
     ):
         if path not in refused:
@@ -111,6 +112,14 @@ def _link_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]
     if is_number(com) and is_number(length) and com > length:
         most = f"{path}.length = {shown(length)} m"
         yield f"{path}.com", f"= {shown(com)} m is beyond the end of the link: a number from 0 to {most} is needed"
+
+
+def _periodic_faults(hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What only a periodic hop has: a mean speed, and limits of its touchdown."""
+    if hop.get("kind", "single") == "single":
+        for name in ("speed", "touchdown_impulse", "touchdown_loss", "touchdown_speed", "touchdown_gear_torque"):
+            if value := hop.get(name):
+                yield f"hop.{name}", f'= {shown(value)} is for periodic hops: set hop.kind = "periodic", or remove it'
 
 
 def _range_faults(name: str, hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

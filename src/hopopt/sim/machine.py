@@ -152,11 +152,17 @@ class Machine:
         return q_j + back @ np.array([terms.q[0] + foot - body]), v_j - back @ (J @ v_j)
 
     def touch_down(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Speeds just after the foot has hit the ground and stays (plastic impact; Featherstone, RBDA, 11.6)."""
+        """Speeds just after the foot has hit the ground and stays, as ``impact`` gives them."""
+        return self.impact(q, v)[0]
+
+    def impact(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Speeds just after the foot has hit the ground and stays (plastic impact; Featherstone, RBDA, 11.6), and what
+        the ground, then the guides, give to the leg [N s]."""
         M = self.mass_matrix(q)
         J = np.vstack([self.foot_jacobian(q), np.eye(len(v))[self.held]])  # a guide holds in an impact too
         step = np.linalg.solve(M, J.T)
-        return v - step @ np.linalg.solve(J @ step, J @ v)
+        impulse = -np.linalg.solve(J @ step, J @ v)
+        return v + step @ impulse, impulse
 
     def foot_beside(self, q: np.ndarray) -> float:
         """Place of the foot across the plane, y [m]."""

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.design import Design
+from hopopt.design import Design, refuse_periodic
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.files import write_whole
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
@@ -130,6 +130,7 @@ def front(
     cannot be solved.
     """
     design = as_design(design)
+    refuse_periodic(design, "a front")
     goal = _goal(design, against, points)
     say, found = progress or (lambda text: None), Front(design, goal, _folder(design, against, results))
     if begun:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.design import Design, Leg, physical_parameters
+from hopopt.design import Design, Leg, physical_parameters, refuse_periodic
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
@@ -36,6 +36,7 @@ def sensitivity(solution: Solution) -> list[Influence]:
     pose has no derivative.
     """
     design = solution.design
+    refuse_periodic(design, "a sensitivity")
     if solution.summary.objective_unit != "m" or solution.own != (None, ()):
         raise UsageError(f"what to change first is reported for heights, not for {solution.objective}")
     nlp = stored_nlp(with_own_drives(solution))

@@ -9,6 +9,7 @@ from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.sim.machine import Machine
+from hopopt.verify.table import DESCENT
 
 
 def limit_words(phase: str, limit: LimitId) -> str:
@@ -16,12 +17,17 @@ def limit_words(phase: str, limit: LimitId) -> str:
     return f"{phase} {'ground pushes' if limit.kind is Kind.GROUND_FORCE else limit}"
 
 
+def windowed(design: Design, phase: str, ends: str) -> bool:
+    """Whether the foot has to be within its window when a phase of flight ends: a periodic hop lands where it will."""
+    return ends != "free" and not (design.hop.kind == "periodic" and phase == DESCENT)
+
+
 def limits_of(
-    machine: Machine, robot: Robot, design: Design, contact: bool, motion: tuple[np.ndarray, ...], windowed: bool
+    machine: Machine, robot: Robot, design: Design, contact: bool, motion: tuple[np.ndarray, ...], window: bool
 ) -> dict[LimitId, np.ndarray]:
     """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
     q, v (k, 2 + n), tau (k, n), f (k, 2); one value for those of its end; ``contact``: in
-    stance; ``windowed``: the foot's window is one."""
+    stance; ``window``: the foot's window is one."""
     q, v, tau, f = motion
     found: dict[LimitId, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
@@ -31,7 +37,7 @@ def limits_of(
         angle = q[:, BASE + k]
         found[LimitId(Kind.ANGLE, joint)] = np.maximum(low - angle, angle - high) / (high - low)
     found |= _ground(machine, design, contact, q, v, f)
-    if windowed and not contact:
+    if window and not contact:
         found |= _window(machine, robot, design, q)
     return found
 

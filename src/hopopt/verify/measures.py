@@ -12,7 +12,7 @@ from scipy.interpolate import BarycentricInterpolator
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.machine import Machine
-from hopopt.verify.table import Table
+from hopopt.verify.table import NORMALISED_TIMES, Table
 
 FINE = np.linspace(0.0, 1.0, 201)  # normalised times of an interval; trapezoids are good to about 1e-5 of it
 Tables = Mapping[str, Table]
@@ -71,6 +71,19 @@ def electrical_energy(robot: Robot, tables: Tables) -> float:
 
 def _drive(robot: Robot, joint: str, part: str, entry: str) -> float:
     return float(robot.parameters[robot.leg.drive(joint, part, entry)[0]])  # type: ignore[arg-type]
+
+
+def joint_work(table: Table) -> tuple[float, float]:
+    """Net and absolute mechanical work of the joints in one phase [J], by Clenshaw and Curtis in every interval."""
+    power = np.sum(table.tau * table.v[..., BASE:], axis=-1)
+    h = table.t[:, -1] - table.t[:, 0]
+    return float(h @ (power @ quadrature())), float(h @ (np.abs(power) @ quadrature()))
+
+
+def quadrature() -> np.ndarray:
+    """Clenshaw-Curtis weights of NORMALISED_TIMES on [0, 1], shape (K,)."""
+    moments = 1.0 / np.arange(1, len(NORMALISED_TIMES) + 1)
+    return np.linalg.solve(np.vander(NORMALISED_TIMES, increasing=True).T, moments)
 
 
 def impact(robot: Robot, tables: Tables) -> float:

@@ -18,8 +18,9 @@ from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, FIGURE, LIMIT, Check
 from hopopt.verify.landing import landing, lift_off
-from hopopt.verify.limits import limit_words, limits_of
-from hopopt.verify.measures import LEAST, MEASURES
+from hopopt.verify.limits import limit_words, limits_of, windowed
+from hopopt.verify.measures import LEAST, MEASURES, joint_work, quadrature
+from hopopt.verify.periodic import periodic_checks
 from hopopt.verify.replay import replay
 from hopopt.verify.table import DESCENT, FLIGHT, NORMALISED_TIMES, STANCE, Table
 
@@ -40,15 +41,12 @@ def verify_plan(
     robot = build_robot(design.leg)
     machine = Machine(robot)
     checks = [
-        _start(machine, design, tables[STANCE]),
+        *_ends(machine, design, tables),
         _durations(design, tables),
         Check("lift-off", _largest(lift_off(machine, tables[STANCE], tables[FLIGHT])), EXACT, "SI"),
         _clearance(machine, design, tables[FLIGHT], claims),
         *_measured(robot, tables, claims),
     ]
-    if DESCENT in tables:
-        found = landing(machine, tables[FLIGHT], tables[DESCENT])
-        checks += [Check(name, _largest(parts), EXACT, "SI") for name, parts in found]
     if ends == "required clearance":
         missing = float(design.hop.clearance or 0.0) - claims["clearance_m"]
         checks.append(Check("clearance asked for", max(missing, 0.0), EXACT, "m"))
@@ -59,9 +57,20 @@ def verify_plan(
             _inverse_dynamics(machine, name, table),
             _energy(machine, name, table),
             _impulse(machine, name, table),
-            *_limits(machine, robot, design, name, table, ends != "free"),
+            *_limits(machine, robot, design, name, table, windowed(design, name, ends)),
         ]
     return checks
+
+
+def _ends(machine: Machine, design: Design, tables: Mapping[str, Table]) -> Iterator[Check]:
+    """How the hop begins, and how it lands if it does."""
+    if design.hop.kind == "periodic":
+        yield from periodic_checks(machine, design, tables)
+        return
+    yield _start(machine, design, tables[STANCE])
+    if DESCENT in tables:
+        for name, parts in landing(machine, tables[FLIGHT], tables[DESCENT]):
+            yield Check(name, _largest(parts), EXACT, "SI")
 
 
 def _largest(differences: Sequence[Any]) -> float:
@@ -130,18 +139,9 @@ def _inverse_dynamics(machine: Machine, phase: str, table: Table) -> Check:
     return Check(f"{phase} inverse dynamics", float(np.max(wrong) / size), 1e-9, "relative", f"at {at:.4f} s")
 
 
-def _quadrature() -> np.ndarray:
-    """Clenshaw-Curtis weights of NORMALISED_TIMES on [0, 1], shape (K,)."""
-    moments = 1.0 / np.arange(1, len(NORMALISED_TIMES) + 1)
-    return np.linalg.solve(np.vander(NORMALISED_TIMES, increasing=True).T, moments)
-
-
 def _energy(machine: Machine, phase: str, table: Table) -> Check:
     """Work of the joints = change of kinetic and potential energy, relative to the work done."""
-    power = np.sum(table.tau * table.v[..., BASE:], axis=-1)
-    h = table.t[:, -1] - table.t[:, 0]
-    work = float(np.sum(h * (power @ _quadrature())))
-    size = float(np.sum(h * (np.abs(power) @ _quadrature())))
+    work, size = joint_work(table)
     gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
     return Check(f"{phase} energy balance", abs(gained - work) / max(size, 1e-3), BALANCE, "relative")
 
@@ -149,7 +149,7 @@ def _energy(machine: Machine, phase: str, table: Table) -> Check:
 def _impulse(machine: Machine, phase: str, table: Table) -> Check:
     """Impulse of ground force and weight = change of momentum, relative to the weight's impulse, where no guide holds."""
     h, force = table.t[:, -1] - table.t[:, 0], table.f[..., [0, -1]]
-    impulse = np.einsum("i,k,ikx->x", h, _quadrature(), force) + machine.mass * machine.gravity * h.sum()
+    impulse = np.einsum("i,k,ikx->x", h, quadrature(), force) + machine.mass * machine.gravity * h.sum()
     momentum = [machine.mass * machine.com_velocity(table.q[i, i], table.v[i, i]) for i in (-1, 0)]
     size = weight(machine.model) * h.sum()
     free = [k for k in range(BASE) if k not in machine.held]
@@ -157,7 +157,7 @@ def _impulse(machine: Machine, phase: str, table: Table) -> Check:
     return Check(f"{phase} impulse balance", wrong, BALANCE, "relative")
 
 
-def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table, windowed: bool) -> list[Check]:
+def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: Table, window: bool) -> list[Check]:
     """Every limit at 25 normalised times of every interval, its excess as a share of the limit's range."""
     weights = BarycentricInterpolator(NORMALISED_TIMES, np.eye(len(NORMALISED_TIMES)))(BETWEEN)
     t, q, v, tau, f = (
@@ -165,7 +165,7 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
         for x in (table.t, table.q, table.v, table.tau, table.f)
     )
     checks = []
-    for limit, excess in limits_of(machine, robot, design, phase == STANCE, (q, v, tau, f), windowed).items():
+    for limit, excess in limits_of(machine, robot, design, phase == STANCE, (q, v, tau, f), window).items():
         at = int(np.argmax(excess))
         when = t[at] if len(excess) == len(t) else t[-1]
         checks.append(

@@ -20,8 +20,9 @@ from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
-from hopopt.verify.limits import limit_words, limits_of
+from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import MEASURES
+from hopopt.verify.periodic import closure
 from hopopt.verify.table import FLIGHT, NORMALISED_TIMES, POWERS, STANCE, TO_POWERS, Table
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
@@ -132,11 +133,15 @@ def whole_hop_rollout(
         for name, table in tables.items()
         for part in "qv"
     )
+    if design.hop.kind == "periodic":
+        strayed = max(strayed, closure(machine, tables[STANCE], *state))
     values = _values(machine, robot, found, figure)
     shares = {
         limit_words(name, limit): float(excess.max())
         for name, table in found.items()
-        for limit, excess in limits_of(machine, robot, design, name == STANCE, _motion(table), ends != "free").items()
+        for limit, excess in limits_of(
+            machine, robot, design, name == STANCE, _motion(table), windowed(design, name, ends)
+        ).items()
         if limit.kind is not Kind.REGION  # kept by clamping
     }
     if ends == "required clearance":

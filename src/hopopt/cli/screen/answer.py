@@ -108,6 +108,19 @@ def hop_lines(s: "Summary") -> list[str]:
         f"stance {stance.duration_s:.3f} s, flight {flown}{lands}, lift-off at "
         f"{lift.vertical_m_s:.2f} m/s up and {lift.horizontal_m_s:+.2f} m/s along, peak ground force "
         f"{s.peak_ground_force_N:.0f} N",
+        *orbit_lines(s),
+    ]
+
+
+def orbit_lines(s: "Summary") -> list[str]:
+    """The cycle of a periodic hop, and its impact."""
+    if (o := s.orbit) is None:
+        return []
+    way = "in place" if abs(o.step_m) < 1e-6 else f"{o.step_m:+.3f} m along in each"
+    return [
+        f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}",
+        f"touchdown: foot at {o.foot_speed_m_s:.2f} m/s, impulse {o.impulse_Ns:.2f} N s, {o.impact_loss_J:.2f} J lost, "
+        f"gear impulse {o.gear_impulse_Nms:.3f} N m s ({o.gear_impact_torque_Nm:.0f} N m over hop.touchdown_time)",
     ]
 
 
@@ -234,8 +247,7 @@ def bound_line(bound: float | None, objective: str) -> list[str]:
     if bound is None or objective not in ("clearance", "apex"):
         return []
     return [
-        f"no controller can pass {bound:.2f} m: a crude bound, by the drives' speed and their power in the longest "
-        "stance alone (docs/bound.md)"
+        f"no controller can pass {bound:.2f} m: a crude bound, by the drives' speed and power alone (docs/bound.md)"
     ]
 
 
