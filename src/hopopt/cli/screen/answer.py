@@ -200,13 +200,17 @@ def starts_line(s: "Summary") -> str:
     starts = s.starts
     if s.families is None:  # a result of one start
         ends = ", ".join(f"{o.count} at {measure(s, o.objective, '.3f')}" for o in starts.optima)
-        return f"{starts.count} start{'' if starts.count == 1 else 's'} on the first mesh: {ends}"
+        return f"{_starts(starts.count)} on the first mesh: {ends}"
     found = [f"{measure(s, f.objective_value, '.3f')} (by {_found_by(f.found_by)})" for f in s.families]
     shown = ", ".join(found[:FAMILIES]) + (f" and {len(found) - FAMILIES} lower" if len(found) > FAMILIES else "")
     gentle = ", what prefers gentle torques counted in" if s.tie_break_weighs > 1e-3 * abs(s.objective_value) else ""
     failed = f", {len(starts.failed)} led nowhere" if starts.failed else ""
     different = f"{len(found)} different hop{'' if len(found) == 1 else 's'}"
-    return f"{starts.count} starts found {different}: {shown}{gentle}{failed}"
+    return f"{_starts(starts.count)} found {different}: {shown}{gentle}{failed}"
+
+
+def _starts(count: int) -> str:
+    return f"{count} start{'' if count == 1 else 's'}"
 
 
 def _found_by(names: Sequence[str]) -> str:
