@@ -130,6 +130,7 @@ def test_starts_of_another_problem_are_not_mixed_in(
     assert "problem.toml was changed since the study began" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_the_global_method_finds_more_counts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A planner that falls short by 5 % in the reduced hop is contradicted, in the exit code and in the JSON; a grid that is
     too coarse to tell contradicts nothing."""
@@ -143,6 +144,7 @@ def test_what_the_global_method_finds_more_counts(monkeypatch: pytest.MonkeyPatc
     assert not json.loads(next((tmp_path / "coarse").glob("*/summary.json")).read_text())["contradicted"]
 
 
+@pytest.mark.slow
 def test_a_leg_without_a_reduced_hop_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cli.run(["evidence", "three_joint", *SETTINGS, "--starts", "1", "--processes", "1", "--results", str(tmp_path)])
     assert "left out: three_joint: the reduced hop needs a leg of two joints" in capsys.readouterr().out

@@ -37,7 +37,11 @@ def one_push() -> Solution:
 
 
 @pytest.mark.parametrize(
-    ("tie_break", "then"), [(1e-6, "solving again with solver.tie_break = 1e-05"), (2e-5, "with restarts")]
+    ("tie_break", "then"),
+    [
+        pytest.param(1e-6, "solving again with solver.tie_break = 1e-05", marks=pytest.mark.slow),
+        (2e-5, "with restarts"),
+    ],
 )
 def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
     tie_break: float, then: str, one_push: Solution, monkeypatch: pytest.MonkeyPatch

@@ -199,6 +199,7 @@ def hop(strategy: str, friction: float | None, **more: object) -> Run:
     return simulate(load("paper", changes), find(strategy), past_apex=True)
 
 
+@pytest.mark.slow
 def test_ground_that_grips_enough_is_ideal_ground() -> None:
     """Two formulations and two codes: minimal coordinates in Pinocchio, and forces of contact compiled."""
     ideal, rough = hop("force", None), hop("force", 6.0)

@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hopopt.control.paper_pd import PaperOptions
 from hopopt.control.two_mass import PAPER
 from hopopt.design import Design
 from hopopt.errors import UsageError
@@ -138,8 +140,9 @@ def test_freed_values_reach_the_leg_and_the_strategy() -> None:
     values = e.values(np.array([0.5, 0.25, 1.0]))
     assert e.place(list(values)) == pytest.approx([0.5, 0.25, 1.0])
     assert e.design(values).leg.motor.rotor_inertia == 1.5e-5
-    assert e.settings(values, "position") == {"k_p": 200.0, "k_s": 2000.0}
-    assert e.settings(values, "force") == {"k_s": 2000.0}
+    assert e.settings(values, "position") == {**e.gains, "k_p": 200.0, "k_s": 2000.0}
+    assert e.settings(values, "force") == {**e.gains, "k_s": 2000.0}
+    assert e.gains["k_p"] == PaperOptions().k_p
     assert design().leg.motor.rotor_inertia == 1.19e-5
 
 
@@ -175,10 +178,11 @@ def test_two_point_masses_need_the_torque_of_the_reference_spring() -> None:
     tau = PAPER.k * (PAPER.l0 - y) * arm
     C = np.abs(tau) / (100 * 2.0 * (1 - 100 * rate / arm / leg.leg.motor.max_speed))
     mean = np.trapezoid(C, times) / (times[-1] - times[0])
-    found = tracking_saturation(leg)
+    printed = asdict(PaperOptions())
+    found = tracking_saturation(leg, printed)
     assert found["knee"] == pytest.approx(mean, rel=2e-3)
     assert found["hip"] < 0.01
-    assert tracking_saturation(design())["knee"] > 1.3 * mean
+    assert tracking_saturation(design(), printed)["knee"] > 1.3 * mean
 
 
 # ---- into the problem file ----------------------------------------------------------------------------------------

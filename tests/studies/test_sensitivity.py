@@ -145,6 +145,7 @@ OTHER = [
 ]  # fmt: skip
 ANGLES = ["start.joint_angles=[1.0, -2.1]", "leg.motor.laws=['four-quadrant']", "leg.motor.max_torque=1.5"]
 LEGS = {"paper": [], "other": OTHER, "angles": ANGLES, "refined": OTHER}
+EACH = [pytest.param(name, marks=[pytest.mark.slow] if name == "refined" else []) for name in LEGS]
 TWO_CAPS = ["leg.gear.torque_cap=120", "leg.motor.torque_cap=1.2"]  # both 120 N m at the joint
 
 
@@ -171,7 +172,7 @@ def weighted(found: Mapping[str, Influence], weights: Mapping[str, float]) -> fl
     return total
 
 
-@pytest.mark.parametrize("leg", LEGS)
+@pytest.mark.parametrize("leg", EACH)
 def test_scaling_masses_and_torques_together_changes_nothing(leg: str) -> None:
     """Masses, inertias, rotors, torques and forces by one factor: every motion stays possible (gravity is fixed)."""
     endings = ("mass", "inertia", "max_torque", "torque_cap", "least_force")
@@ -180,7 +181,7 @@ def test_scaling_masses_and_torques_together_changes_nothing(leg: str) -> None:
     assert abs(weighted(found, {"mass": 1.0})) > 1e-2  # the parts of the sum are not small
 
 
-@pytest.mark.parametrize("leg", LEGS)
+@pytest.mark.parametrize("leg", EACH)
 def test_scaling_lengths_and_times_together_scales_the_clearance(leg: str) -> None:
     """Lengths by f, times by sqrt(f), torques by f, inertias by f^2: a hop in all f times as large.
 
@@ -194,7 +195,7 @@ def test_scaling_lengths_and_times_together_scales_the_clearance(leg: str) -> No
     assert abs(total - s.clearance) < s.summary.bias
 
 
-@pytest.mark.parametrize("leg", LEGS)
+@pytest.mark.parametrize("leg", EACH)
 def test_a_gear_is_worth_what_another_motor_is(leg: str) -> None:
     """For each joint: ratio by f equals motor torque by f, speed by 1/f, rotor inertia by f^2."""
     found, design = influences(coarse(leg)), coarse(leg).design
@@ -220,7 +221,7 @@ def test_parts_of_the_joints_sum_to_the_whole() -> None:
         assert found[path].m_per_unit == pytest.approx(whole[path][0], rel=1e-9)
 
 
-@pytest.mark.parametrize("leg", LEGS)
+@pytest.mark.parametrize("leg", EACH)
 def test_names_are_paths_of_the_problem_file(leg: str) -> None:
     s = coarse(leg)
     found = sensitivity(s)
@@ -498,8 +499,10 @@ def test_another_objective_is_refused_before_it_is_solved(capsys: pytest.Capture
 
 @pytest.mark.parametrize(
     ("name", "leg", "mu"),
-    [("paper", {}, 0.7), ("three_joint", {"leg.hip.axis": [0.0, -0.98, 0.199]}, 0.4)],
-    ids=["cone", "pyramid"],
+    [
+        pytest.param("paper", {}, 0.7, id="cone"),
+        pytest.param("three_joint", {"leg.hip.axis": [0.0, -0.98, 0.199]}, 0.4, id="pyramid", marks=pytest.mark.slow),
+    ],
 )
 def test_friction(name: str, leg: dict, mu: float) -> None:
     """The gain of 1 % more friction against the same mesh solved with a little more and less, also of a foot that is held
@@ -548,6 +551,7 @@ def test_limits_that_are_held_are_worth_what_solving_again_says(held: Solution, 
     assert i.m_per_unit == pytest.approx((more.objective - less.objective) / (0.02 * i.value), rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("entry", "value"), [("hop.least_height", 0.0), ("leg.gear.ratio", 1.0)])
 def test_entries_at_the_end_of_what_they_may_be(entry: str, value: float) -> None:
     """Solved again on the one side there is, by a parabola."""

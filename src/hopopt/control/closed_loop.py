@@ -1,6 +1,7 @@
 """A strategy on the simulated leg: the plant that the problem file describes, and what the run amounts to."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import asdict, dataclass, is_dataclass
 from functools import cached_property
@@ -112,10 +113,12 @@ def simulate(
     """
     period, truth = 1 / design.simulation.control_rate, plant or design
     fresh, s = controller or make_controller(design, strategy, plan, options), truth.simulation
-    spare, error = deepcopy(controller), np.inf
+    spare, error = _copied(controller), np.inf
     for finer in FINER:
         if finer > FINER[0]:
-            fresh = deepcopy(spare) or make_controller(design, strategy, plan, options)
+            if controller is not None and spare is None:
+                break
+            fresh = _copied(spare) or make_controller(design, strategy, plan, options)
         trace = make_plant(truth, torque_gain, finer, compiled).run(
             start_angles(design) if start is None else start,
             fresh,
@@ -130,8 +133,15 @@ def simulate(
             return Run(strategy, truth, trace, fresh)
     raise HopoptError(
         f"{design.name}, strategy {strategy.name}: the simulation's energy balance is off by {error:.1e}, more than "
-        f"{BALANCED:g} may be, even in steps of 1/{FINER[-1]}: give less gear friction or softer gains"
+        f"{BALANCED:g} may be, in the finest steps that were tried: give less gear friction or softer gains"
     )
+
+
+def _copied(controller: Controller | None) -> Controller | None:
+    """As it is before a run, for another; None if it cannot be copied."""
+    with suppress(TypeError, ValueError):
+        return deepcopy(controller)
+    return None
 
 
 def clearance_in_mujoco(

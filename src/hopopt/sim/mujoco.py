@@ -114,7 +114,7 @@ def replay(
     ``lowest`` there the clearance, unless the foot came down before.
     """
     instants = np.arange(round(plan.duration / control_period) + 1) * control_period
-    reference, feedforward = plan.sample(instants), _means(plan, instants, control_period)
+    reference, feedforward = plan.sample(np.minimum(instants, plan.duration)), _means(plan, instants, control_period)
     regions = [operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints]
 
     def controller(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
@@ -129,7 +129,7 @@ def replay(
 def _means(plan: Plan, instants: np.ndarray, period: float, places: int = 8) -> np.ndarray:
     """Mean torque of the plan over the period after each instant (k, n): switches lie anywhere."""
     times = instants[:, None] + (np.arange(places) + 0.5) / places * period
-    return plan.sample(times.ravel()).tau.reshape(len(instants), places, -1).mean(axis=1)
+    return plan.sample(np.minimum(times.ravel(), plan.duration)).tau.reshape(len(instants), places, -1).mean(axis=1)
 
 
 class _Scene:

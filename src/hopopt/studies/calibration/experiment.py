@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,13 @@ class Experiment:
     def settings(self, values: np.ndarray, strategy: str) -> dict[str, Any]:
         """Options of a strategy with values (p,)."""
         named = {f.option_of(strategy): float(v) for f, v in zip(self.free, values, strict=True)}
-        return {**self.options, **{name: value for name, value in named.items() if name}}
+        return {**self.gains, **self.options, **{name: value for name, value in named.items() if name}}
+
+    @cached_property
+    def gains(self) -> dict[str, Any]:
+        """Those of the problem as it is given: free masses and lengths are not to change them."""
+        own = asdict(PaperOptions.of(Design.model_validate(self.problem), {}))
+        return {name: value for name, value in own.items() if isinstance(value, float)}
 
     def hop(self, values: np.ndarray, strategy: str) -> HopFigures:
         """A strategy's hop with values (p,)."""
@@ -119,7 +126,7 @@ def present(experiment: Experiment) -> list[float]:
     known = entries | {
         f"{owner}{name}": value
         for owner in ("", *(f"{strategy}." for strategy in experiment.strategies))
-        for name, value in (asdict(PaperOptions()) | dict(experiment.options)).items()
+        for name, value in (asdict(PaperOptions()) | experiment.gains | dict(experiment.options)).items()
     }
     for free in experiment.free:
         if not isinstance(known.get(free.path), int | float):
