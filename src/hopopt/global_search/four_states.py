@@ -6,7 +6,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.global_search.constants import stance_constants, start_state
-from hopopt.global_search.grid import make_grid, ranges
+from hopopt.global_search.grid import MANY, make_grid, ranges
 from hopopt.global_search.paths import Search
 from hopopt.global_search.posture import tuck_height
 from hopopt.global_search.result import GlobalSearch
@@ -14,7 +14,7 @@ from hopopt.global_search.value import value_function
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import build_robot
 
-STEPS = 16  # of the longest stance: with more, interpolation smears more than the motions err
+STEPS, STEPS_OF_MANY = 16, 20  # of the longest stance: with more, interpolation smears more than the motions err
 SUBSTEPS = 2  # of each motion
 METHOD = "dynamic programming over link angles and rates"
 
@@ -26,10 +26,10 @@ def search_stance(
     c = stance_constants(design)
     tuck, start = tuck_height(c, design.hop.foot_window), start_state(c, design)
     grid = make_grid((size,) * 4, *ranges(c, fastest_joints(design)))
-    duration = design.hop.stance_duration
-    value = value_function(c, grid, duration, STEPS, SUBSTEPS, threads, progress)
+    duration, steps = design.hop.stance_duration, STEPS_OF_MANY if size >= MANY else STEPS
+    value = value_function(c, grid, duration, steps, SUBSTEPS, threads, progress)
     found = Search(c, value, start, duration).rollouts(tuck, rollouts)
-    return GlobalSearch(METHOD, (size,) * 4, STEPS, value.at(start, STEPS) - tuck, found, 0.0, tuck)
+    return GlobalSearch(METHOD, (size,) * 4, steps, value.at(start, steps) - tuck, found, 0.0, tuck)
 
 
 def fastest_joints(design: Design) -> np.ndarray:
