@@ -324,7 +324,8 @@ def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.M
     run("new", "my_leg", cwd=tmp_path)
     lines = readme_block("sh", "hopopt compare") + readme_block("sh", "hopopt sensitivity")
     for line in lines.splitlines():
-        command = line.split("#")[0].replace("--draws 50", "--draws 4").split()  # fifty take a minute
+        few = "--share 0.5 --confidence 0.5 --draws 4 --evaluations 1 --starts 1"  # the whole takes minutes
+        command = line.split("#")[0].replace("--draws 60 --evaluations 4", few).split()
         done = run(*command[1:], cwd=tmp_path)
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
 

@@ -22,9 +22,10 @@ SMALLER = {  # sizes for a test: the same command on fewer points
     "--processes 4": "--processes 2",
 }  # fmt: skip
 ONE_START = ("solve", "sweep", "pareto")  # those are solved from a single start
+FEW = ["--share", "0.5", "--confidence", "0.5", "--draws", "4", "--evaluations", "1", "--starts", "1"]  # for robust
 RUN = ("actuators", "certificate", "method", "own_leg", "simulation", "studies")  # pages that are run whole, in minutes
 NEEDS = {"--mujoco": "mujoco", "--scheduler": "distributed"}  # extras
-NAMES = {"[PROBLEM]": "paper", "FILE": "paper", "my_leg.toml": "my_leg.toml"}
+NAMES = {"[PROBLEM]": "paper", "PROBLEM": "paper", "FILE": "paper", "my_leg.toml": "my_leg.toml"}
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -87,6 +88,7 @@ def test_every_command_runs(
         for size, less in SMALLER.items():
             line = re.sub(size, less, line)
         more = ["--starts", "1", "--no-figures"] if words[0] in ONE_START and "--resume" not in words else []
+        more = FEW if words[0] == "robust" else more
         assert run([*shlex.split(line), *more]) == 0, f"{line}\n{capfd.readouterr()}"
         capfd.readouterr()
 
