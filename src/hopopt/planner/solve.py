@@ -192,19 +192,26 @@ def calmer(
 ) -> tuple[Hop, Solution] | None:
     """A hop that is not verified again with a larger tie-break, where torques that hardly matter may have chattered: with
     its problem if it is verified and as good, else nothing."""
-    s = hop.design.solver
-    if not (s.refine and s.max_refinements and 0 < s.tie_break <= LARGEST_TIE_BREAK):
+    other = with_larger_tie_break(hop)
+    if other is None:
         return None
-    say(f"not verified: solving again with solver.tie_break = {CALMER * s.tie_break:g}")
-    data = hop.design.model_dump(exclude_none=True)
-    data["solver"]["tie_break"] = CALMER * s.tie_break
-    other = Hop(Design.model_validate(data), hop.asked, hop.free_parameters, hop.constraints)
+    say(f"not verified: solving again with solver.tie_break = {other.design.solver.tie_break:g}")
     outcome = _same_start(other, _chosen(doubtful, outcomes), outcomes)
     if not outcome.success:
         return None
     again = refined_and_verified(other, outcome, outcomes, say, clock)
     as_good = relative(again.summary.objective_value, doubtful.summary.objective_value) < CLOSE
     return (other, again) if again.verified and as_good else None
+
+
+def with_larger_tie_break(hop: Hop) -> Hop | None:
+    """The problem with a tie-break that is larger, and still too small to matter; None if there is none."""
+    s = hop.design.solver
+    if not (s.refine and s.max_refinements and 0 < s.tie_break <= LARGEST_TIE_BREAK):
+        return None
+    larger = s.model_copy(update={"tie_break": CALMER * s.tie_break})
+    changed = hop.design.model_copy(update={"solver": larger})
+    return Hop(changed, hop.asked, hop.free_parameters, hop.constraints)
 
 
 def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutcome:

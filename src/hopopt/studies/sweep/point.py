@@ -19,8 +19,9 @@ from hopopt.design import Leg, physical_parameters
 from hopopt.errors import NotSolvedError, ProblemFileError, one_line
 from hopopt.nlp.compiled import compiling
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
+from hopopt.nlp.mesh_refinement import UNSOLVED, relative
 from hopopt.nlp.reuse import with_numbers_of
-from hopopt.nlp.time_limit import limited
+from hopopt.nlp.time_limit import limited, time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
@@ -29,13 +30,14 @@ from hopopt.planner.motion_figures import parts
 from hopopt.planner.multistart import (
     StartOutcome,
     contenders,
+    first_solver,
     first_transcription,
     not_solved,
     outcome_of,
 )
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.required_clearance import from_highest
-from hopopt.planner.solve import TIME_LIMIT
+from hopopt.planner.solve import TIME_LIMIT, with_larger_tie_break
 from hopopt.planner.summary import limit_gains
 from hopopt.planner.summary_entry import as_data
 from hopopt.studies.sweep.definition import Definition
@@ -233,8 +235,18 @@ def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:
 
 
 def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
-    """An optimum of the first mesh refined and verified, as a single solve is."""
-    return refine_and_verify(hop, outcome, _silent, t)
+    """An optimum of the first mesh refined and verified, as a single solve is: with a larger tie-break where torques that
+    hardly matter chatter (a slider that waits), and with restarts, which take minutes there, only if that does not help."""
+    found = refine_and_verify(hop, outcome, _silent, t, restarts=False)
+    if found.verified or time_is_up():
+        return found
+    if (other := with_larger_tie_break(hop)) is not None:
+        began, s = time.perf_counter(), first_solver(other).from_vector(outcome.vectors["z"])
+        if s.success:
+            again = refine_and_verify(other, outcome_of(outcome.name, s, time.perf_counter() - began), _silent)
+            if again.verified and relative(again.objective_value, found.objective_value) < CLOSE:
+                return again
+    return refine_and_verify(hop, outcome, _silent, t) if found.refined.ended == UNSOLVED else found
 
 
 def _begin(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:
