@@ -37,3 +37,8 @@ def descendants(parent: int) -> list[int]:
         todo += below
         found += below
     return found
+
+
+def beside_progress(words: str) -> list[str]:
+    """Lines on standard error that are none of progress."""
+    return [line for line in words.splitlines() if not line.startswith("hopopt: after ")]
