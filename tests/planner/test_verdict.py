@@ -44,7 +44,9 @@ def test_a_solve_a_point_and_a_stored_result_have_the_same_checks(
     answer: Answer, hop: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Answer] = []
-    monkeypatch.setattr(sweep_point, "refine_and_verify", lambda *given: seen.append(road_to(*given)) or seen[-1])
+    monkeypatch.setattr(
+        sweep_point, "refine_and_verify", lambda *given, **more: seen.append(road_to(*given, **more)) or seen[-1]
+    )
     road_to = refine_and_verify
     point, _ = solve_point(define(load("paper"), {"leg.gear.ratio": [80, 90]}, starts=1), 0, [])
     stored = recheck(read(str(save(hop, tmp_path).result_dir)))
