@@ -208,6 +208,11 @@ class Hop(Section):
     counter_movement: bool = choice("may the body descend in stance", True)
 
     @property
+    def periodic(self) -> bool:
+        """Whether the hop ends as it began."""
+        return self.kind == "periodic"
+
+    @property
     def descent_duration(self) -> tuple[float, float]:
         """Shortest and longest time from the apex to touchdown [s]: as for flight."""
         return self.flight_duration
@@ -341,7 +346,7 @@ class Design(Section):
 
 def refuse_periodic(design: Design, what: str) -> None:
     """UsageError for ``what`` knows the hop from rest alone, if the problem asks for a periodic hop."""
-    if design.hop.kind == "periodic":
+    if design.hop.periodic:
         raise UsageError(f'{what} does not know the periodic hop yet: set hop.kind = "single"')
 
 

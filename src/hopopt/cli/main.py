@@ -115,7 +115,7 @@ def solve(
     for words in hints(design):
         print(f"hopopt: {words}", file=sys.stderr)  # before what may take long
 
-    control = control and design.hop.kind == "single"  # the paper's control begins at rest
+    control = control and not design.hop.periodic  # the paper's control begins at rest
     draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}

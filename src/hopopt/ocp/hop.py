@@ -7,7 +7,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from hopopt.design import Design
+from hopopt.design import Design, refuse_periodic
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import Custom, checked
 from hopopt.ocp.custom import path as custom_path
@@ -15,7 +15,7 @@ from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import find
-from hopopt.ocp.periodic import PERIODIC, hop_after_hop
+from hopopt.ocp.periodic import hop_after_hop
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Ends, Instant, Objective, PathConstraint, Phase, Problem
 from hopopt.ocp.tie_break import EFFORT, LOOPED, effort, largest_effort
@@ -35,13 +35,13 @@ class Hop(MovingLeg):
         if fault := self.objective.fault(design):
             raise UsageError(f"objective {self.objective.name}: {fault}")
         super().__init__(design)
-        if self.periodic and (self.loops or len(self.falling) < 2):
+        if design.hop.periodic and (self.loops or len(self.falling) < 2):
             raise UsageError(
                 'hop.kind = "periodic" needs a leg in a plane whose body moves along x and z (leg.guides): this one\'s '
                 'guides or joints hold the foot on the ground as well; set hop.kind = "single"'
             )
-        if self.periodic and free_parameters:
-            raise UsageError('a co-design does not know the periodic hop yet: set hop.kind = "single"')
+        if free_parameters:
+            refuse_periodic(design, "a co-design")
         for c in (*constraints, *((self.objective.custom,) if self.objective.custom else ())):
             checked(c, self, c is self.objective.custom)
 
@@ -51,16 +51,11 @@ class Hop(MovingLeg):
         other.design = design
         return other
 
-    @property
-    def periodic(self) -> bool:
-        """Whether the hop ends as it began."""
-        return self.design.hop.kind == PERIODIC
-
     @cached_property
     def problem(self) -> Problem:
         """The multi-phase problem; every physical parameter of the leg is a parameter of it."""
         goal = self.objective
-        sequence = (hop_after_hop if self.periodic else goal.sequence)(self, self.free_parameters)
+        sequence = (hop_after_hop if self.design.hop.periodic else goal.sequence)(self, self.free_parameters)
         return Problem(
             self.design.name,
             tuple(self._extended(phase) for phase in sequence.phases),

@@ -29,7 +29,7 @@ from hopopt.leg.kinematics import (
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.landing import landing_guess
-from hopopt.ocp.periodic import PERIODIC, there_and_back
+from hopopt.ocp.periodic import there_and_back
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 
 POINTS = 41  # of a guess, each phase
@@ -59,10 +59,10 @@ NAMED = (
 )
 
 
-def starts(count: int, seed: int, kind: str = "single") -> list[Start]:
+def starts(count: int, seed: int, periodic: bool = False) -> list[Start]:
     """The named starts, for a periodic hop the leaning ones first, then seeded Sobol points over the same directions."""
     extra, named = count - len(NAMED), NAMED
-    if kind == PERIODIC:
+    if periodic:
         named = (*(s for s in NAMED if s.lean), *(s for s in NAMED if not s.lean))
     if extra <= 0:
         return list(named[:count])
@@ -73,11 +73,16 @@ def starts(count: int, seed: int, kind: str = "single") -> list[Start]:
     return [*named, *(Start(f"drawn {k + 1}", *map(float, p)) for k, p in enumerate(points))]
 
 
+def starts_of(hop: Hop, count: int) -> list[Start]:
+    """The first starts of a problem."""
+    return starts(count, hop.design.solver.seed, hop.design.hop.periodic)
+
+
 def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
     """The start as guesses of the phases, by phase name."""
     simple = start == NAMED[0] and two_joints(hop.leg) and not hop.loops
     stance = (saturated_push(hop) if simple else None) or _stance_guess(hop, start)
-    push = there_and_back(hop, stance) if hop.periodic else stance
+    push = there_and_back(hop, stance) if hop.design.hop.periodic else stance
     return _all_phases(hop, _without_dependent(hop, push), _flight_guess(hop, stance))
 
 

@@ -20,7 +20,6 @@ from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, linkage
 from hopopt.ocp.sequence import PhaseSequence
 from hopopt.ocp.transitions import foot_before, handed_over, impact_at, lift_off, touchdown
 
-PERIODIC = "periodic"  # hop.kind
 IMPACT_PUSH = LimitId(Kind.IMPACT_PUSH, unit="N s")
 IMPACT_FRICTION = LimitId(Kind.IMPACT_FRICTION, key="contact.friction", unit="N s")
 IMPULSE = LimitId(Kind.IMPULSE, key="hop.touchdown_impulse", unit="N s")
@@ -78,8 +77,7 @@ def impact_limits(leg: MovingLeg, before: str) -> Iterator[BoundaryConstraint]:
 
     yield BoundaryConstraint(IMPACT_PUSH, of(lambda s: impulse(s)[-1]), 0.0, INF, push, "N s")
     if friction is not None:
-        sides = [lambda s, way=way: friction * impulse(s)[-1] - way * impulse(s)[0] for way in (1, -1)]
-        both = of(lambda s: ca.vertcat(*[side(s) for side in sides]))
+        both = of(lambda s: ca.vertcat(*[friction * impulse(s)[-1] - way * impulse(s)[0] for way in (1, -1)]))
         yield BoundaryConstraint(IMPACT_FRICTION, both, 0.0, INF, push, "N s", labels=(LEFT, RIGHT))
     for limit, most, value in (
         (IMPULSE, hop.touchdown_impulse, lambda s, most: _size(impulse(s), most)),

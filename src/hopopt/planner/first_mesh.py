@@ -68,7 +68,7 @@ def search_first_mesh(
 
 def _not_used(hop: Hop) -> str | None:
     """Why the global method is of no use here, or None."""
-    if hop.periodic:
+    if hop.design.hop.periodic:
         return "it knows a hop from rest alone"
     if hop.objective.name not in HEIGHTS or hop.constraints:
         return "it knows heights alone, without user-defined constraints"

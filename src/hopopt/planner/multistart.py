@@ -19,7 +19,7 @@ from hopopt.ocp.custom import Custom
 from hopopt.ocp.feasibility import drives_too_weak
 from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import Start, make_guess, starts
+from hopopt.ocp.initial_guess import Start, make_guess, starts_of
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.phases import STANCE
 from hopopt.optimality.infeasibility import conflict
@@ -118,15 +118,14 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
     began, watch, count_down = time.perf_counter(), known_optima(hop), Countdown(say, "starting points", count)
     solver = first_solver(hop, known, watch)
-    first = run_chunk(hop, [0], solver, known)
-    count_down.more()
+    first = run_chunk(hop, [0], solver, known, count_down.more)
     remember(watch, first[0])  # and no other, so that what starts lead to does not depend on how they are divided
     each, others = time.perf_counter() - began, range(1, count)
     if not first[0].success and weak:  # seldom does another start help such a leg
         return first
     processes = min(processes, len(others))
     if processes < 2 or each * len(others) * (1 - 1 / processes) < WORKER:
-        return first + [_counted(run_chunk(hop, [k], solver, known)[0], count_down) for k in others]
+        return first + (run_chunk(hop, others, solver, known, count_down.more) if others else [])
     from joblib import Parallel, delayed
 
     data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
@@ -139,15 +138,10 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -
     return first + [parts[k % processes][k // processes] for k in range(len(others))]
 
 
-def _counted(outcome: StartOutcome, count_down: Countdown) -> StartOutcome:
-    count_down.more()
-    return outcome
-
-
 def _beyond_limits(hop: Hop) -> StartOutcome | None:
     """How the first start ends if limits cannot hold together near its guess: where they give least. Ipopt takes hundreds
     of slow steps of restoration to end there."""
-    began, start = time.perf_counter(), starts(1, hop.design.solver.seed)[0]
+    began, start = time.perf_counter(), starts_of(hop, 1)[0]
     glance = NlpSolver(first_transcription(hop), {"ipopt.max_iter": 0})
     found = conflict(glance(make_guess(hop, start)))
     if found is None or not any(part.gives for part in found.parts):
@@ -172,12 +166,20 @@ def _chunk_in_worker(
 
 
 def run_chunk(
-    hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None, known: bool = False
+    hop: Hop,
+    chunk: Sequence[int],
+    solver: NlpSolver | None = None,
+    known: bool = False,
+    done: Callable[[], object] = lambda: None,
 ) -> list[StartOutcome]:
-    """Some of the starts, by number, on the first mesh; ``solver``: its program, if it is built already."""
+    """Some of the starts, by number, on the first mesh; ``solver``: its program, if it is built already; ``done`` is called
+    after each."""
     solver = solver or first_solver(hop, known)
-    chosen = starts(max(chunk) + 1, hop.design.solver.seed, hop.design.hop.kind)
-    return [run_start(hop, solver, chosen[k], known) for k in chunk]
+    chosen, outcomes = starts_of(hop, max(chunk) + 1), list[StartOutcome]()
+    for k in chunk:
+        outcomes.append(run_start(hop, solver, chosen[k], known))
+        done()
+    return outcomes
 
 
 def run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOutcome:
@@ -207,6 +209,12 @@ def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
     vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
     sign = s.transcription.problem.objective.sign
     return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign)
+
+
+def solved_from(hop: Hop, outcome: StartOutcome) -> StartOutcome:
+    """A problem of the same form, solved on its first mesh from the hop that a start led to."""
+    began, s = time.perf_counter(), first_solver(hop).from_vector(outcome.vectors["z"])
+    return outcome_of(outcome.name, s, time.perf_counter() - began)
 
 
 def solution_of(outcome: StartOutcome, t: Transcription) -> NlpSolution:

@@ -11,7 +11,7 @@ from hopopt.verify.periodic import period, touchdown_of
 
 def orbit(plan: Motion) -> Orbit | None:
     """The cycle of a periodic hop and its impact, from the plan's tables; None for any other hop."""
-    if plan.design.hop.kind != "periodic":
+    if not plan.design.hop.periodic:
         return None
     found, hop = touchdown_of(Machine(plan.robot), plan.tables), plan.design.hop
     gear = float(np.abs(found.gear).max())

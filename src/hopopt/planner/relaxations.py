@@ -15,7 +15,7 @@ from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.nlp.ipopt import CARRIED, Bounds, NlpSolver
 from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import make_guess, starts
+from hopopt.ocp.initial_guess import make_guess, starts_of
 from hopopt.planner.multistart import (
     Progress,
     StartOutcome,
@@ -152,11 +152,7 @@ def relaxed_starts(
 def _tightened(hop: Hop, asked: NlpSolver, relaxed: NlpSolver, relaxation: Relaxation, k: int) -> StartOutcome | None:
     """The relaxed problem from start k and, from its optimum and multipliers, what is asked; None if the relaxed optimum
     was known already."""
-    began, start, t = (
-        time.perf_counter(),
-        starts(k + 1, hop.design.solver.seed, hop.design.hop.kind)[k],
-        asked.transcription,
-    )
+    began, start, t = time.perf_counter(), starts_of(hop, k + 1)[k], asked.transcription
     s = relaxed(make_guess(hop, start), bounds=wider(t, relaxation))
     if relaxed.stopped:
         return None

@@ -1,6 +1,5 @@
 """From a problem to a verified answer: several starts, the best of them finished, what is doubtful solved once more."""
 
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from hopopt.nlp.time_limit import limited, time_is_up
 from hopopt.ocp.custom import custom
 from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import starts as all_starts
+from hopopt.ocp.initial_guess import starts_of
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
 from hopopt.planner.cross_check import with_cross_checks
@@ -24,10 +23,9 @@ from hopopt.planner.multistart import (
     Progress,
     StartOutcome,
     contenders,
-    first_solver,
     not_solved,
-    outcome_of,
     run_chunk,
+    solved_from,
 )
 from hopopt.planner.notes import flat_directions, notes_on
 from hopopt.planner.refine_and_verify import refined_and_verified, with_tighter_tolerances
@@ -217,11 +215,9 @@ def with_larger_tie_break(hop: Hop) -> Hop | None:
 def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutcome:
     """What the start of outcome k leads to in a problem of the same form; from the outcome's own hop if it is none of the
     named or drawn starts."""
-    name = outcomes[k].name
-    if name in [start.name for start in all_starts(k + 1, hop.design.solver.seed, hop.design.hop.kind)]:
+    if outcomes[k].name in [start.name for start in starts_of(hop, k + 1)]:
         return run_chunk(hop, [k])[0]
-    began, s = time.perf_counter(), first_solver(hop).from_vector(outcomes[k].vectors["z"])
-    return outcome_of(name, s, time.perf_counter() - began)
+    return solved_from(hop, outcomes[k])
 
 
 def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:

@@ -27,11 +27,11 @@ from hopopt.planner.multistart import (
     Progress,
     StartOutcome,
     contenders,
-    first_solver,
     first_transcription,
     not_solved,
     outcome_of,
     solution_of,
+    solved_from,
 )
 from hopopt.planner.refine_and_verify import refine_outcome, refined_and_verified
 from hopopt.planner.required_clearance import from_highest
@@ -82,10 +82,7 @@ def codesign(
 
 def _found(hop: Hop, count: int, side_by_side: int, clock: Stopwatch, say: Progress) -> Solution:
     """The best hop with the best parameters that is found in the time that is left."""
-
-    def reported(text: str) -> None:
-        say(f"co-design: {text}")
-
+    reported = _of_codesign(say)
     outcomes = search_first_mesh(
         hop, count, side_by_side, reported, _begun(hop, count, side_by_side, reported)
     ).outcomes
@@ -94,8 +91,7 @@ def _found(hop: Hop, count: int, side_by_side: int, clock: Stopwatch, say: Progr
         return answer
     if (other := with_larger_tie_break(hop)) is not None:  # where torques that hardly matter have chattered
         reported(f"not verified: solving again with solver.tie_break = {other.design.solver.tie_break:g}")
-        solver = first_solver(other)
-        calmer = [outcome_of(o.name, solver.from_vector(o.vectors["z"]), 0.0) for o in contenders(outcomes)]
+        calmer = [solved_from(other, o) for o in contenders(outcomes)]
         if any(o.success for o in calmer):
             again = _confirmed(other, calmer, count, side_by_side, clock, say)
             if again.verified:
@@ -108,11 +104,7 @@ def _confirmed(
     restarts: bool = False,
 ) -> Solution:  # fmt: skip
     """The best of the co-designs of the first mesh refined, and the hop of the leg that comes out."""
-
-    def reported(text: str) -> None:
-        say(f"co-design: {text}")
-
-    refined = [refine_outcome(hop, o, reported, restarts=restarts).solution for o in contenders(outcomes)]
+    refined = [refine_outcome(hop, o, _of_codesign(say), restarts=restarts).solution for o in contenders(outcomes)]
     if not refined:
         raise not_solved(hop, outcomes)
     best = max(refined, key=lambda s: hop.objective.merit(s.objective))
@@ -125,6 +117,11 @@ def _confirmed(
     if not finished:
         raise not_solved(fixed, again)
     return _described(best_of(fixed.objective, finished), hop, best)
+
+
+def _of_codesign(say: Progress) -> Progress:
+    """Progress of the co-design, not of the leg that comes out."""
+    return lambda text: say(f"co-design: {text}")
 
 
 def _begun(hop: Hop, count: int, side_by_side: int, reported: Progress) -> list[StartOutcome]:

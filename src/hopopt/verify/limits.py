@@ -19,7 +19,7 @@ def limit_words(phase: str, limit: LimitId) -> str:
 
 def windowed(design: Design, phase: str, ends: str) -> bool:
     """Whether the foot has to be within its window when a phase of flight ends: a periodic hop lands where it will."""
-    return ends != "free" and not (design.hop.kind == "periodic" and phase == DESCENT)
+    return ends != "free" and not (design.hop.periodic and phase == DESCENT)
 
 
 def limits_of(

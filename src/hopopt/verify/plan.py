@@ -64,7 +64,7 @@ def verify_plan(
 
 def _ends(machine: Machine, design: Design, tables: Mapping[str, Table]) -> Iterator[Check]:
     """How the hop begins, and how it lands if it does."""
-    if design.hop.kind == "periodic":
+    if design.hop.periodic:
         yield from periodic_checks(machine, design, tables)
         return
     yield _start(machine, design, tables[STANCE])

@@ -53,7 +53,7 @@ def upper_bound(design: Design) -> Bound:
     start = float(at["com"][1] - at["foot"][1])
     power = sum(most_power(region) for region in regions)
     height, speed = _stretched(robot, np.array([most_speed(region) for region in regions]))
-    by_energy = np.inf if design.hop.kind == "periodic" else start + design.hop.stance_duration[1] * power / weight
+    by_energy = np.inf if design.hop.periodic else start + design.hop.stance_duration[1] * power / weight
     by_speed = height + speed**2 / (2 * -machine.gravity[1])
     return Bound(*map(float, (by_energy, by_speed, power, speed, _below_com(robot))))
 

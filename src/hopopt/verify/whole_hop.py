@@ -133,7 +133,7 @@ def whole_hop_rollout(
         for name, table in tables.items()
         for part in "qv"
     )
-    if design.hop.kind == "periodic":
+    if design.hop.periodic:
         strayed = max(strayed, closure(machine, tables[STANCE], *state))
     values = _values(machine, robot, found, figure)
     shares = {

@@ -30,10 +30,10 @@ from hopopt.planner.motion_figures import parts
 from hopopt.planner.multistart import (
     StartOutcome,
     contenders,
-    first_solver,
     first_transcription,
     not_solved,
     outcome_of,
+    solved_from,
 )
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.required_clearance import from_highest
@@ -241,9 +241,9 @@ def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
     if found.verified or time_is_up():
         return found
     if (other := with_larger_tie_break(hop)) is not None:
-        began, s = time.perf_counter(), first_solver(other).from_vector(outcome.vectors["z"])
-        if s.success:
-            again = refine_and_verify(other, outcome_of(outcome.name, s, time.perf_counter() - began), _silent)
+        calmer = solved_from(other, outcome)
+        if calmer.success:
+            again = refine_and_verify(other, calmer, _silent)
             if again.verified and relative(again.objective_value, found.objective_value) < CLOSE:
                 return again
     return refine_and_verify(hop, outcome, _silent, t) if found.refined.ended == UNSOLVED else found
