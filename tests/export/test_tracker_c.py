@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from hopopt.control.closed_loop import simulate
+from hopopt.control.reference import PhaseReference
 from hopopt.control.strategies import BUILT_IN
 from hopopt.control.tracking import Track
 from hopopt.export.plan import tracker_of
-from hopopt.export.tracker_c import barycentric_weights, header
+from hopopt.export.tracker_c import header
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -42,18 +43,18 @@ Doubles = ctypes.POINTER(ctypes.c_double)
 class InC:
     """A controller that asks the compiled tracker."""
 
-    library: ctypes.CDLL
+    compiled: ctypes.CDLL
 
     def __post_init__(self) -> None:
         double, whole = ctypes.c_double, ctypes.c_int
-        self.library.torque.argtypes = [double, Doubles, Doubles, whole, double, whole, Doubles]
-        self.library.torque.restype = None
-        self.library.reset()
+        self.compiled.torque.argtypes = [double, Doubles, Doubles, whole, double, whole, Doubles]
+        self.compiled.torque.restype = None
+        self.compiled.reset()
 
     def torque(self, now: Measurement) -> np.ndarray:
         q, v, tau = np.ascontiguousarray(now.q), np.ascontiguousarray(now.v), np.zeros(len(now.q))
         arrays = [x.ctypes.data_as(Doubles) for x in (q, v, tau)]
-        self.library.torque(now.t, *arrays[:2], int(now.contact), now.since, now.landings, arrays[2])
+        self.compiled.torque(now.t, *arrays[:2], int(now.contact), now.since, now.landings, arrays[2])
         return tau
 
 
@@ -130,6 +131,7 @@ def test_c_follows_python_through_a_bounce_and_far_from_the_plan(
 
 def test_weights_give_back_a_polynomial() -> None:
     """The barycentric formula with them is exact for one of a degree below the number of places."""
-    weights, place = barycentric_weights(NORMALISED_TIMES), 0.37
+    steady = np.broadcast_to(NORMALISED_TIMES[:, None], (1, len(NORMALISED_TIMES), 1))
+    weights, place = PhaseReference(NORMALISED_TIMES, steady[..., 0], *[steady] * 3).barycentric, 0.37
     basis = weights / (place - NORMALISED_TIMES)
     assert basis @ NORMALISED_TIMES**8 / basis.sum() == pytest.approx(place**8, abs=1e-14)

@@ -1,6 +1,5 @@
 """A study on a Dask cluster: the same table, even if a worker is killed on the way; what is missing is said."""
 
-import csv
 import importlib
 import os
 import signal
@@ -12,18 +11,13 @@ import pytest
 
 import hopopt as ho
 from hopopt.errors import UsageError
+from stored_tables import table
 from waiting import beside_progress, descendants, wait_for
 
 pytest.importorskip("distributed")
 
 CHEAP = ["hop.stance_duration=[0.03, 0.2]", "solver.refine=false", "solver.stance_intervals=20", "solver.starts=1"]
 VARY = {"leg.gear.ratio": [100, 110, 120, 130, 140, 150], "leg.shank.length": [0.2, 0.361]}  # half of it impossible
-
-
-def table(folder: Path) -> list[dict[str, str]]:
-    """The table without its timings."""
-    with (folder / "table.csv").open(encoding="utf-8") as file:
-        return [{name: text for name, text in row.items() if name != "seconds"} for row in csv.DictReader(file)]
 
 
 @pytest.fixture(scope="module")

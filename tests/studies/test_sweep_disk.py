@@ -1,6 +1,5 @@
 """A disk that fills or becomes read-only during a study: what is safe is said, --resume ends as if nothing had been."""
 
-import csv
 import errno
 import os
 import platform
@@ -18,6 +17,7 @@ from hopopt.errors import HopoptError, ResultError
 from hopopt.files import remove_abandoned, write_whole
 from hopopt.studies.sweep.dask_workers import dask_workers
 from hopopt.studies.sweep.run import sweep
+from stored_tables import table
 from waiting import descendants
 
 CHEAP = [
@@ -28,12 +28,6 @@ CHEAP = [
     "solver.starts=1",
 ]
 VARY = {"leg.gear.ratio": [100, 120], "leg.shank.length": [0.2, 0.361]}
-
-
-def table(folder: Path) -> list[dict[str, str]]:
-    """The table without its timings."""
-    with (folder / "table.csv").open(encoding="utf-8") as file:
-        return [{name: text for name, text in row.items() if name != "seconds"} for row in csv.DictReader(file)]
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """A study killed again and again, at instants chosen at random: after --resume its table is that of one undisturbed."""
 
-import csv
 import json
 import os
 import signal
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stored_tables import table
 from waiting import beside_progress, wait_for
 
 KILLS = 20
@@ -31,12 +31,6 @@ def defined() -> list[str]:
     return [word for entry in CHEAP for word in ("--set", entry)] + [
         word for entry in VARY for word in ("--vary", entry)
     ]
-
-
-def table(folder: Path) -> list[dict[str, str]]:
-    """The table without its timings."""
-    with (folder / "table.csv").open(encoding="utf-8") as file:
-        return [{name: text for name, text in row.items() if name != "seconds"} for row in csv.DictReader(file)]
 
 
 def points(folder: Path) -> dict[str, dict]:

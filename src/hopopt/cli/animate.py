@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from hopopt.cli.options import AsJson, progress
+from hopopt.cli.options import AsJson, content_of_results, progress, say_written
 
 
 def animate(
@@ -27,20 +27,13 @@ def animate(
     """
     from hopopt.errors import UsageError
 
-    if not results:
-        raise UsageError(
-            "give a folder that hopopt solve or hopopt compare wrote: hopopt animate results/paper-0a1b2c3d"
-        )
     if not 1 <= slower <= 100:
         raise UsageError(f"--slower {slower:g}: from 1 to 100 are allowed")
     from hopopt.plots import animation
-    from hopopt.report.content import content_of
-    from hopopt.storage.folder import as_json, fitting
 
     with progress(quiet=json_) as say:
-        with fitting(results[0]):
-            content = content_of(results)
+        content = content_of_results(results, "animate")
         say("drawing")
         animation.animate(content.hops, content.design.title or content.design.name, output, slower)
-    print(as_json({"written": [str(output)], "exit_code": 0}) if json_ else f"{output} written")
+    say_written([output], json_)
     return 0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from hopopt.cli.options import AsJson, Overrides, write_new
+from hopopt.cli.options import AsJson, Overrides, say_written, write_new
 from hopopt.errors import ResultError, UsageError
 
 if TYPE_CHECKING:
@@ -64,7 +64,6 @@ def export(
     from hopopt.leg.export import to_mjcf, to_urdf
     from hopopt.leg.robot import build_robot
     from hopopt.problem.load import load
-    from hopopt.storage.folder import as_json
 
     written: list[Path] = []
     if format_ is not None:
@@ -80,11 +79,7 @@ def export(
             if path is not None:
                 write_new(path, write(robot))
                 written.append(path)
-    if json_:
-        print(as_json({"written": [str(path) for path in written], "exit_code": 0}))
-    else:
-        for path in written:
-            print(f"{path} written")
+    say_written(written, json_)
     return 0
 
 

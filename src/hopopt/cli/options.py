@@ -1,13 +1,16 @@
 """What all commands of the command line share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
 from hopopt.errors import UsageError
+
+if TYPE_CHECKING:
+    from hopopt.report.page import Content
 
 app = App(
     name="hopopt",
@@ -58,6 +61,28 @@ def progress(quiet: bool) -> AbstractContextManager[Callable[[str], None]]:
     from hopopt.cli.screen import console as screen
 
     return screen.progress(quiet)
+
+
+def content_of_results(results: Sequence[Path], command: str) -> "Content":
+    """What stored results hold, for the command that shows it; UsageError without any."""
+    from hopopt.report.content import content_of
+    from hopopt.storage.folder import fitting
+
+    if not results:
+        example = f"hopopt {command} results/paper-0a1b2c3d"
+        raise UsageError(f"give a folder that hopopt solve or hopopt compare wrote: {example}")
+    with fitting(results[0]):
+        return content_of(results)
+
+
+def say_written(paths: Sequence[Path], json_: bool, then: str = "") -> None:
+    """Print which files were written, and what to do then."""
+    from hopopt.storage.folder import as_json
+
+    if json_:
+        print(as_json({"written": [str(path) for path in paths], "exit_code": 0}))
+    for path in () if json_ else paths:
+        print(f"{path} written{then}")
 
 
 def write_new(path: Path, text: str) -> None:

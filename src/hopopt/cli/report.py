@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from hopopt.cli.options import AsJson, write_new
+from hopopt.cli.options import AsJson, content_of_results, say_written, write_new
 
 
 def report(
@@ -25,17 +25,12 @@ def report(
     output
         The file to write.
     """
-    from hopopt.errors import UsageError
-    from hopopt.report.content import content_of
     from hopopt.report.page import page
-    from hopopt.storage.folder import as_json, fitting
+    from hopopt.storage.folder import fitting
 
-    if not results:
-        raise UsageError(
-            "give a folder that hopopt solve or hopopt compare wrote: hopopt report results/paper-0a1b2c3d"
-        )
+    content = content_of_results(results, "report")
     with fitting(results[0]):
-        text = page(content_of(results))
+        text = page(content)
     write_new(output, text)
-    print(as_json({"written": [str(output)], "exit_code": 0}) if json_ else f"{output} written: open it in a browser")
+    say_written([output], json_, ": open it in a browser")
     return 0

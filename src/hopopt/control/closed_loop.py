@@ -58,8 +58,10 @@ class Run:
 
 
 def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int = 1, compiled: bool = False) -> Plant:
-    """The leg of a problem with its drives and gear losses, on ideal ground, or where the foot may slip if the problem has
-    contact.friction and ``can_slip``; torque_gain as in ``Drive``, finer as in ``Plant``. compiled: faster code for ideal ground too, if it takes the leg.
+    """The leg of a problem with its drives and gear losses, on ideal ground, or where the foot may slip.
+
+    It may slip if the problem has contact.friction and ``can_slip``. torque_gain as in ``Drive``, finer as in ``Plant``;
+    compiled: faster code for ideal ground too, if it takes the leg.
 
     Raises UsageError for a leg that leaves the x-z plane, and for a periodic hop.
     """
@@ -105,8 +107,8 @@ def simulate(
 ) -> Run:
     """Hop a leg with a strategy, ``hops`` times, from the problem's start, or from joint angles ``start`` (n) [rad].
 
-    compiled: as in ``make_plant``. past_apex: end well past the first apex, where the clearance is decided, not at the landing. plan is what
-    ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
+    compiled: as in ``make_plant``. past_apex: end well past the first apex, where the clearance is decided, not at the
+    landing. plan is what ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;
     options are settings of the strategy, unless a fresh controller is given. Raises UsageError if the strategy
     cannot be made. Where the energy does not balance it is simulated again in finer steps; HopoptError if it does not
     balance then either.

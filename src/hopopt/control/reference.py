@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
 
 from hopopt.leg.robot import BASE
 
@@ -66,12 +65,16 @@ class PhaseReference:
         away = place - self.places
         if not away.all():
             return (away == 0).astype(float)
-        parts = self._barycentric / away
+        parts = self.barycentric / away
         return parts / parts.sum()
 
     @cached_property
-    def _barycentric(self) -> np.ndarray:
-        return BarycentricInterpolator(self.places).wi
+    def barycentric(self) -> np.ndarray:
+        """Weights of the barycentric form at these places (Berrut and Trefethen, 2004), the largest 1."""
+        gaps = self.places[:, None] - self.places
+        np.fill_diagonal(gaps, 1.0)
+        weights = 1 / gaps.prod(axis=1)
+        return weights / np.abs(weights).max()
 
 
 @dataclass(frozen=True)

@@ -39,17 +39,18 @@ def header(tracker: Track, problem: str, joints: Sequence[str]) -> str:
 def tables(tracker: Track) -> str:
     """All numbers of a tracker as C constants."""
     o, n = tracker.options, len(tracker.rest)
-    places = tracker.plan.stance.places
-    sizes = {"JOINTS": n, "PLACES": len(places), "LINES": max(map(len, tracker.drive.upper + tracker.drive.lower))}
+    stance, bounds = tracker.plan.stance, tracker.drive.upper + tracker.drive.lower
+    sizes = {"JOINTS": n, "PLACES": len(stance.places), "LINES": max(map(len, bounds))}
     for name, phase in _phases(tracker).items():
         gains = tracker.gains[name == STANCE]
         sizes |= {f"{name.upper()}_INTERVALS": len(phase.t), f"{name.upper()}_PERIODS": len(gains.K)}
     figures = {"PERIOD": tracker.period, "EDGE": EDGE, "EARLY": EARLY, "K_P": o.k_p, "K_D": o.k_d}
     lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
-    lines += [_array("places", places), _array("weights", barycentric_weights(places)), _array("rest", tracker.rest)]
+    shared = {"places": stance.places, "weights": stance.barycentric, "rest": tracker.rest}
+    lines += [_array(name, values) for name, values in shared.items()]
     for side in ("upper", "lower"):
-        bounds = [padded(planes, sizes["LINES"]) for planes in getattr(tracker.drive, side)]
-        rows = ", ".join("{" + ", ".join(f"{{{c!r}, {d!r}}}" for c, d in planes) + "}" for planes in bounds)
+        padding = [padded(planes, sizes["LINES"]) for planes in getattr(tracker.drive, side)]
+        rows = ", ".join("{" + ", ".join(f"{{{c!r}, {d!r}}}" for c, d in planes) + "}" for planes in padding)
         lines.append(f"static const double hopopt_{side}[HOPOPT_JOINTS][HOPOPT_LINES][2] = {{{rows}}};")
     for name, phase in _phases(tracker).items():
         columns = phase_columns(phase, tracker.gains[name == STANCE])
@@ -64,14 +65,6 @@ def phase_columns(phase: PhaseReference, gains: Gains) -> Mapping[str, np.ndarra
         "impulse": phase.impulses[1],
         **{name: getattr(gains, name) for name in "ABKL"},
     }
-
-
-def barycentric_weights(places: np.ndarray) -> np.ndarray:
-    """Of the polynomial through values at these places (Berrut and Trefethen, 2004), the largest 1."""
-    gaps = places[:, None] - places
-    np.fill_diagonal(gaps, 1.0)
-    weights = 1 / gaps.prod(axis=1)
-    return weights / np.abs(weights).max()
 
 
 def padded(planes: list[tuple[float, float]], count: int) -> list[tuple[float, float]]:

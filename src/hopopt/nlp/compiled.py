@@ -108,7 +108,8 @@ def _made(function: ca.Function, folder: Path) -> Path | None:
         subprocess.run(command, cwd=place, check=True, capture_output=True, timeout=LONGEST)
         content = (Path(place) / "f.so").read_bytes()
     remove_abandoned(folder)
-    write_whole(folder / _name(key, content), content)
-    (folder / _name(key, content)).chmod(0o700)
+    library = folder / _name(key, content)
+    write_whole(library, content)
+    library.chmod(0o700)
     _failed.discard(key)
-    return folder / _name(key, content)
+    return library

@@ -115,9 +115,7 @@ def active_limits(plan: Motion, stance: Samples) -> dict[str, float]:
     for name in plan.design.hop.above_ground:
         if name != "foot":
             shares[f"{name} on the ground"] = stance.points[name][:, 1] < ACTIVE * size
-    (shortest, longest), lasted = plan.design.hop.stance_duration, plan.phases[STANCE].duration
-    shares["longest stance"] = lasted >= longest - ACTIVE * longest
-    shares["shortest stance"] = lasted <= shortest + ACTIVE * shortest
+    shares |= {f"{end} stance": True for end in _ends_of_stance_time(plan)}
     means = {name: _time_mean(stance, np.broadcast_to(active, stance.t.shape) + 0.0) for name, active in shares.items()}
     return most_first({name: share for name, share in means.items() if share > 1e-3})
 
@@ -146,7 +144,12 @@ def leans_on(plan: Motion, stance: Samples) -> LeansOn:
     loaded = up >= size
     held = along[~loaded].max(initial=0.0) > NO_FRICTION * size
     needed = np.inf if held else (along[loaded] / up[loaded]).max(initial=0.0)
+    share = _time_mean(stance, ~loaded + 0.0)
+    return LeansOn(float(needed), share, next(iter(_ends_of_stance_time(plan)), None))
+
+
+def _ends_of_stance_time(plan: Motion) -> list[str]:
+    """Which ends of the time that stance may take are reached: both where it is given."""
     (shortest, longest), lasted = plan.design.hop.stance_duration, plan.phases[STANCE].duration
     ends = {"longest": lasted >= (1 - ACTIVE) * longest, "shortest": lasted <= (1 + ACTIVE) * shortest}
-    share = _time_mean(stance, ~loaded + 0.0)
-    return LeansOn(float(needed), share, next((name for name, reached in ends.items() if reached), None))
+    return [name for name, reached in ends.items() if reached]

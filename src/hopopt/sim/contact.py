@@ -31,7 +31,7 @@ def loads(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[
     joints, centres, drift = chain(leg, q, v)
     n = len(q) - 2
     w = v[2:]
-    motor, tau = driven(leg, w, command, SLOW)
+    motor, tau = driven(leg, w, command)
     stop = stopped(leg, q[2:], w)
     J, h = foot_jacobian(leg, joints), bias(leg, joints, centres, drift)
     B = np.zeros((n + 2, 3))
@@ -111,7 +111,7 @@ def settled(leg: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray) -> N
 def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: float) -> int:
     """Into how many parts a step of h [s] is cut: more where a joint meets its end stop, or gear friction turns round."""
     parts = 1
-    motor, _ = driven(leg, v[2:], command, SLOW)
+    motor, _ = driven(leg, v[2:], command)
     for k in range(len(q) - 2):
         ahead = q[2 + k] + 1.5 * h * v[2 + k]
         if max(q[2 + k], ahead) > leg.stop_upper[k] or min(q[2 + k], ahead) < leg.stop_lower[k]:

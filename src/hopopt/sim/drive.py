@@ -90,8 +90,6 @@ class Drive:
 
         w (n) [rad/s], command (n) [N m], armature (n): the rotors' inertia at the joints [kg m^2].
         """
-        if self.lossless:
-            return 1
         rubbing = (1 - self.gear.efficiency) * np.abs(self.torque(w, command)[0]) + self.gear.friction
         return min(
             MOST_PARTS, max(1, int(np.ceil(np.max(h * rubbing / SLOW / np.maximum(armature, LIGHTEST)) / STIFF)))

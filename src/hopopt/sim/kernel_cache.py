@@ -1,7 +1,7 @@
 """What numba keeps on disk, checked: numba loads what it finds, and a damaged or outdated file ends the process or lies.
 
-Every file ends with its digest, and every function is kept for the sources of its whole package, for numba looks at the
-file of the function alone and not at those of the functions that it calls. What does not fit is compiled again.
+Every file ends with its digest. Every function is kept for the sources of its whole package: numba looks at the file of
+the function alone, and not at those of the functions that it calls. What does not fit is compiled again.
 """
 
 from collections.abc import Callable, Iterator

@@ -13,7 +13,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.kinematics import can_slip
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.compiled import kernel
-from hopopt.sim.drive import Drive, Stops
+from hopopt.sim.drive import SLOW, Drive, Stops
 
 UNBOUNDED = 1e12  # [N m] of a torque line that is not there
 
@@ -192,7 +192,7 @@ def solved(M: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def driven(leg: Any, w: np.ndarray, command: np.ndarray, slow: float) -> tuple[np.ndarray, np.ndarray]:
+def driven(leg: Any, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Torques (n) [N m] of the motors after their limits, and of the joints after the gears: ``Drive.torque``."""
     n = len(w)
     motor, tau = np.zeros(n), np.zeros(n)
@@ -203,7 +203,7 @@ def driven(leg: Any, w: np.ndarray, command: np.ndarray, slow: float) -> tuple[n
         for line in range(leg.lower.shape[1]):
             low = max(low, leg.lower[k, line, 0] - leg.lower[k, line, 1] * speed)
         motor[k] = leg.gain[k] * (min(max(command[k], low), high) if low <= high else 0.0)
-        lost = ((1 - leg.efficiency[k]) * abs(motor[k]) + leg.friction) * np.tanh(w[k] / slow) + leg.damping * w[k]
+        lost = ((1 - leg.efficiency[k]) * abs(motor[k]) + leg.friction) * np.tanh(w[k] / SLOW) + leg.damping * w[k]
         tau[k] = motor[k] - lost
     return motor, tau
 

@@ -30,7 +30,6 @@ from hopopt.storage.netcdf import read as read_netcdf
 UNITS = {"q": "m or rad", "v": "m/s or rad/s", "command": "N m", "motor": "N m", "tau": "N m", "f": "N", "work": "J"}
 DIMENSIONS = {"q": "coordinate", "v": "coordinate", "command": "joint", "motor": "joint", "tau": "joint"}
 DIMENSIONS |= {"f": "direction", "work": "account"}
-EVENTS = {0: "touchdown", 1: "lift-off"}  # as the file has them
 
 
 def save_runs(
@@ -127,5 +126,5 @@ def read_runs(folder: Path, what: str) -> StoredRuns:
 def _trace(group: Group, robot: Robot) -> Trace:
     arrays = {name: group[name] for name in ("t", *UNITS)} | {"contact": group["contact"].astype(bool)}
     kinds = zip(group["event_kind"], group["event_t"], strict=True)
-    events = tuple(Event(EVENTS.get(kind, str(kind)), float(t), 0.0) for kind, t in kinds)  # losses: not kept
+    events = tuple(Event(str(kind), float(t), 0.0) for kind, t in kinds)  # losses: not kept
     return Trace(robot, **arrays, events=events, outcome=str(group.attributes["outcome"]))

@@ -42,12 +42,10 @@ def stated_checks(
     error, certificate = fresh.pop("objective_error"), fresh.pop("certificate")
     fresh["structure"] = {**s["structure"], **fresh["structure"]}  # of free switches it says more
     fresh["mesh"] = [*s["mesh"][:-1], s["mesh"][-1] | _last_mesh(nlp)]
-    wrong = [(name, difference(a, b)) for name, a, b in _pairs(_only(s, fresh), fresh)]
-    wrong += [(words, float("inf")) for words in solution.summary.contradictions()]
     size = OF_THE_OBJECTIVE * nlp.magnitude
     off = [(name, difference(a, b, size)) for name, a, b in _pairs(s["objective_error"], error, "objective_error")]
     return [
-        _check("figures of the summary as computed", wrong, FIGURES),
+        _figures_check(solution, fresh),
         _check("residuals of the summary as computed", list(_residuals(s, certificate, errors, nlp, found)), RESIDUALS),
         _check("error of the objective as stated", off, RESIDUALS),
     ]
@@ -56,6 +54,11 @@ def stated_checks(
 def motion_check(solution: Solution) -> Check:
     """The same of a result without multipliers: what the summary says of the motion alone."""
     fresh = as_data(motion_figures(solution, {phase: solution.everywhere(phase, FINE) for phase in solution.phases}))
+    return _figures_check(solution, fresh)
+
+
+def _figures_check(solution: Solution, fresh: Mapping[str, Any]) -> Check:
+    """That the entries of the summary which were computed are as stated, and none contradicts another."""
     pairs = _pairs(_only(as_data(solution.summary), fresh), fresh)
     wrong = [(name, difference(a, b)) for name, a, b in pairs]
     wrong += [(words, float("inf")) for words in solution.summary.contradictions()]

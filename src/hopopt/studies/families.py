@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.errors import ResultError, UsageError
+from hopopt.errors import UsageError
 from hopopt.files import write_whole
 from hopopt.problem.render import design_hash, resolved_toml
-from hopopt.storage.folder import as_json, reason_of, unused, writing
+from hopopt.storage.folder import as_json, unused, writing
 from hopopt.studies.consistency import contradicted
 from hopopt.studies.family_chains import Node, Step, chains, letter
 from hopopt.studies.family_optima import Optimum, Refined
@@ -158,12 +158,10 @@ def one_entry(definition: Definition) -> Definition:
 def open_folder(definition: Definition, results: Path) -> Path:
     """A new folder with the problem; ResultError if it cannot be written."""
     design = definition.design
-    try:
+    with writing(f"{results}: the study", "choose another folder"):
         folder = unused(results / f"{design.name}-families-{design_hash(design)}")
         folder.mkdir(parents=True)
         write_whole(folder / "problem.toml", resolved_toml(design).encode())
-    except OSError as error:
-        raise ResultError(f"{results}: results cannot be written ({reason_of(error)})") from error
     return folder
 
 

@@ -1,9 +1,9 @@
 """How high the paper's PD strategies hop with the best gains: tuned by differential evolution on the simulator.
 
 A hop counts with its clearance, less PRICE for every limit of the problem that it does not keep: an end stop that is
-hit softly is no reason to throw a hop away, but no reason to prefer it either. The gains that the strategy has untuned
-(the problem's [control], or the printed ones scaled to the leg) are among the first that are tried, with every kind of
-push and retraction, so the answer is never worse than they are.
+hit softly is no reason to throw a hop away, but no reason to prefer it either. Among the first gains that are tried are
+those of the strategy untuned: the problem's [control], or the printed ones scaled to the leg. Each is tried with every
+kind of push and retraction, so the answer is never worse than they are.
 """
 
 import itertools
@@ -131,15 +131,20 @@ class Search:
         return KINDS[self.strategy]
 
     @cached_property
+    def design(self) -> Design:
+        """The problem."""
+        return Design.model_validate(self.problem)
+
+    @cached_property
     def gains(self) -> dict[str, float]:
         """The untuned gains of this leg."""
-        own = PaperOptions.of(Design.model_validate(self.problem), {})
+        own = PaperOptions.of(self.design, {})
         return {name: getattr(own, name) for name in GAINS}
 
     @cached_property
     def bounds(self) -> list[tuple[float, float]]:
         """Of every coordinate; gains that the problem gives lie within them."""
-        found, by = [], factors(Size.of(Design.model_validate(self.problem)))
+        found, by = [], factors(Size.of(self.design))
         for name, (lower, upper) in GAINS.items():
             lower, upper, own = by[name] * lower, by[name] * upper, self.gains[name]
             found.append((float(np.log(min(lower, own))), float(np.log(max(upper, own)))))
@@ -169,7 +174,7 @@ class Search:
 
     def trial(self, options: dict[str, Any], torque_gain: float = 1.0) -> Trial:
         """A hop with these options, its motors as strong as believed times torque_gain."""
-        design = Design.model_validate(self.problem)
+        design = self.design
         gains = np.full(len(design.leg.joints), torque_gain)
         hop: HopFigures = simulate(
             design, BUILT_IN[self.strategy], options=options, torque_gain=gains, past_apex=True

@@ -124,7 +124,7 @@ def comparison_html(comparison: Comparison) -> str:
 
 
 def study_html(study: Study) -> str:
-    """What a notebook shows of a study: its points, those in the middle left out where there are many."""
+    """What a notebook shows of a study: its points, the last left out where there are many."""
     rows: dict[str, Any] = {}
     for p in study.points[:ROWS]:
         where = ", ".join(f"{entry} = {value:g}" for entry, value in p.values.items())

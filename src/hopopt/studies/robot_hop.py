@@ -15,7 +15,7 @@ from hopopt.leg.robot import BASE, build_robot
 from hopopt.planner.solution import Solution
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.machine import Machine
-from hopopt.sim.state import State
+from hopopt.sim.state import ACCOUNTS
 from hopopt.sim.trace import Event, Trace
 from hopopt.studies.compare import planned_trace
 from hopopt.studies.robot_log import RobotLog
@@ -49,7 +49,7 @@ def trace_of(log: RobotLog, design: Design) -> Trace:
             q[k, :BASE] = com + speed * since + 0.5 * gravity * (t - began) ** 2 - machine.points(q[k])["com"]
             v[k, :BASE] = speed + gravity * since - machine.com_velocity(q[k], v[k])
     power = np.sum(log.tau * log.v, axis=1)
-    work = np.zeros((len(log.t), len(State(q[0], v[0], contact=True, foot=0.0).work)))  # losses are not logged
+    work = np.zeros((len(log.t), ACCOUNTS))  # losses are not logged
     work[1:, 0] = np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(log.t))
     arrays = (log.t, q, v, log.tau, log.tau, log.tau, log.force, log.contact, work)
     return Trace(robot, *arrays, events=tuple(events), outcome="the log ends")

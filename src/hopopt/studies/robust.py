@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from hopopt.control.strategies import find
 from hopopt.design import Design, Reserve
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import two_joints
@@ -120,7 +119,7 @@ def robust(
     pd = {}
     for name in PD if two_joints(design.leg) else ():
         say(f"simulating {name} on the same legs")
-        pd[name] = reached(design, find(name).name, None, fresh, processes)
+        pd[name] = reached(design, name, None, fresh, processes)
     return RobustHop(best.design, best.plan, bound, ideal_bound, tracked, pd, share, confidence, len(search.trials))
 
 

@@ -76,8 +76,10 @@ class Rollout:
         return max((claim - self.values.get(figure, claim)) * sign, 0.0)
 
     def checks(self, figure: str, claim: float, sign: float, size: float) -> list[Check]:
-        """That the rollout value is what is claimed of the plan, relative to ``size`` [the figure's unit], and passes no limit by
-        more than the plan may and as much again; left out for a hop that did not follow the plan."""
+        """That the rollout value is what is claimed of the plan, and passes no limit by more than twice what the plan may.
+
+        ``size``: what the difference is relative to [the figure's unit]. Left out for a hop that did not follow the plan.
+        """
         if self.note:
             return left_out(self.note)
         limits = _check(LIMITS, self.passed, where=self.limit)

@@ -50,17 +50,21 @@ def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
 @contextmanager
 def _now_and_then(out: TextIO) -> Iterator[Callable[[str], None]]:
     """A function that is told of progress, the last of which is written every EVERY seconds, also if there is no more."""
-    began, last, ended = time.monotonic(), ["starting"], Event()
+    began, last, ended = time.monotonic(), "starting", Event()
 
     def write() -> None:
         while not ended.wait(EVERY):
             with suppress(OSError, ValueError):  # nobody reads it any more
-                print(f"hopopt: after {time.monotonic() - began:.0f} s: {last[0]}", file=out, flush=True)
+                print(f"hopopt: after {time.monotonic() - began:.0f} s: {last}", file=out, flush=True)
+
+    def say(text: str) -> None:
+        nonlocal last
+        last = text
 
     writer = Thread(target=write, daemon=True)
     writer.start()
     try:
-        yield lambda text: last.__setitem__(0, text)
+        yield say
     finally:
         ended.set()
         writer.join()

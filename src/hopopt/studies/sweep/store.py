@@ -36,16 +36,12 @@ def open_folder(definition: Definition, results: Path) -> Path:
     """A new folder for a study, its definition written; ResultError if it cannot be."""
     key = json.dumps(stamp(definition), sort_keys=True)
     name = f"{definition.design.name}-sweep-{hashlib.sha256(key.encode()).hexdigest()[:8]}"
-    try:
+    with writing(f"{results}: the study", "choose another folder"):
         results.mkdir(parents=True, exist_ok=True)
         folder = unused(results / name)
         (folder / "points").mkdir(parents=True)
         write_whole(folder / "problem.toml", resolved_toml(definition.design).encode())
         write_whole(folder / "sweep.json", json.dumps(stamp(definition), indent=2).encode())
-    except OSError as error:
-        raise ResultError(
-            f"{results}: the study cannot be written ({reason_of(error)}): choose another folder"
-        ) from error
     return folder
 
 
