@@ -57,21 +57,21 @@ pd.DataFrame(s.summary.codesign.parameters)[columns].round(4)
 #
 # ## Is it one?
 #
-# Where a given length is divided best, a millimetre more of thigh is worth as much as a millimetre more of shank: else
-# one would be lengthened at the cost of the other. Beside the optimum the shorter one is worth more. The slopes come
-# from the multipliers of single hops, each solved again, which know nothing of the co-design.
+# Beside the best division, the link that is too short is worth more. At the best one, what one link gains the other loses
+# at least. Limits trade places there, so that more and less of a link are worth different amounts: the optimum is a kink.
+# The slopes come from the multipliers of single hops, each solved again, which know nothing of the co-design.
 
 
 # %%
 def row(hop: ho.Solution) -> dict[str, float]:
-    """The division of the length, what it clears, and what a metre more of either would bring."""
-    slopes = {i.name: i.m_per_unit for i in hop.sensitivity()}
-    return {
-        "thigh [m]": hop.design.leg.link["thigh"].length,
-        "clearance [m]": hop.clearance,
-        "per metre of thigh": slopes["leg.thigh.length"],
-        "per metre of shank": slopes["leg.shank.length"],
-    }
+    """The division of the length, what it clears, and what a metre more of either brings, or a metre less costs."""
+    found = {"thigh [m]": hop.design.leg.link["thigh"].length, "clearance [m]": hop.clearance}
+    slopes = {i.name: i for i in hop.sensitivity()}
+    for link in ("thigh", "shank"):
+        i = slopes[f"leg.{link}.length"]
+        found[f"more {link}"] = i.m_per_unit
+        found[f"less {link}"] = i.m_per_unit if i.less_m_per_unit is None else i.less_m_per_unit
+    return found
 
 
 best = s.design.leg.link["thigh"].length
@@ -85,9 +85,10 @@ table = pd.DataFrame(rows).T.sort_values("thigh [m]")
 table.round(4)
 
 # %%
-difference = table["per metre of thigh"] - table["per metre of shank"]
-assert difference.iloc[0] > 0 > difference.iloc[2]
-assert abs(difference.iloc[1]) < 0.1 * abs(difference.iloc[0])
+thigh_instead, shank_instead = table["more thigh"] - table["less shank"], table["more shank"] - table["less thigh"]
+assert thigh_instead.iloc[0] > 0 > shank_instead.iloc[0]  # a thigh too short
+assert thigh_instead.iloc[1] < 0 > shank_instead.iloc[1]
+assert thigh_instead.iloc[2] < 0 < shank_instead.iloc[2]  # a shank too short
 assert table["clearance [m]"].idxmax() == "the optimum"
 
 # %% [markdown]

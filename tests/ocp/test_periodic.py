@@ -229,11 +229,8 @@ def test_what_does_not_know_the_periodic_hop_says_so(capsys: pytest.CaptureFixtu
     with pytest.raises(UsageError, match="needs a leg in a plane"):
         Hop(slider)
     for words in (
-        ["sweep", "paper", "--vary", "leg.gear.ratio=90,100", "--set", 'hop.kind="periodic"'],
         ["simulate", "paper", "--set", 'hop.kind="periodic"'],
-        ["sensitivity", "paper", "--set", 'hop.kind="periodic"'],
         ["solve", "paper", "--hop", "periodic", "--cross-check"],
-        ["solve", "paper", "--hop", "periodic", "--free", "leg.gear.ratio=90:110"],
     ):
         assert run(words) == 2
         said = capsys.readouterr().err

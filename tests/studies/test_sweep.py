@@ -224,7 +224,7 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypa
     lower = replace(second, objective_value=0.5, clearance_m=0.5)
     refined, refine = [], refine_and_verify
     monkeypatch.setattr(
-        sweep_point, "refine_and_verify", lambda *given: refined.append(given[1].name) or refine(*given)
+        sweep_point, "refine_and_verify", lambda *given, **more: refined.append(given[1].name) or refine(*given, **more)
     )
     both = [source, Source(2, 0, begin)]
     again, found = solve_again(definition, lower, {**own, "objective": np.array(0.5)}, both, 1)
@@ -244,7 +244,9 @@ def test_a_neighbour_that_stops_leaves_the_others(monkeypatch: pytest.MonkeyPatc
     for sources, led in (([source, Source(2, 0, begin)], 2), ([source], None)):
         calls = iter([True, False, False])
         monkeypatch.setattr(
-            sweep_point, "refine_and_verify", lambda *given, calls=calls: stop() if next(calls) else refine(*given)
+            sweep_point,
+            "refine_and_verify",
+            lambda *given, calls=calls, **more: stop() if next(calls) else refine(*given, **more),
         )
         point, _ = solve_point(definition, 1, sources)
         assert (point.verified, point.begun_from) == (True, led)

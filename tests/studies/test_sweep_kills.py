@@ -63,7 +63,7 @@ def test_killed_at_random_instants_the_table_is_the_same(tmp_path: Path) -> None
             for path in newest[len(newest) // 2 :]:
                 path.unlink()
         running = begin(tmp_path, "--resume", str(folder))
-    assert running.communicate(timeout=1800)[1] == ""
+    assert beside_progress(running.communicate(timeout=1800)[1]) == []
     (undisturbed,) = tmp_path.glob("whole/*")
     assert table(folder) == table(undisturbed)
     assert points(folder) == points(undisturbed)

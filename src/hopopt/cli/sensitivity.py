@@ -92,7 +92,6 @@ def _optimum(
         say("verifying")
         solution = read(folder)
         return solution, [*solution.doubts, *recheck(solution).failed_checks]
-    from hopopt.design import refuse_periodic
     from hopopt.ocp.objective import HEIGHTS
     from hopopt.ocp.objectives import find
     from hopopt.planner.solve import solve
@@ -103,7 +102,6 @@ def _optimum(
             f"what to change first is reported for heights, not for {objective}: --objective clearance or apex"
         )
     design = load(problem, overrides)
-    refuse_periodic(design, "a sensitivity")  # before the work
     solution = solve(design, objective, starts=starts, progress=say)
     return solution, list(solution.summary.failed_checks)
 

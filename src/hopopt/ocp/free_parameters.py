@@ -87,9 +87,11 @@ class FreeParameters:
         )  # fmt: skip
 
     def moves_start(self, hop: MovingLeg) -> bool:
-        """Whether the pose at the start depends on what is free: a hip height is given, and lengths are free."""
+        """Whether the pose at the start depends on what is free: a hip height is given, and lengths are free. A
+        periodic hop starts as it will."""
         lengths = {f"leg.{link}.length" for link in hop.leg.links}
-        return hop.design.start.hip_height is not None and bool(lengths & self.bounds.keys())
+        given = hop.design.start.hip_height is not None and not hop.design.hop.periodic
+        return given and bool(lengths & self.bounds.keys())
 
     def start(self, hop: MovingLeg) -> Numbers | tuple[Numbers, Numbers]:
         """Joint angles at the start [rad]: given, or free on the side to which the second joint is folded.

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from hopopt.design import Design, refuse_periodic
+from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import Custom, checked
 from hopopt.ocp.custom import path as custom_path
@@ -40,8 +40,6 @@ class Hop(MovingLeg):
                 'hop.kind = "periodic" needs a leg in a plane whose body moves along x and z (leg.guides): this one\'s '
                 'guides or joints hold the foot on the ground as well; set hop.kind = "single"'
             )
-        if free_parameters:
-            refuse_periodic(design, "a co-design")
         for c in (*constraints, *((self.objective.custom,) if self.objective.custom else ())):
             checked(c, self, c is self.objective.custom)
 

@@ -26,6 +26,7 @@ IMPULSE = LimitId(Kind.IMPULSE, key="hop.touchdown_impulse", unit="N s")
 IMPACT_LOSS = LimitId(Kind.IMPACT_LOSS, key="hop.touchdown_loss", unit="J")
 FOOT_SPEED = LimitId(Kind.FOOT_SPEED, key="hop.touchdown_speed", unit="m/s")
 GEAR_IMPACT = LimitId(Kind.GEAR_IMPACT, key="hop.touchdown_gear_torque", unit="N m")
+STEP = "step"  # the constraint of how far ahead the foot lands
 IMPACT_TIME = 0.1  # s: the weight's impulse in that time is the scale of an impact's impulse
 
 
@@ -48,7 +49,7 @@ def step(leg: MovingLeg, before: str) -> BoundaryConstraint:
         ahead = leg.design.hop.speed * sum(e.duration.values(), ca.SX(0))
         return leg.flight_points(e.final[before])["foot"][0] - ahead
 
-    return linkage("step", miss, unit="m")
+    return linkage(STEP, miss, unit="m")
 
 
 def landing(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstraint, ...]:

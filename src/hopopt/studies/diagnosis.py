@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.design import refuse_periodic
 from hopopt.errors import ResultError
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.optimality.flat_directions import INSENSITIVE, STRETCH, NotInvertible, flat, longer_or_shorter
@@ -28,7 +27,6 @@ def diagnose(solution: Solution) -> dict[str, Any]:
     idle_limits: limits that never act (planner/limit_use.py)
     words: the same in sentences
     """
-    refuse_periodic(solution.design, "a diagnosis")
     if not has_multipliers(solution):
         raise ResultError(f"{solution.result_dir}: the file holds no multipliers: solve it again")
     with fitting(solution.result_dir):

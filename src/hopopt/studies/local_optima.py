@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from hopopt.design import Design, refuse_periodic
+from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.files import remove_abandoned, write_whole
 from hopopt.nlp.ipopt import NlpSolver
@@ -62,7 +62,6 @@ class Family:
 
 def open_study(design: Design, objective: str, results: Path) -> Path:
     """A new folder for a study of a problem's starts."""
-    refuse_periodic(design, "a study of starts")
     with writing(f"{results}: the study", "choose another folder"):
         folder = unused(results / f"{design.name}-evidence-{design_hash(design)}")
         (folder / "starts").mkdir(parents=True)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.design import Design, refuse_periodic
+from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.files import write_whole
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
@@ -42,6 +42,7 @@ CLOSER = 1.5  # exponent that brings points closer to the highest hop
 PATIENCE = 150  # iterations from a neighbour
 MOST = 1000  # points of a front
 TOP, LEAST = "highest hop", "least {}"
+AT_LEAST = 0.2  # of the highest clearance: a periodic hop with hardly any stands still
 
 
 @dataclass(frozen=True)
@@ -123,20 +124,21 @@ def front(
     begun: Any = None,
 ) -> Front:
     """The front of the clearance against an economical objective: ``points`` hops from the least of that objective
-    (at a clearance of at least ``lowest`` [m]) to the highest hop.
+    (at a clearance of at least ``lowest`` [m], of a periodic hop AT_LEAST of the highest) to the highest hop.
 
     results: the folder in which a new folder keeps every point as it is finished (none: nothing is written); begun is
     called with the front before the first point. Raises UsageError for what is no front, NotSolvedError if an end
     cannot be solved.
     """
     design = as_design(design)
-    refuse_periodic(design, "a front")
     goal = _goal(design, against, points)
     say, found = progress or (lambda text: None), Front(design, goal, _folder(design, against, results))
     if begun:
         begun(found)
     say("the highest hop")
     top = solve(design, "clearance", starts=starts, processes=processes, progress=say)
+    if design.hop.periodic:
+        lowest = max(lowest, AT_LEAST * top.clearance)
     if lowest >= top.clearance:
         raise UsageError(f"the leg clears {top.clearance:.4f} m at most: give a lowest clearance below that")
     _keep(found, TOP, top, top.clearance, MEASURES[goal.figure](top.robot, top.tables), 0.0)

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.design import Design, Leg, physical_parameters, refuse_periodic
+from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.ocp.phases import FLIGHT, STANCE
+from hopopt.ocp.phases import STANCE
 from hopopt.optimality.kinks import DIFFERS, kink
 from hopopt.optimality.parametric_sensitivity import Slopes, gradient_by_parameters, slopes
 from hopopt.planner.solution import Solution
@@ -24,6 +24,7 @@ from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.summary import by_friction
 from hopopt.problem.render import rows
 from hopopt.studies.influence import Influence
+from hopopt.studies.touchdown_slopes import touchdown_slopes
 
 FELT = 1e-6  # [m] that twice an entry's value must make of two sides that differ
 STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretched
@@ -36,7 +37,6 @@ def sensitivity(solution: Solution) -> list[Influence]:
     pose has no derivative.
     """
     design = solution.design
-    refuse_periodic(design, "a sensitivity")
     if solution.summary.objective_unit != "m" or solution.own != (None, ()):
         raise UsageError(f"what to change first is reported for heights, not for {solution.objective}")
     nlp = stored_nlp(with_own_drives(solution))
@@ -137,15 +137,21 @@ def derivatives(design: Design, by: Slopes) -> dict[str, tuple[float, str | None
 def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
     """Paths and derivatives, to be summed by path."""
     yield from ((path, float(slope[0])) for path, slope in by.parameters.items())
-    low, high = by.of_state(STANCE, "q")
-    yield from ((path, float((low + high)[0] @ dq)) for path, dq in pose_slopes(design))
-    for phase, first in ((STANCE, 1), (FLIGHT, 0)):  # stance begins with given angles, which no limit moves
+    from_rest = not design.hop.periodic
+    if from_rest:
+        low, high = by.of_state(STANCE, "q")
+        yield from ((path, float((low + high)[0] @ dq)) for path, dq in pose_slopes(design))
+    for phase in by.solution.phases:
         low, high = by.of_state(phase, "q")
+        first = 1 if phase == STANCE and from_rest else 0  # it begins with given angles, which no limit moves
         for k, joint in enumerate(design.leg.joints):
             yield f"leg.{joint}.lower", float(low[first:, k].sum())
             yield f"leg.{joint}.upper", float(high[first:, k].sum())
-        yield from zip((f"hop.{phase}_duration[{k}]" for k in (0, 1)), by.of_duration(phase), strict=True)
+        entry = "stance_duration" if phase == STANCE else "flight_duration"  # the descent's too
+        yield from zip((f"hop.{entry}[{k}]" for k in (0, 1)), by.of_duration(phase), strict=True)
     yield from _rows(by)
+    if design.hop.periodic:
+        yield from touchdown_slopes(design, by)
 
 
 def _rows(by: Slopes) -> Iterator[tuple[str, float]]:

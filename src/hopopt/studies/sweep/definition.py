@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.design import Design, refuse_periodic
+from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.objectives import OBJECTIVES
 from hopopt.problem.load import changed
@@ -127,7 +127,6 @@ def define(
 ) -> Definition:
     """The study of ``design`` with the entries of ``vary`` varied: a text (60:160:11 or 60,80,100), a list of
     values, or, with a sample, (lower, upper). UsageError in a sentence if that makes no study."""
-    refuse_periodic(design, "a study of many hops")
     if objective not in OBJECTIVES:
         raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
     if not vary:
