@@ -1,12 +1,20 @@
 """The command that says what a stored hop leaves open."""
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from hopopt.cli.options import AsJson, Constraints, progress
 
 
 def diagnose(
-    result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False
+    result: Path,
+    *,
+    worth: Annotated[bool, Parameter(negative=())] = False,
+    objective: str | None = None,
+    constraint: Constraints = None,
+    json_: AsJson = False,
 ) -> int:
     """Say what a stored hop leaves open: motions and durations the objective does not depend on, limits that never act.
 
@@ -14,6 +22,8 @@ def diagnose(
     ----------
     result
         A folder that hopopt solve wrote.
+    worth
+        Solve again without each thing that the hop leans on and no robot has, such as a foot held without load.
     objective
         The function of your own that it was found with, if it was: module:function.
     """
@@ -21,10 +31,16 @@ def diagnose(
     from hopopt.storage.recheck import with_functions
     from hopopt.storage.solution import read
     from hopopt.studies import diagnosis
+    from hopopt.studies.worth import worths
 
     with fitting(result), progress(quiet=json_) as say:
         say("moving the durations, all else solved anew")
-        found = diagnosis.diagnose(with_functions(read(result), objective, constraint or ()))
+        solution = with_functions(read(result), objective, constraint or ())
+        found = diagnosis.diagnose(solution)
+        if worth:
+            leaning, unit = worths(solution, say), solution.summary.objective_unit
+            found["leans_on"] = [w.as_dict() for w in leaning]
+            found["words"] += [w.words(unit) for w in leaning] or ["leans on nothing that a robot does not have"]
     if json_:
         print(as_json(found))
         return 0
