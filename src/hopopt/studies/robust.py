@@ -25,9 +25,10 @@ from hopopt.studies.robustness import Draw, Reached, drawn, rank, reached
 
 TRACKER = "track"
 PD = ("force_tuck", "position_tuck")  # the paper's strategies where they clear most
+PLAN_STARTS = 2  # of every plan that is tried: with one it may be of a lower family
 TUNING_DRAWS = 16  # legs that every reserve is judged on
 # torque, speed [shares], ground force [of the weight], height [m]: where the search begins, its first steps, its ends
-FIRST, STEPS = np.array([0.1, 0.08, 0.6, 0.01]), np.array([0.05, 0.05, 0.4, 0.01])
+FIRST, STEPS = np.array([0.0, 0.03, 0.6, 0.005]), np.array([0.03, 0.03, -0.1, 0.003])
 LOWEST, HIGHEST = np.zeros(4), np.array([0.4, 0.3, 2.0, 0.05])
 
 
@@ -163,7 +164,7 @@ class Search:
         )
         design = self.design.model_copy(update={"reserve": reserve})
         try:
-            plan = solve(reserved(design), starts=1, processes=1)
+            plan = solve(reserved(design), starts=PLAN_STARTS, processes=self.processes)
         except (NotSolvedError, UsageError):
             self.trials.append(None)
             return -float(np.sum(x))  # less reserve may leave a plan
