@@ -6,11 +6,15 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from cyclopts import Parameter
+
 from hopopt.cli.options import AsJson, Overrides, progress, repeated
-from hopopt.errors import UsageError
+from hopopt.errors import HopoptError, UsageError
 
 if TYPE_CHECKING:
     from hopopt.design import Design
+    from hopopt.studies.compare import Comparison
+    from hopopt.studies.ladder import Ladder
 
 Strategies = Annotated[
     list[str] | None,
@@ -111,6 +115,7 @@ def compare(
     tune: int = 0,
     mujoco: bool = False,
     draws: int = 0,
+    why: Annotated[bool, Parameter(negative=())] = False,
     mass: float = 0.05,
     torque: float = 0.1,
     seed: int = 0,
@@ -134,7 +139,10 @@ def compare(
     mujoco
         Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws
-        Also track the optimum on this many legs whose masses and torque constants differ from the believed ones.
+        Also run every strategy on this many legs whose masses and torque constants differ from the believed ones, and say
+        what can be had: two bounds, and what 95 % of the legs reach.
+    why
+        Also say by which freedoms PD is lower: a ladder of verified optima, each with one more (minutes).
     mass
         Masses are drawn within this share of the believed ones.
     torque
@@ -161,7 +169,7 @@ def compare(
     from hopopt.storage.recheck import reverified
     from hopopt.storage.solution import read, save
     from hopopt.studies import compare as comparing
-    from hopopt.studies.robustness import spread
+    from hopopt.studies.robustness import four_numbers, spread
 
     given = reverified(read(bound)) if bound else None
     design = load(problem or (bound / "problem.toml" if bound else "paper"), set_ or ())
@@ -170,11 +178,12 @@ def compare(
         found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()
         if draws:
-            say(f"tracking on {draws} random legs")
-            data["mismatch"] = spread(found, draws, seed, mass, torque, os.cpu_count() or 1)
+            data["mismatch"] = spread(found, draws, seed, mass, torque, os.cpu_count() or 1, say)
+            data["four_numbers"] = four_numbers(found, data["mismatch"], comparing.on_ideal_ground(found.solution, say))
+        steps = _steps(found, data, say) if why else None
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         traces = {name: f.trace for name, f in found.figures.items()}
-        where = _saved("comparison", design, data, traces, results, figures, found.figures)
+        where = _saved("comparison", design, data, traces, results, figures, found.figures, steps)
         for solution in (found.solution, found.plan):
             if solution is not None and solution.result_dir is None:  # what the figures stand on
                 save(solution, where)
@@ -185,6 +194,19 @@ def compare(
 
     print_comparison(data, f"{where}   ({data['wall_s']:.1f} s)")
     return found.exit_code
+
+
+def _steps(found: "Comparison", data: dict[str, Any], say: Any) -> "Ladder | None":
+    """The ladder of a comparison, and its entries in the data; a note where there is none, for all else is found."""
+    from hopopt.studies.ladder import ladder
+
+    try:
+        steps = ladder(found, say)
+    except HopoptError as error:
+        data["notes"].append(str(error))
+        return None
+    data |= steps.as_dict()
+    return steps
 
 
 def _options(given: "list[str] | tuple[str, ...]") -> dict[str, Any]:
@@ -223,11 +245,20 @@ def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
     return reference_of(plan)
 
 
-def _saved(what: str, design: "Design", data: Any, traces: Any, results: Path, draw: bool, figures: Any) -> Path:
+def _saved(
+    what: str,
+    design: "Design",
+    data: Any,
+    traces: Any,
+    results: Path,
+    draw: bool,
+    figures: Any,
+    steps: "Ladder | None" = None,
+) -> Path:
     from hopopt.storage.runs import save_runs
 
     if not draw:
         return save_runs(what, design, data, traces, results)
     from hopopt.plots.runs import save_all
 
-    return save_runs(what, design, data, traces, results, lambda folder: save_all(figures, folder))
+    return save_runs(what, design, data, traces, results, lambda folder: save_all(figures, folder, steps=steps))

@@ -123,7 +123,9 @@ def _hint(error: BaseException) -> str:
 
 
 def custom(function: Any) -> Custom:
-    """A function, or its name ``module:function``, as a ``Custom``; UsageError if it cannot be called."""
+    """A function, its name ``module:function``, or a ``Custom``, as a ``Custom``; UsageError if it cannot be called."""
+    if isinstance(function, Custom):
+        return function
     name = function if isinstance(function, str) else ""
     found = load(function) if name else function
     if not callable(found):

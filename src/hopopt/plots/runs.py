@@ -15,12 +15,14 @@ from hopopt.errors import ResultError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import BASE
 from hopopt.plots.hop import FORMATS, save_figure
+from hopopt.plots.ladder import staircase
 from hopopt.plots.runs_budget import budget
 from hopopt.plots.runs_stick import stick
 from hopopt.plots.runs_style import Runs, by_stance, called, few, looks, reached, runs_figure, since_lift_off
-from hopopt.plots.style import BLACK, GREY, PALE, SIZE, describe, jumping_curve, legend
+from hopopt.plots.style import BLACK, GREY, PALE, SIZE, called_after, describe, jumping_curve, legend
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.studies.compare import OPTIMUM
+from hopopt.studies.ladder import Ladder
 from hopopt.studies.stiffness import PAPER_RANGE, neutral, secant_stiffness
 
 
@@ -136,15 +138,18 @@ FIGURES: dict[str, Callable[[Runs], Figure]] = {
 }
 
 
-def save_all(runs: Runs, folder: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
+def save_all(runs: Runs, folder: Path, formats: Sequence[str] = FORMATS, steps: Ladder | None = None) -> list[Path]:
     """Write every figure in every format to a folder, which is made if need be; the files written.
 
-    The budget is left out unless there is an optimum and something beside it. Raises ResultError, naming the
+    The budget is left out unless there is an optimum and something beside it; steps: of the ladder, if there is one. Raises ResultError, naming the
     figures that failed and why, when the others are written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths, faults = [], []
-    for name, draw in FIGURES.items():
+    more: dict[str, Callable[[Runs], Figure]] = {}
+    if steps is not None:
+        more["why"] = lambda runs: staircase(steps, called_after(next(iter(runs.values())).design))
+    for name, draw in (FIGURES | more).items():
         if name == "budget" and not (OPTIMUM in runs and len(runs) > 1):
             continue
         try:

@@ -6,7 +6,6 @@ must reach the same objective.
 """
 
 import os
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 
 from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import ProblemFileError, UsageError
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.time_limit import limited, time_is_up
 from hopopt.ocp.custom import custom
 from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling
@@ -23,13 +22,13 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import given
 from hopopt.optimality.parametric_sensitivity import slopes
 from hopopt.planner.first_mesh import search_first_mesh
+from hopopt.planner.from_known import from_motion
 from hopopt.planner.multistart import (
     Progress,
     StartOutcome,
     contenders,
     first_transcription,
     not_solved,
-    outcome_of,
     solution_of,
     solved_from,
 )
@@ -134,15 +133,6 @@ def _begun(hop: Hop, count: int, side_by_side: int, reported: Progress) -> list[
     found = contenders(search_first_mesh(given_design, count, side_by_side, reported).outcomes)
     t = first_transcription(given_design)
     return besides + [from_motion(hop, solution_of(o, t), "the design as given") for o in found[:1]]
-
-
-def from_motion(hop: Hop, motion: NlpSolution, name: str = "co-design") -> StartOutcome:
-    """The problem solved from a motion of the same leg with other numbers, or with numbers fixed that are free here."""
-    began, t = time.perf_counter(), first_transcription(hop)
-    solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
-    return outcome_of(
-        name, solver(t.guess_from(motion.phases), t.free_from(motion.parameters)), time.perf_counter() - began
-    )
 
 
 def optimal(free_parameters: FreeParameters, solution: NlpSolution) -> dict[str, float]:

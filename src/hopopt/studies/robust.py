@@ -17,6 +17,8 @@ from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import two_joints
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import weight
+from hopopt.ocp.hop import Hop
+from hopopt.planner.from_known import solved_from_known
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
@@ -25,7 +27,7 @@ from hopopt.studies.robustness import Draw, Reached, drawn, rank, reached
 
 TRACKER = "track"
 PD = ("force_tuck", "position_tuck")  # the paper's strategies where they clear most
-PLAN_STARTS = 2  # of every plan that is tried: with one it may be of a lower family
+FELL = 0.5  # of the plan's clearance, below which a leg counts as fallen
 TUNING_DRAWS = 16  # legs that every reserve is judged on
 # torque, speed [shares], ground force [of the weight], height [m]: where the search begins, its first steps, its ends
 FIRST, STEPS = np.array([0.0, 0.03, 0.6, 0.005]), np.array([0.03, 0.03, -0.1, 0.003])
@@ -112,7 +114,9 @@ def robust(
     if not same:
         say("solving for the bound on ideal ground")
     ideal_bound = bound if same else solve(ideal, starts=starts, processes=processes)
-    search = Search(design, drawn(design, design.uncertainty, TUNING_DRAWS, seed), evaluations, processes, say)
+    spread = design.uncertainty
+    legs = drawn(design, spread, TUNING_DRAWS, seed), drawn(design, spread, TUNING_DRAWS, seed, corners=True)
+    search = Search(bound, *legs, evaluations, processes, say)
     best = search.best()
     say(f"judging it on {draws} fresh legs")
     fresh = drawn(design, design.uncertainty, draws, seed + 1_000_003)
@@ -135,10 +139,15 @@ class Trial:
 
 @dataclass
 class Search:
-    """The search for the reserve: every trial is kept, and the best verified plan wins."""
+    """The search for the reserve: every trial is kept, and the best verified plan wins.
 
-    design: Design
+    bound: the hop that every plan begins from. draws: legs whose lowest clearance counts. corners: legs at the ends of all
+    spreads, none of which may fall: few draws hardly meet them, many do.
+    """
+
+    bound: Solution
     draws: list[Draw]
+    corners: list[Draw]
     evaluations: int
     processes: int
     say: Callable[[str], None]
@@ -152,24 +161,27 @@ class Search:
         minimize(lambda x: -self.judged(x), FIRST, method="Nelder-Mead", bounds=bounds, options=options)
         found = [trial for trial in self.trials if trial is not None]
         if not found:
-            raise NotSolvedError(f"{self.design.name}: no reserve that was tried leaves a plan.", [])
+            raise NotSolvedError(f"{self.bound.design.name}: no reserve that was tried leaves a plan.", [])
         return max(found, key=lambda trial: (trial.plan.verified, trial.lowest))
 
     def judged(self, x: np.ndarray) -> float:
         """Lowest clearance [m] of the draws with a reserve x; below zero where no plan is left."""
         torque, speed, force, height = (float(part) for part in x)
-        newtons = force * weight(build_robot(self.design.leg).model)
+        newtons = force * weight(build_robot(self.bound.design.leg).model)
         reserve = Reserve(
-            torque=torque, speed=speed, ground_force=newtons, height=height, angle=self.design.reserve.angle
+            torque=torque, speed=speed, ground_force=newtons, height=height, angle=self.bound.design.reserve.angle
         )
-        design = self.design.model_copy(update={"reserve": reserve})
+        design = self.bound.design.model_copy(update={"reserve": reserve})
         try:
-            plan = solve(reserved(design), starts=PLAN_STARTS, processes=self.processes)
+            plan = solved_from_known(Hop(reserved(design)), self.bound)
         except (NotSolvedError, UsageError):
             self.trials.append(None)
             return -float(np.sum(x))  # less reserve may leave a plan
-        found = reached(design, TRACKER, reference_of(plan), self.draws, self.processes)
-        lowest = float(found.clearances.min()) if plan.verified else 0.0
+        found = reached(design, TRACKER, reference_of(plan), [*self.draws, *self.corners], self.processes)
+        counted, lowest = found.clearances[: len(self.draws)], float(found.clearances.min())
+        if lowest > FELL * plan.clearance:
+            lowest = float(counted.min())
+        lowest = lowest if plan.verified else 0.0
         self.trials.append(Trial(design, plan, lowest))
         most = max(trial.lowest for trial in self.trials if trial is not None)
         self.say(

@@ -1,5 +1,6 @@
 """Strategies on legs that differ from the believed one: seeded draws, and what a share of them reaches."""
 
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -13,8 +14,11 @@ from hopopt.control.strategies import find
 from hopopt.design import Design, Uncertainty
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
+from hopopt.planner.solution import Solution
 from hopopt.sim.plant import PAST_APEX
 from hopopt.studies.compare import Comparison, reference_of
+
+SHARE, SURE = 0.95, 0.95  # of the legs that a comparison speaks of, and how surely if the draws are enough
 
 
 @dataclass(frozen=True)
@@ -26,12 +30,26 @@ class Draw:
     start: np.ndarray
 
 
-def drawn(design: Design, spread: Uncertainty, draws: int, seed: int) -> list[Draw]:
-    """So many true legs, every quantity uniform within its spread, independently.
+@dataclass(frozen=True)
+class Drawing:
+    """Numbers drawn uniformly, or one of both ends."""
+
+    rng: np.random.Generator
+    corners: bool
+
+    def uniform(self, low: float = 0.0, high: float = 1.0, size: int | None = None) -> Any:
+        """Between low and high; of that ``size``."""
+        drawn = self.rng.uniform(low, high, size)
+        return np.where(drawn < (low + high) / 2, low, high) if self.corners else drawn
+
+
+def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: bool = False) -> list[Draw]:
+    """So many true legs, every quantity uniform within its spread, independently; or with ``corners`` at one of its ends.
 
     What later entries draw comes from a sequence of its own: a spread that is added leaves masses and torques as they were.
     """
-    rng, more, found = np.random.default_rng(seed), np.random.default_rng((seed, 1)), []
+    rng, more = (Drawing(np.random.default_rng(s), corners) for s in (seed, (seed, 1)))
+    found = list[Draw]()
     n = len(design.leg.joints)
     for _ in range(draws):
         data = design.model_dump(exclude_none=True)
@@ -87,12 +105,19 @@ def rank(draws: int, share: float, confidence: float) -> int:
     return int(k[enough[-1]])
 
 
-def reached(design: Design, name: str, reference: PlanReference | None, draws: list[Draw], processes: int) -> Reached:
+def reached(
+    design: Design,
+    name: str,
+    reference: PlanReference | None,
+    draws: list[Draw],
+    processes: int,
+    options: Mapping[str, Any] | None = None,
+) -> Reached:
     """What a strategy that believes in ``design`` reaches on every draw, side by side on the cores."""
     from joblib import Parallel, delayed
 
     data, chunks = design.model_dump(exclude_none=True), [draws[k::processes] for k in range(processes)]
-    jobs = (delayed(_reached)(data, name, reference, chunk) for chunk in chunks if chunk)
+    jobs = (delayed(_reached)(data, name, reference, chunk, options) for chunk in chunks if chunk)
     parts: Any = Parallel(n_jobs=processes, backend="loky")(jobs)
     clearances, outcomes = np.empty(len(draws)), [""] * len(draws)
     for k, part in enumerate(parts):
@@ -102,10 +127,14 @@ def reached(design: Design, name: str, reference: PlanReference | None, draws: l
 
 
 def _reached(
-    data: dict[str, Any], name: str, reference: PlanReference | None, draws: list[Draw]
+    data: dict[str, Any],
+    name: str,
+    reference: PlanReference | None,
+    draws: list[Draw],
+    options: Mapping[str, Any] | None,
 ) -> list[tuple[float, str]]:
     design, strategy = Design.model_validate(data), find(name)
-    fresh, found = make_controller(design, strategy, reference), []  # its gains take longer than a hop
+    fresh, found = make_controller(design, strategy, reference, options), []  # its gains take longer than a hop
     for draw in draws:
         run = simulate(
             design,
@@ -122,23 +151,66 @@ def _reached(
 
 
 def spread(
-    comparison: Comparison, draws: int, seed: int, mass: float, torque: float, processes: int
+    comparison: Comparison,
+    draws: int,
+    seed: int,
+    mass: float,
+    torque: float,
+    processes: int,
+    say: Callable[[str], None] = lambda text: None,
 ) -> dict[str, dict[str, Any]]:
-    """How the tracked optimum fares on drawn legs, for every tracking strategy compared; failed is below half of
-    the plan's clearance. mass, torque: shares, as in ``Uncertainty``."""
+    """How every compared strategy fares on the same drawn legs; failed is below half of what it clears on the believed one.
+
+    mass, torque: shares, as in ``Uncertainty``. ``reached_m``: what SHARE of all legs reach, with ``confidence``.
+    """
     design, found = comparison.solution.design, {}
     legs = drawn(design, Uncertainty(mass=mass, torque_constant=torque), draws, seed)
+    place, confidence = _lowest_that_counts(draws)
     for name, run in comparison.runs.items():
-        if run.strategy.needs_plan and comparison.plan is not None:
-            heights = reached(design, run.strategy.name, reference_of(comparison.plan), legs, processes).clearances
-            levels = {"lowest_m": 0, "p05_m": 5, "median_m": 50, "p95_m": 95, "highest_m": 100}
-            found[name] = {
-                "draws": draws,
-                "mass": mass,
-                "torque": torque,
-                "seed": seed,
-                "failed": int(np.sum(heights < 0.5 * comparison.plan.clearance)),
-                **{key: float(np.percentile(heights, level)) for key, level in levels.items()},
-                "clearances_m": heights.tolist(),
-            }
+        plan = comparison.plan if run.strategy.needs_plan else None
+        say(f"{name} on {draws} drawn legs")
+        reference = None if plan is None else reference_of(plan)
+        heights = reached(design, run.strategy.name, reference, legs, processes, run.strategy.options).clearances
+        levels = {"lowest_m": 0, "p05_m": 5, "median_m": 50, "p95_m": 95, "highest_m": 100}
+        usual = run.figures.clearance if plan is None else plan.clearance
+        found[name] = {
+            "draws": draws,
+            "mass": mass,
+            "torque": torque,
+            "seed": seed,
+            "failed": int(np.sum(heights < 0.5 * usual)),
+            **{key: float(np.percentile(heights, level)) for key, level in levels.items()},
+            "share": SHARE,
+            "confidence": confidence,
+            "reached_m": float(np.sort(heights)[place - 1]),
+            "clearances_m": heights.tolist(),
+        }
     return found
+
+
+def _lowest_that_counts(draws: int) -> tuple[int, float]:
+    """Which smallest clearance SHARE of the legs reach, and with which confidence: SURE, or that of the lowest draw."""
+    try:
+        place = rank(draws, SHARE, SURE)
+    except UsageError:
+        place = 1
+    return place, float(binom.sf(place - 1, draws, 1 - SHARE))
+
+
+def four_numbers(comparison: Comparison, mismatch: Mapping[str, Mapping[str, Any]], ideal: Solution) -> dict[str, Any]:
+    """What can be had: the bounds on ideal ground and on this one, and what SHARE of the drawn legs reach on this ground
+    with the best tracker and with the best PD strategy (name and clearance [m]; None without one)."""
+
+    def best(tracking: bool) -> dict[str, Any] | None:
+        own = {n: m["reached_m"] for n, m in mismatch.items() if comparison.runs[n].strategy.needs_plan == tracking}
+        name = max(own, key=lambda name: own[name], default=None)
+        return None if name is None else {"strategy": name, "clearance_m": own[name]}
+
+    bounds = {"ideal_bound_m": ideal, "bound_m": comparison.solution}
+    return {
+        **{key: s.clearance if s.verified else None for key, s in bounds.items()},
+        "share": SHARE,
+        "confidence": _lowest_that_counts(len(next(iter(mismatch.values()))["clearances_m"]))[1],
+        "tracked": best(True),
+        "pd": best(False),
+    }

@@ -46,6 +46,14 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
             out.print(f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}")
     for name, spread in comparison.get("mismatch", {}).items():
         out.print(_spread(name, spread))
+    if "four_numbers" in comparison:
+        print_table(out, _four(comparison["four_numbers"]))
+    if "ladder" in comparison:
+        print_table(out, _ladder(comparison))
+        out.print(
+            f"orders: the least and the most that a freedom gains in {len(comparison['ladder_orders'])} orders of lifting "
+            "them; the gains of each sum to the whole gap"
+        )
     elsewhere = {name: row["mujoco_clearance_m"] for name, row in rows.items() if "mujoco_clearance_m" in row}
     if elsewhere:
         out.print("in MuJoCo: " + ", ".join(f"{name} {clearance:.3f} m" for name, clearance in elsewhere.items()))
@@ -136,6 +144,34 @@ def run_table(rows: Mapping[str, Any]) -> Table:
             f"{r['lift_off']['vertical_m_s']:.2f}" if hops else "-",
             f"{r['peaks']['ground_force_N']:.0f}",
         )
+    return table
+
+
+def _four(found: Mapping[str, Any]) -> Table:
+    """What can be had of the optimum."""
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("what can be had", style="bold")
+    table.add_column("m", justify="right")
+    legs = f"{found['share']:.0%} of the drawn legs (confidence {found['confidence']:.0%})"
+    for words, height in (("bound, ideal ground", "ideal_bound_m"), ("bound, this ground", "bound_m")):
+        table.add_row(words, "not verified" if found[height] is None else f"{found[height]:.3f}")
+    for best in (found["tracked"], found["pd"]):
+        if best is not None:
+            table.add_row(f"{best['strategy']}, {legs}", f"{best['clearance_m']:.3f}")
+    return table
+
+
+def _ladder(comparison: Mapping[str, Any]) -> Table:
+    """Why PD is lower: one freedom a row."""
+    table, start = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False), comparison["ladder_from"]
+    table.add_column("why PD is lower", style="bold", no_wrap=True)
+    for head in ("clears\nm", "gain\ncm", "orders\ncm", ""):
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_row(f"{start['strategy']}, simulated", f"{start['clearance_m']:.3f}", "", "", "")
+    for rung in comparison["ladder"]:
+        span = f"{_cm(rung['least_gain_m'])} to {_cm(rung['most_gain_m'])}"
+        doubt = "" if rung["verified"] else "not verified"
+        table.add_row(rung["allows"], f"{rung['clearance_m']:.3f}", _cm(rung["gain_m"]), span, doubt)
     return table
 
 
