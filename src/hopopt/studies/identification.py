@@ -33,7 +33,7 @@ LEAST = (
     0.02  # of the logged torque that friction, damping or rotor inertia take at least, where their share is asked for
 )
 ROUNDS = 12  # of weighted least squares at most
-WEIGHED = (0, 2)  # rounds in which what the sensors' noise does to the rows is computed anew
+WEIGHED = 2  # rounds after which what the sensors' noise does to the rows is computed anew
 SETTLED = 0.02  # of a standard error by which the last round still changes a parameter
 SLIGHT = 1e-3  # of a variance that one round leaves at least
 UNEXPLAINED = 0.2  # of the logged torque, root mean square, above which it is not this leg's
@@ -117,7 +117,7 @@ class Identification:
             if e.identified and e.why != GIVEN:
                 own = dict(_changed_by(self.design, unknowns[e.key], float(f"{e.value:.6g}")))
                 entries |= own
-                sources |= dict.fromkeys(own, f"95 %: {e.key} {e.low:.5g} to {e.high:.5g} {e.unit}")
+                sources |= dict.fromkeys(own, f"95 %: {e.key} {e.low:.5g} to {e.high:.5g}")
         return entries, sources
 
 
@@ -237,26 +237,24 @@ class Regression:
     def fit(self, theta: np.ndarray) -> Fit:
         """Weighted least squares from theta on, weights and variances made anew in every round. Raises ResultError where that
         comes to nothing."""
-        shares: list[dict[str, np.ndarray]] = []
-        if sum(len(e) for e, _ in self.linear(theta)) < ENOUGH * len(theta):
+        if sum(r.count for r in self.rows) < ENOUGH * len(theta):
             raise ResultError(TOO_LITTLE)
-        for number in range(ROUNDS):
-            if number in WEIGHED:
-                shares = self.shares(theta)
+        shares, number = self.shares(theta), 0
+        while True:
             try:
-                step, errors, fit = self._round(theta, shares)
-            except (linalg.LinAlgError, ValueError):  # no longer finite
-                raise ResultError(NOT_THIS_LEG) from None
-            theta = theta + step
-            if number > max(WEIGHED) and np.all(np.abs(step) < SETTLED * errors):
-                break
+                step, fit = self._round(theta, shares)
+            except (linalg.LinAlgError, ValueError):  # rows that nothing tells apart, or that are no longer finite
+                raise ResultError(NOT_THIS_LEG if number else TOO_LITTLE) from None
+            number, theta = number + 1, fit.theta
+            settled = np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(fit.covariance)))
+            if number == ROUNDS or (number > WEIGHED + 1 and settled):
+                return fit
             self.variances = fit.variances
-        return fit
+            if number == WEIGHED:
+                shares = self.shares(theta)
 
-    def _round(
-        self, theta: np.ndarray, shares: Sequence[Mapping[str, np.ndarray]]
-    ) -> tuple[np.ndarray, np.ndarray, Fit]:
-        """A step of theta, its standard errors, and the fit there with the variances that the residuals show."""
+    def _round(self, theta: np.ndarray, shares: Sequence[Mapping[str, np.ndarray]]) -> tuple[np.ndarray, Fit]:
+        """A step of theta, and the fit there with the variances that the residuals show."""
         white, wide, factors = [], [], []
         for (e, J), log in zip(self.linear(theta), shares, strict=True):
             whole = sum(self.variances[name] * S for name, S in log.items())
@@ -266,18 +264,18 @@ class Regression:
             factors.append(L)
         e, J = np.concatenate(white), np.vstack(wide)
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-        scaled, _, rank, _ = linalg.lstsq(J / size, -e)
-        if rank < J.shape[1]:
-            raise ResultError(TOO_LITTLE)
-        step = scaled / size
-        Q, upper = linalg.qr(J / size, mode="economic")
+        solved: Any = linalg.lstsq(J / size, -e)
+        if solved[2] < J.shape[1]:  # the rank
+            raise linalg.LinAlgError("parameters cannot be told apart")
+        step = solved[0] / size
+        Q, upper = np.linalg.qr(J / size)
         half = linalg.solve_triangular(upper, np.eye(len(step))) / size[:, None]
         covariance, left = half @ half.T, e + J @ step
         leverage = np.minimum(np.sum(Q**2, axis=1), MOST_LEVERAGE)
         influence = (Q * (left / (1 - leverage))[:, None]) @ half.T
         variances, freedom = self._variances(factors, shares, Q, left, half)
         fit = Fit(theta + step, covariance, influence.T @ influence, variances, freedom)
-        return step, np.sqrt(np.diag(covariance)), fit
+        return step, fit
 
     def _variances(
         self,
@@ -319,8 +317,8 @@ class Regression:
 
 
 NOT_THIS_LEG = (
-    "the logged torques do not move this leg as its angles say: are torque columns swapped, of the other sign, or of the motor "
-    "rather than the joint?"
+    "the logged torques do not move this leg as its angles say: are torque columns swapped, of the other sign, in another unit, "
+    "or of the motor rather than the joint?"
 )
 TOO_LITTLE = "the logs hold too little motion to tell the parameters apart: log whole hops, landing included"
 
@@ -439,8 +437,9 @@ def _credible(free: Sequence[Unknown], fit: Fit, regression: Regression, anchore
     for u, value, error in zip(free, fit.theta, fit.errors, strict=False):
         sure = error < TOLD * abs(value)
         if anchored and u.kind in ("mass", "gain") and sure and not 1 / STRANGE < value / u.believed < STRANGE:
+            unit = "" if u.unit == "1" else f" {u.unit}"
             raise ResultError(
-                f"{u.key} would be {value:.3g} {u.unit}, the problem says {u.believed:.3g}: is tau that of the joint, before its "
+                f"{u.key} would be {value:.3g}{unit}, the problem says {u.believed:.3g}: is tau that of the joint, before its "
                 "gear's losses, in N m, and force_z in N?"
             )
 

@@ -50,6 +50,7 @@ EDGE = 0.003  # [s] next to a change of contact that no window touches
 MOVING = 0.5  # [rad/s] above which the sign of a speed is known
 FREE = 0.01  # [rad] from an end stop that no window touches
 NEAR = 0.002  # [s] on either side within which angles give a speed
+FEWEST_NEAR = 5  # angles that give one
 SHORT = 0.03  # of the stall torque by which a drive gives less than asked where it is on its line
 BELOW = 0.03  # of a cap on torque by which a drive stays below it where it is on its line
 
@@ -94,7 +95,7 @@ def slopes(t: np.ndarray) -> sparse.csr_array:
     """The matrix that differentiates a signal at times t (k,) [s], (k, k) [1/s]: slopes of cubics through neighbours within
     NEAR, at least five samples (Savitzky and Golay, 1964); nothing for fewer."""
     k = len(t)
-    if k < 5:
+    if k < FEWEST_NEAR:
         return sparse.csr_array((k, k))
     reach = min(max(2, round(NEAR / float(np.median(np.diff(t))))), (k - 1) // 2)
     columns = np.clip(np.arange(k) - reach, 0, k - 2 * reach - 1)[:, None] + np.arange(2 * reach + 1)
@@ -123,7 +124,7 @@ class Windows:
     @property
     def count(self) -> int:
         """How many windows."""
-        return int(self.phi.shape[0])
+        return len(self.phi.indptr) - 1
 
 
 def windows(t: np.ndarray, stretch: np.ndarray) -> Windows:
@@ -284,6 +285,11 @@ class LogRows:
         on = (asked > np.abs(tau) + SHORT * self.stall[k]) & (tau * self.s.sign[:, k] > SHORT * self.stall[k])
         has_line = bool(leg.drive(joint, "motor", "laws")[1])
         return self._numbered(k, on & (np.abs(tau) < (1 - BELOW) * cap) & has_line)
+
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return sum(w.count for w in (*self.joints, *self.saturated, *([self.standing] * len(self.axes))))
 
     def blocks(self, x: np.ndarray) -> list[Block]:
         """All rows at the vector x of ``Values``."""
