@@ -452,7 +452,7 @@ def _estimate(u: Unknown, fit: Fit, k: int, free: Sequence[Unknown], rows: Seque
     low, high = (float(np.clip(x, lowest, highest)) for x in (value - reach, value + reach))
     if reach <= TOLD * max(abs(value), _least(u, rows)):
         return Estimate(u.key, u.unit, u.believed, float(np.clip(value, lowest, highest)), low, high, True)
-    why = f"its 95 % interval is {low:.3g} to {high:.3g} {u.unit}: these motions say too little of it"
+    why = f"its 95 % interval is {low:.3g} to {high:.3g} {u.unit}: these motions tell no more"
     spread = np.sqrt(np.diag(fit.covariance))
     alike = np.abs(fit.covariance[k] / spread[k] / spread)[: len(free)] * (np.arange(len(free)) != k)
     if alike.max(initial=0.0) > CORRELATED:
