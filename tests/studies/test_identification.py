@@ -149,7 +149,7 @@ def test_the_true_leg_moves_as_the_equations_say(believed: Design, recording: Re
     keys = ("gain", GAIN_KEY), ("kept", "simulation.gear_efficiency"), ("friction", "simulation.gear_friction")
     for name, key in (*keys, ("damping", "simulation.gear_damping"), ("speed", SPEED_KEY)):
         x[at[name] : at[name] + 2] = TRUTH[key]
-    x[at["lag"] :] = -0.5 / believed.simulation.control_rate  # means until the next row
+    x[[at["lag"], at["force_lag"]]] = -0.5 / believed.simulation.control_rate  # means until the next row
     blocks = rows.blocks(x)
     assert {b.kind for b in blocks} == {"tau0", "tau1", "force0", "force1", "line1"}
     for block in blocks:
@@ -159,7 +159,7 @@ def test_the_true_leg_moves_as_the_equations_say(believed: Design, recording: Re
 def test_the_derivatives_of_the_rows_are_their_differences(believed: Design, recording: Recording) -> None:
     rows, at = LogRows(believed, LegMomenta(believed), recording.log(0)), places(2)
     x = np.concatenate([np.ones(3), np.full(2, 0.12), np.full(2, 0.9), np.full(2, 0.8), np.full(2, 5.0), np.ones(2)])
-    x = np.concatenate([x, np.full(2, 1200.0), np.full(2, -1e-4)])
+    x = np.concatenate([x, np.full(2, 1200.0), np.full(4, -1e-4)])
     assert len(x) == at["end"]
     exact = np.vstack([b.J for b in rows.blocks(x)])
     for k in range(len(x)):
@@ -185,7 +185,7 @@ def test_the_noise_of_the_sensors_is_told_too(found: Identification) -> None:
     """Within what half a second shows of it; and that means until the next row are half a period early."""
     assert found.noise["tau_knee"] == pytest.approx(TORQUE_NOISE, rel=0.6)
     assert found.noise["q_knee"] == pytest.approx(STEP / np.sqrt(12), rel=0.4)
-    assert found.lags["tau"] == pytest.approx(-0.125e-3, abs=0.03e-3)
+    assert found.lags["lag"] == pytest.approx(-0.125e-3, abs=0.03e-3)
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ LEAST = (
 ROUNDS = 12  # of weighted least squares at most
 WEIGHED = 2  # rounds after which what the sensors' noise does to the rows is computed anew
 SETTLED = 0.02  # of a standard error by which the last round still changes a parameter
-SLIGHT = 1e-3  # of a variance that one round leaves at least
+SLIGHT = 3e-3  # of a sensor's variance as first guessed that the fit leaves at least
 UNEXPLAINED = 0.2  # of the logged torque, root mean square, above which it is not this leg's
 STRANGE = 3.0  # factor between a mass or torque constant and the problem's, beyond which units are wrong
 ENOUGH = 3  # rows for each parameter
@@ -220,9 +220,10 @@ class Regression:
         self.rows, self.fixed, self.columns = rows, fixed, columns
         levels = [r.noise_levels() for r in rows]
         names = sorted({name for level in levels for name in level})
-        self.variances = {
+        self.guessed = {
             name: float(np.mean([level[name] ** 2 for level in levels if name in level])) + 1e-30 for name in names
         }
+        self.variances = self.guessed
 
     def linear(self, theta: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """Residuals and their derivatives by theta, of every log."""
@@ -308,11 +309,12 @@ class Regression:
         loops = np.einsum("aij,bji->ab", inside, inside)
         information = between - 2 * crossed + loops
         factor, _ = optimize.nnls(information, shown)
-        sure = factor > SLIGHT
+        least = np.array([SLIGHT * self.guessed[name] / self.variances[name] for name in names])
+        sure = factor > least
         slopes = np.einsum("ij,ajk,ik->ia", half, inside[sure], half)
         spread = np.sum(slopes * (slopes @ linalg.pinvh(information[np.ix_(sure, sure)])), axis=1)
         freedom = np.sum(half**2, axis=1) ** 2 / np.maximum(spread, 1e-300)
-        found = {name: max(float(x), SLIGHT) * self.variances[name] for name, x in zip(names, factor, strict=True)}
+        found = {n: float(x) * self.variances[n] for n, x in zip(names, np.maximum(factor, least), strict=True)}
         return found, np.clip(freedom, FEWEST_FREE, len(left) - len(half))
 
 
@@ -422,8 +424,11 @@ def _vectors(
         fixed[at["rotor"] + k] = turning * leg.drive(joint, "gear", "ratio")[1] ** 2
     keys = [u.key for u in free]
     fixed += sum((u.believed * u.column for u in unknowns if u.key not in keys), np.zeros(at["end"]))
-    lags = ["tau", *(["force"] if any(r.axes and r.standing.count for r in rows) else [])]
-    late = np.eye(at["end"])[[at["lag"], at["force_lag"]][: len(lags)]]
+    forced = any(r.axes and r.standing.count for r in rows)
+    lags = ["lag", *(["force_lag"] if forced else [])]
+    if any(r.ramps.any() for r in rows):
+        lags += ["ramp_lag", *(["force_ramp_lag"] if forced else [])]
+    late = np.eye(at["end"])[[at[name] for name in lags]]
     return fixed, np.vstack([*(u.column for u in free), *late]).T, lags
 
 

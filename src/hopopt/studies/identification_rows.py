@@ -38,6 +38,7 @@ import numpy as np
 from scipy import sparse
 
 from hopopt.design import Design
+from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE, build_robot, link_bodies
 from hopopt.sim.state import BOUNCE
@@ -52,6 +53,7 @@ FREE = 0.01  # [rad] from an end stop that no window touches
 NEAR = 0.002  # [s] on either side within which angles give a speed
 FEWEST_NEAR = 5  # angles that give one
 SHORT = 0.03  # of the stall torque by which a drive gives less than asked where it is on its line
+NEAR_LINE = 0.85  # of the believed line's torque above which a drive without commands may be at its line
 BELOW = 0.03  # of a cap on torque by which a drive stays below it where it is on its line
 
 
@@ -215,7 +217,7 @@ class LegMomenta:
 @dataclass(frozen=True)
 class Values:
     """What the rows depend on: scales (2 n + 1) as in ``LegMomenta.at``; g, eta, c [N m], d [N m s/rad] and W [rad/s] of every
-    joint, (n) each; lags of torque and force [s]."""
+    joint, (n) each; lags of torque and force, and how much greater they are where a drive is at its line [s]."""
 
     scales: np.ndarray
     gain: np.ndarray
@@ -225,19 +227,22 @@ class Values:
     speed: np.ndarray
     lag: float
     force_lag: float
+    ramp_lag: float
+    force_ramp_lag: float
 
     @staticmethod
     def of(x: np.ndarray, n: int) -> "Values":
         """From one vector in this order."""
         scales, gain, kept, friction, damping, speed, lags = np.split(x, 2 * n + 1 + n * np.arange(6))
-        return Values(scales, gain, kept, friction, damping, speed, float(lags[0]), float(lags[1]))
+        return Values(scales, gain, kept, friction, damping, speed, *lags.tolist())
 
 
 def places(n: int) -> dict[str, int]:
     """Where in the vector of ``Values`` each kind begins, for n joints; "end" is its length."""
     names = ("gain", "kept", "friction", "damping", "speed", "lag")
     found = {name: 2 * n + 1 + n * k for k, name in enumerate(names)}
-    return {"mass": 0, "rotor": n + 1, **found, "force_lag": found["lag"] + 1, "end": found["lag"] + 2}
+    late = ("lag", "force_lag", "ramp_lag", "force_ramp_lag", "end")
+    return {"mass": 0, "rotor": n + 1, **found, **{name: found["lag"] + k for k, name in enumerate(late)}}
 
 
 @dataclass(frozen=True)
@@ -266,6 +271,7 @@ class LogRows:
         self.saturated = [windows(self.s.t, self._saturated(design, k)) for k in range(self.n)]
         self.axes = [a for a in (0, 1) if np.any(log.force[:, a])]
         self.standing = windows(self.s.t, np.where(log.contact, self.s.phase, -1))
+        self.ramps = np.stack([self._at_line(design, k) for k in range(self.n)], axis=1)
 
     def _moving(self, design: Design, k: int) -> np.ndarray:
         """A number for each stretch in which a joint turns one way, clear of its end stops; -1 elsewhere."""
@@ -275,6 +281,15 @@ class LogRows:
 
     def _numbered(self, k: int, usable: np.ndarray) -> np.ndarray:
         return np.where(usable & (self.s.phase >= 0), 3 * self.s.phase + self.s.sign[:, k].astype(int) + 1, -1)
+
+    def _at_line(self, design: Design, k: int) -> np.ndarray:
+        """Whether a drive is at its torque-speed line, where its torque changes between two commands (k,): by its commands, or
+        if there are none by the believed line."""
+        tau, v, command = np.abs(self.s.tau[:, k]), self.s.v[:, k], self.s.command[:, k]
+        if np.isfinite(command).any():
+            return np.abs(np.nan_to_num(command)) > tau + SHORT * self.stall[k]
+        region = operating_region(design.leg, design.leg.joints[k], self.momenta.robot.parameters)
+        return (tau > NEAR_LINE * np.maximum(region.torque_bounds(v)[1], 0)) & (tau > NEAR_LINE * self.stall[k] / 4)
 
     def _saturated(self, design: Design, k: int) -> np.ndarray:
         """A number for each stretch in which a drive is on its torque-speed line as it drives its joint; -1 elsewhere."""
@@ -306,30 +321,40 @@ class LogRows:
         passed, delayed = s.tau[:, k] - (1 - values.kept[k]) * rubbed, w.shifted(values.lag)
         signs, speeds = w.phi @ sign, w.phi @ s.v[:, k]
         load = values.friction[k] * signs + values.damping[k] * speeds - w.rate @ y[:, k] - w.phi @ y[:, n + k]
+        changing = w.phi @ (self.ramps[:, k] * (s.D @ s.tau[:, k]) * self._passing(k, values))
         J = np.zeros((w.count, at["end"]))
         J[:, : at["gain"]] = (w.rate @ by_scales[:, k] + w.phi @ by_scales[:, n + k]) / g
         J[:, at["gain"] + k], J[:, at["kept"] + k] = load / g**2, delayed @ rubbed
         J[:, at["friction"] + k], J[:, at["damping"] + k] = -signs / g, -speeds / g
-        J[:, at["lag"]] = w.by_lag(values.lag) @ passed
-        return Block(f"tau{k}", delayed @ passed - load / g, delayed @ passed, J)
+        J[:, at["lag"]], J[:, at["ramp_lag"]] = w.by_lag(values.lag) @ passed, changing
+        J[:, at["kept"] + k] += values.ramp_lag * (w.phi @ (self.ramps[:, k] * (s.D @ s.tau[:, k]) * np.sign(s.tau[:, k]) * sign))
+        logged = delayed @ passed + values.ramp_lag * changing
+        return Block(f"tau{k}", logged - load / g, logged, J)
+
+    def _passing(self, k: int, values: Values) -> np.ndarray:
+        """The share of one more logged torque that the gear passes on (k,)."""
+        return 1 - (1 - values.kept[k]) * np.sign(self.s.tau[:, k]) * self.s.sign[:, k]
 
     def _force_rows(self, a: int, y: np.ndarray, by_scales: np.ndarray, values: Values) -> Block:
         n, w, f, at = self.n, self.standing, self.s.force[:, a], self.at
         weights, area = self.momenta.masses * self.momenta.gravity[a], w.phi.sum(axis=1)
-        measured = w.shifted(values.force_lag) @ f
+        changing = w.phi @ (self.ramps.any(axis=1) * (self.s.D @ f))
+        measured = w.shifted(values.force_lag) @ f + values.force_ramp_lag * changing
         e = measured + w.rate @ y[:, 2 * n + a] + area * (weights @ values.scales[: n + 1])
         J = np.zeros((w.count, at["end"]))
         J[:, : at["gain"]] = w.rate @ by_scales[:, 2 * n + a]
         J[:, : n + 1] += area[:, None] * weights
-        J[:, at["force_lag"]] = w.by_lag(values.force_lag) @ f
+        J[:, at["force_lag"]], J[:, at["force_ramp_lag"]] = w.by_lag(values.force_lag) @ f, changing
         return Block(f"force{a}", e, measured, J)
 
     def _line_rows(self, k: int, values: Values) -> Block:
         w, s, at = self.saturated[k], self.s, self.at
         share, R, W = np.abs(s.tau[:, k]) / self.stall[k], self.ratio[k], values.speed[k]
-        missing, speed = w.phi.sum(axis=1) - w.shifted(values.lag) @ share, w.phi @ np.abs(s.v[:, k])
+        changing, speed = w.phi @ (s.D @ share), w.phi @ np.abs(s.v[:, k])
+        missing = w.phi.sum(axis=1) - w.shifted(values.lag) @ share - values.ramp_lag * changing
         J = np.zeros((w.count, at["end"]))
         J[:, at["speed"] + k], J[:, at["lag"]] = R / W**2 * speed, -(w.by_lag(values.lag) @ share)
+        J[:, at["ramp_lag"]] = -changing
         return Block(f"line{k}", missing - R / W * speed, missing, J)
 
     # ---- noise ----------------------------------------------------------------------------------------------------
@@ -364,17 +389,19 @@ class LogRows:
         w, s, g = self.joints[k], self.s, values.gain[k]
         found = self._of_angles(motion, (w.rate, k), (w.phi, self.n + k), 1 / g)
         found[f"q{k}"] = found[f"q{k}"] - (values.damping[k] / g) * (w.phi @ s.D)
-        passed = 1 - (1 - values.kept[k]) * np.sign(s.tau[:, k]) * s.sign[:, k]
-        return found | {f"tau{k}": w.shifted(values.lag) * passed}
+        late = (w.phi * (values.ramp_lag * self.ramps[:, k])) @ s.D
+        return found | {f"tau{k}": (w.shifted(values.lag) + late) * self._passing(k, values)}
 
     def _force_noise(self, a: int, motion: tuple[np.ndarray, np.ndarray], values: Values) -> Mapping[str, Any]:
         w, at = self.standing, 2 * self.n + a
         found = self._of_angles(motion, (w.rate, at), (0.0 * w.phi, at), 1.0)
-        return found | {f"force{a}": w.shifted(values.force_lag)}
+        late = (w.phi * (values.force_ramp_lag * self.ramps.any(axis=1))) @ self.s.D
+        return found | {f"force{a}": w.shifted(values.force_lag) + late}
 
     def _line_noise(self, k: int, values: Values) -> Mapping[str, Any]:
         w, s = self.saturated[k], self.s
-        torque = w.shifted(values.lag) * (-np.sign(s.tau[:, k]) / self.stall[k])
+        late = values.ramp_lag * (w.phi @ s.D)
+        torque = (w.shifted(values.lag) + late) * (-np.sign(s.tau[:, k]) / self.stall[k])
         return {f"tau{k}": torque, f"q{k}": -self.ratio[k] / values.speed[k] * ((w.phi * s.sign[:, k]) @ s.D)}
 
     def noise_levels(self) -> dict[str, float]:
