@@ -35,7 +35,7 @@ LEAST = (
 ROUNDS = 12  # of weighted least squares at most
 WEIGHED = 2  # rounds after which what the sensors' noise does to the rows is computed anew
 SETTLED = 0.02  # of a standard error by which the last round still changes a parameter
-SLIGHT = 3e-3  # of a sensor's variance as first guessed that the fit leaves at least
+SLIGHT = 0.01  # of a sensor's variance as first guessed that the fit leaves at least
 UNEXPLAINED = 0.2  # of the logged torque, root mean square, above which it is not this leg's
 STRANGE = 3.0  # factor between a mass or torque constant and the problem's, beyond which units are wrong
 ENOUGH = 3  # rows for each parameter
@@ -82,7 +82,7 @@ class Estimate:
 @dataclass(frozen=True)
 class Identification:
     """What logs tell of a leg: the believed problem, an estimate of every parameter, standard deviations of the sensors' noise
-    (SI), and by how much torque and force are later than the angles [s]."""
+    (SI), and the lags of torque and force behind the angles, and how much greater those are at a drive's line [s]."""
 
     design: Design
     estimates: tuple[Estimate, ...]
@@ -214,10 +214,11 @@ class Fit:
 
 
 class Regression:
-    """The rows of all logs as functions of the free parameters: x = fixed + columns theta."""
+    """The rows of all logs as functions of the free parameters: x = fixed + columns theta; ``about`` are standard deviations of
+    theta that are known beforehand, infinite for most: ramps are late by a period of the log or less."""
 
-    def __init__(self, rows: Sequence[LogRows], fixed: np.ndarray, columns: np.ndarray):
-        self.rows, self.fixed, self.columns = rows, fixed, columns
+    def __init__(self, rows: Sequence[LogRows], fixed: np.ndarray, columns: np.ndarray, about: np.ndarray):
+        self.rows, self.fixed, self.columns, self.about = rows, fixed, columns, about
         levels = [r.noise_levels() for r in rows]
         names = sorted({name for level in levels for name in level})
         self.guessed = {
@@ -263,7 +264,8 @@ class Regression:
             white.append(linalg.solve_triangular(L, e, lower=True))
             wide.append(linalg.solve_triangular(L, J, lower=True))
             factors.append(L)
-        e, J = np.concatenate(white), np.vstack(wide)
+        e = np.concatenate([*white, (theta / self.about)[np.isfinite(self.about)]])
+        J = np.vstack([*wide, np.diag(1 / self.about)[np.isfinite(self.about)]])
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
         solved: Any = linalg.lstsq(J / size, -e)
         if solved[2] < J.shape[1]:  # the rank
@@ -352,7 +354,9 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
     anchor = None if _anchored(unknowns, rows, known) else next(u.key for u in unknowns if u.kind == "gain")
     free = [u for u in unknowns if u.key not in {*known, *untold, anchor}]
     fixed, columns, lags = _vectors(design, unknowns, free, rows)
-    regression = Regression(rows, fixed, columns)
+    period = float(max(np.median(np.diff(log.t)) for log in logs))
+    about = np.array([*(np.inf for _ in free), *(period if "ramp" in name else np.inf for name in lags)])
+    regression = Regression(rows, fixed, columns, about)
     fit = regression.fit(np.array([*(u.believed for u in free), *(0.0 for _ in lags)]))
     _credible(free, fit, regression, anchor is None)
     places_of = {u.key: k for k, u in enumerate(free)}

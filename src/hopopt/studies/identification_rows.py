@@ -21,6 +21,9 @@ Where a drive gives less than it is asked for, it is on its torque-speed line (R
 
     int phi (1 - |tau| / (R tau_max)) = (R / W) int phi |v|.
 
+Sampled once a period, a torque that the controller holds is half a period early, but at a drive's line, where it changes on its
+own, it is not: there the lag is greater by ramp_lag, which acts on the slope of the torque (and of the force).
+
 Windows lie within one phase, clear of its ends, of end stops, and of times where the joint hardly moves: there the sign of
 its friction is not known. Speeds are slopes of the angles, for logged speeds lag behind.
 
@@ -327,7 +330,9 @@ class LogRows:
         J[:, at["gain"] + k], J[:, at["kept"] + k] = load / g**2, delayed @ rubbed
         J[:, at["friction"] + k], J[:, at["damping"] + k] = -signs / g, -speeds / g
         J[:, at["lag"]], J[:, at["ramp_lag"]] = w.by_lag(values.lag) @ passed, changing
-        J[:, at["kept"] + k] += values.ramp_lag * (w.phi @ (self.ramps[:, k] * (s.D @ s.tau[:, k]) * np.sign(s.tau[:, k]) * sign))
+        J[:, at["kept"] + k] += values.ramp_lag * (
+            w.phi @ (self.ramps[:, k] * (s.D @ s.tau[:, k]) * np.sign(s.tau[:, k]) * sign)
+        )
         logged = delayed @ passed + values.ramp_lag * changing
         return Block(f"tau{k}", logged - load / g, logged, J)
 
