@@ -217,14 +217,17 @@ def test_a_hundred_logs_are_right_and_their_intervals_hold_the_truth(believed: D
     assert min(held.values()) >= 0.9 * DRAWS, held
 
 
-def test_motors_of_their_own_are_told_apart(believed: Design, recording: Recording) -> None:
+def test_motors_of_their_own_are_told_apart(believed: Design, recording: Recording, tmp_path: Path) -> None:
     """A joint with an entry of its own has a parameter of its own; a link's own inertia goes with its mass."""
     own = changed(believed, {"leg.knee.motor.max_torque": 2.0, "leg.thigh.inertia": 1.87 * 0.38**2 / 12})
     found = identify(own, [recording.log(1)])
     estimates = by_key(found)
     for key in (GAIN_KEY, "leg.knee.motor.torque_constant"):
         assert error(estimates[key], GAIN) < 0.02
-    leg = found.identified.leg
+    file = tmp_path / "own.toml"
+    file.write_text(found.problem_file(["run.csv"]), encoding="utf-8")
+    leg = load(file).leg
+    assert leg == found.identified.leg
     assert leg.drive("hip", "motor", "max_torque")[1] == pytest.approx(2.0 * estimates[GAIN_KEY].value, rel=1e-5)
     knee = estimates["leg.knee.motor.torque_constant"].value
     assert leg.drive("knee", "motor", "max_torque")[1] == pytest.approx(2.0 * knee, rel=1e-5)

@@ -245,7 +245,7 @@ class Regression:
         while True:
             try:
                 step, fit = self._round(theta, shares)
-            except (linalg.LinAlgError, ValueError):  # rows that nothing tells apart, or that are no longer finite
+            except (linalg.LinAlgError, ValueError, RuntimeError):  # nothing tells them apart, or no number is finite
                 raise ResultError(NOT_THIS_LEG if number else TOO_LITTLE) from None
             number, theta = number + 1, fit.theta
             settled = np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(fit.covariance)))
@@ -349,7 +349,9 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
     if wrong:
         raise UsageError(f"--known {wrong[0]}: it is none of {', '.join(u.key for u in unknowns)}")
     momenta = LegMomenta(design)
-    rows = [LogRows(design, momenta, log) for log in logs]
+    rows = [r for r in (LogRows(design, momenta, log) for log in logs) if r.count]
+    if not rows:
+        raise ResultError(TOO_LITTLE)
     untold = _structural(unknowns, rows, known)
     anchor = None if _anchored(unknowns, rows, known) else next(u.key for u in unknowns if u.kind == "gain")
     free = [u for u in unknowns if u.key not in {*known, *untold, anchor}]
