@@ -4,13 +4,16 @@ Results are values; what acts on them is here, and given to them as methods for 
 and derivatives are imported on first use.
 """
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import constraint, objective
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
-from hopopt.problem.load import load
+from hopopt.problem.load import as_design, load
 from hopopt.storage.solution import read, save
 from hopopt.studies import notebook_views as views
 from hopopt.studies.codesign import codesign
@@ -23,6 +26,7 @@ from hopopt.studies.sweep.run import Study, sweep
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hopopt.studies.identification import Identification
     from hopopt.studies.influence import Influence
 
 __all__ = [
@@ -33,6 +37,7 @@ __all__ = [
     "codesign",
     "constraint",
     "front",
+    "identify",
     "load",
     "objective",
     "read",
@@ -41,6 +46,22 @@ __all__ = [
     "solve",
     "sweep",
 ]
+
+
+def identify(problem: Design | str | Path, *runs: str | Path, known: Sequence[str] = ()) -> "Identification":
+    """A leg's parameters from logs of its hops, with 95 % intervals; see ``hopopt identify``.
+
+    problem: what is believed of the leg, a problem or its name or file
+    runs: CSV files of logs
+    known: keys of parameters that are right in the problem
+
+    Raises UsageError for a leg that cannot be identified, ResultError for a log that cannot be read or is not of this leg.
+    """
+    from hopopt.studies.identification import identify
+    from hopopt.studies.robot_log import read_log
+
+    design = as_design(problem)
+    return identify(design, [read_log(Path(run), design) for run in runs], known)
 
 
 def plot(solution: Solution, name: str | None = None) -> "dict[str, Figure] | Figure":

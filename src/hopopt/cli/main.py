@@ -22,6 +22,7 @@ from hopopt.cli import doctor as cli_doctor
 from hopopt.cli import evidence as cli_evidence
 from hopopt.cli import export as cli_export
 from hopopt.cli import families as cli_families
+from hopopt.cli import identify as cli_identify
 from hopopt.cli import log as cli_log
 from hopopt.cli import paper as cli_paper
 from hopopt.cli import pareto as cli_pareto
@@ -335,7 +336,7 @@ for command in (
     cli_runs.simulate, cli_runs.compare, cli_export.export, cli_studies.sensitivity, cli_paper.calibrate,
     cli_paper.tune, cli_paper.reproduce, cli_sweep.sweep, cli_pareto.pareto, cli_actuators.actuators,
     cli_evidence.evidence, cli_families.families, cli_diagnose.diagnose, cli_schema.schema, cli_robust.robust,
-    cli_doctor.doctor, cli_report.report, cli_animate.animate, cli_log.log,
+    cli_doctor.doctor, cli_report.report, cli_animate.animate, cli_log.log, cli_identify.identify,
 ):  # fmt: skip
     app.command(command)
 app.register_install_completion_command(help="Let the shell complete hopopt's commands and options (bash, zsh, fish).")

@@ -33,9 +33,11 @@ def as_json(design: Design) -> dict[str, dict[str, Any]]:
     return {row.path: {k: v for k, v in asdict(row).items() if k != "path"} for row in rows(design)}
 
 
-def resolved_toml(design: Design) -> str:
-    """The problem with all defaults filled in, as a file that ``load`` reads back to an equal design."""
+def resolved_toml(design: Design, sources: Mapping[str, str] | None = None) -> str:
+    """The problem with all defaults filled in, as a file that ``load`` reads back to an equal design; ``sources`` (path ->
+    words) stand behind the meaning of their entries."""
     notes = {row.path: f"[{row.unit}] {row.meaning}" if row.unit else row.meaning for row in rows(design)}
+    notes |= {path: f"{notes[path]}; {printable(words)}" for path, words in (sources or {}).items()}
     head = "# All entries of this problem, defaults included; entries that are not set are left out. SI units.\n\n"
     return head + _toml(design.model_dump(exclude_none=True), notes)
 

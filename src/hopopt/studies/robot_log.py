@@ -21,6 +21,7 @@ UNITS = {  # of a column by the beginning of its name: unit -> factor to SI
     "q_": {"rad": 1.0, "deg": np.pi / 180},
     "v_": {"rad/s": 1.0, "deg/s": np.pi / 180, "rpm": np.pi / 30},
     "tau_": {"N m": 1.0, "Nm": 1.0},
+    "command_": {"N m": 1.0, "Nm": 1.0},
     "force_": {"N": 1.0},
     "contact": {"": 1.0, "1": 1.0},
 }
@@ -36,7 +37,7 @@ STILL = 0.5  # [rad/s] standard deviation below which a joint's rate says nothin
 @dataclass(frozen=True)
 class RobotLog:
     """A log in SI units: t (k,) [s] from its first row; q, v, tau (k, n) of the joints; contact (k,); force (k, 2) [N],
-    zero where it was not measured."""
+    zero where it was not measured; command (k, n) [N m], NaN for joints without one."""
 
     t: np.ndarray
     q: np.ndarray
@@ -44,6 +45,7 @@ class RobotLog:
     tau: np.ndarray
     contact: np.ndarray
     force: np.ndarray
+    command: np.ndarray | None = None
 
 
 def read_map(file: Path | None) -> dict[str, str]:
@@ -63,7 +65,8 @@ def read_map(file: Path | None) -> dict[str, str]:
 
 
 def read_log(file: Path, design: Design, names: Mapping[str, str] | None = None) -> RobotLog:
-    """A CSV file with a header: t, and q_JOINT, v_JOINT, tau_JOINT of every joint; contact or force_z; force_x if measured.
+    """A CSV file with a header: t, and q_JOINT, v_JOINT, tau_JOINT of every joint; contact or force_z; force_x and command_JOINT if
+    measured.
 
     A unit may stand in brackets behind a name; without one it is SI. ``names`` gives the log's own names. Raises
     ResultError, with the column and what to do, for a file that is no such log.
@@ -87,7 +90,9 @@ def read_log(file: Path, design: Design, names: Mapping[str, str] | None = None)
         contact = force[:, 1] > PRESSED * weight(build_robot(design.leg).model)
     else:
         raise ResultError(f"{file}: nothing says when the foot stands: add a column contact (0 or 1) or force_z [N]")
-    log = RobotLog(t - t[0], q, v, tau, without_bounces(t, contact), force)
+    unknown, asked = np.full(len(t), np.nan), [f"command_{joint}" for joint in joints]
+    command = np.stack([column(c) if mine.get(c, c) in table else unknown for c in asked], axis=1)
+    log = RobotLog(t - t[0], q, v, tau, without_bounces(t, contact), force, command)
     _sensible(file, design, log)
     return log
 

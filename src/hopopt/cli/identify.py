@@ -1,0 +1,83 @@
+"""The command that finds a leg's parameters in logs of the real robot: identify."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from hopopt.cli.options import AsJson, repeated, write_new
+from hopopt.errors import ResultError, UsageError
+
+Known = Annotated[
+    list[str] | None,
+    repeated("--known", "A parameter that is right in the problem: --known leg.body.mass (repeat)."),
+]
+
+
+def identify(
+    runs: list[Path],
+    /,
+    *,
+    leg: str = "paper",
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    known: Known = None,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    json_: AsJson = False,
+) -> int:
+    """Find a leg's masses, torque constant, gear losses and no-load speed in logs of its hops, with 95 % intervals.
+
+    What the logs cannot tell is named, with the reason, and keeps the problem's value.
+
+    Parameters
+    ----------
+    runs
+        CSV files as hopopt log reads them. Their columns command_JOINT, force_z and force_x tell more (docs/simulation.md).
+    leg
+        The problem file of the leg as it is believed to be, or the name of a built-in problem.
+    map_
+        A TOML file with the logs' own names: q_hip = "hip_position".
+    output
+        Also write the problem with what was identified, such as my_leg_identified.toml.
+    """
+    from hopopt.problem.load import load
+    from hopopt.storage.folder import as_json
+    from hopopt.studies.identification import identify as identification
+    from hopopt.studies.robot_log import read_log, read_map
+
+    design, names = load(leg), read_map(map_)
+    if output is not None and output.exists():
+        raise UsageError(f"{output} exists already and is not overwritten: choose another name")
+    logs = [read_log(run, design, names) for run in runs]
+    try:
+        found = identification(design, logs, known or ())
+    except ResultError as error:
+        raise ResultError(f"{', '.join(map(str, runs))}: {error}") from None
+    if output is not None:
+        write_new(output, found.problem_file([run.name for run in runs]))
+    data = {"logs": [str(run) for run in runs], **found.as_dict(), "output": None if output is None else str(output)}
+    if json_:
+        print(as_json({**data, "exit_code": 0}))
+    else:
+        _print(data)
+    return 0
+
+
+def _print(data: dict[str, Any]) -> None:
+    """The table of parameters, what the logs cannot tell, and where the problem was written."""
+    from rich.table import Table
+
+    from hopopt.cli.screen.console import console, print_lines, print_table
+
+    out, parameters = console(), data["parameters"]
+    table = Table(title=f"{data['problem']}: {', '.join(data['logs'])}", title_justify="left", box=None, pad_edge=False)
+    for column in ("parameter", "problem", "identified", "95 % interval", "unit"):
+        table.add_column(column, justify="left" if column in ("parameter", "unit") else "right", no_wrap=True)
+    for key, p in parameters.items():
+        interval = "" if p["low"] is None or not p["identified"] else f"{p['low']:.5g} to {p['high']:.5g}"
+        value = f"{p['value']:.5g}" if interval else "given" if p["identified"] else "not told"
+        table.add_row(key, f"{p['believed']:.5g}", value, interval, p["unit"])
+    print_table(out, table)
+    lines = [f"the data cannot tell {key}: {p['why']}" for key, p in parameters.items() if not p["identified"]]
+    print_lines(out, "not told", lines)
+    if data["output"]:
+        out.print(f"{data['output']} written; to see it: hopopt show {data['output']}")
