@@ -25,13 +25,13 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import NAMED, make_guess
 from hopopt.ocp.objectives import find
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
+from hopopt.planner.from_known import from_motion
 from hopopt.planner.multistart import first_transcription
 from hopopt.planner.solution import Solution
 from hopopt.planner.summary_extras import CoDesign
 from hopopt.problem.mass_law import mass_law
 from hopopt.storage.recheck import co_design_checks, recheck
 from hopopt.storage.solution import read, save
-from hopopt.studies.codesign import from_motion
 from hopopt.studies.mass_coupling import catalogue_coupling
 from hopopt.studies.sensitivity import sensitivity
 
