@@ -327,7 +327,7 @@ def test_the_design_that_came_out_is_solved_from_the_whole_motion(monkeypatch: p
             asked.append(parameters)
             return super().__call__(guess, parameters, *more)
 
-    monkeypatch.setattr("hopopt.studies.codesign.NlpSolver", Noting)
+    monkeypatch.setattr("hopopt.planner.from_known.NlpSolver", Noting)
     assert from_motion(hop, motion).objective == pytest.approx(motion.objective, rel=1e-7)
     assert asked[0]["clearance"] == motion.parameters["clearance"]
 

@@ -1,0 +1,180 @@
+"""The documentation as a site: python docs/build_site.py [FOLDER] (default: site). Offline; a warning is an error.
+
+Sphinx with furo and myst-nb: it shows the pages of this folder as they are, and stored notebooks with their figures, and
+its pages fetch nothing from a network. Pages on the keys of a problem file, on the commands and on the Python interface
+are written here from the code.
+"""
+
+import inspect
+import json
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+PARTS = {  # of the site, in the order in which they are read
+    "Begin": ("start", "glossary", "limits"),
+    "Your own leg": ("own_leg", "actuators", "objectives", "periodic", "simulation", "report"),
+    "Studies": ("sensitivity", "studies", "codesign"),
+    "Gallery": ("notebooks/*",),
+    "Theory and evidence": ("method", "certificate", "evidence", "bound", "paper"),
+    "Reference": ("keys", "commands", "python"),
+    "To change hopopt": ("architecture", "extending", "performance"),
+}
+CONFIG = f"""
+project, release = "hopopt", "{version("hopopt")}"
+extensions = ["myst_nb"]
+html_theme, html_title = "furo", "hopopt"
+nb_execution_mode = "off"
+myst_heading_anchors = 4
+myst_enable_extensions = []
+suppress_warnings = ["myst.header", "misc.highlighting_failure"]
+html_show_sphinx = html_show_copyright = html_show_sourcelink = False
+"""
+Schema = dict[str, Any]
+
+
+def build(folder: Path) -> int:
+    """Build the site into a folder that may not exist; Sphinx's exit code."""
+    from sphinx.cmd.build import main
+
+    with tempfile.TemporaryDirectory() as place:
+        source = Path(place) / "source"
+        write_source(source)
+        return main(["-W", "--keep-going", "-q", "-b", "html", "-d", f"{place}/trees", str(source), str(folder)])
+
+
+def write_source(source: Path) -> None:
+    """All pages, those written from the code too."""
+    shutil.copytree(ROOT / "docs", source, ignore=shutil.ignore_patterns("*.py", "__pycache__", "index.md"))
+    shutil.copytree(
+        ROOT / "notebooks", source / "notebooks", ignore=shutil.ignore_patterns("*.py", ".ipynb_checkpoints")
+    )
+    pages = {"keys": key_page(), "commands": command_page(), "python": python_page(), "index": index_page(source)}
+    for name, text in pages.items():
+        (source / f"{name}.md").write_text(text, encoding="utf-8")
+    for page in source.glob("*.md"):
+        page.write_text(_within(page.read_text(encoding="utf-8")), encoding="utf-8")
+    (source / "conf.py").write_text(CONFIG, encoding="utf-8")
+
+
+def _within(text: str) -> str:
+    """Links to files of the project that are no pages become their names."""
+    text = re.sub(r"\]\(\.\./README\.md\)", "](start.md)", text)
+    return re.sub(r"\[([^\]]*)\]\(\.\./([^)]*)\)", r"\1 (`\2`)", text)
+
+
+def index_page(source: Path) -> str:
+    """The first page: the README's beginning, and the parts of the site."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    head = re.sub(r"!\[[^\]]*\]\([^)]*\)", "", readme.partition("\n## ")[0].partition("```")[0]).strip()
+    lines = [head.partition("**See the answer")[0].strip(), ""]
+    for part, names in PARTS.items():
+        pages = [p.relative_to(source).with_suffix("") for n in names for p in sorted(source.glob(n)) if p.is_file()]
+        entries = [str(p) for p in pages] or list(names)
+        lines += ["```{toctree}", ":maxdepth: 1", f":caption: {part}", "", *entries, "```", ""]
+    return "\n".join(lines)
+
+
+def key_page() -> str:
+    """Every key of a problem file, from its schema."""
+    lines = ["# Every key of a problem file", "", "From the model that checks files. `hopopt schema problem` prints the same",
+             "for editors. JOINT and LINK stand for the names that a leg gives its joints and links.", ""]  # fmt: skip
+    sections: dict[str, list[str]] = {}
+    for key, entry in entries():
+        section = key.rpartition(".")[0] or "the file"
+        text = re.sub(r" \[[^\]]*\]$", "", entry.get("description", ""))
+        cells = (f"`{key}`", _unit(entry), _default(entry), _allowed(entry), text)
+        sections.setdefault(section, []).append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+    for section, rows in sections.items():
+        lines += [
+            f"## {section}",
+            "",
+            "| key | unit | default | allowed | meaning |",
+            "|---|---|---|---|---|",
+            *rows,
+            "",
+        ]
+    return "\n".join(lines)
+
+
+def entries() -> Iterator[tuple[str, Schema]]:
+    """Paths and schemas of all entries of a problem file."""
+    schema = json.loads((ROOT / "src/hopopt/schemas/problem.json").read_text(encoding="utf-8"))
+    yield from _keys_of(schema, schema["definitions"], "")
+
+
+def _keys_of(table: Schema, tables: dict[str, Schema], path: str) -> Iterator[tuple[str, Schema]]:
+    for name, entry in table.get("properties", {}).items():
+        here = f"{path}.{name}".lstrip(".")
+        inner = list(_tables_of(entry))
+        for name in inner:
+            yield from _keys_of(tables[name], tables, here)
+        if not inner:
+            yield here, entry
+    for name in _tables_of(table.get("additionalProperties")):
+        yield from _keys_of(tables[name], tables, f"{path}.{name.upper()}")
+
+
+def _tables_of(entry: Any) -> Iterator[str]:
+    """Names of the tables that an entry may be."""
+    if isinstance(entry, dict):
+        for part in (entry, *(x for kind in ("anyOf", "oneOf", "allOf") for x in entry.get(kind, ()))):
+            if "$ref" in part:
+                yield part["$ref"].rpartition("/")[2]
+
+
+def _unit(entry: Schema) -> str:
+    found = re.search(r" \[([^\]]*)\]$", entry.get("description", ""))
+    return found[1] if found else ""
+
+
+def _default(entry: Schema) -> str:
+    return f"`{json.dumps(entry['default'])}`" if "default" in entry else ""
+
+
+def _allowed(entry: Schema) -> str:
+    if "enum" in entry or "const" in entry:
+        return ", ".join(f"`{x}`" for x in entry.get("enum", [entry.get("const")]))
+    low, high = entry.get("minimum"), entry.get("maximum")
+    if low is None and high is None:
+        return str(entry.get("type", ""))
+    return f"{'' if low is None else f'{low:g}'} to {'' if high is None else f'{high:g}'}"
+
+
+def command_page() -> str:
+    """Every command with its options, from the command line itself."""
+    from hopopt.cli.main import app
+
+    text = app.generate_docs(output_format="markdown", heading_level=1)
+    return text.replace("# hopopt", "# Every command", 1)
+
+
+def python_page() -> str:
+    """Every public name of hopopt: signature and docstring."""
+    import hopopt
+
+    lines = ["# The Python interface", "", "`import hopopt as ho`", ""]
+    for name in hopopt.__all__:
+        thing = getattr(hopopt, name)
+        lines += [f"## {name}", "", *_block(thing, name)]
+        if inspect.isclass(thing):
+            for member, what in inspect.getmembers(thing):
+                doc = inspect.getdoc(what)
+                if not member.startswith("_") and doc and (inspect.isfunction(what) or isinstance(what, property)):
+                    lines += [f"### {name}.{member}", "", *_block(what, member)]
+    return "\n".join(lines)
+
+
+def _block(thing: Any, name: str) -> list[str]:
+    head = f"{name}{inspect.signature(thing)}\n\n" if callable(thing) else ""
+    return ["```text", head + (inspect.getdoc(thing) or ""), "```", ""]
+
+
+if __name__ == "__main__":
+    sys.exit(build(Path(sys.argv[1] if len(sys.argv) > 1 else "site")))
