@@ -11,7 +11,8 @@ from types import ModuleType
 import pytest
 
 import hopopt
-from hopopt.cli.main import app
+import hopopt.cli.main  # registers the commands
+from hopopt.cli.options import app
 from hopopt.problem.load import builtin_names, load
 from hopopt.problem.render import rows
 
