@@ -23,7 +23,17 @@ SMALLER = {  # sizes for a test: the same command on fewer points
 }  # fmt: skip
 ONE_START = ("solve", "sweep", "pareto")  # those are solved from a single start
 FEW = ["--share", "0.5", "--confidence", "0.5", "--draws", "4", "--evaluations", "1", "--starts", "1"]  # for robust
-RUN = ("actuators", "certificate", "method", "own_leg", "studies")  # pages that are run whole, in minutes
+RUN = (
+    "actuators",
+    "certificate",
+    "method",
+    "objectives",
+    "own_leg",
+    "periodic",
+    "report",
+    "studies",
+)  # pages that are run whole, in minutes
+REFUSED = ("pareto --against impact",)  # the page says that there is no such front
 STORED = re.compile(r"results/\w+-\w{8}")
 NEEDS = {"--mujoco": "mujoco", "--scheduler": "distributed"}  # extras
 NAMES = {"[PROBLEM]": "paper", "PROBLEM": "paper", "FILE": "paper", "my_leg.toml": "my_leg.toml"}
@@ -59,6 +69,8 @@ def results_for(words: list[str], folder: Path) -> Iterator[str]:
     for word in words:
         if word == "FOLDER" or "sweep-" in word:
             yield str(max(folder.glob("results/*-sweep-*"), key=lambda path: path.stat().st_mtime))
+        elif "comparison-" in word:
+            yield str(next(folder.glob("results/*-comparison-*")))
         elif word == "RESULT" or STORED.fullmatch(word):
             kept = [
                 json.loads(path.read_text()) | {"at": path.parent} for path in folder.glob("results/*/summary.json")
@@ -81,7 +93,13 @@ def test_every_command_runs(
     run(["new", "my_leg"])
     if any(word in ("RESULT", "FILE") or STORED.fullmatch(word) for words in commands(page) for word in words):
         assert run(["solve", "--starts", "1", "--no-figures"]) == 0
+    if "comparison-" in page.read_text(encoding="utf-8"):
+        assert run(["compare", "--strategies", "force", "--no-figures", "--set", "solver.starts=1"]) == 0
     for words in commands(page):
+        if shlex.join(words) in REFUSED:
+            assert run(words) == 2
+            capfd.readouterr()
+            continue
         if words[0] == "log":  # of a robot: tests/studies/test_robot_log.py makes one
             continue
         for option, module in NEEDS.items():
