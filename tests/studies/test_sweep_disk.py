@@ -88,6 +88,16 @@ def test_with_dask_it_is_the_disk_too_and_not_the_workers(
     assert "lost" not in str(raised.value)
 
 
+def test_a_cluster_is_nobody_s_default(scheduler: str) -> None:
+    """Else what is written beside it, or after it is gone, would ask for it."""
+    from dask import config
+
+    with dask_workers(1, scheduler) as crew:
+        crew.submit(abs, -1)
+        assert config.get("scheduler", None) is None
+        assert crew.done() == [1]
+
+
 def refused() -> Any:
     raise PermissionError(errno.EACCES, "Permission denied")
 

@@ -30,7 +30,7 @@ def dask_workers(count: int, scheduler: str) -> Iterator[Workers]:
     quiet = {"distributed.scheduler.allowed-failures": LOSSES, "distributed.admin.large-graph-warning-threshold": "1GB"}
     with settings(quiet), _silent(), _cluster(count, scheduler) as address:
         try:
-            client = Client(address, timeout=PATIENCE)
+            client = Client(address, timeout=PATIENCE, set_as_default=False)  # else xarray would ask for it, gone
         except (OSError, ValueError) as error:
             raise UsageError(f"--scheduler {scheduler}: no Dask scheduler answers there") from error
 
@@ -39,7 +39,7 @@ def dask_workers(count: int, scheduler: str) -> Iterator[Workers]:
                 return client.submit(job, *given, pure=False)
 
         def collect(futures: set[Any]) -> tuple[list[Kept], set[Any]]:
-            with _told_apart(scheduler):
+            with _told_apart(scheduler), client.as_current():
                 done, running = wait(futures, return_when="FIRST_COMPLETED")  # type: ignore[misc]
                 return [future.result() for future in done], set(running)
 
