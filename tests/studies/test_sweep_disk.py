@@ -92,8 +92,9 @@ def test_a_cluster_is_nobody_s_default(scheduler: str) -> None:
     """Else what is written beside it, or after it is gone, would ask for it."""
     from dask import config
 
+    job: Any = abs
     with dask_workers(1, scheduler) as crew:
-        crew.submit(abs, -1)
+        crew.submit(job, -1)
         assert config.get("scheduler", None) is None
         assert crew.done() == [1]
 
