@@ -32,7 +32,6 @@ extensions = ["myst_nb"]
 html_theme, html_title = "furo", "hopopt"
 nb_execution_mode = "off"
 myst_heading_anchors = 4
-myst_enable_extensions = []
 suppress_warnings = ["myst.header", "misc.highlighting_failure"]
 html_show_sphinx = html_show_copyright = html_show_sourcelink = False
 """

@@ -12,10 +12,11 @@ from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.ocp.custom import Moment
 from hopopt.planner.solve import solve
+from hopopt.plots.ladder import staircase
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.studies.compare import Comparison, compare
-from hopopt.studies.ladder import CONTROL, ladder, withheld
+from hopopt.studies.ladder import CONTROL, Ladder, Rung, ladder, withheld
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +76,6 @@ def test_where_no_pd_strategy_hops_the_comparison_stays(tmp_path: Path, capsys: 
 
 def test_the_staircase_is_drawn(tmp_path: Path, pd: HopFigures) -> None:
     """A step for each rung, named beside it."""
-    from hopopt.plots.ladder import staircase
-    from hopopt.studies.ladder import Ladder, Rung
-
     rungs = (Rung(CONTROL, 0.6, 0.02, 0.02, 0.02, True), Rung("more grip", 0.7, 0.1, 0.05, 0.15, False))
     figure = staircase(Ladder("force", 0.58, rungs, (("more grip",),), ((0.02, 0.1),)), "A leg")
     (ax,) = figure.axes

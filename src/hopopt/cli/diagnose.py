@@ -31,13 +31,14 @@ def diagnose(
     from hopopt.storage.recheck import with_functions
     from hopopt.storage.solution import read
     from hopopt.studies import diagnosis
-    from hopopt.studies.worth import worths
 
     with fitting(result), progress(quiet=json_) as say:
         say("moving the durations, all else solved anew")
         solution = with_functions(read(result), objective, constraint or ())
         found = diagnosis.diagnose(solution)
         if worth:
+            from hopopt.studies.worth import worths
+
             leaning, unit = worths(solution, say), solution.summary.objective_unit
             found["leans_on"] = [w.as_dict() for w in leaning]
             found["words"] += [w.words(unit) for w in leaning] or ["leans on nothing that a robot does not have"]

@@ -42,7 +42,8 @@ def pareto(
     points
         How many hops, 3 to 1000, the two ends counted.
     lowest
-        The clearance [m] at which the front begins (default 0: the least of the other objective; a fifth of the highest for a periodic hop).
+        The clearance [m] at which the front begins (default 0: the least of the other
+        objective; a fifth of the highest for a periodic hop).
     starts
         How many different starting points to solve both ends from (default: the problem's solver.starts).
     processes

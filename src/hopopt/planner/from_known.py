@@ -12,7 +12,7 @@ from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
 
 
-def from_motion(hop: Hop, motion: NlpSolution, name: str = "co-design") -> StartOutcome:
+def from_motion(hop: Hop, motion: NlpSolution, name: str = "a known hop") -> StartOutcome:
     """The problem solved from a motion of the same leg with other numbers, or with numbers fixed that are free here."""
     began, t = time.perf_counter(), first_transcription(hop)
     solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})

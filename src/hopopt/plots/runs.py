@@ -141,8 +141,8 @@ FIGURES: dict[str, Callable[[Runs], Figure]] = {
 def save_all(runs: Runs, folder: Path, formats: Sequence[str] = FORMATS, steps: Ladder | None = None) -> list[Path]:
     """Write every figure in every format to a folder, which is made if need be; the files written.
 
-    The budget is left out unless there is an optimum and something beside it; steps: of the ladder, if there is one. Raises ResultError, naming the
-    figures that failed and why, when the others are written.
+    steps: of the ladder, if there is one. The budget is left out unless there is an optimum and something beside it.
+    Raises ResultError, naming the figures that failed and why, when the others are written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths, faults = [], []

@@ -110,7 +110,7 @@ def _confirmed(
     clock.mark("co-design")
     fixed = Hop(changed(hop.design, optimal(hop.free_parameters, best)), hop.asked, constraints=hop.constraints)
     say("solving the design that came out")
-    again = search_first_mesh(fixed, count, side_by_side, say, [from_motion(fixed, best)]).outcomes
+    again = search_first_mesh(fixed, count, side_by_side, say, [from_motion(fixed, best, "co-design")]).outcomes
     clock.mark("starts")
     finished = [refined_and_verified(fixed, o, again, say, clock, restarts=restarts) for o in contenders(again)]
     if not finished:

@@ -256,13 +256,13 @@ def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None
     return Strategy(f"{name}_tuned", meaning, strategy.make, found.best.options), found.found
 
 
-def on_ideal_ground(solution: Solution, say: Callable[[str], None]) -> Solution:
-    """The bound of the same problem on ground that grips without limit."""
+def on_ideal_ground(solution: Solution, say: Callable[[str], None], **how: Any) -> Solution:
+    """The bound of the same problem on ground that grips without limit; ``how``: options of ``solve``."""
     if solution.design.contact.friction is None:
         return solution
     say("solving for the bound on ideal ground")
     contact = solution.design.contact.model_copy(update={"friction": None})
-    return solve(solution.design.model_copy(update={"contact": contact}), progress=say)
+    return solve(solution.design.model_copy(update={"contact": contact}), progress=say, **how)
 
 
 def reference_of(plan: Solution) -> PlanReference:

@@ -33,7 +33,6 @@ as well. eta and W are told all the same.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -44,115 +43,13 @@ from hopopt.design import Design
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE, build_robot, link_bodies
-from hopopt.sim.state import BOUNCE
+from hopopt.studies.log_windows import WINDOW, Samples, samples_of, windows
 from hopopt.studies.robot_log import RobotLog
 
-WINDOW = 0.03  # [s] of a window: long beside the encoders' noise, short beside a push
-SPACING = 0.0075  # [s] between windows
-SHORTEST = 0.02  # [s] of a stretch that still holds a window
-EDGE = 0.003  # [s] next to a change of contact that no window touches
-MOVING = 0.5  # [rad/s] above which the sign of a speed is known
 FREE = 0.01  # [rad] from an end stop that no window touches
-NEAR = 0.002  # [s] on either side within which angles give a speed
-FEWEST_NEAR = 5  # angles that give one
 SHORT = 0.03  # of the stall torque by which a drive gives less than asked where it is on its line
 NEAR_LINE = 0.85  # of the believed line's torque above which a drive without commands may be at its line
 BELOW = 0.03  # of a cap on torque by which a drive stays below it where it is on its line
-
-
-# ---- the log ------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Samples:
-    """A log as the rows take it: t (k,), q and v = D q (k, n) [SI], D (k, k), tau and command (k, n), sign (k, n) of the speeds
-    or 0, force (k, 2), contact (k,), phase (k,): a number for each stretch in one phase, -1 next to its ends."""
-
-    t: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    D: sparse.csr_array
-    tau: np.ndarray
-    command: np.ndarray
-    sign: np.ndarray
-    force: np.ndarray
-    contact: np.ndarray
-    phase: np.ndarray
-
-
-def samples_of(log: RobotLog) -> Samples:
-    """A log with speeds that are slopes of its angles within each phase."""
-    t, k = log.t, len(log.t)
-    phase, blocks = np.full(k, -1), []
-    for number, (a, b) in enumerate(pairwise([0, *(np.flatnonzero(np.diff(log.contact)) + 1), k])):
-        blocks.append(slopes(t[a:b]))
-        settled = BOUNCE if log.contact[a] else EDGE  # a foot that has landed may bounce
-        inside = (t[a:b] >= t[a] + settled * bool(number)) & (t[a:b] <= t[b - 1] - EDGE * (b < k))
-        phase[a:b][inside] = number
-    D = sparse.csr_array(sparse.block_diag(blocks))
-    v = D @ log.q
-    sign = np.where(np.abs(v) > MOVING, np.sign(v), 0.0)
-    command = np.full(log.tau.shape, np.nan) if log.command is None else log.command
-    return Samples(t, log.q, v, D, log.tau, command, sign, log.force, log.contact, phase)
-
-
-def slopes(t: np.ndarray) -> sparse.csr_array:
-    """The matrix that differentiates a signal at times t (k,) [s], (k, k) [1/s]: slopes of cubics through neighbours within
-    NEAR, at least five samples (Savitzky and Golay, 1964); nothing for fewer."""
-    k = len(t)
-    if k < FEWEST_NEAR:
-        return sparse.csr_array((k, k))
-    reach = min(max(2, round(NEAR / float(np.median(np.diff(t))))), (k - 1) // 2)
-    columns = np.clip(np.arange(k) - reach, 0, k - 2 * reach - 1)[:, None] + np.arange(2 * reach + 1)
-    x = (t[columns] - t[:, None]) / NEAR
-    slope = np.linalg.pinv(np.stack([x**p for p in range(4)], axis=2))[:, 1] / NEAR
-    rows = np.repeat(np.arange(k), 2 * reach + 1)
-    return sparse.csr_array((slope.ravel(), (rows, columns.ravel())), shape=(k, k))
-
-
-@dataclass(frozen=True)
-class Windows:
-    """Windows on the samples: weights of int phi x dt, int phi' x dt and int phi'' x dt, (windows, samples) each."""
-
-    phi: sparse.csr_array
-    rate: sparse.csr_array
-    curve: sparse.csr_array
-
-    def shifted(self, lag: float) -> sparse.csr_array:
-        """Weights of int phi(t) x(t + lag) dt, to second order in lag [s]."""
-        return self.phi - lag * self.rate + 0.5 * lag**2 * self.curve
-
-    def by_lag(self, lag: float) -> sparse.csr_array:
-        """Derivative of ``shifted`` by the lag."""
-        return lag * self.curve - self.rate
-
-    @property
-    def count(self) -> int:
-        """How many windows."""
-        return len(self.phi.indptr) - 1
-
-
-def windows(t: np.ndarray, stretch: np.ndarray) -> Windows:
-    """Windows on samples at t (k,) [s] within stretches that are each of one number (k,), -1 for none."""
-    rows, columns = [np.zeros(0, int)], [np.zeros(0, int)]
-    weights = [np.zeros((3, 0))]
-    steps, count = np.gradient(t), 0
-    for a, b in pairwise([0, *(np.flatnonzero(np.diff(stretch)) + 1), len(t)]):
-        span = t[b - 1] - t[a]
-        if stretch[a] < 0 or span < SHORTEST:
-            continue
-        half = 0.5 * min(WINDOW, span)
-        for middle in np.linspace(t[a] + half, t[b - 1] - half, 1 + int((span - 2 * half) / SPACING)):
-            at = np.flatnonzero(np.abs(t[a:b] - middle) < half) + a
-            x = (t[at] - middle) / half
-            rows.append(np.full(len(at), count))
-            columns.append(at)
-            inside = 1 - x**2
-            shapes = [inside**3, -6 * x * inside**2 / half, (24 * x**2 - 6 * inside) * inside / half**2]
-            weights.append(np.stack(shapes) * steps[at])
-            count += 1
-    where = (np.concatenate(rows), np.concatenate(columns))
-    return Windows(*(sparse.csr_array((w, where), shape=(count, len(t))) for w in np.concatenate(weights, axis=1)))
 
 
 # ---- the leg ------------------------------------------------------------------------------------------------------
@@ -324,15 +221,14 @@ class LogRows:
         passed, delayed = s.tau[:, k] - (1 - values.kept[k]) * rubbed, w.shifted(values.lag)
         signs, speeds = w.phi @ sign, w.phi @ s.v[:, k]
         load = values.friction[k] * signs + values.damping[k] * speeds - w.rate @ y[:, k] - w.phi @ y[:, n + k]
-        changing = w.phi @ (self.ramps[:, k] * (s.D @ s.tau[:, k]) * self._passing(k, values))
+        slope = self.ramps[:, k] * (s.D @ s.tau[:, k])
+        changing = w.phi @ (slope * self._passing(k, values))
         J = np.zeros((w.count, at["end"]))
         J[:, : at["gain"]] = (w.rate @ by_scales[:, k] + w.phi @ by_scales[:, n + k]) / g
         J[:, at["gain"] + k], J[:, at["kept"] + k] = load / g**2, delayed @ rubbed
         J[:, at["friction"] + k], J[:, at["damping"] + k] = -signs / g, -speeds / g
         J[:, at["lag"]], J[:, at["ramp_lag"]] = w.by_lag(values.lag) @ passed, changing
-        J[:, at["kept"] + k] += values.ramp_lag * (
-            w.phi @ (self.ramps[:, k] * (s.D @ s.tau[:, k]) * np.sign(s.tau[:, k]) * sign)
-        )
+        J[:, at["kept"] + k] += values.ramp_lag * (w.phi @ (slope * np.sign(s.tau[:, k]) * sign))
         logged = delayed @ passed + values.ramp_lag * changing
         return Block(f"tau{k}", logged - load / g, logged, J)
 

@@ -19,6 +19,7 @@ from hopopt.leg.kinematics import reach
 from hopopt.ocp.custom import Custom, Moment, Terms
 from hopopt.ocp.hop import Hop
 from hopopt.planner.from_known import solved_from_known
+from hopopt.planner.motion_figures import NO_FRICTION
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import changed
@@ -28,7 +29,6 @@ from hopopt.studies.compare import OPTIMUM, Comparison
 CONTROL = "best control of the same freedoms"
 SLACK = 1e-3  # of what PD uses: room for its own hop
 DESCENDS = 0.02  # [m/s] of the body downwards in stance, below which it counts as not descending
-ANY_GRIP = 10.0  # coefficient of friction that no rung asks for
 STARTS = 2  # of every rung
 BELOW = 1e-5  # [m] by which a rung may be below another that has less
 
@@ -97,14 +97,19 @@ def ladder(comparison: Comparison, say: Callable[[str], None] = lambda text: Non
     solved = _Rungs(comparison.solution, freedoms, say)
     names = tuple(f.allows for f in freedoms)
     orders = tuple(dict.fromkeys(tuple(names[k] for k in order) for order in _orders(len(names))))
-    clearances = [[figures.clearance, *(s.clearance for s in solved.along(order))] for order in orders]
+    for order in orders:  # before any is read: one order may find a better hop for another
+        solved.climb(order)
+    climbed = [solved.along(order) for order in orders]
+    clearances = [[figures.clearance, *(s.clearance for s in rungs)] for rungs in climbed]
     gains = tuple(tuple(map(float, np.diff(heights))) for heights in clearances)
-    return Ladder(name, figures.clearance, tuple(_rungs(orders, gains, solved)), orders, gains)
+    return Ladder(name, figures.clearance, tuple(_rungs(orders, gains, climbed[0])), orders, gains)
 
 
-def _rungs(orders: Sequence[tuple[str, ...]], gains: Sequence[tuple[float, ...]], solved: "_Rungs") -> Iterator[Rung]:
+def _rungs(
+    orders: Sequence[tuple[str, ...]], gains: Sequence[tuple[float, ...]], first: Sequence[Solution]
+) -> Iterator[Rung]:
     """The rungs of the first order, with the range of each one's gain over all."""
-    for k, (what, s) in enumerate(zip((CONTROL, *orders[0]), solved.along(orders[0]), strict=True)):
+    for k, (what, s) in enumerate(zip((CONTROL, *orders[0]), first, strict=True)):
         each = [g[0 if k == 0 else 1 + order.index(what)] for order, g in zip(orders, gains, strict=True)]
         yield Rung(what, s.clearance, each[0], min(each), max(each), s.verified)
 
@@ -140,7 +145,7 @@ def withheld(f: HopFigures) -> Iterator[Freedom]:
     yield Freedom(
         "the body off the plumb line", constraints=(_limit("plumb line", _beside(hip), -away, away, "stance", size),)
     )
-    if design.contact.friction is None and f.slip_ratio < ANY_GRIP:
+    if design.contact.friction is None and f.slip_ratio < NO_FRICTION:
         yield Freedom("more grip", {"contact.friction": float(f.slip_ratio)})
     flight = slice(f.flight.start, (f.highest or f.flight.start) + 1)
     drawn_up = float(np.linalg.norm(trace.points[hip] - trace.points["foot"], axis=1)[flight].min())
@@ -150,9 +155,7 @@ def withheld(f: HopFigures) -> Iterator[Freedom]:
     )
 
 
-def _limit(
-    name: str, value: Callable[[Moment], ca.SX], lower: float, upper: float, phase: str, size: float
-) -> Custom:  # fmt: skip
+def _limit(name: str, value: Callable[[Moment], ca.SX], lower: float, upper: float, phase: str, size: float) -> Custom:
     return Custom(f"ladder:{name}", value, Terms("m", lower=lower, upper=upper, scale=size, phases=(phase,)))
 
 
@@ -174,21 +177,25 @@ class _Rungs:
         self.known: dict[frozenset[str], Solution] = {frozenset(f.allows for f in freedoms): bound}
 
     def along(self, order: Sequence[str]) -> list[Solution]:
-        """With none of them, and with one more at a time in this order."""
-        found = [self.with_freedoms(frozenset())]
-        for k in range(len(order)):
-            found.append(self.with_freedoms(frozenset(order[: k + 1]), found[-1]))
-        return found
+        """Those known with none of the freedoms, and with one more at a time in this order."""
+        return [self.known[frozenset(order[:k])] for k in range(len(order) + 1)]
 
-    def with_freedoms(self, allowed: frozenset[str], below: Solution | None = None) -> Solution:
-        """The optimum with these freedoms, no lower than one that has fewer."""
+    def climb(self, order: Sequence[str]) -> None:
+        """Solve what is not known along an order, each no lower than the one that has fewer freedoms."""
+        below: Solution | None = None
+        for k in range(len(order) + 1):
+            below = self._with_freedoms(frozenset(order[:k]), below)
+
+    def _with_freedoms(self, allowed: frozenset[str], below: Solution | None) -> Solution:
         if allowed not in self.known:
             self.say(f"ladder: {len(self.known) + 1} optima, now with {', '.join(sorted(allowed)) or CONTROL}")
-            self.known[allowed] = self._solved(allowed)
+            design, constraints = self._problem(allowed)
+            self.known[allowed] = solve(design, constraints=constraints, starts=STARTS)
         found = self.known[allowed]
         if below is not None and found.clearance < below.clearance - BELOW:
             self.say(f"ladder: once more from the hop below, {below.clearance:.4f} m")
-            again = self._from(below, *self._problem(allowed))
+            design, constraints = self._problem(allowed)
+            again = solved_from_known(Hop(design, constraints=constraints), below, self.say)
             if again.verified and again.clearance > found.clearance:
                 self.known[allowed] = again
         return self.known[allowed]
@@ -197,10 +204,3 @@ class _Rungs:
         kept = [f for f in self.freedoms if f.allows not in allowed]
         entries = {name: value for f in kept for name, value in f.entries.items()}
         return changed(self.bound.design, entries), tuple(c for f in kept for c in f.constraints)
-
-    def _solved(self, allowed: frozenset[str]) -> Solution:
-        design, constraints = self._problem(allowed)
-        return solve(design, constraints=constraints, starts=STARTS)
-
-    def _from(self, below: Solution, design: Design, constraints: tuple[Custom, ...]) -> Solution:
-        return solved_from_known(Hop(design, constraints=constraints), below, self.say)

@@ -22,12 +22,11 @@ from hopopt.planner.from_known import solved_from_known
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
-from hopopt.studies.compare import reference_of
-from hopopt.studies.robustness import Draw, Reached, drawn, rank, reached
+from hopopt.studies.compare import on_ideal_ground, reference_of
+from hopopt.studies.robustness import FAILED, Draw, Reached, drawn, rank, reached
 
 TRACKER = "track"
 PD = ("force_tuck", "position_tuck")  # the paper's strategies where they clear most
-FELL = 0.5  # of the plan's clearance, below which a leg counts as fallen
 TUNING_DRAWS = 16  # legs that every reserve is judged on
 # torque, speed [shares], ground force [of the weight], height [m]: where the search begins, its first steps, its ends
 FIRST, STEPS = np.array([0.0, 0.03, 0.6, 0.005]), np.array([0.03, 0.03, -0.1, 0.003])
@@ -109,11 +108,7 @@ def robust(
         raise UsageError(f"{evaluations} evaluations: at least 1 reserve must be tried")
     say("solving for the bound on this ground")
     bound = solve(design, starts=starts, processes=processes)
-    ideal = design.model_copy(update={"contact": design.contact.model_copy(update={"friction": None})})
-    same = design.contact.friction is None
-    if not same:
-        say("solving for the bound on ideal ground")
-    ideal_bound = bound if same else solve(ideal, starts=starts, processes=processes)
+    ideal_bound = on_ideal_ground(bound, say, starts=starts, processes=processes)
     spread = design.uncertainty
     legs = drawn(design, spread, TUNING_DRAWS, seed), drawn(design, spread, TUNING_DRAWS, seed, corners=True)
     search = Search(bound, *legs, evaluations, processes, say)
@@ -166,22 +161,19 @@ class Search:
 
     def judged(self, x: np.ndarray) -> float:
         """Lowest clearance [m] of the draws with a reserve x; below zero where no plan is left."""
-        torque, speed, force, height = (float(part) for part in x)
-        newtons = force * weight(build_robot(self.bound.design.leg).model)
-        reserve = Reserve(
-            torque=torque, speed=speed, ground_force=newtons, height=height, angle=self.bound.design.reserve.angle
-        )
-        design = self.bound.design.model_copy(update={"reserve": reserve})
+        (torque, speed, force, height), asked = map(float, x), self.bound.design
+        newtons = force * weight(build_robot(asked.leg).model)
+        reserve = Reserve(torque=torque, speed=speed, ground_force=newtons, height=height, angle=asked.reserve.angle)
+        design = asked.model_copy(update={"reserve": reserve})
         try:
             plan = solved_from_known(Hop(reserved(design)), self.bound)
         except (NotSolvedError, UsageError):
             self.trials.append(None)
             return -float(np.sum(x))  # less reserve may leave a plan
-        found = reached(design, TRACKER, reference_of(plan), [*self.draws, *self.corners], self.processes)
-        counted, lowest = found.clearances[: len(self.draws)], float(found.clearances.min())
-        if lowest > FELL * plan.clearance:
-            lowest = float(counted.min())
-        lowest = lowest if plan.verified else 0.0
+        legs = [*self.draws, *self.corners]
+        heights = reached(design, TRACKER, reference_of(plan), legs, self.processes).clearances
+        counted = heights[: len(self.draws)] if heights.min() > FAILED * plan.clearance else heights
+        lowest = float(counted.min()) if plan.verified else 0.0
         self.trials.append(Trial(design, plan, lowest))
         most = max(trial.lowest for trial in self.trials if trial is not None)
         self.say(

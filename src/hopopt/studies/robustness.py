@@ -18,6 +18,7 @@ from hopopt.planner.solution import Solution
 from hopopt.sim.plant import PAST_APEX
 from hopopt.studies.compare import Comparison, reference_of
 
+FAILED = 0.5  # of the clearance on the believed leg, below which a leg has failed
 SHARE, SURE = 0.95, 0.95  # of the legs that a comparison speaks of, and how surely if the draws are enough
 
 
@@ -85,7 +86,11 @@ class Reached:
 
     def promised(self, share: float, confidence: float) -> float:
         """The clearance [m] that at least this share of all legs reaches, with this confidence: an order statistic."""
-        return float(np.sort(self.clearances)[rank(len(self.clearances), share, confidence) - 1])
+        return self.from_below(rank(len(self.clearances), share, confidence))
+
+    def from_below(self, place: int) -> float:
+        """The smallest clearance [m] but place - 1."""
+        return float(np.sort(self.clearances)[place - 1])
 
 
 def rank(draws: int, share: float, confidence: float) -> int:
@@ -170,7 +175,8 @@ def spread(
         plan = comparison.plan if run.strategy.needs_plan else None
         say(f"{name} on {draws} drawn legs")
         reference = None if plan is None else reference_of(plan)
-        heights = reached(design, run.strategy.name, reference, legs, processes, run.strategy.options).clearances
+        each = reached(design, run.strategy.name, reference, legs, processes, run.strategy.options)
+        heights = each.clearances
         levels = {"lowest_m": 0, "p05_m": 5, "median_m": 50, "p95_m": 95, "highest_m": 100}
         usual = run.figures.clearance if plan is None else plan.clearance
         found[name] = {
@@ -178,11 +184,11 @@ def spread(
             "mass": mass,
             "torque": torque,
             "seed": seed,
-            "failed": int(np.sum(heights < 0.5 * usual)),
+            "failed": int(np.sum(heights < FAILED * usual)),
             **{key: float(np.percentile(heights, level)) for key, level in levels.items()},
             "share": SHARE,
             "confidence": confidence,
-            "reached_m": float(np.sort(heights)[place - 1]),
+            "reached_m": each.from_below(place),
             "clearances_m": heights.tolist(),
         }
     return found
@@ -210,7 +216,7 @@ def four_numbers(comparison: Comparison, mismatch: Mapping[str, Mapping[str, Any
     return {
         **{key: s.clearance if s.verified else None for key, s in bounds.items()},
         "share": SHARE,
-        "confidence": _lowest_that_counts(len(next(iter(mismatch.values()))["clearances_m"]))[1],
+        "confidence": next(iter(mismatch.values()))["confidence"],
         "tracked": best(True),
         "pd": best(False),
     }

@@ -22,11 +22,8 @@ GRIP = 1.0  # coefficient of friction above which hardly any ground grips
 UNLOADED = 0.2  # share of stance without load that is named
 LOAD = 0.1  # of the weight: the least ground force that is asked for instead
 SKIMS, CLEAR = 0.01, 0.05  # [m] above the ground: a joint that comes so near; the height that is asked for instead
-AT_STOP, AT_SPEED, ROOM = (
-    0.01,
-    2.0,
-    0.1,
-)  # [rad, rad/s, rad]: a joint this near its end stop, this fast; kept off by so much
+AT_STOP, AT_SPEED = 0.01, 2.0  # [rad, rad/s]: a joint this near its end stop, and this fast
+ROOM = 0.1  # [rad] by which it is kept off its end stop instead
 HALF = 0.5  # of the longest stance
 STARTS = 2
 
