@@ -25,8 +25,11 @@ def staircase(found: Ladder, title: str) -> Figure:
             ax.plot(span, [row, row], color=BLACK, lw=1.4, marker="|", ms=9)
         end = rung.clearance_m
         doubt = "" if rung.verified else ", not verified"
-        gain = f"  {CM * rung.gain_m:+.1f} cm{doubt}"
-        ax.text(CM * max(end, end - rung.gain_m + rung.most_gain_m), row, gain, fontsize=SMALL, va="center")
+        ax.annotate(
+            f"{CM * rung.gain_m:+.1f} cm{doubt}", (CM * max(end, end - rung.gain_m + rung.most_gain_m), row),
+            xytext=(8, 0), textcoords="offset points", fontsize=SMALL, va="center", zorder=3,
+            bbox={"color": "white", "lw": 0, "pad": 1.5},  # the bound's line may pass behind it
+        )  # fmt: skip
         names.append(rung.allows)
     ax.text(CM * found.from_m, 0, f"  {CM * found.from_m:.1f} cm", fontsize=SMALL, va="center")
     high = CM * max(rung.clearance_m - rung.gain_m + rung.most_gain_m for rung in found.rungs)
