@@ -74,7 +74,7 @@ def test_a_codesign_is_no_worse_than_what_was_given() -> None:
 @pytest.mark.slow
 def test_a_front_ends_at_the_highest_hop() -> None:
     """Where it begins the leg still hops."""
-    found = front(load("paper", PERIODIC), "energy", points=3, starts=1, processes=1)
+    found = front(load("paper", PERIODIC), "peak_force", points=3, starts=1, processes=1)
     least, _, top = sorted(found.points, key=lambda p: p.asked_m)
     assert top.clearance_m == pytest.approx(highest().clearance, abs=1e-6)
     assert least.verified
