@@ -13,7 +13,8 @@ from hopopt.ocp.initial_guess import starts
 from hopopt.planner import multistart
 from hopopt.planner import refine_and_verify as finishing
 from hopopt.planner import solve as planner
-from hopopt.planner.multistart import run_starts
+from hopopt.planner.first_mesh import search_first_mesh
+from hopopt.planner.multistart import distinct, run_starts, solved_from
 from hopopt.planner.notes import notes_on
 from hopopt.planner.refine_and_verify import (
     PRICE_TOLERANCE,
@@ -22,7 +23,7 @@ from hopopt.planner.refine_and_verify import (
     refined_and_verified,
 )
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, calmer, solve
+from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, calmer, solve, with_larger_tie_break
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import Summary
 from hopopt.problem.load import load
@@ -184,6 +185,29 @@ def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_s
     assert any(f"{asked:g}" in note and "tie_break" in note for note in notes_on(other, hop.design, False, again, None))
     for change in (f"solver.tie_break={1.1 * LARGEST_TIE_BREAK}", "solver.refine=false"):
         assert calmer(Hop(load("paper", [change]), "clearance"), unverified, outcomes, silent, clock) is None
+
+
+DRAWN = {  # a leg whose best hop no start leads to
+    "leg.thigh.length": 0.24329, "leg.shank.length": 0.24909, "leg.body.mass": 4.51498, "leg.thigh.mass": 0.40749,
+    "leg.shank.mass": 0.14909, "leg.hip.lower": -0.61315, "leg.hip.upper": 1.07078, "leg.knee.lower": -2.59463,
+    "leg.knee.upper": -0.15337, "leg.gear.ratio": 50.0, "leg.motor.max_torque": 0.95829, "leg.motor.max_speed": 423.48762,
+    "leg.motor.rotor_inertia": 0.0, "leg.motor.laws": ["four-quadrant"], "leg.motor.torque_cap": 0.95829,
+    "start.hip_height": 0.32079, "start.foot_x": 0.0018, "hop.stance_duration": [0.02, 0.356366],
+    "hop.foot_window": 0.05298, "hop.flight_duration": [0.01, 1.5], "contact.friction": 0.95647,
+}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_larger_tie_break_does_not_lead_to_another_optimum() -> None:
+    """Each hop of the first mesh keeps its clearance, those of the relaxed problems too."""
+    hop = Hop(load("paper", DRAWN), "clearance")
+    larger, kept = with_larger_tie_break(hop), distinct(search_first_mesh(hop, 2, 1, silent).outcomes)
+    assert larger is not None
+    assert kept[0].merit > kept[-1].merit + 0.01
+    for outcome in kept:
+        again = solved_from(larger, outcome)
+        assert again.success
+        assert again.merit == pytest.approx(outcome.merit, abs=larger.tie_break_bias + 1e-5)
 
 
 def test_starts_end_alike_in_one_process_and_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:

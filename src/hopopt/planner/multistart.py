@@ -9,7 +9,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
-from hopopt.nlp.ipopt import GENTLE, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.ipopt import CARRIED, GENTLE, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.known_optima import Known, KnownOptima
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
@@ -212,8 +212,14 @@ def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
 
 
 def solved_from(hop: Hop, outcome: StartOutcome) -> StartOutcome:
-    """A problem of the same form, solved on its first mesh from the hop that a start led to."""
-    began, s = time.perf_counter(), first_solver(hop).from_vector(outcome.vectors["z"])
+    """A problem of the same form, solved on its first mesh from the hop that a start led to and its multipliers: from
+    the point alone the barrier may lead to another optimum."""
+    began, t = time.perf_counter(), first_transcription(hop)
+    begin = outcome.vectors["lam_g"], outcome.vectors["lam_x"]
+    solver = NlpSolver(t, {**CARRIED, "ipopt.max_iter": hop.design.solver.max_iterations})
+    s = solver.from_vector(outcome.vectors["z"], begin)
+    if not s.success:
+        s = first_solver(hop).from_vector(outcome.vectors["z"])
     return outcome_of(outcome.name, s, time.perf_counter() - began)
 
 

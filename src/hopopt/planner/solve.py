@@ -11,7 +11,6 @@ from hopopt.nlp.time_limit import limited, time_is_up
 from hopopt.ocp.custom import custom
 from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import starts_of
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
 from hopopt.planner.cross_check import with_cross_checks
@@ -24,7 +23,6 @@ from hopopt.planner.multistart import (
     StartOutcome,
     contenders,
     not_solved,
-    run_chunk,
     solved_from,
 )
 from hopopt.planner.notes import flat_directions, notes_on
@@ -194,7 +192,7 @@ def calmer(
     if other is None:
         return None
     say(f"not verified: solving again with solver.tie_break = {other.design.solver.tie_break:g}")
-    outcome = _same_start(other, _chosen(doubtful, outcomes), outcomes)
+    outcome = solved_from(other, outcomes[_chosen(doubtful, outcomes)])  # a start anew may end in another optimum
     if not outcome.success:
         return None
     again = refined_and_verified(other, outcome, outcomes, say, clock)
@@ -210,14 +208,6 @@ def with_larger_tie_break(hop: Hop) -> Hop | None:
     larger = s.model_copy(update={"tie_break": CALMER * s.tie_break})
     changed = hop.design.model_copy(update={"solver": larger})
     return Hop(changed, hop.asked, hop.free_parameters, hop.constraints)
-
-
-def _same_start(hop: Hop, k: int, outcomes: Sequence[StartOutcome]) -> StartOutcome:
-    """What the start of outcome k leads to in a problem of the same form; from the outcome's own hop if it is none of the
-    named or drawn starts."""
-    if outcomes[k].name in [start.name for start in starts_of(hop, k + 1)]:
-        return run_chunk(hop, [k])[0]
-    return solved_from(hop, outcomes[k])
 
 
 def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:
