@@ -395,12 +395,13 @@ def test_a_command_acts_exactly_its_delay_later(paper: Design, periods: float) -
     assert set(np.round(np.mod(trace.t, period) / period, 6)) <= {0.0, 1.0, round(periods % 1, 6)}
 
 
-@given(st.integers(4, 24), st.integers(1, 20), st.floats(-3, 3), st.floats(-15, 15))
+@given(st.integers(4, 24), st.integers(1, 20), st.floats(-3, 3), st.floats(-15, 15), st.sampled_from([0.0, 0.25]))
 def test_encoder_has_its_resolution_and_the_slope_over_its_window(
-    bits: int, window: int, angle: float, speed: float
+    bits: int, window: int, angle: float, speed: float, error: float
 ) -> None:
-    """Uniform motion: angles to half a step, speed to a step over the window's time; none at the first reading."""
-    encoder = Encoder(bits, window, PERIOD)
+    """Uniform motion: angles to half a step, speed to a step over the window's time; none at the first reading. A speed
+    error comes on top."""
+    encoder = Encoder(bits, window, PERIOD, error)
     assert encoder.step == pytest.approx(2 * np.pi / 2**bits)
     for k in range(2 * window + 1):
         true = np.array([angle + speed * k * PERIOD])
@@ -408,9 +409,9 @@ def test_encoder_has_its_resolution_and_the_slope_over_its_window(
         assert abs(q[0] - true[0]) <= encoder.step / 2 * (1 + 1e-9)
         assert abs(q[0] / encoder.step - round(q[0] / encoder.step)) < 1e-6
         if k == 0:
-            assert v[0] == 0
+            assert v[0] == error
         else:
-            assert abs(v[0] - speed) <= encoder.step / (min(k, window) * PERIOD) * (1 + 1e-9)
+            assert abs(v[0] - speed - error) <= encoder.step / (min(k, window) * PERIOD) * (1 + 1e-9)
 
 
 def test_perfect_encoders_are_perfect() -> None:

@@ -400,8 +400,8 @@ def test_by_default_a_reader_gets_five_rows_and_all_on_request(solution):
     assert not notes
     names, notes = chosen_names(load("paper"), ["all", "mine:Own"])
     assert set(names) == {*BUILT_IN, "mine:Own"}
-    assert names[:2] == ["track", "track_pd"]
-    for given, kept in ((None, ["track"]), (["all"], ["track", "track_pd"])):
+    assert names[:3] == ["track", "track_mpc", "track_pd"]
+    for given, kept in ((None, ["track"]), (["all"], ["track", "track_mpc", "track_pd"])):
         names, notes = chosen_names(load("three_joint"), given)
         assert names == kept
         assert "left out" in notes[0]

@@ -39,13 +39,15 @@ def test_ranks_of_wilks(draws: int, expected: int) -> None:
 
 def test_draws_stay_within_every_spread_and_share_masses() -> None:
     design = load("paper", {"contact.friction": 0.6, "simulation.gear_efficiency": 0.9})
-    wide = Uncertainty(length=0.02, friction=0.2, start_angle=0.03, torque_delay=1e-3, gear_loss=0.1)
+    wide = Uncertainty(length=0.02, friction=0.2, start_angle=0.03, torque_delay=1e-3, gear_loss=0.1, speed_error=0.2)
     draws, plain = drawn(design, wide, 40, 5), drawn(design, Uncertainty(), 40, 5)
     assert [d.leg.leg.body.mass for d in draws] == [d.leg.leg.body.mass for d in plain]
     lengths = np.array([d.leg.leg.link["thigh"].length for d in draws]) / design.leg.link["thigh"].length - 1
     assert 0.01 < np.abs(lengths).max() <= 0.02
     friction = np.array([d.leg.contact.friction for d in draws], dtype=float)
     assert 0.1 < np.abs(friction / 0.6 - 1).max() <= 0.2
+    errors = np.array([d.leg.simulation.speed_error for d in draws])
+    assert -0.2 <= errors.min() < -0.15 < 0.15 < errors.max() <= 0.2
     delays = np.array([d.leg.simulation.torque_delay for d in draws])
     assert 0 <= delays.min() < 3e-4 < 7e-4 < delays.max() <= 1e-3
     kept = np.array([d.leg.leg.drive("knee", "gear", "efficiency")[1] for d in draws], dtype=float)

@@ -57,8 +57,8 @@ def simulate(
         A problem file, or the name of a built-in one.
     strategy
         force, force_braked, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the
-        paper's, scaled to the leg), track, track_pd (follow the optimum), an entry point of the group hopopt.strategies,
-        or your own class as package.module:Class.
+        paper's, scaled to the leg), track, track_mpc, track_pd (follow the optimum), an entry point of the group
+        hopopt.strategies, or your own class as package.module:Class.
     hops
         How many hops one after the other.
     plan

@@ -126,7 +126,7 @@ def simulate(
             fresh,
             hops * (design.hop.stance_duration[1] + LONGEST),
             timing=Timing(period, s.torque_delay),
-            encoder=Encoder(s.encoder_bits, s.speed_window, period),
+            encoder=Encoder(s.encoder_bits, s.speed_window, period, s.speed_error),
             landings=hops,
             falling=PAST_APEX if past_apex else np.inf,
         )
@@ -153,7 +153,7 @@ def clearance_in_mujoco(
     another party's dynamics, contact and integrator (its joints have no end stops). Raises MissingExtraError without MuJoCo."""
     plant, period, s = make_plant(design), 1 / design.simulation.control_rate, design.simulation
     controller = make_controller(design, strategy, plan, options)
-    encoder, since = Encoder(s.encoder_bits, s.speed_window, period), [0.0, True]
+    encoder, since = Encoder(s.encoder_bits, s.speed_window, period, s.speed_error), [0.0, True]
 
     def torque(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
         if contact != since[1]:

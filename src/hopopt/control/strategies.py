@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.control.paper_pd import Force, Position
+from hopopt.control.receding_horizon import TrackWithinLimits
 from hopopt.control.setting import Setting
 from hopopt.control.tracking import Track
 from hopopt.errors import UsageError
@@ -72,6 +73,9 @@ BUILT_IN = {
         ),
         Strategy("position_tuned", "position_tuck with such gains", partial(Position, **BEST["position"]), TUCK),
         Strategy("track", "the optimum tracked, LQG feedback", Track, needs_plan=True),
+        Strategy(
+            "track_mpc", "the optimum tracked within all limits, a receding horizon", TrackWithinLimits, needs_plan=True
+        ),
         Strategy("track_pd", "the optimum tracked, PD feedback", Track, {"feedback": "pd"}, needs_plan=True),
     )
 }

@@ -8,6 +8,7 @@ forwards the Kalman filter that makes joint speeds from coarse encoders, both on
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,30 +42,41 @@ class TrackingOptions:
     k_p: float = 1000.0
     k_d: float = 20.0
 
+    def costs(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Q (2 n, 2 n) and R (n, n): what errors and added torques of one control period cost."""
+        return np.diag([self.angle**-2] * n + [self.speed**-2] * n), np.eye(n) / self.effort**2
+
 
 @dataclass(frozen=True)
 class Gains:
     """Along one phase, for each control period: the error (q, v) moves by A and by held torque B, feedback K
-    (periods, n, 2 n), filter L (periods, 2 n, n)."""
+    (periods, n, 2 n), filter L (periods, 2 n, n); x' P x is the cost of all that follows (periods + 1, 2 n, 2 n)."""
 
     A: np.ndarray
     B: np.ndarray
     K: np.ndarray
     L: np.ndarray
+    P: np.ndarray
 
     def at(self, period: int) -> tuple[np.ndarray, ...]:
         """A, B, K, L of a period; beyond the last, the last."""
         k = min(period, len(self.K) - 1)
         return self.A[k], self.B[k], self.K[k], self.L[k]
 
+    def cost_to_go(self, period: int) -> np.ndarray:
+        """P where a period begins; beyond the last, at the end of the phase."""
+        return self.P[min(period, len(self.P) - 1)]
+
 
 class Track:
     """The strategy ``track``: q, v, tau of the plan with feedback; after the plan's end it holds its last pose."""
 
+    options_of: ClassVar[type[TrackingOptions]] = TrackingOptions
+
     def __init__(self, setting: Setting):
         if setting.plan is None:
             raise UsageError("the strategy track needs a planned hop to follow: solve the problem first")
-        self.options, self.period = read_options(TrackingOptions, setting.options), setting.period
+        self.options, self.period = read_options(self.options_of, setting.options), setting.period
         self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
         self.state: Estimate | None = None
         self.lost = self.early = False
@@ -114,7 +126,8 @@ class Track:
         return q, v, tau
 
     def _regulated(self, now: Measurement, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        A, B, K, L = self.gains[now.contact].at(round(now.since / self.period))
+        k = round(now.since / self.period)
+        A, B, _, L = self.gains[now.contact].at(k)
         before = self.state
         if before is None:
             error = np.concatenate([now.q - q, np.zeros_like(q)])
@@ -125,9 +138,13 @@ class Track:
             error = np.concatenate([ahead - q, before.v - v])
         error = error + L @ (now.q - q - error[: len(q)])
         speeds = v + error[len(q) :]
-        command = self.drive.clamp(speeds, tau - K @ error)
+        command = self.drive.clamp(speeds, tau + self.added(now.contact, k, error))
         self.state = Estimate(now.contact, error, command - tau, q + error[: len(q)], speeds)
         return command
+
+    def added(self, contact: bool, k: int, error: np.ndarray) -> np.ndarray:
+        """The torque (n) [N m] that feedback adds to the plan's in control period k, from the estimated error (2 n)."""
+        return -self.gains[contact].at(k)[2] @ error
 
 
 @dataclass(frozen=True)
@@ -148,18 +165,20 @@ def regulator(
     n, periods = machine.n, max(1, int(phase.duration / period))
     pairs = [linearised(machine, phase, k * period, period, contact) for k in range(periods)]
     A, B = (np.array(matrices) for matrices in zip(*pairs, strict=True))
-    Q, R = np.diag([o.angle**-2] * n + [o.speed**-2] * n), np.eye(n) / o.effort**2
-    K, P = np.empty((periods, n, 2 * n)), Q * (o.end if contact else 1.0)
+    Q, R = o.costs(n)
+    K, P = np.empty((periods, n, 2 * n)), np.empty((periods + 1, 2 * n, 2 * n))
+    P[periods] = Q * (o.end if contact else 1.0)
     for k in reversed(range(periods)):
-        K[k] = np.linalg.solve(R + B[k].T @ P @ B[k], B[k].T @ P @ A[k])
-        P = Q + A[k].T @ P @ (A[k] - B[k] @ K[k])
-        P = 0.5 * (P + P.T)
+        after = P[k + 1]
+        K[k] = np.linalg.solve(R + B[k].T @ after @ B[k], B[k].T @ after @ A[k])
+        cost = Q + A[k].T @ after @ (A[k] - B[k] @ K[k])
+        P[k] = 0.5 * (cost + cost.T)
     L, S, V = np.empty((periods, 2 * n, n)), np.eye(2 * n) * noise**2, np.eye(n) * noise**2
     for k in range(periods):
         L[k] = np.linalg.solve(S[:n, :n] + V, S[:n]).T
         S = A[k] @ (S - L[k] @ S[:n]) @ A[k].T + o.disturbance**2 * B[k] @ B[k].T
         S = 0.5 * (S + S.T)
-    return Gains(A, B, K, L)
+    return Gains(A, B, K, L, P)
 
 
 def linearised(

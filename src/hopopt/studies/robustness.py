@@ -49,7 +49,7 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
 
     What later entries draw comes from a sequence of its own: a spread that is added leaves masses and torques as they were.
     """
-    rng, more = (Drawing(np.random.default_rng(s), corners) for s in (seed, (seed, 1)))
+    rng, more, last = (Drawing(np.random.default_rng(s), corners) for s in (seed, (seed, 1), (seed, 2)))
     found = list[Draw]()
     n = len(design.leg.joints)
     for _ in range(draws):
@@ -62,6 +62,7 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
         if design.contact.friction is not None:
             data["contact"]["friction"] *= 1 + spread.friction * more.uniform(-1, 1)
         start = start_angles(design) + spread.start_angle * more.uniform(-1, 1, n)
+        data["simulation"]["speed_error"] += spread.speed_error * last.uniform(-1, 1)
         data["simulation"]["torque_delay"] += spread.torque_delay * more.uniform()
         for name in design.leg.joints:
             kept = design.leg.drive(name, "gear", "efficiency")[1] or design.simulation.gear_efficiency
