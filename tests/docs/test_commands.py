@@ -95,6 +95,8 @@ def test_every_command_runs(
         assert run(["solve", "--starts", "1", "--no-figures"]) == 0
     if "comparison-" in page.read_text(encoding="utf-8"):
         assert run(["compare", "--strategies", "force", "--no-figures", "--set", "solver.starts=1"]) == 0
+    if page.stem == "report":
+        assert run(["sweep", "--vary", "leg.gear.ratio=100,110", "--starts", "1", "--no-figures"]) == 0
     for words in commands(page):
         if shlex.join(words) in REFUSED:
             assert run(words) == 2

@@ -280,12 +280,13 @@ def test_what_has_no_page_is_said_in_a_sentence(
 ) -> None:
     study, broken = tmp_path / "study", tmp_path / "broken"
     study.mkdir()
-    (study / "sweep.json").write_text("{}")
+    (study / "sweep.json").write_text("{")
     broken.mkdir()
     (broken / "comparison.json").write_text("{")
     cases = {
         (): "give a folder that hopopt solve or hopopt compare wrote",
-        (str(study),): "this is a study",
+        (str(study),): "the study cannot be read",
+        (str(stored), str(study)): "a study fills a page of its own",
         (str(broken),): "cannot be read",
         (str(comparison), str(stored)): "a comparison fills a page of its own",
         (str(stored),) * 5: "5 results do not fit on one page",

@@ -26,8 +26,11 @@ def content_of(folders: Sequence[Path]) -> Content:
         raise UsageError(f"{len(folders)} results do not fit on one page: give at most {len(COLORS)}")
     compared = [folder for folder in folders if (folder / "comparison.json").is_file()]
     for folder in folders:
-        if (folder / "sweep.json").is_file():
-            raise ResultError(f"{folder}: this is a study; a report is of solved hops or of a comparison")
+        if (folder / "sweep.json").is_file() or (folder / "robust.json").is_file():
+            what = "study" if (folder / "sweep.json").is_file() else "result of hopopt robust"
+            raise ResultError(
+                f"{folder}: this is a {what}, which holds no hop that can move: hopopt report has a page of it"
+            )
     if compared:
         if len(folders) > 1:
             raise UsageError(f"{compared[0]}: a comparison fills a page of its own: give it alone")
