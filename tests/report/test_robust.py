@@ -12,21 +12,12 @@ import hopopt as ho
 from hopopt.cli import main as cli
 from hopopt.report.robust import answer, robust_page
 from hopopt.storage.runs import save_runs
-
-RNG = np.random.default_rng(3)
-FOUND: dict[str, Any] = {
-    "problem": "paper", "clearance_m": 0.61234567, "share": 0.95, "confidence": 0.9, "draws": 60, "rank": 1, "fell": 2,
-    "median_m": 0.65, "lowest_m": 0.61, "bound_m": 0.7654321, "ideal_bound_m": 0.8, "plan_m": 0.7, "plan_verified": True,
-    "tracker": "track", "reserve": {"torque": 0.05, "speed": 0.03, "ground_force": 12.0, "height": 0.005, "angle": 0.02},
-    "evaluations": 3, "pd": {"force_tuck": 0.51, "position_tuck": 0.5}, "pd_fell": {"force_tuck": 0, "position_tuck": 1},
-    "clearances_m": {name: RNG.uniform(0.5, 0.7, 60).tolist() for name in ("track", "force_tuck", "position_tuck")},
-    "exit_code": 0, "wall_s": 12.3, "seed": 4, "hopopt": "0.1.0",
-}  # fmt: skip
+from stored_results import ROBUST
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    return save_runs("robust", ho.load("paper"), FOUND, {}, tmp_path / "Größe und Höhe")
+    return save_runs("robust", ho.load("paper"), ROBUST, {}, tmp_path / "Größe und Höhe")
 
 
 def test_every_number_is_that_of_the_file(folder: Path) -> None:
@@ -51,7 +42,7 @@ def test_every_number_is_that_of_the_file(folder: Path) -> None:
 
 
 def test_the_promise_comes_first_in_plain_words(folder: Path) -> None:
-    words = answer(FOUND)
+    words = answer(ROBUST)
     assert words[0] == (
         "95 % of all legs within the stated uncertainty lift their lowest point at least 0.612 m above the ground, with "
         "confidence 90 %."
@@ -66,10 +57,10 @@ def test_every_leg_is_drawn_where_its_clearance_is(folder: Path) -> None:
     """Equal steps of clearance are equal steps of pixels, and the promise lies among the legs that it was made of."""
     text = robust_page(folder)
     places = np.array(re.findall(r'<circle class="dot"[^>]*cx="([\d.]+)"', text), dtype=float).reshape(3, -1)
-    for row, heights in zip(places, FOUND["clearances_m"].values(), strict=True):
+    for row, heights in zip(places, ROBUST["clearances_m"].values(), strict=True):
         slope, offset = np.polyfit(np.sort(heights), row, 1)
         np.testing.assert_allclose(slope * np.sort(heights) + offset, row, atol=0.11)  # what is rounded, twice
-    assert np.polyfit(np.sort(FOUND["clearances_m"]["track"]), places[0], 1)[0] > 0
+    assert np.polyfit(np.sort(ROBUST["clearances_m"]["track"]), places[0], 1)[0] > 0
 
 
 @pytest.mark.parametrize(
@@ -81,7 +72,7 @@ def test_every_leg_is_drawn_where_its_clearance_is(folder: Path) -> None:
     ],
 )
 def test_what_is_missing_is_left_out(tmp_path: Path, change: dict[str, Any], words: str) -> None:
-    text = robust_page(save_runs("robust", ho.load("paper"), FOUND | change, {}, tmp_path))
+    text = robust_page(save_runs("robust", ho.load("paper"), ROBUST | change, {}, tmp_path))
     assert words in text
     assert ("bound_m" in change) == (">not verified<" in text)
     assert ("plan_verified" in change) == ("(not verified)" in text)

@@ -13,9 +13,10 @@ import hopopt as ho
 from hopopt.cli import main as cli
 from hopopt.report.study import answer, colors, study_in, study_page
 from hopopt.studies.sweep.definition import define
-from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
+from hopopt.studies.sweep.point_file import NOT_SOLVED, VERIFIED
 from hopopt.studies.sweep.run import Study
-from hopopt.studies.sweep.store import open_folder, save_point, save_tables
+from hopopt.studies.sweep.store import open_folder, save_point
+from stored_results import point, stored_study
 
 LARGEST = 1_500_000  # bytes
 
@@ -55,35 +56,12 @@ class Parts(HTMLParser):
             self.rows[-1][-1] += data
 
 
-def point(definition: Any, k: int, height: float | None, outcome: str = VERIFIED, limit: str = "knee angle") -> Point:
-    if height is None:
-        return Point(k, definition.values(k), outcome, f"point {k} has no hop")
-    parts = {"com_height_at_lift_off_m": 0.5, "ballistic_rise_m": height - 0.3, "com_height_over_lowest_point_m": -0.2}
-    return Point(
-        k, definition.values(k), VERIFIED, objective_value=height, clearance_m=height, parts=parts, limit=limit,
-        certified=True, error=1e-7, seconds=1.5,
-    )  # fmt: skip
-
-
-def stored(
-    results: Path, vary: dict[str, Any], heights: list[float | None], objective: str = "clearance", **more: Any
-) -> Study:
-    """A study with these heights, written as hopopt sweep writes it; its limits take turns."""
-    definition = define(ho.load("paper"), vary, objective=objective, **more)
-    bad, limits = (NOT_SOLVED, IMPOSSIBLE, NOT_VERIFIED), ("knee angle", "knee operating region")
-    points = tuple(point(definition, k, h, bad[k % 3], limits[k % 2]) for k, h in enumerate(heights))
-    folder = open_folder(definition, results)
-    for p in points:
-        save_point(folder, p, {})
-    study = Study(definition, points, folder, 3.0)
-    save_tables(folder, definition, points, study.as_dict())
-    return study
-
-
 @pytest.fixture
 def curve(tmp_path: Path) -> Study:
     """Over one entry, two points of it without a hop, in a folder with a space and an umlaut in its name."""
-    return stored(tmp_path / "Größe und Höhe", {"leg.gear.ratio": "60:140:5"}, [0.81, 0.8234567, None, 0.79, None])
+    return stored_study(
+        tmp_path / "Größe und Höhe", {"leg.gear.ratio": "60:140:5"}, [0.81, 0.8234567, None, 0.79, None]
+    )
 
 
 def test_every_number_is_that_of_the_study(curve: Study) -> None:
@@ -107,7 +85,7 @@ def test_the_best_point_comes_first_in_plain_words(curve: Study) -> None:
 
 
 def test_the_best_at_an_end_is_said_to_be_there(tmp_path: Path) -> None:
-    study = stored(tmp_path, {"leg.gear.ratio": "60:100:3"}, [0.9, 0.8, 0.7])
+    study = stored_study(tmp_path, {"leg.gear.ratio": "60:100:3"}, [0.9, 0.8, 0.7])
     assert "It has leg.gear.ratio at the least that was tried: better may lie beyond." in answer(study)
 
 
@@ -121,7 +99,7 @@ def test_marks_have_the_colour_of_their_limit_and_failures_are_drawn(curve: Stud
 def test_a_map_has_a_cell_for_each_point_where_its_values_are(tmp_path: Path) -> None:
     """Wider values lie further to the right, longer ones further up; the table in the file is the same."""
     vary = {"leg.gear.ratio": [100, 60, 80], "leg.thigh.length": [0.3, 0.35]}
-    study = stored(tmp_path, vary, [0.7, 0.71, 0.72, None, 0.74, 0.75])
+    study = stored_study(tmp_path, vary, [0.7, 0.71, 0.72, None, 0.74, 0.75])
     text = study_page(study.folder)
     cells = re.findall(r'class="cell[^>]*x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"', text)
     assert len(cells) == len(study.points)
@@ -148,7 +126,7 @@ def test_an_unfinished_study_says_what_is_missing(curve: Study) -> None:
 
 
 def test_a_study_without_a_verified_hop_states_no_best(tmp_path: Path) -> None:
-    study = stored(tmp_path, {"leg.gear.ratio": "60:100:3"}, [None, None, None])
+    study = stored_study(tmp_path, {"leg.gear.ratio": "60:100:3"}, [None, None, None])
     words, page = answer(study), study_page(study.folder)
     assert words == ["No best point is stated: no point has a verified hop.", "0 of 3 points have a verified hop."]
     assert not Parts(page).figures
@@ -156,7 +134,7 @@ def test_a_study_without_a_verified_hop_states_no_best(tmp_path: Path) -> None:
 
 
 def test_another_objective_is_stated_with_its_unit(tmp_path: Path) -> None:
-    study = stored(tmp_path, {"leg.gear.ratio": "60:100:3"}, [20.0, 30.0, 25.0], objective="energy")
+    study = stored_study(tmp_path, {"leg.gear.ratio": "60:100:3"}, [20.0, 30.0, 25.0], objective="energy")
     found = Parts(study_page(study.folder))
     assert found.figures["points.0.objective_value"] == 20.0
     assert "Best is leg.gear.ratio = 60, with the least energy: 20 J." in found.words
