@@ -146,9 +146,13 @@ def test_visuals_lie_where_the_urdf_puts_them(robot: Path) -> None:
 
 def test_meshes_are_shown_where_there_are_any(server: Any, robot: Path, hop: Solution) -> None:
     looks = visuals((robot / "robot.urdf").read_bytes(), robot, ["hip", "knee"], "foot", {})
-    assert HopScene(server, hop, looks).drawn == {"body": "mesh", "thigh": "mesh", "shank": "mesh"}
-    only = [look for look in looks if look.link == "shank"]  # its file is not there
-    assert HopScene(server, hop, only).drawn["shank"] == "cylinder"
+    assert HopScene(server, hop, looks).drawn == {"body": "mesh", "thigh": "mesh", "shank": "cylinder"}
+    assert [look.own for look in looks] == [
+        True,
+        True,
+        True,
+        False,
+    ]  # the shank's file is not there, its foot is no shank
 
 
 @pytest.mark.parametrize(

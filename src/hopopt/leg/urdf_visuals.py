@@ -21,6 +21,7 @@ class Visual:
     """A mesh, or a simple body, of a leg.
 
     link: of the URDF. joint: number of the joint that moves it, from the body down, or BODY.
+    own: whether it is of the very link that the joint moves, or of the body; else it is of what is fixed to that link.
     rotation (3, 3), position (3) [m]: in the joint's frame, whose axes are the robot's with all angles zero; of the body
     from the first joint.
     file: the mesh where it lies on disk; None of a simple body, or of a mesh that is not there.
@@ -29,6 +30,7 @@ class Visual:
 
     link: str
     joint: int
+    own: bool
     rotation: np.ndarray
     position: np.ndarray
     file: Path | None
@@ -64,7 +66,9 @@ def visuals(raw: bytes, folder: Path, joints: Sequence[str], foot: str, locked: 
                 origin = visual.find("origin")
                 spin, shift = (_numbers(origin, entry, 3, 0.0) for entry in ("rpy", "xyz"))
                 own = pin.rpy.rpyToMatrix(*spin)
-                found.append(Visual(name, joint, rotation @ own, position + rotation @ np.array(shift), *shape))
+                place = rotation @ own, position + rotation @ np.array(shift)
+                itself = joint == BODY or name == tree.ends(chain[joint])[1]
+                found.append(Visual(name, joint, itself, *place, *shape))
     return found
 
 

@@ -80,7 +80,7 @@ class HopScene:
                 self.server.scene.add_mesh_trimesh(
                     where, mesh, wxyz=_quaternion(look.rotation), position=tuple(look.position)
                 )
-                worn.add(look.joint)
+                worn |= {look.joint} if look.own else set()
         drawn = {}
         for k, name in enumerate(names):
             if k - 1 not in worn:
@@ -138,7 +138,7 @@ class HopScene:
                 self.links[name].position = tuple(place.translation)
                 self.links[name].wxyz = _quaternion(place.rotation)
             foot = self._data.oMf[self._robot.model.getFrameId("point_foot")].translation
-            push = FORCE * np.array([force[0], 0.0, force[-1]])
+            push = FORCE * np.array([force[0], force[1] if len(force) == 3 else 0.0, force[-1]])
             self._push.points = np.array([[foot, foot + push]], dtype=np.float32)
 
     def play(self, on: bool) -> None:
