@@ -140,6 +140,15 @@ def test_another_objective_is_stated_with_its_unit(tmp_path: Path) -> None:
     assert "Best is leg.gear.ratio = 60, with the least energy: 20 J." in found.words
 
 
+def test_entries_that_vary_say_so_among_the_parameters(tmp_path: Path) -> None:
+    vary = {"leg.gear.ratio": [80, 100], "hop.stance_duration[1]": [0.2, 0.3]}
+    study = stored_study(tmp_path, vary, [0.7, 0.71, 0.72, 0.73])
+    rows = {row[0]: row[1] for row in Parts(study_page(study.folder)).rows if len(row) > 1}
+    assert rows["leg.gear.ratio"] == "varied: 80, 100"
+    assert rows["hop.stance_duration"] == "varied [1]: 0.2, 0.3"
+    assert rows["leg.body.mass"] == str(study.definition.design.leg.body.mass)
+
+
 @pytest.mark.parametrize(("name", "points"), [("large", 1100), ("five entries", 64)])
 def test_a_large_study_stays_a_small_page_without_network(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, points: int

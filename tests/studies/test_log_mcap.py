@@ -67,12 +67,18 @@ def nanoseconds(t: float) -> int:
 
 
 def in_ros2(file: Path, columns: Columns, stamped: bool = True) -> Path:
-    """/joint_states and /joint_commands, the force at half the rate, contact only when it changes."""
+    """/joint_states and /joint_commands, the force at half the rate, contact only when it changes, and what a robot logs
+    besides."""
     with file.open("wb") as stream:
         writer = ros2.Writer(stream)
         joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINTS)
         wrench = writer.register_msgdef("geometry_msgs/msg/WrenchStamped", WRENCH)
         boolean = writer.register_msgdef("std_msgs/msg/Bool", "bool data\n")
+        writer.write_message("/diagnostics", writer.register_msgdef("own/Load", "float64 load\n"), {"load": 0.5}, START)
+        picture = writer.register_msgdef("own/Picture", "uint8[] data\n")
+        writer.write_message("/camera", picture, {"data": bytes(100_000)}, START + 10**8)
+        words = writer.register_msgdef("std_msgs/msg/String", "string data\n")
+        writer.write_message("/rosout", words, {"data": "hop"}, START)
         before = None
         for k, t in enumerate(columns["t"].tolist()):
             row, at = {name: float(x[k]) for name, x in columns.items()}, nanoseconds(t)

@@ -132,13 +132,14 @@ def _unit(study: Study, entry: str) -> str:
 
 
 def _varied(study: Study) -> dict[str, str]:
-    """By varied entry, what was tried."""
-    return {
-        a.entry: f"varied: {', '.join(f'{x:g}' for x in a.values)}"
-        if a.values
-        else f"varied: {a.lower:g} to {a.upper:g}"
-        for a in study.definition.axes
-    }
+    """By varied entry, what was tried; of a list by the place in it."""
+    found = dict[str, str]()
+    for a in study.definition.axes:
+        path, bracket, place = a.entry.partition("[")
+        values = ", ".join(f"{x:g}" for x in a.values) or f"{a.lower:g} to {a.upper:g}"
+        before = f"{found[path]}; " if path in found else ""
+        found[path] = f"{before}varied{f' {bracket}{place}' if bracket else ''}: {values}"
+    return found
 
 
 def _provenance(study: Study) -> Mapping[str, str]:

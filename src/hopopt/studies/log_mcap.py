@@ -3,11 +3,12 @@
 Messages in JSON give a column for each number in them. Of ROS 2, JointState gives angles, speeds and torques of its joints;
 all other messages give a column for each number in them too. A wrench's force and a Bool about contact have hopopt's names.
 The topic with the joints has the rows; of others the values at these times are interpolated, and 0 or 1 is kept until it changes.
+Messages as large as pictures are passed over.
 """
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -19,6 +20,7 @@ import numpy as np
 from hopopt.errors import MissingExtraError, ResultError
 
 NANO = 1e-9  # [s]
+LARGEST = 1 << 16  # bytes of a message with numbers of a leg
 DEEPEST = 6  # of messages within messages
 WIDEST = 64  # numbers of a list that become columns
 STATE = (("position", "q_"), ("velocity", "v_"), ("effort", "tau_"))
@@ -27,7 +29,7 @@ OTHER_NAMES = {"wrench.force.x": "force_x", "wrench.force.z": "force_z", "force.
 Row = dict[str, float]
 
 
-@dataclass
+@dataclass(eq=False)
 class Topic:
     """What one topic of a log says: at times [s] by the log's clock, numbers by name."""
 
@@ -39,11 +41,6 @@ class Topic:
     def columns(self) -> list[str]:
         """All names, in the order in which they came."""
         return list(dict.fromkeys(name for row in self.rows for name in row))
-
-    @property
-    def joints(self) -> int:
-        """How many columns are angles, by their names."""
-        return sum(name.startswith("q_") for name in self.columns)
 
     def column(self, name: str) -> np.ndarray:
         """The values of a column; not-a-number in messages without it."""
@@ -58,36 +55,45 @@ class Topic:
         return np.interp(times, known[order], values)
 
 
-def mcap_table(file: Path) -> dict[str, list[float]]:
+def mcap_table(file: Path, wanted: Set[str]) -> dict[str, list[float]]:
     """Column -> its values (k), t [s] among them, of an MCAP file; names may have units in brackets, as in CSV files.
 
+    wanted: the columns that count, by the log's names. The topic with most of them has the rows; others that have some must
+    have begun, and not ended, at each row.
     Raises MissingExtraError without the libraries of the extra ``mcap``, ResultError for a file that cannot be read, or in
-    which no topic has joints.
+    which no topic has numbers.
     """
     topics = _topics(file)
-    main = max(topics, key=lambda topic: (topic.joints, len(topic.rows)), default=None)
-    if main is None or not main.rows:
+    count = {topic.name: len(wanted & {_bare(name) for name in topic.columns}) for topic in topics}
+    main = max(topics, key=lambda topic: (count[topic.name], len(topic.rows)), default=None)
+    if main is None:
         raise ResultError(f"{file}: no topic has numbers in JSON or in messages of ROS 2")
-    others = [topic for topic in topics if topic is not main and topic.rows]
+    others = [topic for topic in topics if topic is not main]
+    needed = [topic for topic in others if count[topic.name]]
     times = np.array(main.times)
-    first = max([times[0], *(min(topic.times) for topic in others)])
-    last = min([times[-1], *(max(topic.times) for topic in others if not _kept(topic))])
+    first = max([times[0], *(min(topic.times) for topic in needed)])
+    last = min([times[-1], *(max(topic.times) for topic in needed if not _kept(topic))])
     within = (times >= first - NANO) & (times <= last + NANO)
     if not within.any():
-        names = ", ".join(topic.name for topic in topics)
+        names = ", ".join(topic.name for topic in (main, *needed))
         raise ResultError(f"{file}: the topics {names} have no time in common: log them by one clock")
     table = {} if _own_time(main) else {"t": (times - times[0])[within].tolist()}
     table |= {name: main.column(name)[within].tolist() for name in main.columns}
-    for topic in others:
+    for topic in (*needed, *(topic for topic in others if topic not in needed)):
         for name in topic.columns:
-            free = name if name not in table and name.partition(" ")[0] != "t" else f"{topic.name}.{name}"
+            free = name if name not in table and _bare(name) != "t" else f"{topic.name}.{name}"
             table[free] = topic.at(name, times[within]).tolist()
     return table
 
 
+def _bare(name: str) -> str:
+    """A column's name without the unit behind it."""
+    return name.partition("[")[0].strip()
+
+
 def _own_time(topic: Topic) -> bool:
     """Whether its messages have a column t, perhaps with a unit."""
-    return any(name == "t" or name.startswith(("t [", "t[")) for name in topic.columns)
+    return any(_bare(name) == "t" for name in topic.columns)
 
 
 def _kept(topic: Topic) -> bool:
@@ -137,7 +143,9 @@ def _messages(file: Path) -> Iterator[tuple[str, float, Row]]:
 
 
 def _decoded(factory: Any, schema: Any, channel: Any, message: Any) -> Any:
-    """A message as an object with attributes or as a dictionary; None of another encoding."""
+    """A message as an object with attributes or as a dictionary; None of another encoding, or of a large one."""
+    if len(message.data) > LARGEST:
+        return None
     if channel.message_encoding == "json":
         return json.loads(message.data)
     decode: Callable[[bytes], Any] | None = factory.decoder_for(channel.message_encoding, schema)

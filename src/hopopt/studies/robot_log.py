@@ -3,7 +3,7 @@
 import csv
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -72,9 +72,9 @@ def read_log(file: Path, design: Design, names: Mapping[str, str] | None = None)
     A unit may stand in brackets behind a name; without one it is SI. ``names`` gives the log's own names. Raises
     ResultError, with the column and what to do, for a file that is no such log.
     """
-    table = _table(file)
-    mine = names or {}
-    joints = design.leg.joints
+    mine, joints = names or {}, design.leg.joints
+    parts = [f"{part}_{joint}" for part in ("q", "v", "tau", "command") for joint in joints]
+    table = _table(file, {mine.get(name, name) for name in ("t", *parts, "force_x", "force_z", "contact")})
 
     def column(name: str) -> np.ndarray:
         return _in_si(file, table, name, mine.get(name, name))
@@ -114,9 +114,9 @@ def without_bounces(t: np.ndarray, contact: np.ndarray) -> np.ndarray:
 Table = dict[str, tuple[str, Sequence[str | float]]]  # name -> unit, cells
 
 
-def _table(file: Path) -> Table:
-    """What a CSV or an MCAP file holds."""
-    columns = mcap_table(file) if file.suffix.lower() == ".mcap" else _csv(file)
+def _table(file: Path, wanted: Set[str]) -> Table:
+    """What a CSV or an MCAP file holds; the columns that are wanted say which topics of an MCAP file count."""
+    columns = mcap_table(file, wanted) if file.suffix.lower() == ".mcap" else _csv(file)
     rows = len(next(iter(columns.values()), ()))
     if rows < FEWEST:
         raise ResultError(f"{file}: {rows} rows show no hop: {FEWEST} or more are needed")
