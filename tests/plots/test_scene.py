@@ -1,4 +1,4 @@
-"""The hop in three dimensions: frames are those of Pinocchio, the slider moves them, meshes lie where the URDF puts them."""
+"""The hop in three dimensions: frames are those of Pinocchio, the slider moves them, meshes lie where they belong."""
 
 import json
 import os

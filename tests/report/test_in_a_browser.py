@@ -1,5 +1,5 @@
-"""Pages in a real browser: no error, nothing from the network, nothing cut or overlapping, controls by mouse and keyboard, and
-what axe finds of accessibility. Needs the extra ``browser`` and a Chromium on the PATH; nothing is downloaded."""
+"""Pages in a real browser: no error, nothing from the network, nothing cut or overlapping, controls by mouse and
+keyboard, and what axe finds of accessibility. Needs the extra ``browser`` and a Chromium on the PATH; nothing is downloaded."""
 
 import shutil
 from collections.abc import Iterator

@@ -22,7 +22,7 @@ def view(
     result
         A folder that hopopt solve wrote.
     leg
-        The problem file with the URDF, for its meshes (default: the built-in problem that the hop is of, if it is of one).
+        The problem file with the URDF, for its meshes (default: the built-in problem that the hop is of, if any).
     host
         The address to listen at; with the default only this computer can see the page.
     port

@@ -1,4 +1,4 @@
-"""What a URDF says of how its leg looks: meshes and simple bodies, each placed in the frame of the joint that moves it."""
+"""How a leg looks by its URDF: meshes and simple bodies, each placed in the frame of the joint that moves it."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,8 +22,8 @@ class Visual:
 
     link: of the URDF. joint: number of the joint that moves it, from the body down, or BODY.
     own: whether it is of the very link that the joint moves, or of the body; else it is of what is fixed to that link.
-    rotation (3, 3), position (3) [m]: in the joint's frame, whose axes are the robot's with all angles zero; of the body
-    from the first joint.
+    rotation (3, 3), position (3) [m]: in the joint's frame, whose axes are the robot's with all angles zero; of the
+    body from the first joint.
     file: the mesh where it lies on disk; None of a simple body, or of a mesh that is not there.
     shape: "mesh", "box", "cylinder" or "sphere". size: of a mesh its scale (3), else its measures [m].
     """
@@ -39,9 +39,10 @@ class Visual:
 
 
 def visuals(raw: bytes, folder: Path, joints: Sequence[str], foot: str, locked: Mapping[str, float]) -> list[Visual]:
-    """How the moving links look, what is fixed to them, and the links from the root to the first joint, but no other limbs.
+    """How the moving links look, what is fixed to them, and the links from the root to the first joint; no other limbs.
 
-    raw: the URDF; folder: where it lies, for its meshes; joints, foot, locked: as ``read_leg`` takes them. Raises UrdfError.
+    raw: the URDF. folder: where it lies, for its meshes. joints, foot, locked: as ``read_leg`` takes them.
+    Raises UrdfError.
     """
     tree = Tree(root_of(raw))
     chain = tree.chain_to(foot, joints)

@@ -1,6 +1,7 @@
 """A hop in three dimensions in a browser, through viser: the leg moves with a time slider, and plays.
 
-Poses are those of Pinocchio's forward kinematics. Links look as the URDF says where its meshes lie on disk, else as cylinders.
+Poses are those of Pinocchio's forward kinematics. Links look as the URDF says where its meshes lie on disk, else as
+cylinders.
 """
 
 import io

@@ -1,4 +1,4 @@
-"""What every page has in common: one HTML file with its style within, the answer first, parameters and provenance last."""
+"""What every page has in common: one HTML file with its style, the answer first, parameters and provenance last."""
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version

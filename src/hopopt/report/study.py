@@ -22,7 +22,11 @@ from hopopt.studies.sweep.store import FILES, load_points, read_definition
 LIMITS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#999999")  # in turn
 NO_LIMIT = "no limit"
 MARKS = {NOT_VERIFIED: "×", NOT_SOLVED: "✕", IMPOSSIBLE: "+"}  # of points without a verified hop
-LISTED, DRAWN = 1000, 4000  # points in the table, marks in the figures: a page stays small
+LISTED, DRAWN, TITLED = (
+    500,
+    5000,
+    1000,
+)  # points in the table, marks in the figures, marks with words: a page stays small
 WRITTEN = 60  # cells of a map that have room for their values
 WIDTH, HEIGHT = 640, 400  # pixels of a figure with one chart
 NARROW = 420  # pixels of one of several charts
@@ -36,7 +40,7 @@ class Mark:
     point: the point
     x, y: its place [pixels]
     color: by its limit; empty without a verified hop
-    text: what it is, in words
+    text: what it is, in words; empty where there are very many
     value: its height or objective, rounded; empty where there is no room
     cell: x, y, width and height of its cell of a map [pixels]; empty for a dot
     """
@@ -68,13 +72,14 @@ def study_in(folder: Path) -> Study:
 def study_page(folder: Path) -> str:
     """The HTML file of a study's folder; ResultError if it cannot be read."""
     study = study_in(folder)
-    goal, ranked = find(study.definition.objective), _best_first(study)
-    other = goal.figure != "clearance_m"
+    goal, ranked, by_limit = find(study.definition.objective), _best_first(study), colors(study)
+    other, listed = goal.figure != "clearance_m", ranked[:LISTED]
     return render(
         "study.html", study.definition.design, of="study", kind=_kind(study), answer=answer(study),
-        provenance=_provenance(study), varied=_varied(study), charts=_charts(study), colors=colors(study),
+        provenance=_provenance(study), varied=_varied(study), charts=_charts(study, by_limit), colors=by_limit,
         outcomes=Counter(p.outcome for p in study.points if not p.verified), marks=MARKS, best=study.best,
-        points=ranked[:LISTED], reasons=[p for p in ranked[:LISTED] if not p.verified], left_out=len(ranked) - min(LISTED, len(ranked)), goal=goal if other else None,
+        points=listed, reasons=[p for p in listed if not p.verified], left_out=len(ranked) - len(listed),
+        goal=goal if other else None, not_drawn=len(ranked) - len(_drawn(study)),
         entries=[axis.entry for axis in study.definition.axes], units=_units(study), no_limit=NO_LIMIT,
     )  # fmt: skip
 
@@ -157,12 +162,18 @@ def _provenance(study: Study) -> Mapping[str, str]:
 # ---- what is drawn ----------------------------------------------------------------------------------------------
 
 
-def _charts(study: Study) -> list[dict[str, Any]]:
+def _charts(study: Study, by_limit: Mapping[str, str]) -> list[dict[str, Any]]:
     """A curve over one entry, a map over two, a chart for each of more."""
     axes = study.definition.axes
     if len(axes) == 2:
-        return [_map(study)]
-    return [_over(study, k, WIDTH if len(axes) == 1 else NARROW) for k in range(len(axes))]
+        return [_map(study, by_limit)]
+    return [_over(study, k, WIDTH if len(axes) == 1 else NARROW, by_limit) for k in range(len(axes))]
+
+
+def _drawn(study: Study) -> list[Point]:
+    """The points that a chart has marks of, in the study's order: the best of a very large study."""
+    charts = 1 if len(study.definition.axes) == 2 else len(study.definition.axes)
+    return sorted(_best_first(study)[: DRAWN // charts], key=lambda p: p.index)
 
 
 def _value(study: Study, point: Point) -> float:
@@ -188,9 +199,9 @@ def _words(study: Study, point: Point) -> str:
     return f"{where}: {_value(study, point):.5g} {find(study.definition.objective).unit}, {point.limit or NO_LIMIT}"
 
 
-def _over(study: Study, k: int, width: int) -> dict[str, Any]:
+def _over(study: Study, k: int, width: int, by_limit: Mapping[str, str]) -> dict[str, Any]:
     """The heights over the k-th entry, with a line through those that follow each other if there is no other entry."""
-    points, entry = study.points[: DRAWN // len(study.definition.axes)], study.definition.axes[k].entry
+    points, entry = _drawn(study), study.definition.axes[k].entry
     x, y = np.array([p.values[entry] for p in points]), np.array([_value(study, p) for p in points])
     known = y[np.isfinite(y)] if np.isfinite(y).any() else np.zeros(1)
     low, high = span(known, margin=0.1) if np.ptp(known) else (float(known[0]) - 0.05, float(known[0]) + 0.05)
@@ -198,7 +209,7 @@ def _over(study: Study, k: int, width: int) -> dict[str, Any]:
     values, ticks = study.definition.axes[k].values, tuple(round_numbers(low, high))  # of heights; the strip has none
     chart = Chart(_wide(x), (low - strip, high), width, HEIGHT, _label(study, entry), _goal(study), values, ticks)
     marks = [
-        _mark(study, p, chart, a, b if np.isfinite(b) else low - 0.35 * strip)
+        _mark(study, by_limit, p, chart, a, b if np.isfinite(b) else low - 0.35 * strip)
         for p, a, b in zip(points, x, y, strict=True)
     ]
     lines = [chart.line(a, b) for a, b in _runs(x, y)] if len(study.definition.axes) == 1 else []
@@ -206,10 +217,13 @@ def _over(study: Study, k: int, width: int) -> dict[str, Any]:
     return {"chart": chart, "marks": marks, "lines": lines, "entry": entry, "floor": floor}
 
 
-def _mark(study: Study, point: Point, chart: Chart, x: float, y: float, value: str = "") -> Mark:
-    color = colors(study)[point.limit or NO_LIMIT] if point.verified else ""
+def _mark(
+    study: Study, by_limit: Mapping[str, str], point: Point, chart: Chart, x: float, y: float, value: str = ""
+) -> Mark:
+    color = by_limit[point.limit or NO_LIMIT] if point.verified else ""
     place = chart.x_zero + chart.x_scale * x, chart.y_zero + chart.y_scale * y
-    return Mark(point, *place, color, _words(study, point), value)
+    words = _words(study, point) if len(study.points) * len(study.definition.axes) <= TITLED else ""
+    return Mark(point, *place, color, words, value)
 
 
 def _wide(x: np.ndarray) -> tuple[float, float]:
@@ -226,10 +240,10 @@ def _runs(x: np.ndarray, y: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(a[np.isfinite(b)], b[np.isfinite(b)]) for a, b in parts if np.isfinite(b).sum() > 1]
 
 
-def _map(study: Study) -> dict[str, Any]:
+def _map(study: Study, by_limit: Mapping[str, str]) -> dict[str, Any]:
     """Cells of a grid, or dots of a sample, over two entries."""
     first, second = study.definition.axes
-    points = study.points[:DRAWN]
+    points = _drawn(study)
     x, y = (np.array([p.values[axis.entry] for p in points]) for axis in (first, second))
     edges = [_edges(axis.values) for axis in (first, second)] if study.definition.shape else []
     ranges = [(float(e[0]), float(e[-1])) for e in edges] or [_wide(x), _wide(y)]
@@ -239,7 +253,7 @@ def _map(study: Study) -> dict[str, Any]:
     marks = []
     for p, a, b in zip(points, x, y, strict=True):
         value = f"{_value(study, p):#.4g}" if p.verified and written else ""
-        mark = _mark(study, p, chart, a, b, value)
+        mark = _mark(study, by_limit, p, chart, a, b, value)
         marks.append(Mark(**{**vars(mark), "cell": _cell(chart, edges, a, b)}) if edges else mark)
     entry = f"{first.entry} and {second.entry}"
     return {"chart": chart, "marks": marks, "lines": [], "entry": entry, "floor": None}

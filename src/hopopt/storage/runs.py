@@ -120,7 +120,7 @@ def read_runs(folder: Path, what: str) -> StoredRuns:
 
 
 def read_data(folder: Path, what: str) -> tuple[Design, Mapping[str, Any]]:
-    """The problem and the JSON object that ``save_runs`` wrote, without runs; ResultError if files are missing or broken."""
+    """The problem and the JSON object that ``save_runs`` wrote; ResultError if files are missing or broken."""
     with _readable(folder, what):
         data = json.loads((folder / f"{what}.json").read_text(encoding="utf-8"))
         if not isinstance(data, dict):

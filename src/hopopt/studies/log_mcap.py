@@ -1,9 +1,9 @@
-"""A robot's log in an MCAP file as the same table as a CSV file: columns by name, their units, and a row for each instant.
+"""A robot's log in an MCAP file as the same table as a CSV file: columns by name, and a row for each instant.
 
-Messages in JSON give a column for each number in them. Of ROS 2, JointState gives angles, speeds and torques of its joints;
-all other messages give a column for each number in them too. A wrench's force and a Bool about contact have hopopt's names.
-The topic with the joints has the rows; of others the values at these times are interpolated, and 0 or 1 is kept until it changes.
-Messages as large as pictures are passed over.
+Messages in JSON give a column for each number in them. Of ROS 2, JointState gives angles, speeds and torques of its
+joints; all other messages give a column for each number in them too. A wrench's force and a Bool about contact have
+hopopt's names. The topic with the joints has the rows. Values of others are interpolated at these times; 0 or 1 is
+kept until it changes. Messages as large as pictures are passed over.
 """
 
 import json
@@ -58,10 +58,10 @@ class Topic:
 def mcap_table(file: Path, wanted: Set[str]) -> dict[str, list[float]]:
     """Column -> its values (k), t [s] among them, of an MCAP file; names may have units in brackets, as in CSV files.
 
-    wanted: the columns that count, by the log's names. The topic with most of them has the rows; others that have some must
-    have begun, and not ended, at each row.
-    Raises MissingExtraError without the libraries of the extra ``mcap``, ResultError for a file that cannot be read, or in
-    which no topic has numbers.
+    wanted: the columns that count, by the log's names. The topic with most of them has the rows; others that have some
+    must have begun, and not ended, at each row.
+    Raises MissingExtraError without the libraries of the extra ``mcap``, ResultError for a file that cannot be read, or
+    in which no topic has numbers.
     """
     topics = _topics(file)
     count = {topic.name: len(wanted & {_bare(name) for name in topic.columns}) for topic in topics}

@@ -68,7 +68,8 @@ def read_map(file: Path | None) -> dict[str, str]:
 def read_log(file: Path, design: Design, names: Mapping[str, str] | None = None) -> RobotLog:
     """A CSV file with a header, or an MCAP file (``studies/log_mcap.py``), as a log in SI units.
 
-    Its columns: t, and q_JOINT, v_JOINT, tau_JOINT of every joint; contact or force_z; force_x and command_JOINT if measured.
+    Its columns: t, and q_JOINT, v_JOINT, tau_JOINT of every joint; contact or force_z; force_x and command_JOINT if
+    measured.
     A unit may stand in brackets behind a name; without one it is SI. ``names`` gives the log's own names. Raises
     ResultError, with the column and what to do, for a file that is no such log.
     """

@@ -64,7 +64,7 @@ class Study:
 
     @property
     def at_the_edge(self) -> str:
-        """Which entries of the best point are at the edge of what was tried, beyond which may be better; empty if none is."""
+        """Which entries of the best point are at the edge of what was tried; empty if none is."""
         tried, best = self.definition.points.T, self.best
         ends = [
             f"{entry} at the {'least' if x == values.min() else 'most'}"
