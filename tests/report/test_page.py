@@ -17,6 +17,7 @@ from hopopt.cli import main as cli
 from hopopt.planner.solution import Solution
 from hopopt.report.chart import Chart, round_numbers
 from hopopt.report.content import content_of, of_solutions
+from hopopt.report.html import written
 from hopopt.report.page import page
 from hopopt.storage.runs import read_runs, save_runs
 from hopopt.storage.solution import save
@@ -238,6 +239,11 @@ def test_what_a_user_wrote_is_text_and_not_markup(hop: Solution) -> None:
     text = page(of_solutions([evil]))
     assert "<script>alert(1)" not in text
     assert "&lt;script&gt;alert(1)" in text
+
+
+def test_parameters_are_written_as_a_problem_file_has_them() -> None:
+    known = {None: "not set", 0.28 + 1e-16: "0.28", 1e-05: "1e-05", True: "true", ("hip", "knee"): "[hip, knee]"}
+    assert [written(value) for value in known] == list(known.values())
 
 
 def test_ticks_are_round_and_curves_keep_within_their_axes() -> None:

@@ -146,7 +146,7 @@ def test_entries_that_vary_say_so_among_the_parameters(tmp_path: Path) -> None:
     rows = {row[0]: row[1] for row in Parts(study_page(study.folder)).rows if len(row) > 1}
     assert rows["leg.gear.ratio"] == "varied: 80, 100"
     assert rows["hop.stance_duration"] == "varied [1]: 0.2, 0.3"
-    assert rows["leg.body.mass"] == str(study.definition.design.leg.body.mass)
+    assert rows["leg.body.mass"] == f"{study.definition.design.leg.body.mass:g}"
 
 
 @pytest.mark.parametrize(("name", "points"), [("large", 1100), ("five entries", 1100)])

@@ -9,12 +9,23 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from hopopt.design import Design
-from hopopt.problem.render import rows
+from hopopt.problem.render import rows, toml_value
 
 
 def part(name: str) -> str:
     """A file of this package: a template, the style, or a script."""
     return files("hopopt.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def written(value: Any) -> str:
+    """A value of a problem for a reader: as the file has it, but for digits of a number that rounding left, and quotes."""
+    if value is None:
+        return "not set"
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(written, value))}]"
+    return value if isinstance(value, str) else toml_value(value)
 
 
 def render(
@@ -42,5 +53,5 @@ def render(
     title = design.title or design.name
     return environment.get_template(template).render(
         version=version("hopopt"), style=Markup(part("page.css")), title=f"{title}: {of}", heading=title, kind=kind,
-        answer=answer, rows=rows(design), varied=varied or {}, provenance=provenance, **more,
+        answer=answer, rows=rows(design), written=written, varied=varied or {}, provenance=provenance, **more,
     )  # fmt: skip
