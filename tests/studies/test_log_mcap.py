@@ -178,6 +178,18 @@ def test_the_command_reads_it(
         assert said["mcap"][key] == pytest.approx(said["csv"][key], abs=1e-6)
 
 
+def test_identify_finds_the_same_in_both_files(
+    tmp_path: Path, columns: Columns, plain: RobotLog, capsys: pytest.CaptureFixture
+) -> None:
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*(x.tolist() for x in columns.values()), strict=True)]
+    in_json(tmp_path / "run.mcap", [("/row", row["t"], row) for row in rows])
+    found = []
+    for kind in ("csv", "mcap"):
+        assert cli.run(["identify", str(tmp_path / f"run.{kind}"), "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out)["parameters"])
+    assert {key: p["value"] for key, p in found[0].items()} == {key: p["value"] for key, p in found[1].items()}
+
+
 def cut(file: Path) -> Path:
     file.write_bytes(file.read_bytes()[:-2000])
     return file
