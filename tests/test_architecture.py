@@ -42,7 +42,7 @@ PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, 
         "optimality", "planner", "storage",
     ),
     "export": ("errors", "design", "leg", "ocp.phases", "control", "verify", "planner"),
-    "report": ("errors", "design", "leg", "problem", "sim", "planner", "storage"),
+    "report": ("errors", "design", "leg", "problem", "ocp.objectives", "sim", "planner", "storage", "studies.sweep"),
     "plots": (
         "errors", "design", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "optimality", "planner",
         "storage", "studies", "report",

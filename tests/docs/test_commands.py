@@ -95,12 +95,14 @@ def test_every_command_runs(
         assert run(["solve", "--starts", "1", "--no-figures"]) == 0
     if "comparison-" in page.read_text(encoding="utf-8"):
         assert run(["compare", "--strategies", "force", "--no-figures", "--set", "solver.starts=1"]) == 0
+    if page.stem == "report":
+        assert run(["sweep", "--vary", "leg.gear.ratio=100,110", "--starts", "1", "--no-figures"]) == 0
     for words in commands(page):
         if shlex.join(words) in REFUSED:
             assert run(words) == 2
             capfd.readouterr()
             continue
-        if words[0] == "log":  # of a robot: tests/studies/test_robot_log.py makes one
+        if words[0] in ("log", "view"):  # tests/studies/test_robot_log.py makes a robot's; a view never ends
             continue
         for option, module in NEEDS.items():
             if option in words:

@@ -17,6 +17,7 @@ from hopopt.cli import main as cli
 from hopopt.planner.solution import Solution
 from hopopt.report.chart import Chart, round_numbers
 from hopopt.report.content import content_of, of_solutions
+from hopopt.report.html import written
 from hopopt.report.page import page
 from hopopt.storage.runs import read_runs, save_runs
 from hopopt.storage.solution import save
@@ -240,6 +241,11 @@ def test_what_a_user_wrote_is_text_and_not_markup(hop: Solution) -> None:
     assert "&lt;script&gt;alert(1)" in text
 
 
+def test_parameters_are_written_as_a_problem_file_has_them() -> None:
+    known = {None: "not set", 0.28 + 1e-16: "0.28", 1e-05: "1e-05", True: "true", ("hip", "knee"): "[hip, knee]"}
+    assert [written(value) for value in known] == list(known.values())
+
+
 def test_ticks_are_round_and_curves_keep_within_their_axes() -> None:
     assert round_numbers(0.0, 0.72) == [0.0, 0.2, 0.4, 0.6]
     assert round_numbers(-213.0, 213.0) == [-200.0, -100.0, 0.0, 100.0, 200.0]
@@ -280,12 +286,13 @@ def test_what_has_no_page_is_said_in_a_sentence(
 ) -> None:
     study, broken = tmp_path / "study", tmp_path / "broken"
     study.mkdir()
-    (study / "sweep.json").write_text("{}")
+    (study / "sweep.json").write_text("{")
     broken.mkdir()
     (broken / "comparison.json").write_text("{")
     cases = {
         (): "give a folder that hopopt solve or hopopt compare wrote",
-        (str(study),): "this is a study",
+        (str(study),): "the study cannot be read",
+        (str(stored), str(study)): "a study fills a page of its own",
         (str(broken),): "cannot be read",
         (str(comparison), str(stored)): "a comparison fills a page of its own",
         (str(stored),) * 5: "5 results do not fit on one page",

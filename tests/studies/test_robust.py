@@ -1,6 +1,7 @@
 """What a share of drawn legs reaches: draws within their spreads, and a promise that holds as often as it says."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -120,8 +121,8 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.slow
-def test_the_command_prints_one_object(capsys: pytest.CaptureFixture[str], tmp_path: object) -> None:
-    """Small budgets: the promise is below the plan, above PD, and the bounds are above all."""
+def test_the_command_prints_one_object(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Small budgets: the promise is below the plan, above PD, and the bounds are above all; its page says the same."""
     arguments = ["--set", "contact.friction=0.6", "--set", "hop.stance_duration=[0.03, 0.2]"]
     budget = ["--share", "0.8", "--confidence", "0.8", "--draws", "12", "--evaluations", "2", "--starts", "1"]
     assert run(["robust", "paper", *arguments, *budget, "--json", "--results", str(tmp_path)]) == 0
@@ -131,3 +132,8 @@ def test_the_command_prints_one_object(capsys: pytest.CaptureFixture[str], tmp_p
     assert (found["draws"], found["share"], found["confidence"]) == (12, 0.8, 0.8)
     assert found["reserve"]["torque"] >= 0
     assert found["tracker"] == studying.TRACKER
+    assert sorted(found["clearances_m"]["track"])[found["rank"] - 1] == found["clearance_m"]
+    assert set(found["clearances_m"]) == {"track", *found["pd"]}
+    page = tmp_path / "robust.html"
+    assert run(["report", found["result_dir"], "-o", str(page)]) == 0
+    assert f'<data value="{found["clearance_m"]}" data-key="clearance_m">' in page.read_text(encoding="utf-8")

@@ -68,11 +68,16 @@ def content_of_results(results: Sequence[Path], command: str) -> "Content":
     from hopopt.report.content import content_of
     from hopopt.storage.folder import fitting
 
+    with fitting(some_results(results, command)[0]):
+        return content_of(results)
+
+
+def some_results(results: Sequence[Path], command: str) -> Sequence[Path]:
+    """The results that were given; UsageError, with an example, if none were."""
     if not results:
         example = f"hopopt {command} results/paper-0a1b2c3d"
         raise UsageError(f"give a folder that hopopt solve or hopopt compare wrote: {example}")
-    with fitting(results[0]):
-        return content_of(results)
+    return results
 
 
 def say_written(paths: Sequence[Path], json_: bool, then: str = "") -> None:

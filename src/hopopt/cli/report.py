@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from hopopt.cli.options import AsJson, content_of_results, say_written, write_new
+from hopopt.cli.options import AsJson, say_written, some_results, write_new
 
 
 def report(
@@ -15,22 +15,23 @@ def report(
 ) -> int:
     """Write results as one HTML page that needs no network: the answer, the hop moving, limits, evidence, parameters.
 
+    Of a study it has the best point, a curve or map, and every point; of hopopt robust what a share of the legs reaches.
+
     An existing file is never overwritten.
 
     Parameters
     ----------
     results
-        A folder that hopopt solve or hopopt compare wrote; or up to four solved hops of legs with the same joints, which
-        then move side by side.
+        A folder that hopopt solve, compare, sweep or robust wrote; or up to four solved hops of legs with the same
+        joints, which then move side by side.
     output
         The file to write.
     """
-    from hopopt.report.page import page
+    from hopopt.report.result import page_of
     from hopopt.storage.folder import fitting
 
-    content = content_of_results(results, "report")
-    with fitting(results[0]):
-        text = page(content)
+    with fitting(some_results(results, "report")[0]):
+        text = page_of(results)
     write_new(output, text)
     say_written([output], json_, ": open it in a browser")
     return 0

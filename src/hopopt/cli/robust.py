@@ -2,6 +2,7 @@
 
 import os
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 from hopopt.cli.options import AsJson, Overrides, progress
@@ -70,7 +71,7 @@ def robust(
             processes=os.cpu_count() or 1,
             progress=say,
         )
-        data = found.as_dict() | {"wall_s": time.perf_counter() - began}
+        data = found.as_dict() | {"wall_s": time.perf_counter() - began, "seed": seed, "hopopt": version("hopopt")}
         where = save_runs("robust", found.design, data, {}, results)
     if json_:
         print(as_json({**data, "result_dir": str(where)}))

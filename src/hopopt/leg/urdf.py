@@ -56,12 +56,7 @@ def read_leg(raw: bytes, joints: Sequence[str], foot: str, locked: Mapping[str, 
 
 def _reduced(tree: Tree, chain: Sequence[str], foot: str, locked: Mapping[str, float]) -> UrdfLeg:
     """The moving chain, everything else locked, by Pinocchio."""
-    try:
-        whole = pin.buildModelFromXML(tree.xml(), pin.JointModelFreeFlyer())
-        fixed = [k for k in range(2, whole.njoints) if whole.names[k] not in chain]
-        model = pin.buildReducedModel(whole, fixed, _reference(whole, locked))
-    except (ValueError, RuntimeError) as error:
-        raise UrdfError(f"cannot be read by Pinocchio: {str(error).splitlines()[0][:200]}") from None
+    model = reduced_model(tree, chain, locked)
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     order = [model.getJointId(name) for name in chain]
@@ -70,6 +65,16 @@ def _reduced(tree: Tree, chain: Sequence[str], foot: str, locked: Mapping[str, f
     for k, name, here, beyond in zip(order, chain, positions, positions[1:], strict=False):
         links.append(_moving_link(tree, model, data, k, name, beyond - here))
     return UrdfLeg(float(model.inertias[1].mass), tuple(links))
+
+
+def reduced_model(tree: Tree, chain: Sequence[str], locked: Mapping[str, float]) -> pin.Model:
+    """The whole robot on a free base with all joints locked but those of the chain; UrdfError if Pinocchio cannot read it."""
+    try:
+        whole = pin.buildModelFromXML(tree.xml(), pin.JointModelFreeFlyer())
+        fixed = [k for k in range(2, whole.njoints) if whole.names[k] not in chain]
+        return pin.buildReducedModel(whole, fixed, _reference(whole, locked))
+    except (ValueError, RuntimeError) as error:
+        raise UrdfError(f"cannot be read by Pinocchio: {str(error).splitlines()[0][:200]}") from None
 
 
 def _reference(model: pin.Model, locked: Mapping[str, float]) -> np.ndarray:

@@ -14,7 +14,7 @@ from hopopt.problem.catalogue import named, problems_folder, with_numbers
 from hopopt.problem.check import check
 from hopopt.problem.faults import OVERRIDE, Report
 from hopopt.problem.render import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path
-from hopopt.problem.urdf import located, with_leg
+from hopopt.problem.urdf import ENTRIES, located, with_leg
 from hopopt.problem.wording import did_you_mean
 
 __all__ = ["Row", "as_json", "builtin_names", "design_hash", "load", "resolved_toml", "rows", "template"]
@@ -45,6 +45,20 @@ def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[s
     if design is None or report.sentences:
         raise ProblemFileError(report.source, report.sentences)
     return design
+
+
+def urdf_of(source: str | Path) -> Mapping[str, Any] | None:
+    """Of a problem with a URDF its leg.urdf (the path from here), leg.foot_frame and leg.locked; None of one without.
+
+    A design holds numbers only; this is for who wants more of the URDF, such as its meshes. Raises ProblemFileError.
+    """
+    report, data = Report(str(source)), dict[str, Any]()
+    for label, layer in _layers(source, report):
+        _lay_over(data, _plain(layer), label, report)
+    if report.sentences:
+        raise ProblemFileError(report.source, report.sentences)
+    leg = data.get("leg", {})
+    return {name: leg[name] for name in ENTRIES if name in leg} if "urdf" in leg else None
 
 
 def as_design(problem: Any) -> Design:

@@ -6,13 +6,17 @@ from math import ceil, floor, log10
 
 import numpy as np
 
-LEFT, RIGHT, TOP, BOTTOM = 56, 12, 12, 44  # pixels beside the axes
+LEFT, RIGHT, TOP, BOTTOM = 68, 12, 12, 44  # pixels beside the axes
 ROUND = (1, 2, 5, 10)
+ROOM = 48, 20  # pixels between two ticks of x and of y
 
 
 @dataclass(frozen=True)
 class Chart:
-    """Axes in an SVG of width x height pixels: what they show of x and y, and their labels with units."""
+    """Axes in an SVG of width x height pixels: what they show of x and y, and their labels with units.
+
+    x_at, y_at: where ticks are wanted; round numbers where these are none, or would stand too close to each other
+    """
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -20,6 +24,8 @@ class Chart:
     height: int
     x_label: str
     y_label: str
+    x_at: tuple[float, ...] = ()
+    y_at: tuple[float, ...] = ()
 
     @property
     def x_scale(self) -> float:
@@ -53,10 +59,14 @@ class Chart:
 
     def ticks(self, axis: str) -> list[tuple[float, str]]:
         """Pixel and text of each tick of the axis "x" or "y"."""
-        (low, high), zero, scale = (
-            (self.x, self.x_zero, self.x_scale) if axis == "x" else (self.y, self.y_zero, self.y_scale)
+        (low, high), zero, scale, wanted, room = (
+            (self.x, self.x_zero, self.x_scale, self.x_at, ROOM[0])
+            if axis == "x"
+            else (self.y, self.y_zero, self.y_scale, self.y_at, ROOM[1])
         )
-        return [(zero + scale * value, f"{value:g}") for value in round_numbers(low, high)]
+        apart = np.diff(np.sort(wanted)) * abs(scale)
+        values = wanted if len(wanted) and apart.min(initial=room) >= room else round_numbers(low, high)
+        return [(zero + scale * value, f"{value:.6g}") for value in values]
 
 
 def round_numbers(low: float, high: float, most: int = 6) -> list[float]:

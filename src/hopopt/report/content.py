@@ -26,8 +26,11 @@ def content_of(folders: Sequence[Path]) -> Content:
         raise UsageError(f"{len(folders)} results do not fit on one page: give at most {len(COLORS)}")
     compared = [folder for folder in folders if (folder / "comparison.json").is_file()]
     for folder in folders:
-        if (folder / "sweep.json").is_file():
-            raise ResultError(f"{folder}: this is a study; a report is of solved hops or of a comparison")
+        if (folder / "sweep.json").is_file() or (folder / "robust.json").is_file():
+            what = "study" if (folder / "sweep.json").is_file() else "result of hopopt robust"
+            raise ResultError(
+                f"{folder}: this is a {what}, which holds no hop that can move: hopopt report has a page of it"
+            )
     if compared:
         if len(folders) > 1:
             raise UsageError(f"{compared[0]}: a comparison fills a page of its own: give it alone")
@@ -41,11 +44,17 @@ def of_solutions(solutions: Sequence[Solution]) -> Content:
     for other in solutions[1:]:
         if other.design.leg.joints != first.design.leg.joints:
             raise UsageError(f"{other.result_dir}: it moves other joints than {first.result_dir}: give it alone")
-    names = [s.design.name if s.objective == "clearance" else f"{s.design.name}, {s.objective}" for s in solutions]
+    names = [_named(s) for s in solutions]
     if len(set(names)) < len(names):
         names = [str(s.result_dir.name if s.result_dir else name) for s, name in zip(solutions, names, strict=True)]
     hops = [planned(s, name) for s, name in zip(solutions, names, strict=True)]
     return Content(first.design, hops, first, provenance=provenance(first))
+
+
+def _named(s: Solution) -> str:
+    """A solution by its problem, and by what is unlike most: its objective, a hop for ever."""
+    parts = [s.design.name, *([] if s.objective == "clearance" else [s.objective])]
+    return ", ".join([*parts, *(["periodic"] if s.design.hop.periodic else [])])
 
 
 def of_comparison(folder: Path) -> Content:

@@ -6,13 +6,10 @@ Numbers stand in ``data`` elements whose value is that of summary.json (or compa
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
-from importlib.resources import files
 from math import isfinite
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from hopopt.design import Design
@@ -20,8 +17,8 @@ from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import build_robot
 from hopopt.planner.solution import Solution
 from hopopt.planner.summary_entry import as_data
-from hopopt.problem.render import rows
 from hopopt.report.chart import LEFT, RIGHT, Chart, span
+from hopopt.report.html import part, render
 from hopopt.report.motion import ShownHop
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#9A4C7D")  # told apart by colour-blind readers
@@ -51,20 +48,17 @@ class Content:
 
 def page(content: Content) -> str:
     """The HTML file."""
-    home, loader = files("hopopt.report"), Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    parts = {name: home.joinpath(f"page.{name}").read_text(encoding="utf-8") for name in ("html", "css", "js")}
     s, design = content.solution.shown if content.solution else None, content.design
     data = {**(as_data(s) if s else {}), **content.comparison}
-    title = design.title or design.name
-    return loader.from_string(parts["html"]).render(
-        version=version("hopopt"), style=Markup(parts["css"]), script=Markup(parts["js"]),
+    return render(
+        "page.html", design, of="comparison" if content.comparison else "hop", kind=_kind(content),
+        answer=answer(content), provenance=content.provenance, script=Markup(part("page.js")),
         hops=Markup(json.dumps([_plain(hop) for hop in content.hops]).replace("<", "\\u003c")),
-        title=f"{title}: {'comparison' if content.comparison else 'hop'}", heading=title, kind=_kind(content),
-        answer=answer(content), figure=lambda key: _looked_up(data, key), end=max(float(h.t[-1]) for h in content.hops),
+        figure=lambda key: _looked_up(data, key), end=max(float(h.t[-1]) for h in content.hops),
         scenes=_scenes(content.hops), regions=_regions(design, content.hops), curves=_curves(content.hops),
         strategies=content.comparison.get("strategies", {}), summary=s, gains=dict(s.gains) if s else {},
         unit=s.objective_unit if s else "", passed=sum(c.passed and not c.left_out for c in s.verification) if s else 0,
-        error_known=bool(s and isfinite(s.objective_error.too_high_by)), rows=rows(design), provenance=content.provenance,
+        error_known=bool(s and isfinite(s.objective_error.too_high_by)),
     )  # fmt: skip
 
 
@@ -141,12 +135,12 @@ def _plain(hop: ShownHop) -> dict[str, Any]:
 
 
 def _scenes(hops: Sequence[ShownHop]) -> list[dict[str, Any]]:
-    """The legs, all to one scale and height."""
+    """The legs, all to one scale, width and height."""
     top = max(float(h.chain[..., 1].max()) for h in hops)
     y, scale, found = (-0.05 * top, 1.08 * top), (HEIGHT - 56) / (1.13 * top), []
-    for hop, color in zip(hops, COLORS, strict=False):
-        x = span(hop.chain[..., 0], margin=0.08)
-        width = max(WIDTH // 2, round((x[1] - x[0]) * scale) + LEFT + RIGHT)
+    ways = [span(h.chain[..., 0], margin=0.08) for h in hops]
+    width = max(WIDTH, *(round((high - low) * scale) + LEFT + RIGHT for low, high in ways))
+    for hop, color, x in zip(hops, COLORS, ways, strict=False):
         room = 0.5 * ((width - LEFT - RIGHT) / scale - (x[1] - x[0]))
         chart = Chart((x[0] - room, x[1] + room), y, width, HEIGHT, "along [m]", "height [m]")
         pose, foot = chart.line(*hop.chain[0].T), chart.line(*hop.chain[:, -1].T)

@@ -10,7 +10,8 @@ import json
 import logging
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -111,16 +112,30 @@ class StoredRuns:
 
 def read_runs(folder: Path, what: str) -> StoredRuns:
     """Runs that ``save_runs`` wrote, such as a "comparison"; ResultError if files are missing or broken."""
-    try:
-        data = json.loads((folder / f"{what}.json").read_text(encoding="utf-8"))
-        design = load(folder / "problem.toml")
+    design, data = read_data(folder, what)
+    with _readable(folder, what):
         robot, groups = build_robot(design.leg), read_netcdf(folder / "runs.nc")
         traces = {name: _trace(groups[name.replace(":", ".")], robot) for name in data["strategies"]}
+    return StoredRuns(design, data, traces)
+
+
+def read_data(folder: Path, what: str) -> tuple[Design, Mapping[str, Any]]:
+    """The problem and the JSON object that ``save_runs`` wrote; ResultError if files are missing or broken."""
+    with _readable(folder, what):
+        data = json.loads((folder / f"{what}.json").read_text(encoding="utf-8"))
+        if not isinstance(data, dict):
+            raise TypeError(f"{what}.json is no JSON object")
+        return load(folder / "problem.toml"), data
+
+
+@contextmanager
+def _readable(folder: Path, what: str) -> Iterator[None]:
+    try:
+        yield
     except FileNotFoundError as error:
         raise ResultError(f"{error.filename}: this file of the {what} is missing: make it again") from error
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise ResultError(f"{folder}: the {what} cannot be read ({reason_of(error)}): make it again") from error
-    return StoredRuns(design, data, traces)
 
 
 def _trace(group: Group, robot: Robot) -> Trace:

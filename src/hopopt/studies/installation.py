@@ -28,7 +28,10 @@ from hopopt.problem.load import load
 from hopopt.storage.solution import PACKAGES
 
 SOLVERS = {"ipopt": True, "uno": False}  # NLP solvers of CasADi, and whether hopopt needs them
-EXTRAS = {"dask": "dask", "mujoco": "mujoco", "example-robot-data": "robots", "jupyterlab": "notebooks"}
+EXTRAS = {
+    "dask": "dask", "mujoco": "mujoco", "example-robot-data": "robots", "jupyterlab": "notebooks", "mcap": "mcap",
+    "viser": "view",
+}  # fmt: skip
 COARSE = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
 AGREE = 1e-9  # relative: within which two ways of computing the same number agree
 LEAST_EFFORT = 12.0  # closed form: 1 m in 1 s from rest to rest, u = 6 - 12 t, integral of u^2

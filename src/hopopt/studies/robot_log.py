@@ -1,9 +1,9 @@
-"""The log of a real robot: a CSV file whose columns, units and faults are recognised."""
+"""The log of a real robot: a CSV or MCAP file whose columns, units and faults are recognised."""
 
 import csv
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +15,7 @@ from hopopt.errors import ResultError, UsageError
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import weight
 from hopopt.sim.state import BOUNCE
+from hopopt.studies.log_mcap import mcap_table
 
 UNITS = {  # of a column by the beginning of its name: unit -> factor to SI
     "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
@@ -65,15 +66,16 @@ def read_map(file: Path | None) -> dict[str, str]:
 
 
 def read_log(file: Path, design: Design, names: Mapping[str, str] | None = None) -> RobotLog:
-    """A CSV file with a header: t, and q_JOINT, v_JOINT, tau_JOINT of every joint; contact or force_z; force_x and command_JOINT if
-    measured.
+    """A CSV file with a header, or an MCAP file (``studies/log_mcap.py``), as a log in SI units.
 
+    Its columns: t, and q_JOINT, v_JOINT, tau_JOINT of every joint; contact or force_z; force_x and command_JOINT if
+    measured.
     A unit may stand in brackets behind a name; without one it is SI. ``names`` gives the log's own names. Raises
     ResultError, with the column and what to do, for a file that is no such log.
     """
-    table = _table(file)
-    mine = names or {}
-    joints = design.leg.joints
+    mine, joints = names or {}, design.leg.joints
+    parts = [f"{part}_{joint}" for part in ("q", "v", "tau", "command") for joint in joints]
+    table = _table(file, {mine.get(name, name) for name in ("t", *parts, "force_x", "force_z", "contact")})
 
     def column(name: str) -> np.ndarray:
         return _in_si(file, table, name, mine.get(name, name))
@@ -110,8 +112,25 @@ def without_bounces(t: np.ndarray, contact: np.ndarray) -> np.ndarray:
 # ---- what makes a log unusable ------------------------------------------------------------------------------------
 
 
-def _table(file: Path) -> dict[str, tuple[str, list[str]]]:
-    """name -> (unit, cells) of a CSV file."""
+Table = dict[str, tuple[str, Sequence[str | float]]]  # name -> unit, cells
+
+
+def _table(file: Path, wanted: Set[str]) -> Table:
+    """What a CSV or an MCAP file holds; the columns that are wanted say which topics of an MCAP file count."""
+    columns = mcap_table(file, wanted) if file.suffix.lower() == ".mcap" else _csv(file)
+    rows = len(next(iter(columns.values()), ()))
+    if rows < FEWEST:
+        raise ResultError(f"{file}: {rows} rows show no hop: {FEWEST} or more are needed")
+    found = Table()
+    for name, cells in columns.items():
+        parts = re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", name, re.DOTALL)
+        assert parts
+        found[parts[1]] = (parts[2] or "", cells)
+    return found
+
+
+def _csv(file: Path) -> dict[str, tuple[str, ...]]:
+    """The columns of a CSV file with a header."""
     try:
         with file.open(encoding="utf-8-sig", newline="") as stream:
             head, *lines = [line for line in csv.reader(stream) if line]
@@ -119,20 +138,13 @@ def _table(file: Path) -> dict[str, tuple[str, list[str]]]:
         raise ResultError(f"{file}: there is no such file") from None
     except (OSError, ValueError, csv.Error) as error:
         raise ResultError(f"{file}: it is no CSV file with a header ({error})") from None
-    if len(lines) < FEWEST:
-        raise ResultError(f"{file}: {len(lines)} rows show no hop: {FEWEST} or more are needed")
     short = next((k for k, line in enumerate(lines) if len(line) != len(head)), None)
     if short is not None:
         raise ResultError(f"{file}: row {short + 2} has {len(lines[short])} cells, the header {len(head)}")
-    found = {}
-    for name, cells in zip(head, zip(*lines, strict=True), strict=True):
-        parts = re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", name)
-        assert parts
-        found[parts[1]] = (parts[2] or "", list(cells))
-    return found
+    return dict(zip(head, zip(*lines, strict=True), strict=True)) if lines else dict.fromkeys(head, ())
 
 
-def _in_si(file: Path, table: Mapping[str, tuple[str, list[str]]], name: str, column: str) -> np.ndarray:
+def _in_si(file: Path, table: Table, name: str, column: str) -> np.ndarray:
     if column not in table:
         other = f"; it has {', '.join(list(table)[:12])}"
         raise ResultError(f"{file}: there is no column {column}{other}: name it so, or give its name in a --map file")
@@ -152,7 +164,7 @@ def _in_si(file: Path, table: Mapping[str, tuple[str, list[str]]], name: str, co
     return values * (units[unit] if unit else 1.0)
 
 
-def _is_number(cell: str) -> bool:
+def _is_number(cell: str | float) -> bool:
     try:
         return bool(np.isfinite(float(cell)))
     except ValueError:

@@ -78,6 +78,9 @@ class RobustHop:
             "evaluations": self.evaluations,
             "pd": {name: found.promised(self.share, self.confidence) for name, found in self.pd.items()},
             "pd_fell": {name: found.fell for name, found in self.pd.items()},
+            "clearances_m": {
+                name: found.clearances.tolist() for name, found in {TRACKER: self.tracked, **self.pd}.items()
+            },
             "exit_code": self.exit_code,
         }
 

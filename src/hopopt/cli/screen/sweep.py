@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from hopopt.studies.sweep.point_file import Point
     from hopopt.studies.sweep.recheck import Rechecked
     from hopopt.studies.sweep.run import Study
 
@@ -41,7 +40,8 @@ def print_study(study: "Study") -> None:
     out.print(f"{verified} of {len(study.points)} points verified{corrected}, in {duration(study.seconds)}")
     if best:
         where = ", ".join(f"{entry} = {x:g}" for entry, x in best.values.items())
-        out.print(f"best: {where}: clearance {best.clearance_m:.4f} m{_at_the_edge(study, best)}")
+        edge = f"; {study.at_the_edge}" if study.at_the_edge else ""
+        out.print(f"best: {where}: clearance {best.clearance_m:.4f} m{edge}")
     out.print(f"results {study.folder}")
 
 
@@ -55,14 +55,3 @@ def print_rechecked(folder: "Path", found: "Sequence[Rechecked]") -> None:
     out.print(
         f"{folder}: {'NOT verified: ' if bad else 'verified: '}{len(found) - bad} of {len(found)} points confirmed"
     )
-
-
-def _at_the_edge(study: "Study", best: "Point") -> str:
-    """Which entries of the best point are at the edge of what was tried: beyond it may be better."""
-    tried = study.definition.points.T
-    ends = [
-        f"{entry} at the {'least' if x == values.min() else 'most'}"
-        for (entry, x), values in zip(best.values.items(), tried, strict=True)
-        if x in (values.min(), values.max()) and values.min() < values.max()
-    ]
-    return f"; {' and '.join(ends)} that was tried: better may lie beyond" if ends else ""

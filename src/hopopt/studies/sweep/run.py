@@ -62,6 +62,17 @@ class Study:
         """The verified point with the best objective."""
         return max((p for p in self.points if p.verified), key=self._merit, default=None)
 
+    @property
+    def at_the_edge(self) -> str:
+        """Which entries of the best point are at the edge of what was tried; empty if none is."""
+        tried, best = self.definition.points.T, self.best
+        ends = [
+            f"{entry} at the {'least' if x == values.min() else 'most'}"
+            for (entry, x), values in zip(best.values.items() if best else (), tried if best else (), strict=True)
+            if x in (values.min(), values.max()) and values.min() < values.max()
+        ]
+        return f"{' and '.join(ends)} that was tried: better may lie beyond" if ends else ""
+
     def _merit(self, point: Point) -> float:
         return find(self.definition.objective).merit(point.objective_value or 0.0)
 

@@ -1,0 +1,228 @@
+"""A hop in three dimensions in a browser, through viser: the leg moves with a time slider, and plays.
+
+Poses are those of Pinocchio's forward kinematics. Links look as the URDF says where its meshes lie on disk, else as
+cylinders.
+"""
+
+import io
+import socket
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from importlib import import_module
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from hopopt.errors import MissingExtraError, UsageError
+from hopopt.leg.urdf_visuals import BODY, Visual
+from hopopt.planner.solution import Solution
+
+STEP = 0.002  # [s] between two poses
+FRAME = 1 / 50  # [s] between two pictures
+THICK = 0.04  # radius of a link's cylinder, as a share of the leg's length
+FORCE = 0.0006  # [m/N]: length of the ground force's line
+SPEEDS = {"1": 1.0, "1/4": 0.25, "1/10": 0.1}
+BLUE, GREY, BLACK = (0, 114, 178), (120, 120, 120), (26, 26, 26)
+LARGEST = 100_000_000  # bytes of a mesh
+
+
+class HopScene:
+    """A hop on a server of viser.
+
+    server: viser's. links: frame of the body and of each moving joint, by name. slider: time since the hop began [s].
+    drawn: link -> what is shown of it: "mesh", or "cylinder" where there is none.
+    """
+
+    def __init__(self, server: Any, solution: Solution, looks: Sequence[Visual] = ()):
+        self.server, self._robot, self._lock = server, solution.robot, RLock()
+        self.end = solution.end
+        even = np.linspace(0.0, self.end, max(2, round(self.end / STEP) + 1))
+        samples = solution.sample(even)
+        self._t, self._q, self._force = samples.t, samples.q, samples.f
+        self._data = solution.robot.model.createData()
+        self.playing = False
+        self._stage()
+        self.links: dict[str, Any] = {
+            name: server.scene.add_frame(f"/leg/{name}", show_axes=False) for name in ("body", *solution.robot.joints)
+        }
+        self.drawn = self._dress(looks)
+        self._push = server.scene.add_line_segments(
+            "/ground force", np.zeros((1, 2, 3)), BLACK, thickness=0.2 * THICK * self._length
+        )
+        self._controls()
+        self.show(0.0)
+
+    # ---- what is there ------------------------------------------------------------------------------------------
+
+    @property
+    def _length(self) -> float:
+        """Of the stretched leg [m]."""
+        return sum(self._robot.leg.link[name].length for name in self._robot.leg.links)
+
+    def _stage(self) -> None:
+        """The ground, and where one looks from: the side, so that x is to the right."""
+        scene = self.server.scene
+        scene.set_up_direction("+z")
+        scene.add_grid("/ground", 4.0, 4.0, plane="xy", cell_size=0.1, section_size=0.5)
+        self.server.initial_camera.look_at = (0.0, 0.0, 0.8 * self._length)
+        self.server.initial_camera.position = (0.3 * self._length, -2.6 * self._length, 1.0 * self._length)
+
+    def _dress(self, looks: Sequence[Visual]) -> dict[str, str]:
+        """Meshes and simple bodies into their frames; cylinders for links that have none."""
+        names, worn = ("body", *self._robot.joints), set[int]()
+        for k, look in enumerate(looks):
+            mesh = _mesh(look)
+            if mesh is not None:
+                where = f"/leg/{names[look.joint + 1]}/{k}_{look.link}"
+                self.server.scene.add_mesh_trimesh(
+                    where, mesh, wxyz=_quaternion(look.rotation), position=tuple(look.position)
+                )
+                worn |= {look.joint} if look.own else set()
+        drawn = {}
+        for k, name in enumerate(names):
+            if k - 1 not in worn:
+                self._simple(k - 1, name)
+            drawn["body" if k == 0 else self._robot.leg.links[k - 1]] = "mesh" if k - 1 in worn else "cylinder"
+        return drawn
+
+    def _simple(self, joint: int, name: str) -> None:
+        """A cylinder from a joint to the next point, with balls at its ends; a ball for the body."""
+        trimesh, radius = import_module("trimesh"), THICK * self._length
+        parts = [trimesh.creation.icosphere(3, 2.2 * radius)]
+        if joint != BODY:
+            end = self._end_of(joint)
+            parts = [
+                trimesh.creation.cylinder(radius, segment=[np.zeros(3), end]),
+                trimesh.creation.icosphere(3, 1.3 * radius),
+            ]
+            if joint == len(self._robot.joints) - 1:
+                foot = trimesh.creation.icosphere(3, radius)
+                parts.append(foot.apply_translation(end))
+        for k, part in enumerate(parts):
+            color = GREY if joint == BODY or k == 1 else BLUE
+            self.server.scene.add_mesh_simple(f"/leg/{name}/simple_{k}", part.vertices, part.faces, color=color)
+
+    def _end_of(self, joint: int) -> np.ndarray:
+        """From a joint to the next one, or to the foot, in the joint's frame (3) [m]."""
+        names = (*self._robot.joints, "foot")
+        if names[joint + 1] == "foot":
+            return np.array(self._robot.points["foot"][1], dtype=float)
+        return self._robot.model.jointPlacements[self._robot.points[names[joint + 1]][0]].translation
+
+    def _controls(self) -> None:
+        gui = self.server.gui
+        gui.configure_theme(show_share_button=False, show_logo=False)  # sharing would send the hop to another's server
+        self.slider = gui.add_slider("time [s]", 0.0, round(self.end, 3), 0.001, 0.0)
+        self.button = gui.add_button("Play")
+        self.speed = gui.add_dropdown("speed", list(SPEEDS), initial_value="1/4")
+        self.slider.on_update(lambda event: self.show(self.slider.value))
+        self.button.on_click(lambda event: self.play(not self.playing))
+
+    # ---- what moves ---------------------------------------------------------------------------------------------
+
+    def show(self, t: float) -> None:
+        """The leg, and the force on its foot, as at a time [s]."""
+        with self._lock, self.server.atomic():
+            k = int(np.clip(np.searchsorted(self._t, t), 1, len(self._t) - 1))
+            share = float(np.clip((t - self._t[k - 1]) / (self._t[k] - self._t[k - 1]), 0.0, 1.0))
+            q = (1 - share) * self._q[k - 1] + share * self._q[k]
+            force = (1 - share) * self._force[k - 1] + share * self._force[k]
+            pin.framesForwardKinematics(self._robot.model, self._data, q)
+            body = self._data.oMi[self._robot.points[self._robot.joints[0]][0]].translation
+            self.links["body"].position = tuple(body)
+            for name in self._robot.joints:
+                place = self._data.oMi[self._robot.points[name][0]]
+                self.links[name].position = tuple(place.translation)
+                self.links[name].wxyz = _quaternion(place.rotation)
+            foot = self._data.oMf[self._robot.model.getFrameId("point_foot")].translation
+            push = FORCE * np.array([force[0], force[1] if len(force) == 3 else 0.0, force[-1]])
+            self._push.points = np.array([[foot, foot + push]], dtype=np.float32)
+
+    def play(self, on: bool) -> None:
+        """Begin to play, from the start if the hop is at its end, or pause."""
+        if on and self.slider.value >= self.end - 1e-3:
+            self.slider.value = 0.0
+        self.playing, self.button.label = on, "Pause" if on else "Play"
+
+    def advance(self, seconds: float) -> None:
+        """Let so much time pass [s], at the speed that is chosen; at its end the hop pauses."""
+        if not self.playing:
+            return
+        t = min(self.end, self.slider.value + SPEEDS[self.speed.value] * seconds)
+        self.slider.value = min(t, self.slider.max)
+        self.show(t)
+        if t >= self.end - 1e-3:
+            self.play(False)
+
+    def run(self) -> None:
+        """Play whenever asked, until interrupted."""
+        before = time.perf_counter()
+        while True:
+            time.sleep(FRAME)
+            now = time.perf_counter()
+            self.advance(now - before)
+            before = now
+
+
+def serve(host: str, port: int) -> Any:
+    """A server of viser that only listens at this address; port 0: any that is free.
+
+    Raises MissingExtraError without viser, UsageError if the address cannot be had.
+    """
+    try:
+        viser = import_module("viser")
+    except ModuleNotFoundError:
+        raise MissingExtraError("viser", "view") from None
+    if not 0 <= port < 65536:
+        raise UsageError(f"--port {port}: from 0 to 65535 are allowed")
+    try:
+        with socket.create_server((host, port)) as tried:
+            port = tried.getsockname()[1]
+    except OSError as error:
+        words = error.strerror or error
+        raise UsageError(
+            f"--host {host} --port {port}: nothing can listen there ({words}): choose another port"
+        ) from None
+    with quiet():
+        return viser.ViserServer(host=host, port=port, label="hopopt", verbose=False)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Nothing on standard output: viser writes there when it begins and ends, and a command alone says what it prints."""
+    with redirect_stdout(io.StringIO()):
+        yield
+
+
+def _mesh(look: Visual) -> Any:
+    """What a visual looks like as a mesh; None if its file is missing or cannot be read."""
+    trimesh = import_module("trimesh")
+    makers: Mapping[str, Any] = {
+        "box": lambda *size: trimesh.creation.box(size),
+        "cylinder": lambda radius, length: trimesh.creation.cylinder(radius, length),
+        "sphere": lambda radius: trimesh.creation.icosphere(3, radius),
+    }
+    if look.shape != "mesh":
+        return makers[look.shape](*look.size)
+    return None if look.file is None else _read(trimesh, look.file, look.size)
+
+
+def _read(trimesh: Any, file: Path, scale: Sequence[float]) -> Any:
+    try:
+        if file.stat().st_size > LARGEST:
+            return None
+        mesh = trimesh.load(file, force="mesh")
+        mesh.apply_scale(scale)
+        return mesh if len(mesh.faces) else None
+    except Exception:  # its readers raise what they will at a damaged file; a cylinder stands for it
+        return None
+
+
+def _quaternion(rotation: np.ndarray) -> tuple[float, ...]:
+    """w, x, y, z of a rotation (3, 3)."""
+    x, y, z, w = pin.Quaternion(np.asarray(rotation, dtype=float)).coeffs()
+    return float(w), float(x), float(y), float(z)
