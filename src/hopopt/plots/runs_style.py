@@ -12,7 +12,7 @@ from hopopt.sim.hop_metrics import HopFigures
 from hopopt.studies.compare import OPTIMUM
 
 COLORS = (  # Okabe and Ito, all that show on white, and darker ones of Tol's: one for each built-in strategy
-    "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7", "#882255", "#332288", "#999933", "#661100",
+    "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7", "#882255", "#332288", "#999933", "#661100", "#999999",
 )  # fmt: skip
 STYLES = ("-", (0, (4, 1.5)), "-.", ":")  # in turn, for dashes over a full line show both
 OUTSIDE = "*"  # after the name of a run that did not keep every limit
