@@ -13,7 +13,7 @@ from hopopt.control.paper_pd import PaperStrategy
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import Strategy
-from hopopt.design import Design, refuse_periodic
+from hopopt.design import Design
 from hopopt.errors import HopoptError, UsageError
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import can_slip, planar, start_angles
@@ -23,7 +23,7 @@ from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_metrics import HopFigures, beyond_limits
 from hopopt.sim.plant import RAN_AWAY, Plant
-from hopopt.sim.state import Timing
+from hopopt.sim.state import State, Timing
 from hopopt.sim.trace import Trace
 
 BALANCED = 1e-4  # of the energy turned over: a greater error is none of rounding, and 0.1 mm of a clearance of 1 m
@@ -61,11 +61,8 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     """The leg of a problem with its drives and gear losses, on ideal ground, or where the foot may slip.
 
     It may slip if the problem has contact.friction and ``can_slip``. torque_gain as in ``Drive``, finer as in ``Plant``;
-    compiled: faster code for ideal ground too, if it takes the leg.
-
-    Raises UsageError for a leg that leaves the x-z plane, and for a periodic hop.
+    compiled: faster code for ideal ground too, if it takes the leg. Raises UsageError for a leg that leaves the x-z plane.
     """
-    refuse_periodic(design, "a simulation of controllers")
     if not planar(design.leg):
         raise UsageError(
             f"{design.name}: this leg leaves the x-z plane; hopopt solves and verifies its hop, but simulates only legs "
@@ -103,9 +100,10 @@ def simulate(
     compiled: bool = False,
     options: Mapping[str, Any] | None = None,
     controller: Controller | None = None,
-    start: np.ndarray | None = None,
+    start: np.ndarray | State | None = None,
 ) -> Run:
-    """Hop a leg with a strategy, ``hops`` times, from the problem's start, or from joint angles ``start`` (n) [rad].
+    """Hop a leg with a strategy, ``hops`` times, at rest from the problem's start or joint angles ``start`` (n) [rad], or
+    from any state.
 
     compiled: as in ``make_plant``. past_apex: end well past the first apex, where the clearance is decided, not at the
     landing. plan is what ``track`` follows; plant is the true leg, if it differs from the one the strategy believes in;

@@ -119,7 +119,8 @@ class PaperStrategy:
             return self.swing(now)
         s = self.machine.stance_terms(now.q, now.v)
         self.rise = self.machine.com_velocity(s.q, s.v)[1] / self.two_mass.g
-        if self.pushed is None and now.since > self.settled and s.v[1] >= 0:
+        down = s.v[1] >= 0 or s.q[1] <= self.lowest + SHORTEST  # as low as it will be
+        if self.pushed is None and now.since > self.settled and down:
             self.pushed, self.begin = now.t, self._begin(s.q[1])
         return self.land(now, s) if self.pushed is None else self.push(now, s)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hopopt.leg.robot import BASE
 
-STANCE, FLIGHT = "stance", "flight"
+STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"
 EDGE = 1e-9  # [s] as events are located: an edge this near has been reached
 
 
@@ -79,18 +79,24 @@ class PhaseReference:
 
 @dataclass(frozen=True)
 class PlanReference:
-    """Both phases of a planned hop, and the clearance [m] it promises."""
+    """A planned hop: both phases, the clearance [m] it promises, when in flight that is reached (``apex`` [s]), and
+    whether the flight ends in a touchdown from which the hop ``repeats``."""
 
     stance: PhaseReference
     flight: PhaseReference
     clearance: float
+    apex: float
+    repeats: bool = False
 
     @classmethod
     def from_tables(cls, places: np.ndarray, tables: Mapping[str, Any], clearance: float) -> "PlanReference":
-        """From tables of t, q, v, tau at ``places`` of every interval, whole-leg q and v."""
+        """From tables of t, q, v, tau at ``places`` of every interval, whole-leg q and v; a descent belongs to the flight."""
 
-        def phase(name: str) -> PhaseReference:
-            table = tables[name]
-            return PhaseReference(places, table.t - table.t[0, 0], table.q[..., BASE:], table.v[..., BASE:], table.tau)
+        def phase(*names: str) -> PhaseReference:
+            parts = [tables[name] for name in names]
+            t, q, v, tau = (np.concatenate([getattr(part, key) for part in parts]) for key in ("t", "q", "v", "tau"))
+            return PhaseReference(places, t - t[0, 0], q[..., BASE:], v[..., BASE:], tau)
 
-        return cls(phase(STANCE), phase(FLIGHT), clearance)
+        repeats = DESCENT in tables
+        flight = phase(FLIGHT, DESCENT) if repeats else phase(FLIGHT)
+        return cls(phase(STANCE), flight, clearance, phase(FLIGHT).duration, repeats)

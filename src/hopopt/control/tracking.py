@@ -80,21 +80,26 @@ class Track:
         self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
         self.state: Estimate | None = None
         self.lost = self.early = False
+        self.began = -np.inf  # when the last stance began [s]
         if self.options.feedback == "lqr":
             machine, noise = setting.machine(), setting.angle_noise
+            unsure = {False: noise, True: self.options.speed if self.plan.repeats else noise}  # an impact comes before
             self.gains = {
-                contact: regulator(machine, self.reference(contact), self.period, contact, self.options, noise)
+                contact: regulator(
+                    machine, self.reference(contact), self.period, contact, self.options, noise, unsure[contact]
+                )
                 for contact in (True, False)
             }
 
     def stance_goes_on(self, now: Measurement) -> bool:
         """Whether to follow the planned stance: on the ground, or only bounced off it long before the lift-off."""
         if now.contact:
-            self.lost = False
+            self.lost, self.began = False, now.t - now.since
             return True
+        lasted, planned = now.t - self.began, self.plan.stance.duration
         if not self.lost:  # just left the ground
-            self.lost, self.early = True, now.t < EARLY * self.plan.stance.duration
-        return self.early and now.t < self.plan.stance.duration
+            self.lost, self.early = True, lasted < EARLY * planned
+        return self.early and lasted < planned
 
     def reference(self, contact: bool) -> PhaseReference:
         """The planned phase."""
@@ -102,10 +107,11 @@ class Track:
 
     def torque(self, now: Measurement) -> np.ndarray:
         """tau_plan - K (q - q_plan, v - v_plan)."""
-        if now.contact and now.landings:  # the hop is over: stand as at the start
+        over = now.landings and not self.plan.repeats
+        if now.contact and over:  # stand as at the start
             return self.options.k_p * (self.rest - now.q) - self.options.k_d * now.v
-        if not now.landings and self.stance_goes_on(now):
-            now = replace(now, contact=True, since=now.t)
+        if not over and self.stance_goes_on(now):
+            now = replace(now, contact=True, since=now.t - self.began)
         if now.contact and now.since > self.plan.stance.duration - 1e-9:
             return self.plan.flight.at(0.0)[2]
         q, v, tau = self.planned(now)
@@ -129,7 +135,7 @@ class Track:
         k = round(now.since / self.period)
         A, B, _, L = self.gains[now.contact].at(k)
         before = self.state
-        if before is None:
+        if before is None or (now.contact and not before.contact):  # no filter knows what speeds an impact leaves
             error = np.concatenate([now.q - q, np.zeros_like(q)])
         elif before.contact == now.contact:
             error = A @ before.error + B @ before.extra
@@ -159,9 +165,16 @@ class Estimate:
 
 
 def regulator(
-    machine: Machine, phase: PhaseReference, period: float, contact: bool, o: TrackingOptions, noise: float
+    machine: Machine,
+    phase: PhaseReference,
+    period: float,
+    contact: bool,
+    o: TrackingOptions,
+    noise: float,
+    unsure: float,
 ) -> Gains:
-    """Feedback and filter gains along a phase; ``noise`` [rad] is the standard error of a measured angle."""
+    """Feedback and filter gains along a phase; ``noise`` [rad] is the standard error of a measured angle, ``unsure``
+    [rad/s] that of the speeds as the phase begins."""
     n, periods = machine.n, max(1, int(phase.duration / period))
     pairs = [linearised(machine, phase, k * period, period, contact) for k in range(periods)]
     A, B = (np.array(matrices) for matrices in zip(*pairs, strict=True))
@@ -173,7 +186,7 @@ def regulator(
         K[k] = np.linalg.solve(R + B[k].T @ after @ B[k], B[k].T @ after @ A[k])
         cost = Q + A[k].T @ after @ (A[k] - B[k] @ K[k])
         P[k] = 0.5 * (cost + cost.T)
-    L, S, V = np.empty((periods, 2 * n, n)), np.eye(2 * n) * noise**2, np.eye(n) * noise**2
+    L, S, V = np.empty((periods, 2 * n, n)), np.diag([noise**2] * n + [unsure**2] * n), np.eye(n) * noise**2
     for k in range(periods):
         L[k] = np.linalg.solve(S[:n, :n] + V, S[:n]).T
         S = A[k] @ (S - L[k] @ S[:n]) @ A[k].T + o.disturbance**2 * B[k] @ B[k].T
