@@ -4,7 +4,7 @@ import json
 import os
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -111,6 +111,7 @@ def simulate(
 def compare(
     problem: str | None = None,
     *,
+    hop: Literal["single", "periodic"] | None = None,
     set_: Overrides = None,
     strategies: Strategies = None,
     bound: Path | None = None,
@@ -121,6 +122,8 @@ def compare(
     mass: float = 0.05,
     torque: float = 0.1,
     seed: int = 0,
+    hops: int = 50,
+    basin: Annotated[bool, Parameter(negative=())] = False,
     results: Path = Path("results"),
     figures: bool = True,
     json_: AsJson = False,
@@ -133,6 +136,9 @@ def compare(
     ----------
     problem
         A problem file, or the name of a built-in one (default: the bound's problem, or paper).
+    hop
+        single: one hop from rest. periodic: hop after hop, beside the hop that repeats itself (docs/periodic.md).
+        Default: the problem's hop.kind.
     bound
         A results folder of hopopt solve for the same problem, to save solving again.
     tune
@@ -151,6 +157,10 @@ def compare(
         Torque constants are drawn within this share of the believed ones.
     seed
         Seed of the draws.
+    hops
+        Of a periodic hop: how many each strategy does.
+    basin
+        Of a periodic hop: also find from how far off each strategy comes back to its orbit; a minute or two each.
     results
         Folder for the results; each run gets a new folder inside it.
     figures
@@ -174,8 +184,16 @@ def compare(
     from hopopt.studies.robustness import four_numbers, spread
 
     given = reverified(read(bound)) if bound else None
-    design = load(problem or (bound / "problem.toml" if bound else "paper"), set_ or ())
+    set_ = [*(set_ or ()), *([f'hop.kind="{hop}"'] if hop else ())]
+    design = load(problem or (bound / "problem.toml" if bound else "paper"), set_)
     prepare(results)
+    if design.hop.periodic:
+        from hopopt.cli.hops import compare_hops
+
+        if tune or mujoco or why:
+            raise UsageError("--tune, --mujoco and --why are for the hop from rest: leave them out for a periodic one")
+        spreads = {"mass": mass, "torque_constant": torque}
+        return compare_hops(design, names, given, hops, draws, spreads, seed, basin, results, figures, json_)
     with progress(quiet=json_) as say:
         found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()

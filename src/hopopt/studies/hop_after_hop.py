@@ -26,7 +26,7 @@ from hopopt.sim.controller import Controller
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.hop_sequence import hops_of
 from hopopt.sim.state import State
-from hopopt.studies.compare import BEATEN, answering, chosen_names, planned_trace, reference_of
+from hopopt.studies.compare import BEATEN, OPTIMUM, answering, chosen_names, planned_trace, reference_of
 from hopopt.studies.return_map import Fallen, Multipliers, ReturnMap, multipliers, state_at_landing
 from hopopt.studies.robustness import Draw
 
@@ -138,6 +138,15 @@ class HopsComparison:
     def optimum(self) -> HopFigures:
         """Of the periodic optimum."""
         return HopFigures(self.solution.design, planned_trace(self.solution))
+
+    @cached_property
+    def shown(self) -> dict[str, HopFigures]:
+        """The optimum, and one hop of each strategy: its typical one, or the last if it fell; of none, all it did."""
+
+        def one(h: Hops) -> HopFigures:
+            return h.typical or (h.each[-1] if h.each else h.run.figures)
+
+        return {OPTIMUM: self.optimum, **{name: one(h) for name, h in self.hops.items()}}
 
     @property
     def bound(self) -> float:

@@ -1,0 +1,66 @@
+"""The comparison of strategies that hop on and on, as the command compare makes it of a periodic hop."""
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hopopt.cli.options import progress
+from hopopt.errors import UsageError
+
+if TYPE_CHECKING:
+    from hopopt.design import Design
+    from hopopt.planner.solution import Solution
+
+
+def compare_hops(
+    design: "Design",
+    names: Sequence[str] | None,
+    bound: "Solution | None",
+    hops: int,
+    draws: int,
+    spreads: Mapping[str, float],
+    seed: int,
+    basins: bool,
+    results: Path,
+    figures: bool,
+    json_: bool,
+) -> int:
+    """Solve, hop on, save and print; the exit code. spreads: of the drawn legs, as in ``Uncertainty``."""
+    began = time.perf_counter()
+    if hops < 2:
+        raise UsageError("--hops must be at least 2")
+    from hopopt.design import Uncertainty
+    from hopopt.plots.hops import save_all
+    from hopopt.storage.folder import as_json
+    from hopopt.storage.runs import save_runs
+    from hopopt.storage.solution import save
+    from hopopt.studies import hop_after_hop as studying
+    from hopopt.studies.robustness import drawn
+
+    with progress(quiet=json_) as say:
+        found = studying.compare_hops(
+            design,
+            names,
+            hops=hops,
+            bound=bound,
+            draws=drawn(design, Uncertainty(**spreads), draws, seed),
+            basins=basins,
+            processes=os.cpu_count() or 1,
+            progress=say,
+        )
+        data = found.as_dict() | {"seed": seed, "wall_s": time.perf_counter() - began}
+        traces = {name: figure.trace for name, figure in found.shown.items()}
+        draw = (lambda folder: save_all(found, folder)) if figures else None
+        where = save_runs("hops", design, data, traces, results, draw)
+        for solution in (found.solution, found.plan):
+            if solution is not None and solution.result_dir is None:
+                save(solution, where)
+    if json_:
+        print(as_json({**data, "result_dir": str(where)}))
+        return found.exit_code
+    from hopopt.cli.screen.hops import print_hops
+
+    print_hops(data, f"{where}   ({data['wall_s']:.1f} s)")
+    return found.exit_code
