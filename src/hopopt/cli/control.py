@@ -190,10 +190,10 @@ def compare(
     if design.hop.periodic:
         from hopopt.cli.hops import compare_hops
 
-        if tune or mujoco or why:
-            raise UsageError("--tune, --mujoco and --why are for the hop from rest: leave them out for a periodic one")
+        if tune or why:
+            raise UsageError("--tune and --why are for the hop from rest: leave them out for a periodic one")
         spreads = {"mass": mass, "torque_constant": torque}
-        return compare_hops(design, names, given, hops, draws, spreads, seed, basin, results, figures, json_)
+        return compare_hops(design, names, given, hops, draws, spreads, seed, basin, mujoco, results, figures, json_)
     with progress(quiet=json_) as say:
         found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()

@@ -23,6 +23,7 @@ def compare_hops(
     spreads: Mapping[str, float],
     seed: int,
     basins: bool,
+    mujoco: bool,
     results: Path,
     figures: bool,
     json_: bool,
@@ -47,6 +48,7 @@ def compare_hops(
             bound=bound,
             draws=drawn(design, Uncertainty(**spreads), draws, seed),
             basins=basins,
+            mujoco=mujoco,
             processes=os.cpu_count() or 1,
             progress=say,
         )

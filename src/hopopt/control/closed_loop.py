@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +23,7 @@ from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_metrics import HopFigures, beyond_limits
 from hopopt.sim.plant import RAN_AWAY, Plant
-from hopopt.sim.state import State, Timing
+from hopopt.sim.state import BOUNCE, State, Timing
 from hopopt.sim.trace import Trace
 
 BALANCED = 1e-4  # of the energy turned over: a greater error is none of rounding, and 0.1 mm of a clearance of 1 m
@@ -149,21 +149,39 @@ def clearance_in_mujoco(
 ) -> float:
     """The clearance [m] of a strategy's first hop in MuJoCo: the same controller, rate, encoders, drives and friction on
     another party's dynamics, contact and integrator (its joints have no end stops). Raises MissingExtraError without MuJoCo."""
+    start = make_plant(design).stance_start(start_angles(design))
+    run = in_mujoco(design, make_controller(design, strategy, plan, options), start)
+    stopped = np.logical_or.accumulate(~run.contact & beyond_limits(design, run.q[:, BASE:]))
+    return highest_in(design, run, ~run.contact & ~stopped)
+
+
+def in_mujoco(
+    design: Design, controller: Controller, start: State, landings: int = 1, bounce: float = BOUNCE
+) -> mujoco.MujocoTrace:
+    """A controller's run in MuJoCo from a state to so many landings after flights of at least ``bounce`` [s]."""
     plant, period, s = make_plant(design), 1 / design.simulation.control_rate, design.simulation
-    controller = make_controller(design, strategy, plan, options)
-    encoder, since = Encoder(s.encoder_bits, s.speed_window, period, s.speed_error), [0.0, True]
+    encoder = Encoder(s.encoder_bits, s.speed_window, period, s.speed_error)
+    now = start
 
     def torque(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
-        if contact != since[1]:
-            since[:] = [t, contact]
+        nonlocal now
+        if contact and not now.contact:  # a bounce is no hop: its stance goes on
+            hopped = t - now.since >= BOUNCE
+            now = replace(now, contact=True, since=t if hopped else now.before, landings=now.landings + hopped)
+        elif now.contact and not contact:
+            now = replace(now, contact=False, since=t, before=now.since)
         measured = encoder.read(q[BASE:], v[BASE:])
-        asked = controller.torque(Measurement(t, *measured, contact, t - since[0], 0))
+        asked = controller.torque(Measurement(t, *measured, contact, t - now.since, now.landings))
         return plant.drive.torque(v[BASE:], asked)[1]
 
-    start = plant.stance_start(start_angles(design))
-    duration = design.hop.stance_duration[1] + LONGEST
-    friction = design.contact.friction
-    run = mujoco.simulate(plant.robot, start.q, start.v, torque, duration, control_period=period, friction=friction)
-    stopped = np.logical_or.accumulate(~run.contact & beyond_limits(design, run.q[:, BASE:]))
-    allowed = ~run.contact & ~stopped & (np.abs(run.foot[:, 0] - run.q[:, 0]) <= design.hop.foot_window)
+    duration = landings * (design.hop.stance_duration[1] + LONGEST)
+    return mujoco.simulate(
+        plant.robot, start.q, start.v, torque, duration, control_period=period, contact=start.contact,
+        friction=design.contact.friction, landings=landings, bounce=bounce,
+    )  # fmt: skip
+
+
+def highest_in(design: Design, run: mujoco.MujocoTrace, allowed: np.ndarray) -> float:
+    """Greatest height of the leg's lowest point [m] at the samples ``allowed`` (k,), the foot in its window; else 0."""
+    allowed = allowed & (np.abs(run.foot[:, 0] - run.q[:, 0]) <= design.hop.foot_window)
     return float(run.lowest[allowed].max(initial=0.0))

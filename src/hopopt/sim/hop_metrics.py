@@ -31,18 +31,20 @@ def beyond_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class HopFigures:
-    """What the first hop of a run amounts to, by the same definitions as the optimum's."""
+    """What the first hop of a run amounts to, by the same definitions as the optimum's; a foot off the ground for less
+    than ``bounce`` [s] has not hopped."""
 
     design: Design
     trace: Trace
+    bounce: float = BOUNCE
 
     @cached_property
     def flight(self) -> slice:
         """Samples of the first flight, from lift-off to touchdown; bounces do not count."""
         t, edges = self.trace.t, np.flatnonzero(np.diff(np.concatenate([[1], self.trace.contact, [1]])))
         for begin, end in edges.reshape(-1, 2):
-            if t[min(end, len(t) - 1)] - t[begin] >= BOUNCE:
-                down = [at for at in self.trace.times_of("touchdown") if at >= t[begin] + BOUNCE]
+            if t[min(end, len(t) - 1)] - t[begin] >= self.bounce:
+                down = [at for at in self.trace.times_of("touchdown") if at >= t[begin] + self.bounce]
                 return slice(int(begin), min(int(end), *(int(np.searchsorted(t, at)) + 1 for at in down[:1]), len(t)))
         return slice(len(t), len(t))
 

@@ -5,17 +5,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from hopopt.sim.state import BOUNCE
 from hopopt.sim.trace import SAME, Event, Trace
 
+BOUNCED = 0.1  # [s] off the ground for less is no hop, where hops follow each other: free fall from 1 cm
 
-def landings(trace: Trace) -> list[float]:
-    """When the foot landed after a flight [s]; bounces do not count, nor do they begin a flight."""
+
+def landings(trace: Trace, least: float = BOUNCED) -> list[float]:
+    """When the foot landed after a flight of at least so long [s]; a run that begins in flight has flown long enough."""
     found, left = list[float](), -np.inf
     for event in trace.events:
         if event.kind == "lift-off":
             left = event.t
-        elif event.kind == "touchdown" and event.t - left >= BOUNCE:
+        elif event.kind == "touchdown" and event.t - left >= least:
             found.append(event.t)
     return found
 

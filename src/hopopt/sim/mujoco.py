@@ -61,13 +61,15 @@ def simulate(
     control_period: float = 1e-4,
     contact: bool = True,
     friction: float | None = None,
+    landings: int = 1,
+    bounce: float = BOUNCE,
 ) -> MujocoTrace:
     """Run a controller on the leg in MuJoCo, from q0, v0 (2 + n), for ``duration`` [s].
 
     controller(t, q, v, contact) is called every ``control_period`` [s] and its torques (n) [N m] are held; they are
     not clamped here. A whole number of Runge-Kutta steps of about ``time_step`` [s] fits into each period. With
-    ``contact`` the run begins in stance, the foot at the origin; else in flight. It ends early where the foot comes down.
-    friction: coefficient of the ground; by default the foot is pinned.
+    ``contact`` the run begins in stance, the foot at the origin; else in flight. It ends early where the foot has come down
+    ``landings`` times after flights of at least ``bounce`` [s]; a pinned foot only once. friction: coefficient of the ground; by default the foot is pinned.
     Raises MissingExtraError without MuJoCo, UsageError for a foot that is elsewhere, HopoptError if the motion runs away.
     """
     steps = max(1, round(control_period / time_step))
@@ -81,7 +83,8 @@ def simulate(
         t, *_, on_ground, foot, _ = rows[-1]
         if contact and not on_ground:
             left = t
-        if (scene.pinned and not on_ground and foot[1] < -PLACED) or (on_ground and not contact and t - left > BOUNCE):
+        landings -= on_ground and not contact and t - left > bounce
+        if (scene.pinned and not on_ground and foot[1] < -PLACED) or landings <= 0:
             break
         contact = on_ground
     return MujocoTrace(*(np.array(column) for column in zip(*rows, strict=True)))

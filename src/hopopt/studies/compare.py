@@ -17,7 +17,7 @@ from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.design import Design, refuse_periodic
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import two_joints
-from hopopt.ocp.phases import FLIGHT, STANCE
+from hopopt.ocp.phases import STANCE
 from hopopt.planner.reserve import plan_to_track, reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
@@ -274,7 +274,7 @@ def reference_of(plan: Solution) -> PlanReference:
 def planned_trace(solution: Solution) -> Trace:
     """The optimum as if it had been simulated: samples of its own interpolant, inside every interval."""
     inside = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-    parts = [solution.everywhere(phase, inside) for phase in (STANCE, FLIGHT)]
+    parts = [solution.everywhere(phase, inside) for phase in solution.phases]
     t, q, v, tau, f = (np.concatenate([getattr(p, name) for p in parts]) for name in ("t", "q", "v", "tau", "f"))
     contact = np.concatenate([np.full(len(p.t), p.phase[0] == STANCE) for p in parts])
     power = np.sum(tau * v[:, -tau.shape[1] :], axis=1).reshape(-1, len(inside))

@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from hopopt.control.closed_loop import Run, make_controller, make_plant, simulate
+from hopopt.control.closed_loop import Run, highest_in, in_mujoco, make_controller, make_plant, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
 from hopopt.design import Design
@@ -24,7 +25,8 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.sim.controller import Controller
 from hopopt.sim.hop_metrics import HopFigures
-from hopopt.sim.hop_sequence import hops_of
+from hopopt.sim.hop_sequence import BOUNCED, hops_of, landings
+from hopopt.sim.mujoco import library
 from hopopt.sim.state import State
 from hopopt.studies.compare import BEATEN, OPTIMUM, answering, chosen_names, planned_trace, reference_of
 from hopopt.studies.return_map import Fallen, Multipliers, ReturnMap, multipliers, state_at_landing
@@ -32,6 +34,7 @@ from hopopt.studies.robustness import Draw
 
 HOPS, OFFSET = 50, 0.02  # of a run; [m] by which tracking begins too high
 DRAWN_HOPS = 20  # on drawn legs
+MUJOCO_HOPS = 10
 HIGHER = tuple(np.linspace(-0.15, 0.15, 7))  # [m] starts of a basin
 FASTER = tuple(np.linspace(-0.6, 0.6, 7))  # [m/s]
 BACK, NEAR = 4, 0.9  # hops after which a leg is back if it clears this share of what it keeps up
@@ -53,7 +56,8 @@ class Hops:
     @cached_property
     def each(self) -> tuple[HopFigures, ...]:
         """The figures of every whole hop, from landing to landing."""
-        return tuple(HopFigures(self.run.design, hop) for hop in hops_of(self.run.trace))
+        hops = hops_of(self.run.trace)[: self.asked]
+        return tuple(HopFigures(self.run.design, hop, BOUNCED) for hop in hops)
 
     @cached_property
     def clearances(self) -> np.ndarray:
@@ -123,6 +127,7 @@ class HopsComparison:
     asked, offset: how many hops, and by how much tracking began too high [m]
     drawn: name -> for every drawn leg, hops that it did and clearance [m] that it kept up, where asked for
     basins: name -> from where it comes back, where asked for
+    mujoco: name -> clearances [m] of its hops there, where asked for
     """
 
     solution: Solution
@@ -132,6 +137,7 @@ class HopsComparison:
     offset: float
     drawn: Mapping[str, Sequence[tuple[int, float]]] = field(default_factory=dict)
     basins: Mapping[str, "Basin"] = field(default_factory=dict)
+    mujoco: Mapping[str, Sequence[float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -182,6 +188,7 @@ class HopsComparison:
             "gap": self.gap(name),
             "drawn": self._on_draws(name),
             "basin": self.basins[name].as_dict() if name in self.basins else None,
+            "mujoco_clearances_m": list(self.mujoco[name]) if name in self.mujoco else None,
         }
 
     def _on_draws(self, name: str) -> dict[str, Any] | None:
@@ -213,6 +220,7 @@ class HopsComparison:
             "notes": list(self.notes),
             "hops": self.asked,
             "start_offset_m": self.offset,
+            "speed_m_s": self.solution.design.hop.speed,
             "period_s": orbit.period_s if orbit else None,
             "tracked_plan_m": self.plan.clearance if self.plan else None,
             "tracked_plan_verified": self.plan.verified if self.plan else None,
@@ -241,18 +249,24 @@ class Trial:
         return self.apex or make_plant(self.design).stance_start(start_angles(self.design))
 
     def hop(self, hops: int, start: State, draw: Draw | None = None, fresh: Controller | None = None) -> Run:
-        """So many whole hops from a state, on the believed leg or on a drawn one."""
-        return simulate(
-            self.design,
-            find(self.strategy),
-            plan=self.reference,
-            plant=draw.leg if draw else None,
-            torque_gain=draw.torque_gain if draw else None,
-            hops=hops + (not start.contact),
-            compiled=True,
-            controller=fresh,
-            start=start,
-        )
+        """So many whole hops from a state, on the believed leg or on a drawn one; bounces are no hops."""
+        first = landings_needed = hops + (not start.contact)
+        while True:
+            run = simulate(
+                self.design,
+                find(self.strategy),
+                plan=self.reference,
+                plant=draw.leg if draw else None,
+                torque_gain=draw.torque_gain if draw else None,
+                hops=landings_needed,
+                compiled=True,
+                controller=deepcopy(fresh),
+                start=start,
+            )
+            bounced = first - len(landings(run.trace))
+            if bounced <= 0 or not run.trace.outcome.startswith("landing") or landings_needed > 2 * first:
+                return run
+            landings_needed += bounced
 
 
 def apex_of(plan: Solution) -> State:
@@ -289,12 +303,32 @@ def hop_on(trial: Trial, hops: int = HOPS, offset: float = OFFSET) -> Hops:
     return replace(found, stable=orbit)
 
 
+def in_another_plant(design: Design) -> None:
+    """Raises MissingExtraError without MuJoCo, UsageError for what runs there do not know."""
+    library()
+    if design.contact.friction is None:
+        raise UsageError("hop after hop in MuJoCo needs ground with friction: give --set contact.friction=0.6")
+    if design.simulation.torque_delay:
+        raise UsageError("runs in MuJoCo have no delay: leave out --mujoco, or set simulation.torque_delay=0")
+
+
+def hops_in_mujoco(trial: Trial, hops: int) -> list[float]:
+    """Clearances [m] of so many hops of a strategy in MuJoCo, from the same start; fewer if the leg falls."""
+    fresh = make_controller(trial.design, find(trial.strategy), trial.reference)
+    run = in_mujoco(trial.design, fresh, trial.start, hops + (trial.apex is not None), BOUNCED)
+    edges = np.flatnonzero(np.diff(run.contact.astype(int))) + 1  # no flight before the first landing counts
+    flights = [span for span in pairwise([*edges, len(run.t)]) if not run.contact[span[0]]]
+    whole = [(a, b) for a, b in flights if run.t[b - 1] - run.t[a] > BOUNCED]
+    each = np.arange(len(run.t))
+    return [highest_in(trial.design, run, (each >= a) & (each < b)) for a, b in whole]
+
+
 def hops_on_draws(trial: Trial, draws: Sequence[Draw], hops: int = DRAWN_HOPS) -> list[tuple[int, float]]:
     """For each drawn leg: how many hops of so many it does, and the clearance [m] that it keeps up."""
     fresh, found = make_controller(trial.design, find(trial.strategy), trial.reference), []
     for draw in draws:
         start = trial.apex or make_plant(draw.leg).stance_start(draw.start)
-        on = Hops(trial.hop(hops, start, draw, deepcopy(fresh)), hops)
+        on = Hops(trial.hop(hops, start, draw, fresh), hops)
         found.append((len(on.each), on.kept))
     return found
 
@@ -322,7 +356,7 @@ def back(trial: Trial, kept: float, begin: Sequence[State]) -> list[bool]:
     """For each start whether the hops come back to the clearance that is kept up [m]."""
     fresh, found = make_controller(trial.design, find(trial.strategy), trial.reference), []
     for start in begin:
-        on = Hops(trial.hop(BACK, start, fresh=deepcopy(fresh)), BACK)
+        on = Hops(trial.hop(BACK, start, fresh=fresh), BACK)
         found.append(not on.fell and float(on.clearances[-1]) >= NEAR * kept)
     return found
 
@@ -356,14 +390,15 @@ def compare_hops(
     bound: Solution | None = None,
     draws: Sequence[Draw] = (),
     basins: bool = False,
+    mujoco: bool = False,
     processes: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> HopsComparison:
     """Solve for the periodic bound (or take one that was solved), hop on with strategies, and set them side by side.
 
     strategies: names, "all", or None for the usual ones, as ``compare`` takes them. hops: of each, at least 2. offset: by
-    which tracking begins too high [m]. draws: legs on which all are tried too. basins: find from where they come back.
-    Raises UsageError for strategies that are unknown or do not suit the leg, and for a hop from rest; NotSolvedError if
+    which tracking begins too high [m]. draws: legs on which all are tried too. basins: find from where they come back. mujoco: hop in
+    MuJoCo too, MUJOCO_HOPS times. Raises MissingExtraError without it, UsageError for strategies that are unknown or do not suit the leg, and for a hop from rest; NotSolvedError if
     there is no bound.
     """
     if not design.hop.periodic:
@@ -373,6 +408,8 @@ def compare_hops(
     say, (names, notes) = progress or (lambda text: None), chosen_names(design, strategies)
     chosen = [find(name) for name in names]
     make_plant(design)  # what cannot be simulated is said before the work
+    if mujoco:
+        in_another_plant(design)
     for strategy in chosen:
         if not strategy.needs_plan:
             make_controller(design, strategy)
@@ -394,7 +431,7 @@ def compare_hops(
         some = trials[k : k + processes]
         done = side_by_side(hop_on, [(t, hops, offset) for t in some])
         found |= {t.strategy: h for t, h in zip(some, done, strict=True)}
-    drawn, maps = dict[str, list[tuple[int, float]]](), dict[str, Basin]()
+    drawn, maps, elsewhere = dict[str, list[tuple[int, float]]](), dict[str, Basin](), dict[str, list[float]]()
     for trial in trials:
         if draws:
             say(f"{trial.strategy} on {len(draws)} drawn legs, {DRAWN_HOPS} hops each")
@@ -404,4 +441,7 @@ def compare_hops(
             say(f"{trial.strategy} from other starts")
             if (area := basin(trial, found[trial.strategy], processes)) is not None:
                 maps[trial.strategy] = area
-    return HopsComparison(solution, plan, found, hops, offset, drawn, maps, tuple(notes))
+        if mujoco:
+            say(f"{trial.strategy} in MuJoCo")
+            elsewhere[trial.strategy] = hops_in_mujoco(trial, min(hops, MUJOCO_HOPS))
+    return HopsComparison(solution, plan, found, hops, offset, drawn, maps, elsewhere, tuple(notes))

@@ -17,11 +17,12 @@ from hopopt.leg.robot import BASE
 from hopopt.sim.controller import Controller
 from hopopt.sim.drive import Encoder
 from hopopt.sim.hop_sequence import before_landing, landings
-from hopopt.sim.state import BOUNCE, State, Timing
+from hopopt.sim.state import State, Timing
 from hopopt.sim.trace import Trace
 
 STEP = 2e-3  # rad, m/s or rad/s: of the differences, above what the control period leaves unsmooth
 SPEEDS = 10.0  # how much larger steps of speeds are
+BOUNCES = 4  # after a landing that are waited for
 SETTLE = 5  # hops by which the leg comes nearer to its own orbit first
 
 
@@ -72,16 +73,20 @@ class ReturnMap:
         q[1] = -plant.machine.foot_motion(q, np.zeros_like(q))[0][1]
         falling = State(q, z[n:], contact=False, foot=0.0, since=-1.0)
         landed, _ = plant.change(falling, lambda t, q, v: np.zeros(n))
-        trace = plant.run(
-            landed, deepcopy(self.controller), design.hop.stance_duration[1] + LONGEST, landings=landed.landings + 1,
-            timing=Timing(period, s.torque_delay), encoder=Encoder(0, 1, period, s.speed_error),
-        )  # fmt: skip
-        return state_at_landing(trace)
+        for bounces in range(BOUNCES):
+            trace = plant.run(
+                landed, deepcopy(self.controller), design.hop.stance_duration[1] + LONGEST,
+                landings=landed.landings + 1 + bounces,
+                timing=Timing(period, s.torque_delay), encoder=Encoder(0, 1, period, s.speed_error),
+            )  # fmt: skip
+            if landings(trace) or not trace.outcome.startswith("landing"):
+                return state_at_landing(trace)
+        raise Fallen("the leg bounces")
 
 
 def state_at_landing(trace: Trace) -> np.ndarray:
     """The state (2 n + 2) before the last landing of a run; Fallen if there is none."""
-    found = [t for t in landings(trace) if t > BOUNCE]
+    found = landings(trace)
     if not found or not trace.outcome.startswith("landing"):
         raise Fallen(trace.outcome)
     k = before_landing(trace, found[-1])

@@ -1,12 +1,13 @@
 """What the command line shows of strategies that hop on and on."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
 
+SPEED = 0.05  # [m/s] by which a mean speed may differ from what is asked without a word
 GAPS = ("push_m", "timing_m", "retraction_m")
 ROOM = "a softer landing (hop.touchdown_loss) or a larger reserve.ground_force leaves it room (docs/periodic.md)"
 
@@ -31,6 +32,10 @@ def print_hops(data: Mapping[str, Any], where: str) -> None:
             out.print(_drawn(name, row["drawn"]))
         if row["basin"]:
             out.print(_basin(name, row["basin"]))
+        if row["mujoco_clearances_m"] is not None:
+            out.print(_elsewhere(name, row["mujoco_clearances_m"]))
+        if (speed := _speed(row)) is not None and abs(speed - data["speed_m_s"]) > SPEED:
+            out.print(f"{name} moves at {speed:+.2f} m/s on average; the bound is for {data['speed_m_s']:g} m/s")
     if data["tracked_plan_m"]:
         doubt = "" if data["tracked_plan_verified"] else "; it was NOT verified"
         high = f"tracking begins {100 * data['start_offset_m']:g} cm above its apex"
@@ -78,6 +83,16 @@ def hops_table(rows: Mapping[str, Any], asked: int) -> Table:
 def _drawn(name: str, d: Mapping[str, Any]) -> str:
     lowest = f", the lowest of them keeps up {d['lowest_kept_m']:.3f} m" if d["lowest_kept_m"] is not None else ""
     return f"{name}: {d['still_hop']} of {d['draws']} drawn legs still hop after {d['hops']} hops{lowest}"
+
+
+def _speed(row: Mapping[str, Any]) -> float | None:
+    return row["drift_m_per_hop"] / row["period_s"] if row["period_s"] else None
+
+
+def _elsewhere(name: str, heights: Sequence[float]) -> str:
+    if not heights:
+        return f"{name} does not hop in MuJoCo"
+    return f"{name} in MuJoCo, {len(heights)} hops: {min(heights):.3f} to {max(heights):.3f} m"
 
 
 def _basin(name: str, b: Mapping[str, Any]) -> str:
