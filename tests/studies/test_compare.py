@@ -21,7 +21,7 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.summary_entry import as_data
-from hopopt.planner.summary_extras import Functions
+from hopopt.planner.summary_extras import Attained, CanBeHad, Functions
 from hopopt.problem.load import changed, load
 from hopopt.storage.runs import save_runs
 from hopopt.storage.solution import save
@@ -36,8 +36,9 @@ from hopopt.studies.compare import (
     planned_trace,
     reference_of,
 )
+from hopopt.studies.control_recheck import control_check
 from hopopt.studies.paper_results import is_the_papers
-from hopopt.studies.robustness import drawn, spread
+from hopopt.studies.robustness import can_be_had, drawn, spread
 
 
 @pytest.fixture(scope="module")
@@ -269,7 +270,7 @@ def test_draws_are_seeded_and_within_what_was_asked():
 def test_no_mismatch_loses_nothing(comparison):
     """Draws of no width are the believed leg: the distribution is one number."""
     only = Comparison(comparison.solution, comparison.plan, {"track": comparison.runs["track"]})
-    found = spread(only, 2, 0, 0.0, 0.0, 2)["track"]
+    found = spread(only, 2, 0, Uncertainty(mass=0, torque_constant=0), 2)["track"]
     assert found["clearances_m"] == pytest.approx([comparison.figures["track"].clearance] * 2)
     assert found["failed"] == 0
 
@@ -289,11 +290,45 @@ def test_fifty_mismatched_legs_hop_if_enough_is_held_back(solution):
     """5 % of mass and 10 % of torque constant: a drive with too large a constant is as much slower, so speed is held back."""
     overrides = ["reserve.torque=0.12", "reserve.speed=0.1", "reserve.ground_force=80", "reserve.height=0.02"]
     robust = compare(load("paper", overrides), ["track"], bound=solution)
-    found = spread(robust, 50, 0, 0.05, 0.1, 2)["track"]
+    found = spread(robust, 50, 0, Uncertainty(), 2)["track"]
     assert found["draws"] == len(found["clearances_m"]) == 50
     assert found["failed"] == 0
     assert robust.plan is not None
     assert found["p05_m"] > 0.9 * robust.plan.clearance
+
+
+@pytest.mark.slow
+def test_what_can_be_had_stands_in_the_answer_and_is_verified_by_simulating_again(solution, monkeypatch):
+    had = can_be_had(solution, 3, processes=2)
+    assert had.bound_m == had.ideal_bound_m == solution.clearance  # no friction is given
+    assert had.pd is not None
+    assert had.tracked is not None
+    assert had.tracked.strategy in ("track", "track_mpc")
+    assert had.pd.clearance_m < solution.clearance
+    assert had.confidence == pytest.approx(1 - 0.95**3)
+    monkeypatch.setattr("hopopt.studies.control_recheck.can_be_had", lambda *asked: had)  # the same seed: the same legs
+    stated = solution.with_summary(can_be_had=had)
+    assert all(check.passed for check in control_check(stated))
+    more = replace(had, pd=replace(had.pd, clearance_m=had.pd.clearance_m + 0.01))
+    wrong = [check for check in control_check(solution.with_summary(can_be_had=more)) if not check.passed]
+    assert [(check.name, check.where) for check in wrong] == [
+        ("what can be had as simulated", "can_be_had.pd.clearance_m")
+    ]
+
+
+def test_the_answer_says_what_can_be_had_in_a_line(solution, tmp_path, capsys):
+    had = CanBeHad(0.8, 0.69, 0.95, 0.95, 60, 0, Attained("track", 0.5), Attained("position_tuned", 0.55))
+    print_answer(save(solution.with_summary(can_be_had=had), tmp_path))
+    out = " ".join(capsys.readouterr().out.split())
+    assert "95% of all legs within [uncertainty] reach 0.500 m with track and 0.550 m with position_tuned" in out
+    assert "hopopt robust finds a better one" in out
+
+
+@pytest.mark.parametrize("more", [["--objective", "apex"], ["--hop", "periodic"], ["--draws", "-2"]])
+def test_legs_are_not_drawn_for_a_hop_that_is_no_bound_of_theirs(more, tmp_path, capsys):
+    assert run(["solve", "--draws", "10", *more, "--results", str(tmp_path)]) == 2
+    assert "draws" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_command_prints_one_object(comparison, solution, tmp_path, capsys):

@@ -283,6 +283,8 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         "periodic",
         "--set",
         "contact.friction=0.6",
+        "--set",
+        "solver.starts=1",
         "--strategies",
         "position_tuck",
         "--hops",

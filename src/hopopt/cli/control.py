@@ -119,8 +119,8 @@ def compare(
     mujoco: bool = False,
     draws: int = 0,
     why: Annotated[bool, Parameter(negative=())] = False,
-    mass: float = 0.05,
-    torque: float = 0.1,
+    mass: float | None = None,
+    torque: float | None = None,
     seed: int = 0,
     hops: int = 50,
     basin: Annotated[bool, Parameter(negative=())] = False,
@@ -147,14 +147,14 @@ def compare(
     mujoco
         Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws
-        Also run every strategy on this many legs whose masses and torque constants differ from the believed ones, and say
+        Also run every strategy on this many legs that differ from the believed one by the problem's [uncertainty], and say
         what can be had: two bounds, and what 95 % of the legs reach.
     why
         Also say by which freedoms PD is lower: a ladder of verified optima, each with one more (minutes).
     mass
-        Masses are drawn within this share of the believed ones.
+        Masses are drawn within this share of the believed ones (default: uncertainty.mass).
     torque
-        Torque constants are drawn within this share of the believed ones.
+        Torque constants are drawn within this share of the believed ones (default: uncertainty.torque_constant).
     seed
         Seed of the draws.
     hops
@@ -175,8 +175,13 @@ def compare(
         raise UsageError("--strategies names none: give one or more, such as --strategies track --strategies force")
     if tune and tune < 24:
         raise UsageError("--tune must be 0 or at least 24")
-    if draws < 0 or not (0 <= mass < 1 and 0 <= torque < 1):
-        raise UsageError("--draws must be 0 or more; --mass and --torque are shares from 0 to below 1")
+    if draws < 0:
+        raise UsageError("--draws must be 0 or more")
+    spreads = {"uncertainty.mass": mass, "uncertainty.torque_constant": torque}
+    spreads = {entry: share for entry, share in spreads.items() if share is not None}
+    if not all(0 <= share <= 0.5 for share in spreads.values()):
+        raise UsageError("--mass and --torque are shares from 0 to 0.5")
+    from hopopt.planner.summary_entry import as_data
     from hopopt.storage.folder import as_json, prepare
     from hopopt.storage.recheck import reverified
     from hopopt.storage.solution import read, save
@@ -184,7 +189,7 @@ def compare(
     from hopopt.studies.robustness import four_numbers, spread
 
     given = reverified(read(bound)) if bound else None
-    set_ = [*(set_ or ()), *([f'hop.kind="{hop}"'] if hop else ())]
+    set_ = [*(set_ or ()), *([f'hop.kind="{hop}"'] if hop else ()), *(f"{entry}={x}" for entry, x in spreads.items())]
     design = load(problem or (bound / "problem.toml" if bound else "paper"), set_)
     prepare(results)
     if design.hop.periodic:
@@ -192,14 +197,14 @@ def compare(
 
         if tune or why:
             raise UsageError("--tune and --why are for the hop from rest: leave them out for a periodic one")
-        spreads = {"mass": mass, "torque_constant": torque}
-        return compare_hops(design, names, given, hops, draws, spreads, seed, basin, mujoco, results, figures, json_)
+        return compare_hops(design, names, given, hops, draws, seed, basin, mujoco, results, figures, json_)
     with progress(quiet=json_) as say:
         found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()
         if draws:
-            data["mismatch"] = spread(found, draws, seed, mass, torque, os.cpu_count() or 1, say)
-            data["four_numbers"] = four_numbers(found, data["mismatch"], comparing.on_ideal_ground(found.solution, say))
+            data["mismatch"] = spread(found, draws, seed, design.uncertainty, os.cpu_count() or 1, say)
+            numbers = four_numbers(found, data["mismatch"], comparing.on_ideal_ground(found.solution, say))
+            data["four_numbers"] = as_data(numbers)
         steps = _steps(found, data, say) if why else None
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         traces = {name: f.trace for name, f in found.figures.items()}

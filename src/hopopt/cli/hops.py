@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,6 @@ def compare_hops(
     bound: "Solution | None",
     hops: int,
     draws: int,
-    spreads: Mapping[str, float],
     seed: int,
     basins: bool,
     mujoco: bool,
@@ -28,11 +27,10 @@ def compare_hops(
     figures: bool,
     json_: bool,
 ) -> int:
-    """Solve, hop on, save and print; the exit code. spreads: of the drawn legs, as in ``Uncertainty``."""
+    """Solve, hop on, save and print; the exit code."""
     began = time.perf_counter()
     if hops < 2:
         raise UsageError("--hops must be at least 2")
-    from hopopt.design import Uncertainty
     from hopopt.plots.hops import save_all
     from hopopt.storage.folder import as_json
     from hopopt.storage.runs import save_runs
@@ -46,7 +44,7 @@ def compare_hops(
             names,
             hops=hops,
             bound=bound,
-            draws=drawn(design, Uncertainty(**spreads), draws, seed),
+            draws=drawn(design, design.uncertainty, draws, seed),
             basins=basins,
             mujoco=mujoco,
             processes=os.cpu_count() or 1,

@@ -5,7 +5,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -56,6 +56,7 @@ def solve(
     structure: bool = False,
     cross_check: CrossChecked = False,
     control: bool = True,
+    draws: int = 0,
     results: Path = Path("results"),
     figures: bool = True,
     report: bool = False,
@@ -92,6 +93,9 @@ def solve(
         (docs/certificate.md).
     control
         Also simulate the paper's force control on the same leg (hopopt compare has more); a few seconds.
+    draws
+        Also say what can be had, about a minute: what 95 % of so many legs reach that differ from this one by the problem's
+        [uncertainty], tracking a plan and by PD control.
     results
         Folder for the results; each run gets a new folder inside it.
     figures
@@ -110,6 +114,7 @@ def solve(
         raise UsageError("--time-limit must be at least 1 s")
     if couple and not free:
         raise UsageError("--couple relates numbers that are free: give them as --free leg.thigh.length=0.3:0.45")
+    _check_draws(draws, objective, constraint or (), design)
     from hopopt.problem.hints import hints
     from hopopt.storage.folder import prepare
 
@@ -139,6 +144,9 @@ def solve(
             say("simulating the paper's force control")
             with suppress(KeyboardInterrupt):  # the answer is there
                 solution = _beside(solution)
+        if draws and solution.verified:
+            with suppress(KeyboardInterrupt):
+                solution = _had(solution, draws, say)
         if report:
             say("writing the report")
             _report(solution)
@@ -170,6 +178,32 @@ def _beside(solution: "Solution") -> "Solution":
         return solution
     code = 3 if found.beyond_bound else solution.summary.exit_code
     return with_more(solution, paper_strategy=found, exit_code=code)
+
+
+def _check_draws(draws: int, objective: str, constraints: Sequence[str], design: "Design") -> None:
+    """UsageError where legs are drawn for a hop that is no bound of theirs."""
+    if draws < 0:
+        raise UsageError("--draws must be 0 or more")
+    if draws:
+        from hopopt.control.closed_loop import make_plant
+        from hopopt.design import refuse_periodic
+
+        if objective != "clearance" or constraints:
+            raise UsageError("--draws is for the objective clearance without user-defined constraints")
+        refuse_periodic(design, "solve --draws")
+        make_plant(design)
+
+
+def _had(solution: "Solution", draws: int, say: Callable[[str], None]) -> "Solution":
+    """The answer with what controllers make of it on drawn legs; the answer is there, so what goes wrong is only reported."""
+    from hopopt.storage.solution import with_more
+    from hopopt.studies.robustness import can_be_had
+
+    try:
+        return with_more(solution, can_be_had=can_be_had(solution, draws, 0, os.cpu_count() or 1, say))
+    except HopoptError as error:
+        print(f"hopopt: what can be had is missing ({error})", file=sys.stderr)
+        return solution
 
 
 def _report(solution: "Solution") -> None:

@@ -10,6 +10,7 @@ from typing import Literal
 
 from hopopt.planner.summary_entry import if_any, stated
 from hopopt.planner.summary_extras import (
+    CanBeHad,
     CoDesign,
     CrossCheck,
     FlatDirection,
@@ -100,6 +101,7 @@ class Summary(Measures):
     time_limit_s: float | None = if_any("time after which the search ends with the best hop so far [s]")
     overrides: tuple[str, ...] | None = if_any("entries that were set on the command line")
     paper_strategy: PaperStrategy | None = if_any("the paper's control on the same leg")
+    can_be_had: CanBeHad | None = if_any("what controllers make of it on drawn legs")
     second_opinions: tuple[CrossCheck, ...] = if_any("cross-checks by other solvers and schemes", default=())
     codesign: CoDesign | None = if_any("what was free in a co-design")
     families: tuple[HopFamily, ...] | None = if_any("kinds of hops that were found")

@@ -63,6 +63,28 @@ class PaperStrategy(Strict):
 
 
 @dataclass(frozen=True)
+class Attained(Strict):
+    """What a share of drawn legs reaches with a strategy."""
+
+    strategy: str = stated("its name")
+    clearance_m: float = stated("[m]")
+
+
+@dataclass(frozen=True)
+class CanBeHad(Strict):
+    """What can be had of the optimum: bounds, and what a share of the legs drawn about this one reaches in simulation."""
+
+    ideal_bound_m: float | None = stated("bound on ground that grips without limit [m]; null if it was not verified")
+    bound_m: float | None = stated("bound on this ground [m]; null if it was not verified")
+    share: float = stated("of the legs that is spoken of")
+    confidence: float = stated("with which that share reaches it, whatever the distribution")
+    draws: int = stated("legs that were drawn")
+    seed: int = stated("of the draws")
+    tracked: Attained | None = stated("with the best strategy that tracks a plan; null without one")
+    pd: Attained | None = stated("with the best PD strategy; null without one")
+
+
+@dataclass(frozen=True)
 class CrossCheck(Strict):
     """What another way of solving says."""
 

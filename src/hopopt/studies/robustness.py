@@ -15,8 +15,9 @@ from hopopt.design import Design, Uncertainty
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.solution import Solution
+from hopopt.planner.summary_extras import Attained, CanBeHad
 from hopopt.sim.plant import PAST_APEX
-from hopopt.studies.compare import Comparison, reference_of
+from hopopt.studies.compare import TUNED_PD, Comparison, chosen_names, compare, on_ideal_ground, reference_of
 
 FAILED = 0.5  # of the clearance on the believed leg, below which a leg has failed
 SHARE, SURE = 0.95, 0.95  # of the legs that a comparison speaks of, and how surely if the draws are enough
@@ -160,17 +161,16 @@ def spread(
     comparison: Comparison,
     draws: int,
     seed: int,
-    mass: float,
-    torque: float,
+    uncertainty: Uncertainty,
     processes: int,
     say: Callable[[str], None] = lambda text: None,
 ) -> dict[str, dict[str, Any]]:
     """How every compared strategy fares on the same drawn legs; failed is below half of what it clears on the believed one.
 
-    mass, torque: shares, as in ``Uncertainty``. ``reached_m``: what SHARE of all legs reach, with ``confidence``.
+    ``reached_m``: what SHARE of all legs reach, with ``confidence``.
     """
     design, found = comparison.solution.design, {}
-    legs = drawn(design, Uncertainty(mass=mass, torque_constant=torque), draws, seed)
+    legs = drawn(design, uncertainty, draws, seed)
     place, confidence = _lowest_that_counts(draws)
     for name, run in comparison.runs.items():
         plan = comparison.plan if run.strategy.needs_plan else None
@@ -182,8 +182,8 @@ def spread(
         usual = run.figures.clearance if plan is None else plan.clearance
         found[name] = {
             "draws": draws,
-            "mass": mass,
-            "torque": torque,
+            "mass": uncertainty.mass,
+            "torque": uncertainty.torque_constant,
             "seed": seed,
             "failed": int(np.sum(heights < FAILED * usual)),
             **{key: float(np.percentile(heights, level)) for key, level in levels.items()},
@@ -204,20 +204,33 @@ def _lowest_that_counts(draws: int) -> tuple[int, float]:
     return place, float(binom.sf(place - 1, draws, 1 - SHARE))
 
 
-def four_numbers(comparison: Comparison, mismatch: Mapping[str, Mapping[str, Any]], ideal: Solution) -> dict[str, Any]:
+def four_numbers(comparison: Comparison, mismatch: Mapping[str, Mapping[str, Any]], ideal: Solution) -> CanBeHad:
     """What can be had: the bounds on ideal ground and on this one, and what SHARE of the drawn legs reach on this ground
-    with the best tracker and with the best PD strategy (name and clearance [m]; None without one)."""
+    with the best tracker and with the best PD strategy; mismatch as ``spread`` finds it."""
 
-    def best(tracking: bool) -> dict[str, Any] | None:
+    def best(tracking: bool) -> Attained | None:
         own = {n: m["reached_m"] for n, m in mismatch.items() if comparison.runs[n].strategy.needs_plan == tracking}
         name = max(own, key=lambda name: own[name], default=None)
-        return None if name is None else {"strategy": name, "clearance_m": own[name]}
+        return None if name is None else Attained(name, own[name])
 
-    bounds = {"ideal_bound_m": ideal, "bound_m": comparison.solution}
-    return {
-        **{key: s.clearance if s.verified else None for key, s in bounds.items()},
-        "share": SHARE,
-        "confidence": next(iter(mismatch.values()))["confidence"],
-        "tracked": best(True),
-        "pd": best(False),
-    }
+    any_of = next(iter(mismatch.values()))
+    on_ideal, here = (s.clearance if s.verified else None for s in (ideal, comparison.solution))
+    of_legs = SHARE, any_of["confidence"], any_of["draws"], any_of["seed"]
+    return CanBeHad(on_ideal, here, *of_legs, tracked=best(True), pd=best(False))
+
+
+def can_be_had(
+    solution: Solution,
+    draws: int,
+    seed: int = 0,
+    processes: int = 1,
+    say: Callable[[str], None] = lambda text: None,
+) -> CanBeHad:
+    """The same of a solved hop: its plan with [reserve] tracked in two ways, and the tuned PD strategies, on legs within the problem's
+    [uncertainty]. Raises UsageError for a leg that is not simulated, or a hop that is no bound on clearance."""
+    wanted, _ = chosen_names(solution.design, None)
+    names = [name for name in wanted if name in ("track", *TUNED_PD)]
+    names.insert(1, "track_mpc")
+    found = compare(solution.design, names, bound=solution, progress=say)
+    mismatch = spread(found, draws, seed, solution.design.uncertainty, processes, say)
+    return four_numbers(found, mismatch, on_ideal_ground(solution, say))

@@ -125,6 +125,28 @@ def orbit_lines(s: "Summary") -> list[str]:
 
 
 def control_lines(s: "Summary") -> list[str]:
+    """What controllers reach."""
+    return [*_paper_lines(s), *_had_lines(s)]
+
+
+def _had_lines(s: "Summary") -> list[str]:
+    """What a share of drawn legs reaches."""
+    if (found := s.can_be_had) is None:
+        return []
+    ways = [f"{way.clearance_m:.3f} m with {way.strategy}" for way in (found.tracked, found.pd) if way]
+    ideal = (
+        f"; on ground that grips without limit the bound is {found.ideal_bound_m:.3f} m" if found.ideal_bound_m else ""
+    )
+    behind = found.tracked and found.pd and found.tracked.clearance_m < found.pd.clearance_m
+    more = ["the plan's [reserve] is too small for such legs: hopopt robust finds a better one"] if behind else []
+    return [
+        f"what can be had: {found.share:.0%} of all legs within [uncertainty] reach {' and '.join(ways)} "
+        f"(simulated, {found.draws} draws, confidence {found.confidence:.0%}){ideal}",
+        *more,
+    ]
+
+
+def _paper_lines(s: "Summary") -> list[str]:
     """What the paper's PD strategy reaches."""
     if (found := s.paper_strategy) is None:
         return []
