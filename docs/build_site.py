@@ -19,7 +19,7 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 PARTS = {  # of the site, in the order in which they are read
     "Begin": ("start", "glossary", "limits"),
-    "Your own leg": ("own_leg", "actuators", "objectives", "periodic", "simulation", "report"),
+    "Your own leg": ("own_leg", "actuators", "objectives", "periodic", "landing", "simulation", "report"),
     "Studies": ("sensitivity", "studies", "codesign"),
     "Gallery": ("notebooks/*",),
     "Theory and evidence": ("method", "certificate", "evidence", "bound", "paper"),

@@ -166,32 +166,40 @@ class Start(Section):
 
 
 class Hop(Section):
-    kind: Literal["single", "periodic"] = choice(
-        "one hop from rest to the apex, or a hop that ends as it began and goes on for ever", "single"
-    )
+    kind: Literal["single", "landing", "periodic"] = choice(
+        "one hop from rest to the apex, the same hop landed and brought to rest, or a hop that ends as it began and goes "
+        "on for ever", "single",
+    )  # fmt: skip
     speed: float = quantity("mean forward speed of a periodic hop; 0: in place", "m/s", -20, 20, 0.0)
     touchdown_impulse: float | None = quantity(
-        "periodic hop: largest impulse of the ground on the foot at touchdown", "N s", 1e-3, 1e4, None
+        "periodic hop and landing: largest impulse of the ground on the foot at touchdown", "N s", 1e-3, 1e4, None
     )
     touchdown_loss: float | None = quantity(
-        "periodic hop: largest kinetic energy that the impact at touchdown takes", "J", 1e-3, 1e4, None
+        "periodic hop and landing: largest kinetic energy that the impact at touchdown takes", "J", 1e-3, 1e4, None
     )
     touchdown_speed: float | None = quantity(
-        "periodic hop: largest speed of the foot just before touchdown", "m/s", 1e-3, 100, None
+        "periodic hop and landing: largest speed of the foot just before touchdown", "m/s", 1e-3, 100, None
     )
     touchdown_gear_torque: float | None = quantity(
-        "periodic hop: largest torque in a gear while its rotor is stopped or started by the impact",
+        "periodic hop and landing: largest torque in a gear while its rotor is stopped or started by the impact",
         "N m",
         1e-2,
         1e5,
         None,
     )
     touchdown_time: float = quantity(
-        "periodic hop: how long the impact lasts, which makes a mean torque of a gear's impulse", "s", 1e-4, 0.1, 0.01
+        "periodic hop and landing: how long the impact lasts, which makes a mean torque of a gear's impulse",
+        "s",
+        1e-4,
+        0.1,
+        0.01,
     )
     stance_duration: tuple[Duration, Duration] = choice("shortest and longest stance", (0.03, 0.4), unit="s")
     flight_duration: tuple[Duration, Duration] = choice(
         "shortest and longest time from lift-off to the apex", (0.03, 1.0), unit="s"
+    )
+    landing_duration: tuple[Duration, Duration] = choice(
+        "landing: shortest and longest time from touchdown to rest", (0.03, 1.0), unit="s"
     )
     clearance: float | None = quantity(
         "clearance that the hop must reach, for objectives that ask how (energy, time, saturation, ...)",
@@ -211,6 +219,11 @@ class Hop(Section):
     def periodic(self) -> bool:
         """Whether the hop ends as it began."""
         return self.kind == "periodic"
+
+    @property
+    def lands(self) -> bool:
+        """Whether the leg goes on after a touchdown."""
+        return self.kind != "single"
 
     @property
     def descent_duration(self) -> tuple[float, float]:
@@ -346,10 +359,11 @@ class Design(Section):
         return self
 
 
-def refuse_periodic(design: Design, what: str) -> None:
-    """UsageError for ``what`` knows the hop from rest alone, if the problem asks for a periodic hop."""
-    if design.hop.periodic:
-        raise UsageError(f'{what} does not know the periodic hop yet: set hop.kind = "single"')
+def refuse_landed(design: Design, what: str) -> None:
+    """UsageError for ``what`` knows the hop from rest to the apex alone, if the problem asks for another."""
+    if design.hop.lands:
+        which = {"periodic": "the periodic hop", "landing": "the hop that lands"}[design.hop.kind]
+        raise UsageError(f'{what} does not know {which} yet: set hop.kind = "single"')
 
 
 def unit(vector: Sequence[float]) -> tuple[float, ...]:

@@ -263,6 +263,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 def test_limits_of_a_touchdown_go_with_a_periodic_hop() -> None:
     with pytest.raises(
-        ProblemFileError, match=r'hop\.touchdown_loss = 1\.0 is for periodic hops: set hop\.kind = "periodic"'
+        ProblemFileError,
+        match=r'hop\.touchdown_loss = 1\.0 is for hops that land: set hop\.kind = "landing" or "periodic"',
     ):
         load("paper", {"hop.touchdown_loss": 1.0})

@@ -8,6 +8,7 @@ import sys
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -200,7 +201,11 @@ def test_the_command_serves_this_computer_alone_and_ends_cleanly(hop: Solution, 
     folder = save(hop, tmp_path / "Größe und Höhe").result_dir
     words = [sys.executable, "-m", "hopopt", "view", str(folder), "--port", "0", "--json"]
     environment = os.environ | {"HOPOPT_CACHE": "off"}
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as running:
+    heard = partial(
+        signal.signal, signal.SIGINT, signal.SIG_DFL
+    )  # a shell's background jobs, and their children, ignore it
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, env=environment, preexec_fn=heard) as running:
         try:
             assert running.stdout is not None
             said = json.loads(running.stdout.readline())

@@ -76,11 +76,11 @@ def simulate(
     truth, options = load(problem, [*(set_ or ()), *plant]) if plant else None, _options(option or ())
     from hopopt.control import closed_loop
     from hopopt.control.strategies import find
-    from hopopt.design import refuse_periodic
+    from hopopt.design import refuse_landed
     from hopopt.storage.folder import as_json, prepare
 
     chosen = find(strategy)
-    refuse_periodic(design, "a simulation from rest")
+    refuse_landed(design, "a simulation from rest")
     closed_loop.make_plant(truth or design)  # what cannot be simulated is said before the work
     prepare(results)
     with progress(quiet=json_) as say:

@@ -45,7 +45,7 @@ def solve(
     problem: str = "paper",
     *,
     objective: str = "clearance",
-    hop: Literal["single", "periodic"] | None = None,
+    hop: Literal["single", "landing", "periodic"] | None = None,
     set_: Overrides = None,
     constraint: Constraints = None,
     free: Free = None,
@@ -78,8 +78,8 @@ def solve(
         electrical_energy, time, saturation, peak_torque, peak_force or impact. Or a Python function of your own as
         module:function (docs/objectives.md).
     hop
-        single: one hop from rest. periodic: a hop that ends as it began, for ever (docs/periodic.md); its mean speed is
-        --set hop.speed=0.5. Default: the problem's hop.kind.
+        single: one hop from rest. landing: the same, landed and brought to rest (docs/landing.md). periodic: a hop that ends
+        as it began, for ever (docs/periodic.md); its mean speed is --set hop.speed=0.5. Default: the problem's hop.kind.
     starts
         How many different starting points to solve from (default: the problem's solver.starts).
     processes
@@ -122,7 +122,7 @@ def solve(
     for words in hints(design):
         print(f"hopopt: {words}", file=sys.stderr)  # before what may take long
 
-    control = control and not design.hop.periodic  # the paper's control begins at rest
+    control = control and not design.hop.lands  # the paper's control ends with the apex
     draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}
@@ -186,11 +186,11 @@ def _check_draws(draws: int, objective: str, constraints: Sequence[str], design:
         raise UsageError("--draws must be 0 or more")
     if draws:
         from hopopt.control.closed_loop import make_plant
-        from hopopt.design import refuse_periodic
+        from hopopt.design import refuse_landed
 
         if objective != "clearance" or constraints:
             raise UsageError("--draws is for the objective clearance without user-defined constraints")
-        refuse_periodic(design, "solve --draws")
+        refuse_landed(design, "solve --draws")
         make_plant(design)
 
 

@@ -53,12 +53,12 @@ def robust(
 
     design = load(problem, set_ or ())
     from hopopt.control.closed_loop import make_plant
-    from hopopt.design import refuse_periodic
+    from hopopt.design import refuse_landed
     from hopopt.storage.folder import as_json, prepare
     from hopopt.storage.runs import save_runs
     from hopopt.studies import robust as studying
 
-    refuse_periodic(design, "the search for a reserve")
+    refuse_landed(design, "the search for a reserve")
     make_plant(design)  # what cannot be simulated is said before the work
     prepare(results)
     with progress(quiet=json_) as say:

@@ -16,7 +16,7 @@ from hopopt.control.closed_loop import make_plant
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.tracking import Track
-from hopopt.design import refuse_periodic
+from hopopt.design import refuse_landed
 from hopopt.leg.kinematics import loop_axes
 from hopopt.leg.robot import BASE
 from hopopt.ocp.phases import DESCENT, STANCE
@@ -53,7 +53,7 @@ def tracker_of(solution: Solution) -> Track:
 
     Raises UsageError for a leg that cannot be simulated, and so not tracked.
     """
-    refuse_periodic(solution.design, "the export of a plan")
+    refuse_landed(solution.design, "the export of a plan")
     make_plant(solution.design)
     plan = PlanReference.from_tables(NORMALISED_TIMES, solution.tables, solution.clearance)
     return Track(Setting(solution.design, 1 / solution.design.simulation.control_rate, plan))

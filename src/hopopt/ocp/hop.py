@@ -19,8 +19,10 @@ from hopopt.ocp.periodic import hop_after_hop
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Ends, Instant, Objective, PathConstraint, Phase, Problem
 from hopopt.ocp.tie_break import EFFORT, LOOPED, effort, largest_effort
+from hopopt.ocp.to_rest import to_rest
 
 FIXED = FreeParameters()
+SEQUENCES = {"periodic": hop_after_hop, "landing": to_rest}  # by hop.kind; of a single hop the objective's
 
 
 class Hop(MovingLeg):
@@ -35,9 +37,9 @@ class Hop(MovingLeg):
         if fault := self.objective.fault(design):
             raise UsageError(f"objective {self.objective.name}: {fault}")
         super().__init__(design)
-        if design.hop.periodic and (self.loops or len(self.falling) < 2):
+        if design.hop.lands and (self.loops or len(self.falling) < 2):
             raise UsageError(
-                'hop.kind = "periodic" needs a leg in a plane whose body moves along x and z (leg.guides): this one\'s '
+                f'hop.kind = "{design.hop.kind}" needs a leg in a plane whose body moves along x and z (leg.guides): this one\'s '
                 'guides or joints hold the foot on the ground as well; set hop.kind = "single"'
             )
         for c in (*constraints, *((self.objective.custom,) if self.objective.custom else ())):
@@ -53,7 +55,7 @@ class Hop(MovingLeg):
     def problem(self) -> Problem:
         """The multi-phase problem; every physical parameter of the leg is a parameter of it."""
         goal = self.objective
-        sequence = (hop_after_hop if self.design.hop.periodic else goal.sequence)(self, self.free_parameters)
+        sequence = SEQUENCES.get(self.design.hop.kind, goal.sequence)(self, self.free_parameters)
         return Problem(
             self.design.name,
             tuple(self._extended(phase) for phase in sequence.phases),

@@ -30,7 +30,8 @@ from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.landing import landing_guess
 from hopopt.ocp.periodic import there_and_back
-from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
+from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE
+from hopopt.ocp.to_rest import push_backwards
 
 POINTS = 41  # of a guess, each phase
 FINE = 201  # of a guess that is a motion already
@@ -90,7 +91,7 @@ def motion_guess(hop: Hop, phases: Mapping[str, Any]) -> dict[str, Guess]:
     """A hop towards another objective (anything with duration [s] and sample, by phase name) as guesses of the phases."""
     s = np.linspace(0, 1, FINE)
     found = {name: Guess(motion.duration, s, *motion.sample(s * motion.duration)) for name, motion in phases.items()}
-    return _all_phases(hop, found[STANCE], found[FLIGHT], found.get(DESCENT))
+    return _all_phases(hop, found[STANCE], found[FLIGHT], found.get(DESCENT), found.get(LANDING))
 
 
 def stance_guess(hop: Hop, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, Guess]:
@@ -99,10 +100,13 @@ def stance_guess(hop: Hop, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.nd
     return _all_phases(hop, _without_dependent(hop, stance), _flight_guess(hop, stance))
 
 
-def _all_phases(hop: Hop, stance: Guess, flight: Guess, down: Guess | None = None) -> dict[str, Guess]:
+def _all_phases(
+    hop: Hop, stance: Guess, flight: Guess, down: Guess | None = None, landing: Guess | None = None
+) -> dict[str, Guess]:
     """The guesses of the phases that the objective has, with its controls."""
     more = sum(c.size for c in hop.objective.controls(hop))
-    found = {STANCE: stance, FLIGHT: flight, DESCENT: down or landing_guess(hop, flight)}
+    found = {STANCE: stance, FLIGHT: flight}
+    found |= {DESCENT: down or landing_guess(hop, flight), LANDING: landing or push_backwards(stance)}
     return {phase.name: _widened(found[phase.name], more) for phase in hop.problem.phases}
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from hopopt.leg.limit_id import Kind, kind_of
 from hopopt.ocp.constraints import HEIGHT, MotionAt
 from hopopt.ocp.motion import FLIGHT as FLIGHT
 from hopopt.ocp.motion import STANCE as STANCE
@@ -16,7 +17,8 @@ from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.problem import INF, Control, Ends, Instant, Numbers, PathConstraint, Phase, State
 from hopopt.ocp.rules import path_constraints
 
-DESCENT = "descent"  # flight ends at the apex, descent at touchdown
+DESCENT, LANDING = "descent", "landing"  # flight ends at the apex, descent at touchdown, a landing at rest
+ON_GROUND = (STANCE, LANDING)  # phases in which the foot stands
 SPEED, ACCELERATION = 10.0, 300.0  # scales of joint speed [rad/s] and acceleration [rad/s^2]
 BODY_SPEED = 3.0  # scale of the body's speed [m/s]
 GRAZE = 1e-5  # share of the reach by which the foot may be below the ground before it has landed
@@ -56,6 +58,14 @@ def stance(leg: MovingLeg, q: Given = None, v: Given = None) -> LegPhase:
         leg, STANCE, states, _stance_controls(leg), lambda s: {"q": s.v, "v": leg.joint_acceleration(s)},
         leg.design.hop.stance_duration,
     )  # fmt: skip
+
+
+def landing_stance(leg: MovingLeg) -> LegPhase:
+    """Stance again, after touchdown: the body may descend. The foot is the origin, as in every stance."""
+    again = stance(leg)
+    path = tuple(c for c in again.phase.path if kind_of(c.name) is not Kind.DESCENT)
+    down = replace(again.phase, name=LANDING, path=path, duration=leg.design.hop.landing_duration)
+    return replace(again, phase=down)
 
 
 def _phase(

@@ -21,6 +21,7 @@ from hopopt.optimality.arcs import Arc, limits_of
 from hopopt.optimality.costates import PhaseMultipliers, sign
 from hopopt.optimality.phase_functions import Along
 
+LITTLE = 1e-3  # share of the objective: of a phase that is worth less over its duration, H is measured against this
 FINE = radau(6)  # where the conditions are evaluated in every interval, and what integrates the costates
 Slopes = Mapping[str, np.ndarray]
 
@@ -196,11 +197,17 @@ class PhaseCertificate:
         """Size of the terms that make up H, (N, K)."""
         return np.abs(self.p * self.along.f).sum(axis=2)
 
+    @property
+    def _little(self) -> float:
+        """LITTLE of the objective over the duration: a Hamiltonian that is small."""
+        return LITTLE * self.objective / float(self.h.sum())
+
     def hamiltonian_within(self, found: Sequence[Arc]) -> tuple[float, str]:
         """Largest spread of the intervals' H along an arc, relative to the size of its terms on that arc and on average
-        over the phase, and to what the phase's duration gains; and where."""
+        over the phase, and to what the phase's duration gains, or to LITTLE of the objective; and where."""
         mean, changed = self.steady @ FINE.b, [0.0] * len(found)
-        typical = self._average(self._power @ FINE.b) + np.abs(self.slopes["duration"]).max(initial=1e-300)
+        typical = self._average(self._power @ FINE.b) + np.abs(self.slopes["duration"]).max(initial=0.0)
+        typical = max(typical, self._little)
         for k, arc in enumerate(found):
             own = slice(arc.first, arc.last + 1)
             changed[k] = np.ptp(mean[own]) / (self._power[own].max() + typical) if arc.steady else 0.0
@@ -226,7 +233,7 @@ class PhaseCertificate:
         later = self._integral(self._by_time[..., None] * moved)
         wrong = self.slopes["duration"] + mean + later - m.duration
         size = np.abs(self.slopes["duration"]) + np.abs(m.duration).max() + self._average(self._power @ FINE.b)
-        return float(np.abs(wrong).max() / size.max())
+        return float(np.abs(wrong).max() / max(size.max(), self._little))
 
     def by_free(self) -> np.ndarray:
         """Derivative of what is integrated by the free parameters, less that of the limits met at the end, (f,)."""

@@ -68,8 +68,8 @@ def search_first_mesh(
 
 def _not_used(hop: Hop) -> str | None:
     """Why the global method is of no use here, or None."""
-    if hop.design.hop.periodic:
-        return "it knows a hop from rest alone"
+    if hop.design.hop.lands:
+        return "it knows a hop from rest to the apex alone"
     if hop.objective.name not in HEIGHTS or hop.constraints:
         return "it knows heights alone, without user-defined constraints"
     return applies(hop.design)

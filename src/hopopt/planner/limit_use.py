@@ -12,7 +12,7 @@ from hopopt.leg.robot import BASE
 from hopopt.leg.scales import force_range
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.objectives import find
-from hopopt.ocp.phases import DESCENT, FLIGHT
+from hopopt.ocp.phases import DESCENT, FLIGHT, ON_GROUND
 from hopopt.planner.solution import Motion, Samples
 from hopopt.verify.limits import windowed
 
@@ -126,7 +126,8 @@ def _whole(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
         entry = f"hop.{FLIGHT if phase == DESCENT else phase}_duration"
         yield Use("shortest {}", (phase,), entry, shortest, shortest / lasted, lasted, least=True, index=0)
         yield Use("longest {}", (phase,), entry, longest, lasted / longest, lasted, index=1)
-    friction, f = plan.design.contact.friction, fine["stance"].f
+    friction = plan.design.contact.friction
+    f = np.concatenate([s.f for phase, s in fine.items() if phase in ON_GROUND])
     if friction:
         loaded = f[:, -1] >= LOADED * force_range(plan.robot.model)
         needed = float((np.abs(f[loaded, :-1]).max(axis=1) / f[loaded, -1]).max(initial=0.0) / steepness(f.shape[1]))

@@ -12,9 +12,9 @@ from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.limit_use import LOADED, as_dict, idle_uses
-from hopopt.planner.orbit import orbit
 from hopopt.planner.solution import Motion, Samples
 from hopopt.planner.summary_parts import IdleLimit, LeansOn, LiftOff, Parts, PhaseFigures, UpperBound
+from hopopt.planner.touchdown import landing, orbit
 from hopopt.verify.upper_bound import upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -29,6 +29,7 @@ def motion_figures(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, Any]:
         "upper_bound": UpperBound(**upper_bound(plan.design).figures()),
         "parts": parts(plan),
         "orbit": orbit(plan),
+        "landing": landing(plan),
         "lowest_point": _lowest(plan),
         "phases": {name: phase_figures(plan, name, s) for name, s in fine.items()},
         "lift_off": lift_off(plan),

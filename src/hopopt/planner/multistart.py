@@ -21,7 +21,7 @@ from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import Start, make_guess, starts_of
 from hopopt.ocp.objective import HopObjective
-from hopopt.ocp.phases import STANCE
+from hopopt.ocp.phases import ON_GROUND, STANCE
 from hopopt.optimality.infeasibility import conflict
 from hopopt.optimality.violations import violations
 from hopopt.planner.limit_names import conflict_words
@@ -69,7 +69,7 @@ class StartOutcome:
 def first_transcription(hop: Hop) -> Transcription:
     """The program that every start is solved on, built once for a hop."""
     s = hop.design.solver
-    counts = {phase.name: s.flight_intervals for phase in hop.problem.phases} | {STANCE: s.stance_intervals}
+    counts = {p.name: s.stance_intervals if p.name in ON_GROUND else s.flight_intervals for p in hop.problem.phases}
     mesh = {name: uniform(count) for name, count in counts.items()}
     return hop.problem.once("first mesh", lambda: Transcription(hop.problem, scheme(s.scheme, s.degree), mesh))
 

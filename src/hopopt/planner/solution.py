@@ -18,7 +18,7 @@ from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.objective import HopObjective
-from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
+from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE
 from hopopt.planner.stored_summary import Summary
 from hopopt.planner.verdict import Multipliers, Verdict
 from hopopt.verify.measures import MEASURES
@@ -76,7 +76,7 @@ class PlanEvaluator:
                 com_speed += ca.jtimes(points["com"], com, com_v)
             outputs = [m.q, m.v, m.a, m.tau, m.f, com_speed, *(points[name] for name in self.names)]
             self.functions[phase] = ca.Function(phase, [x, u], [ca.densify(o) for o in outputs])
-        self.functions[DESCENT] = self.functions[FLIGHT]
+        self.functions |= {DESCENT: self.functions[FLIGHT], LANDING: self.functions[STANCE]}
 
     def __call__(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Samples:
         """Samples from states x (k, nx) and controls u (k, n or more) of one phase at times t (k,)."""
@@ -117,11 +117,12 @@ class Motion:
 
     @property
     def end(self) -> float:
-        """When the last phase ends [s]: at the apex, or at the touchdown of a hop that lands."""
-        return max(self._begin(phase) + p.duration for phase, p in self.phases.items())
+        """When the last phase ends [s]: at the apex, at touchdown, or at rest."""
+        return sum(p.duration for p in self.phases.values())
 
     def _begin(self, phase: str) -> float:
-        return {STANCE: 0.0, FLIGHT: self.lift_off, DESCENT: self.duration}[phase]
+        names = list(self.phases)
+        return sum(self.phases[name].duration for name in names[: names.index(phase)])
 
     @property
     def lift_off(self) -> float:
@@ -133,8 +134,8 @@ class Motion:
         return operating_region(self.design.leg, joint, self.robot.parameters)
 
     def sample(self, t: Any) -> Samples:
-        """The whole leg at times t [s] since stance began; at lift-off and apex, flight. UsageError for times outside the
-        hop."""
+        """The whole leg at times t [s] since stance began; at lift-off and apex, flight; at touchdown, the descent.
+        UsageError for times outside the hop."""
         t = np.atleast_1d(np.asarray(t, dtype=float))
         outside = ~((t >= -OUTSIDE) & (t <= self.end + OUTSIDE))  # not-a-number too
         if outside.any():
@@ -142,9 +143,10 @@ class Motion:
             raise UsageError(f"t = {t[outside][0]:g} s is outside the hop, 0 to {self.end:.6g} s: {words}")
         t = np.clip(t, 0.0, self.end)
         parts, order = [], []
-        stance, descent = t < self.lift_off, t > self.duration
-        for phase, rows in ((STANCE, stance), (FLIGHT, ~stance & ~descent), (DESCENT, descent)):
-            if rows.any():
+        which = np.searchsorted([self._begin(phase) for phase in self.phases], t, "left") - 1
+        which = np.where(t < self.lift_off, 0, np.maximum(which, 1))
+        for k, phase in enumerate(self.phases):
+            if (rows := which == k).any():
                 parts.append(self.sample_phase(phase, t[rows] - self._begin(phase)))
                 order.append(np.flatnonzero(rows))
         return _join(parts)[np.argsort(np.concatenate(order), kind="stable")]
@@ -152,10 +154,23 @@ class Motion:
     def sample_phase(self, phase: str, t: np.ndarray) -> Samples:
         """The whole leg at times t [s] since the phase began; both ends belong to the phase."""
         x, u = self.phases[phase].sample(t)
-        return self._evaluate(phase, np.asarray(t) + self._begin(phase), x, u)
+        return self._standing(phase, self._evaluate(phase, np.asarray(t) + self._begin(phase), x, u))
+
+    def _standing(self, phase: str, s: Samples) -> Samples:
+        """Samples of a landing as seen from where the hop began; they count x from the foot, as all dynamics does."""
+        if phase != LANDING:
+            return s
+        end = self.sample_phase(DESCENT, np.array([self.phases[DESCENT].duration]))
+        ahead, q = end.points["foot"][0, 0], s.q.copy()
+        q[:, 0] += ahead
+        return replace(s, q=q, points={name: p + np.array([ahead, 0.0]) for name, p in s.points.items()})
 
     def everywhere(self, phase: str, normalised_times: np.ndarray) -> Samples:
         """The whole leg at the same normalised times (0 to 1) of every interval of a phase, interval by interval."""
+        return self._standing(phase, self._everywhere(phase, normalised_times))
+
+    def _everywhere(self, phase: str, normalised_times: np.ndarray) -> Samples:
+        """The same, a landing's x counted from its foot."""
         t, x, u = self.phases[phase].everywhere(normalised_times)
         return self._evaluate(phase, t.ravel() + self._begin(phase), x.reshape(t.size, -1), u.reshape(t.size, -1))
 
@@ -165,8 +180,8 @@ class Motion:
         return {phase: self.fresh_table(phase) for phase in self.phases}
 
     def fresh_table(self, phase: str) -> Table:
-        """The table of one phase, computed from its trajectory."""
-        samples, N = self.everywhere(phase, NORMALISED_TIMES), len(self.phases[phase].x_start)
+        """The table of one phase, computed from its trajectory; a landing's x is counted from its foot."""
+        samples, N = self._everywhere(phase, NORMALISED_TIMES), len(self.phases[phase].x_start)
         return Table(
             *(
                 getattr(samples, s).reshape(N, len(NORMALISED_TIMES), *getattr(samples, s).shape[1:])

@@ -24,6 +24,7 @@ from hopopt.planner.summary_parts import (
     Condition,
     Error,
     IdleLimit,
+    Landing,
     LeansOn,
     LiftOff,
     Measures,
@@ -48,7 +49,9 @@ class Summary(Measures):
     version: int = stated("of these keys", ge=VERSION, le=VERSION)
     problem: str = stated("name of the problem")
     title: str = stated("its title")
-    hop: Literal["single", "periodic"] = stated("from rest to the apex, or a cycle that repeats itself (hop.kind)")
+    hop: Literal["single", "landing", "periodic"] = stated(
+        "from rest to the apex, from rest to rest, or a cycle that repeats itself (hop.kind)"
+    )
     objective: str = stated("name of the objective")
     objective_meaning: str = stated("what it is")
     objective_unit: str = stated("its unit (SI; 1 for none)")
@@ -96,6 +99,7 @@ class Summary(Measures):
     gain_per_percent_m: Mapping[str, float] | None = if_any("what 1 % more of each limit's range gives [m]")
     gain_per_percent: Mapping[str, float] | None = if_any("the same for objectives that are no lengths [its unit]")
     orbit: Orbit | None = if_any("the cycle of a periodic hop")
+    landing: Landing | None = if_any("the touchdown of a hop that is landed, and how it comes to rest")
     notes: tuple[str, ...] = if_any("what the answer does not say by itself", default=())
     flat: tuple[FlatDirection, ...] | None = if_any("what the objective is insensitive to")
     time_limit_s: float | None = if_any("time after which the search ends with the best hop so far [s]")

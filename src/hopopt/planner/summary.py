@@ -117,9 +117,9 @@ def _own_range(t: Transcription, rows: Rows) -> np.ndarray:
     return np.where(both, np.subtract(upper, lower, out=np.zeros_like(one), where=both), one)
 
 
-def by_friction(solution: NlpSolution) -> np.ndarray:
-    """Change of each row of the friction cone with the coefficient [N], (instants, sides)."""
-    rows = {kind_of(r.name): r for r in solution.transcription.rows if r.phase == STANCE}
+def by_friction(solution: NlpSolution, phase: str) -> np.ndarray:
+    """Change of each row of the friction cone in a phase with the coefficient [N], (instants, sides)."""
+    rows = {kind_of(r.name): r for r in solution.transcription.rows if r.phase == phase}
     ground, sides = rows[Kind.GROUND_FORCE], rows[Kind.FRICTION].labels
     force = solution.g[ground.start : ground.stop] * ground.scale
     return np.outer(force, np.full(len(sides), steepness(1 + len(sides) // 2)))
@@ -141,7 +141,8 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
                 gains[name] = gains.get(name, 0.0) + 0.01 * float(pushed)
         elif kind is Kind.FRICTION and friction is not None:
             lam = solution.lam_g[rows.start : rows.stop].reshape(-1, len(rows.labels)) / rows.scale
-            gains[reported] = -0.01 * friction * float((lam * by_friction(solution)).sum())
+            gain = -0.01 * friction * float((lam * by_friction(solution, rows.phase)).sum())
+            gains[reported] = gains.get(reported, 0.0) + gain
     for name, where in t.variables.items():
         phase = t.problem.phase(name)
         gains[f"longest {name}"] = (

@@ -24,6 +24,7 @@ class Structure(Strict):
     stance: tuple[Stretch, ...] = stated("stretches of stance")
     flight: tuple[Stretch, ...] = stated("stretches of flight")
     descent: tuple[Stretch, ...] | None = if_any("stretches of the descent")
+    landing: tuple[Stretch, ...] | None = if_any("stretches of a landing to rest")
     solved_again: bool | None = if_any("whether this is the hop with free switching times")
     note: str | None = if_any("why it is not")
     switches_s: Mapping[str, tuple[float, ...]] | None = if_any("switching times, by phase [s]")

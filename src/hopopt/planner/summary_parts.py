@@ -79,13 +79,12 @@ class UpperBound(Strict):
 
 
 @dataclass(frozen=True)
-class Orbit(Strict):
-    """A cycle of a periodic hop, and the impact that ends it."""
+class Impact(Strict):
+    """The touchdown of a hop that goes on."""
 
-    closure: float = stated("difference of the state after the impact from that of the start [rad, rad/s]")
-    period_s: float = stated("duration of a cycle [s]")
-    step_m: float = stated("how far a cycle takes the foot forward [m]")
-    work_J: float = stated("net work of the joints in a cycle, which the impact takes [J]")
+    closure: float = stated("difference of the state after the impact from that in which stance begins [rad, rad/s]")
+    step_m: float = stated("how far ahead of where it stood the foot lands [m]")
+    work_J: float = stated("net work of the joints over the hop, which the impact takes [J]")
     impulse_Ns: float = stated("of the ground on the foot at touchdown [N s]")
     impact_loss_J: float = stated("kinetic energy that the impact takes [J]")
     foot_speed_m_s: float = stated("of the foot just before touchdown [m/s]")
@@ -93,6 +92,23 @@ class Orbit(Strict):
     gear_impact_torque_Nm: float = stated(
         "the same over hop.touchdown_time: the gear's mean torque in the impact [N m]"
     )
+
+
+@dataclass(frozen=True)
+class Orbit(Impact):
+    """A cycle of a periodic hop, and the impact that ends it."""
+
+    period_s: float = stated("duration of a cycle [s]")
+
+
+@dataclass(frozen=True)
+class Landing(Impact):
+    """A touchdown, and the way to rest."""
+
+    touchdown_s: float = stated("time of touchdown since stance began [s]")
+    rest_s: float = stated("time of rest since stance began [s]")
+    peak_ground_force_N: float = stated("largest ground force while the leg comes to rest [N]")
+    deepest_m: float = stated("lowest height of the body on the way to rest [m]")
 
 
 @dataclass(frozen=True)

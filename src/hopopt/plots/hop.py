@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
 from hopopt.ocp.constraints import steepness
-from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
+from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
 from hopopt.planner.solution import Samples, Solution
 from hopopt.plots.stick import stick
 from hopopt.plots.style import (
@@ -151,6 +151,7 @@ def _mark_instants(ax: Axes, motion: Motion, k: int, column: int, end: str) -> N
         (FLIGHT, 0, "D", 8, "lift-off, start of flight"),
         (FLIGHT, -1, "*", 15, end),
         (DESCENT, -1, "v", 10, "touchdown"),
+        (LANDING, -1, "X", 10, "rest"),
     ):
         if phase not in motion:
             continue
@@ -162,11 +163,26 @@ def _mark_instants(ax: Axes, motion: Motion, k: int, column: int, end: str) -> N
 
 
 def ground_force(solution: Solution) -> Figure:
-    """Contact force [N] of the ground on the foot in stance, with the leg's weight and the peak."""
-    s = solution.everywhere(STANCE, NORMALISED_TIMES)
-    largest = float(np.linalg.norm(s.f, axis=1).max())
-    figure = solution_figure(solution, f"ground force in stance, at most {largest:.0f} N")
-    ax, heavy, friction = figure.subplots(), weight(solution.robot.model), solution.design.contact.friction
+    """Contact force [N] of the ground on the foot in stance, and in a landing, with the leg's weight and the peak."""
+    phases = {phase: solution.everywhere(phase, NORMALISED_TIMES) for phase in ON_GROUND if phase in solution.phases}
+    largest = max(float(np.linalg.norm(s.f, axis=1).max()) for s in phases.values())
+    figure = solution_figure(solution, f"ground force in {' and '.join(phases)}, at most {largest:.0f} N")
+    axes = figure.subplots(1, len(phases), squeeze=False, sharey=True)[0]
+    heavy, all_of = weight(solution.robot.model), np.concatenate([s.f.ravel() for s in phases.values()])
+    between = float(all_of.min(initial=0.0)), float(all_of.max(initial=heavy))
+    for ax, (phase, s) in zip(axes, phases.items(), strict=True):
+        _forces(ax, solution, s, heavy)
+        if phase == STANCE:
+            mark_lift_off(ax, solution)
+        describe(ax, "time [s]", "force [N]" if ax is axes[0] else "", phase if len(phases) > 1 else "")
+        _annotate_peak(ax, s, between, 0.12 * len(phases))
+    legend(figure)
+    return figure
+
+
+def _forces(ax: Axes, solution: Solution, s: Samples, heavy: float) -> None:
+    """Contact force [N] in a phase, the ``heavy`` weight, and what friction can hold."""
+    friction = solution.design.contact.friction
     if friction is not None:
         band = friction * steepness(s.f.shape[1]) * np.maximum(s.f[:, -1], 0.0)
         ax.fill_between(s.t, -band, band, label="horizontal force that friction can hold", **BAND)
@@ -175,26 +191,25 @@ def ground_force(solution: Solution) -> Figure:
     jumping_curve(ax, s.t, s.t, s.f[:, 0], color=JOINT_COLORS[0], lw=2, label="horizontal (forward +)")
     if s.f.shape[1] > 2:
         jumping_curve(ax, s.t, s.t, s.f[:, 1], color=JOINT_COLORS[2], lw=2, label="sideways (left +)")
-    mark_lift_off(ax, solution)
-    describe(ax, "time [s]", "force [N]")
-    _annotate_peak(ax, solution, s, max(heavy, float(s.f.max())))
-    legend(figure)
-    return figure
 
 
-def _annotate_peak(ax: Axes, solution: Solution, s: Samples, highest: float) -> None:
-    """The largest vertical force [N], written above everything drawn, and what thin lines are."""
-    k = int(s.f[:, -1].argmax())
-    t, peak = float(s.t[k]), float(s.f[k, -1])
-    lowest = min(0.0, float(s.f.min()))
-    span = highest - lowest
-    ax.set(xlim=(0, 1.02 * solution.lift_off), ylim=(lowest - 0.05 * span, highest + 0.18 * span))
+def _annotate_peak(ax: Axes, s: Samples, between: tuple[float, float], aside: float) -> None:
+    """The largest vertical force [N], written above everything drawn (``between`` two forces) and a share ``aside`` of the
+    width from its sides; and what thin lines are."""
+    k, (begin, end), (lowest, highest) = int(s.f[:, -1].argmax()), (s.t[0], s.t[-1]), between
+    t, peak, span = float(s.t[k]), float(s.f[k, -1]), highest - lowest
+    ax.set(xlim=(begin, end + 0.02 * (end - begin)), ylim=(lowest - 0.05 * span, highest + 0.18 * span))
     ax.plot(t, peak, "o", color=COLOR[STANCE], ms=8, zorder=4)
-    side = {"x": min(max(t, 0.12 * solution.lift_off), 0.88 * solution.lift_off), "y": highest + 0.1 * span}
+    beside = min(max(t, begin + aside * (end - begin)), end - aside * (end - begin))
     look = {"arrowstyle": "-", "color": GREY, "shrinkB": 5}
     ax.plot([], [], color=COLOR[STANCE], lw=0.6, label="jump at a switch")
     ax.annotate(
-        f"vertical peak {peak:.0f} N", (t, peak), (side["x"], side["y"]), fontsize=TEXT, ha="center", arrowprops=look
+        f"vertical peak {peak:.0f} N",
+        (t, peak),
+        (beside, highest + 0.1 * span),
+        fontsize=TEXT,
+        ha="center",
+        arrowprops=look,
     )
 
 

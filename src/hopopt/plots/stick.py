@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from hopopt.leg.kinematics import reach
+from hopopt.ocp.phases import LANDING
 from hopopt.planner.solution import Solution
 from hopopt.plots.style import (
     BLACK,
@@ -91,7 +92,8 @@ class _Poses:
 
     def label(self, k: int) -> str:
         """Time [s] of pose k."""
-        names = {len(self.x) - 1: "touchdown", self.apex: self.solution.end_of_flight}
+        last = "rest" if LANDING in self.solution.phases else "touchdown"
+        names = {len(self.x) - 1: last, self.apex: self.solution.end_of_flight}
         return f"{self.samples.t[k]:.3f}\n({names[k]})" if k in names else f"{self.samples.t[k]:.2f}"
 
     def draw(self, ax: Axes, k: int) -> None:

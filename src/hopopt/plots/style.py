@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.design import Design
-from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
+from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE
 from hopopt.planner.solution import Samples, Solution
 from hopopt.problem.render import rows
 
@@ -25,7 +25,7 @@ NORMALISED_TIMES = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # of every inter
 JUMP, AT_ONCE = 0.02, 1e-3  # a jump changes more than this share of the range within this share of the time
 
 BLACK, GREY, PALE, GREEN = "#000000", "#666666", "#dcdcdc", "#009E73"
-COLOR = {STANCE: "#0072B2", FLIGHT: "#D55E00", DESCENT: "#CC79A7"}
+COLOR = {STANCE: "#0072B2", FLIGHT: "#D55E00", DESCENT: "#CC79A7", LANDING: "#009E73"}
 JOINT_COLORS, JOINT_STYLES = ("#E69F00", "#56B4E9", "#CC79A7"), ("-", "--", "-.")
 TITLE, TEXT, SMALL = 15, 13, 11  # font sizes [pt]
 BAND = {"color": PALE, "lw": 0}

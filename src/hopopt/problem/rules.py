@@ -30,7 +30,11 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
         *_chain_faults(joints, links),
         *(fault for name in joints for fault in _joint_faults(f"leg.{name}", _table(leg, name))),
         *(fault for name in links for fault in _link_faults(f"leg.{name}", _table(leg, name))),
-        *(fault for name in ("stance_duration", "flight_duration") for fault in _range_faults(name, hop)),
+        *(
+            fault
+            for name in ("stance_duration", "flight_duration", "landing_duration")
+            for fault in _range_faults(name, hop)
+        ),
         *_periodic_faults(hop),
         *_above_ground_faults(_texts(hop.get("above_ground")), joints),
     ):
@@ -115,11 +119,15 @@ def _link_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]
 
 
 def _periodic_faults(hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """What only a periodic hop has: a mean speed, and limits of its touchdown."""
-    if hop.get("kind", "single") == "single":
-        for name in ("speed", "touchdown_impulse", "touchdown_loss", "touchdown_speed", "touchdown_gear_torque"):
+    """What only a periodic hop has, a mean speed; and what only hops that land have, limits of the touchdown."""
+    kind = hop.get("kind", "single")
+    if kind != "periodic" and (value := hop.get("speed")):
+        yield "hop.speed", f'= {shown(value)} is for periodic hops: set hop.kind = "periodic", or remove it'
+    if kind == "single":
+        for name in ("touchdown_impulse", "touchdown_loss", "touchdown_speed", "touchdown_gear_torque"):
             if value := hop.get(name):
-                yield f"hop.{name}", f'= {shown(value)} is for periodic hops: set hop.kind = "periodic", or remove it'
+                words = 'hops that land: set hop.kind = "landing" or "periodic", or remove it'
+                yield f"hop.{name}", f"= {shown(value)} is for {words}"
 
 
 def _range_faults(name: str, hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

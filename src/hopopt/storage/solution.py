@@ -180,7 +180,7 @@ def read(folder: str | Path) -> Solution:
         summary = read_summary(folder / "summary.json")
     with _readable(folder / "solution.nc"):
         stored = read_netcdf(folder / "solution.nc")
-        names = ("stance", "flight", *(("descent",) if "descent" in stored else ()))
+        names = ("stance", "flight", *(name for name in ("descent", "landing") if name in stored))
         phases = {name: trajectory_of(stored[name]) for name in names}
         tables = {name: table_of(stored[name]) for name in names}
         nlp = stored.get("nlp", Group())

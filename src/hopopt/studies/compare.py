@@ -14,7 +14,7 @@ import numpy as np
 from hopopt.control.closed_loop import Run, clearance_in_mujoco, make_controller, make_plant, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import BUILT_IN, Strategy, find
-from hopopt.design import Design, refuse_periodic
+from hopopt.design import Design, refuse_landed
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import two_joints
 from hopopt.ocp.phases import STANCE
@@ -156,7 +156,7 @@ def compare(
             raise UsageError("runs in MuJoCo have no delay: leave out --mujoco, or set simulation.torque_delay=0")
     say, (names, notes) = progress or (lambda text: None), chosen_names(design, strategies)
     chosen = [find(name) for name in names]
-    refuse_periodic(design, "a comparison of hops from rest")
+    refuse_landed(design, "a comparison of hops from rest")
     make_plant(design)  # what cannot be simulated, or does not suit the leg, is said before the work
     for strategy in chosen:
         if not strategy.needs_plan:

@@ -8,7 +8,7 @@ ever closer on finer grids. The method shares nothing with the planner but the l
 import casadi as ca
 import numpy as np
 
-from hopopt.design import Design, refuse_periodic
+from hopopt.design import Design, refuse_landed
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.global_search.bilinear import Bilinear
 from hopopt.global_search.slider_leg import accelerations, slider_leg
@@ -44,7 +44,7 @@ def reduced(design: Design) -> Design:
     No limits are left but the drives', the joints' and the ground's. Raises UsageError if the leg has other than two
     joints in a plane, or cannot stand so.
     """
-    refuse_periodic(design, "dynamic programming")
+    refuse_landed(design, "dynamic programming")
     if not two_joints(design.leg):
         raise UsageError(f"{design.name}: the reduced hop needs a leg of two joints in the x-z plane")
     height = float(start_place(design)[1])

@@ -22,7 +22,7 @@ from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.paper_pd import PaperOptions
 from hopopt.control.similarity import Size, factors
 from hopopt.control.strategies import BUILT_IN
-from hopopt.design import Design, refuse_periodic
+from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
 from hopopt.sim.hop_metrics import HopFigures
 
@@ -94,7 +94,7 @@ def tune(
 ) -> Tuned:
     """The best options of ``force`` or ``position`` among about ``evaluations`` simulated hops, the same for the same
     seed. Raises UsageError for another strategy, or too few evaluations."""
-    refuse_periodic(design, "tuning of gains")
+    refuse_landed(design, "tuning of gains")
     if strategy not in KINDS:
         raise UsageError(f"strategy {strategy} has no gains to tune: choose {' or '.join(KINDS)}")
     if evaluations < 2 * POPULATION:

@@ -33,7 +33,8 @@ class Difference:
         """Whether a derivative [m per unit] is confirmed; ``less``: the one towards less, where it is another."""
         if less is not None:
             pairs = (self.forward, slope), (self.backward, less)
-            return all(abs(found - told) <= AGREE * abs(told) + 2 * self.noise for found, told in pairs)
+            known = [(found, told) for found, told in pairs if np.isfinite(found)]  # an entry at its end has one side
+            return bool(known) and all(abs(found - told) <= AGREE * abs(told) + 2 * self.noise for found, told in known)
         return not self.one_sided and bool(abs(self.central - slope) <= AGREE * abs(slope) + self.noise)
 
     def verdict(self, slope: float, less: float | None = None) -> str:
@@ -41,7 +42,8 @@ class Difference:
         if self.fault:
             return self.fault
         if less is not None:
-            sides = f"{self.forward:+.4g} upwards, {self.backward:+.4g} downwards"
+            both = (self.forward, "upwards"), (self.backward, "downwards")
+            sides = ", ".join(f"{x:+.4g} {way}" if np.isfinite(x) else f"none {way}" for x, way in both)
             return f"{'agrees' if self.agrees(slope, less) else 'differs'}: {sides}"
         if self.one_sided:
             return f"one-sided: {self.forward:+.4g} upwards, {self.backward:+.4g} downwards"

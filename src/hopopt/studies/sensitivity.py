@@ -16,7 +16,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.ocp.phases import STANCE
+from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.optimality.kinks import DIFFERS, kink
 from hopopt.optimality.parametric_sensitivity import Slopes, gradient_by_parameters, slopes
 from hopopt.planner.solution import Solution
@@ -147,10 +147,10 @@ def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
         for k, joint in enumerate(design.leg.joints):
             yield f"leg.{joint}.lower", float(low[first:, k].sum())
             yield f"leg.{joint}.upper", float(high[first:, k].sum())
-        entry = "stance_duration" if phase == STANCE else "flight_duration"  # the descent's too
+        entry = f"{FLIGHT if phase == DESCENT else phase}_duration"
         yield from zip((f"hop.{entry}[{k}]" for k in (0, 1)), by.of_duration(phase), strict=True)
     yield from _rows(by)
-    if design.hop.periodic:
+    if design.hop.lands:
         yield from touchdown_slopes(design, by)
 
 
@@ -165,7 +165,7 @@ def _rows(by: Slopes) -> Iterator[tuple[str, float]]:
         if kind is Kind.GROUND_FORCE:
             yield key, float((low + high).sum())
         elif kind is Kind.FRICTION:
-            yield key, -float(((low + high) * by_friction(by.solution)).sum())
+            yield key, -float(((low + high) * by_friction(by.solution, r.phase)).sum())
         elif kind is Kind.HEIGHT:
             yield key, float((low + high)[:, [row.label != "foot" for row in r.labels]].sum())
         elif kind is Kind.WINDOW:

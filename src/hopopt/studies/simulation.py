@@ -7,7 +7,7 @@ from typing import Any
 from hopopt.control.closed_loop import Run, make_plant
 from hopopt.control.closed_loop import simulate as simulate_strategy
 from hopopt.control.strategies import find
-from hopopt.design import Design, refuse_periodic
+from hopopt.design import Design, refuse_landed
 from hopopt.planner.reserve import plan_to_track
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import as_design
@@ -34,7 +34,7 @@ def simulate(
     Raises UsageError for a leg or strategy that cannot be simulated, NotSolvedError if there is no plan to track.
     """
     design, chosen = as_design(problem), find(strategy)
-    refuse_periodic(design, "a simulation from rest")
+    refuse_landed(design, "a simulation from rest")
     make_plant(plant or design)  # what cannot be simulated is said before the work
     if plan is None and chosen.needs_plan:
         plan = plan_to_track(design, lambda text: None)

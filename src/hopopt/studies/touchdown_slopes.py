@@ -1,4 +1,4 @@
-"""How a periodic hop's optimum answers to the numbers of its touchdown (ocp/periodic.py), from the multipliers."""
+"""How the optimum of a hop that lands answers to the numbers of its touchdown (ocp/touchdown_impact.py), from the multipliers."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,8 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.nlp.transcription import Rows
-from hopopt.ocp.periodic import FOOT_SPEED, GEAR_IMPACT, IMPACT_FRICTION, IMPACT_LOSS, IMPACT_PUSH, IMPULSE, STEP
+from hopopt.ocp.periodic import STEP
+from hopopt.ocp.touchdown_impact import FOOT_SPEED, GEAR_IMPACT, IMPACT_FRICTION, IMPACT_LOSS, IMPACT_PUSH, IMPULSE
 from hopopt.optimality.parametric_sensitivity import Slopes
 
 
@@ -14,7 +15,8 @@ def touchdown_slopes(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
     """Paths of entries and derivatives of the objective [its unit per unit], to be summed by path."""
     rows = {r.name: r for r in by.solution.transcription.rows}
     period = sum(phase.duration for phase in by.solution.phases.values())
-    yield "hop.speed", float(_by_shift(by, rows[STEP], np.array([-period])))
+    if STEP in rows:
+        yield "hop.speed", float(_by_shift(by, rows[STEP], np.array([-period])))
     for limit in (IMPULSE, IMPACT_LOSS, FOOT_SPEED):
         if limit in rows:
             yield limit.key, float(by.of_rows(rows[limit])[1].sum())

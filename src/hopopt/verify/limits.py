@@ -9,7 +9,7 @@ from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.sim.machine import Machine
-from hopopt.verify.table import DESCENT
+from hopopt.verify.table import DESCENT, ON_GROUND, STANCE
 
 
 def limit_words(phase: str, limit: LimitId) -> str:
@@ -18,17 +18,17 @@ def limit_words(phase: str, limit: LimitId) -> str:
 
 
 def windowed(design: Design, phase: str, ends: str) -> bool:
-    """Whether the foot has to be within its window when a phase of flight ends: a periodic hop lands where it will."""
-    return ends != "free" and not (design.hop.periodic and phase == DESCENT)
+    """Whether the foot has to be within its window when a phase of flight ends: a hop that goes on lands where it will."""
+    return ends != "free" and not (design.hop.lands and phase == DESCENT)
 
 
 def limits_of(
-    machine: Machine, robot: Robot, design: Design, contact: bool, motion: tuple[np.ndarray, ...], window: bool
+    machine: Machine, robot: Robot, design: Design, phase: str, motion: tuple[np.ndarray, ...], window: bool
 ) -> dict[LimitId, np.ndarray]:
     """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
-    q, v (k, 2 + n), tau (k, n), f (k, 2); one value for those of its end; ``contact``: in
-    stance; ``window``: the foot's window is one."""
-    q, v, tau, f = motion
+    q, v (k, 2 + n), tau (k, n), f (k, 2); one value for those of its end;
+    ``window``: the foot's window is one."""
+    (q, v, tau, f), contact = motion, phase in ON_GROUND
     found: dict[LimitId, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
         use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k]))
@@ -36,16 +36,16 @@ def limits_of(
         low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
         angle = q[:, BASE + k]
         found[LimitId(Kind.ANGLE, joint)] = np.maximum(low - angle, angle - high) / (high - low)
-    found |= _ground(machine, design, contact, q, v, f)
+    found |= _ground(machine, design, phase, q, v, f)
     if window and not contact:
         found |= _window(machine, robot, design, q)
     return found
 
 
 def _ground(
-    machine: Machine, design: Design, contact: bool, q: np.ndarray, v: np.ndarray, f: np.ndarray
+    machine: Machine, design: Design, phase: str, q: np.ndarray, v: np.ndarray, f: np.ndarray
 ) -> dict[LimitId, np.ndarray]:
-    size_of_leg = reach(design.leg)
+    size_of_leg, contact = reach(design.leg), phase in ON_GROUND
     paths, found = machine.paths(q), dict[LimitId, np.ndarray]()
     for name in design.hop.above_ground:
         if not contact or name != "foot":
@@ -63,7 +63,7 @@ def _ground(
             found[LimitId(Kind.FRICTION)] = (
                 np.linalg.norm(f[:, :-1], axis=1) - design.contact.friction * f[:, -1]
             ) / size
-        if not design.hop.counter_movement:
+        if not design.hop.counter_movement and phase == STANCE:
             found[LimitId(Kind.DESCENT)] = -v[:, 1] / DESCENT_RANGE
     return found
 

@@ -13,7 +13,7 @@ from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, LIMIT, Check
 from hopopt.verify.landing import jumps
 from hopopt.verify.measures import joint_work
-from hopopt.verify.table import DESCENT, FLIGHT, STANCE, Table
+from hopopt.verify.table import DESCENT, FLIGHT, LANDING, STANCE, Table
 
 CLOSED = 1e-8  # rad, rad/s: by which the state after the impact may differ from that in which stance begins
 SMALL = 1e-3  # J, or shares of the weight's impulse in a second: below it an impact is as good as none
@@ -21,9 +21,9 @@ SMALL = 1e-3  # J, or shares of the weight's impulse in a second: below it an im
 
 @dataclass(frozen=True)
 class Touchdown:
-    """The impact at the end of a periodic hop.
+    """The impact at touchdown, of a hop that goes on.
 
-    closure: largest difference of the state after it from that in which stance begins [rad, rad/s]
+    closure: largest difference of the state after it from that in which the next stance begins [rad, rad/s]
     place, speed: of the foot just before it, x and z (2,) [m, m/s]
     impulse: of the ground on the foot, x and z (2,) [N s]
     loss: kinetic energy that it takes [J]
@@ -45,12 +45,12 @@ def closure(machine: Machine, stance: Table, q: np.ndarray, v: np.ndarray) -> fl
 
 
 def touchdown_of(machine: Machine, tables: Mapping[str, Table]) -> Touchdown:
-    """The impact of a plan."""
+    """The impact of a plan; a landing follows, or else the first stance again."""
     q, v = tables[DESCENT].q[-1, -1], tables[DESCENT].v[-1, -1]
     after, impulse = machine.impact(q, v)
     gear = np.array(machine.model.armature)[BASE:] * (after - v)[BASE:]
     lost = machine.energy(q, v) - machine.energy(q, after)
-    closed = closure(machine, tables[STANCE], q, v)
+    closed = closure(machine, tables.get(LANDING, tables[STANCE]), q, v)
     return Touchdown(closed, *machine.foot_motion(q, v), impulse[:BASE], lost, gear)
 
 

@@ -22,7 +22,8 @@ from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import LEAST, MEASURES, joint_work, quadrature
 from hopopt.verify.periodic import periodic_checks
 from hopopt.verify.replay import replay
-from hopopt.verify.table import DESCENT, FLIGHT, NORMALISED_TIMES, STANCE, Table
+from hopopt.verify.rest import landed_checks
+from hopopt.verify.table import DESCENT, FLIGHT, LANDING, NORMALISED_TIMES, STANCE, Table
 
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
 
@@ -68,6 +69,9 @@ def _ends(machine: Machine, design: Design, tables: Mapping[str, Table]) -> Iter
         yield from periodic_checks(machine, design, tables)
         return
     yield _start(machine, design, tables[STANCE])
+    if LANDING in tables:
+        yield from landed_checks(machine, design, tables)
+        return
     if DESCENT in tables:
         for name, parts in landing(machine, tables[FLIGHT], tables[DESCENT]):
             yield Check(name, _largest(parts), EXACT, "SI")
@@ -165,7 +169,7 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
         for x in (table.t, table.q, table.v, table.tau, table.f)
     )
     checks = []
-    for limit, excess in limits_of(machine, robot, design, phase == STANCE, (q, v, tau, f), window).items():
+    for limit, excess in limits_of(machine, robot, design, phase, (q, v, tau, f), window).items():
         at = int(np.argmax(excess))
         when = t[at] if len(excess) == len(t) else t[-1]
         checks.append(

@@ -9,7 +9,8 @@ POWERS = np.arange(len(NORMALISED_TIMES))
 TO_POWERS = np.linalg.inv(
     (2 * NORMALISED_TIMES[:, None] - 1) ** POWERS
 )  # values at NORMALISED_TIMES to coefficients of (2 s - 1)^k
-STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"  # the last only of a hop that lands
+STANCE, FLIGHT, DESCENT, LANDING = "stance", "flight", "descent", "landing"  # the last two only of hops that land
+ON_GROUND = (STANCE, LANDING)  # in both the foot is the origin
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.periodic import closure
-from hopopt.verify.table import FLIGHT, NORMALISED_TIMES, POWERS, STANCE, TO_POWERS, Table
+from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, ON_GROUND, POWERS, STANCE, TO_POWERS, Table
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
@@ -127,7 +127,9 @@ def whole_hop_rollout(
     state = tables[STANCE].q[0, 0], tables[STANCE].v[0, 0]
     try:
         for name, table in tables.items():
-            found[name], state = _simulated(machine, clamp, table, state, name == STANCE)
+            if name == LANDING:
+                state = state[0], machine.touch_down(*state)
+            found[name], state = _simulated(machine, clamp, table, state, name in ON_GROUND)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return Rollout({}, np.inf, np.inf, "the simulation failed")
     strayed = max(
@@ -142,7 +144,7 @@ def whole_hop_rollout(
         limit_words(name, limit): float(excess.max())
         for name, table in found.items()
         for limit, excess in limits_of(
-            machine, robot, design, name == STANCE, _motion(table), windowed(design, name, ends)
+            machine, robot, design, name, _motion(table), windowed(design, name, ends)
         ).items()
         if limit.kind is not Kind.REGION  # kept by clamping
     }

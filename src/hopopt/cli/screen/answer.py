@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hopopt.design import Design
     from hopopt.planner.solution import Solution
     from hopopt.planner.stored_summary import Summary
+    from hopopt.planner.summary_parts import Impact
 
 MOST = 4  # limits that are named
 LITTLE = 0.005  # share of stance that is no word worth
@@ -95,7 +96,9 @@ def in_short(s: "Summary", design: "Design") -> list[str]:
 def hop_lines(s: "Summary") -> list[str]:
     """Where the clearance comes from; durations, speeds at lift-off and the greatest ground force."""
     p, stance, flight, lift = s.parts, s.phases["stance"], s.phases["flight"], s.lift_off
-    lands = f", descent {s.phases['descent'].duration_s:.3f} s" if "descent" in s.phases else ""
+    lands = "".join(
+        f", {name} {s.phases[name].duration_s:.3f} s" for name in ("descent", "landing") if name in s.phases
+    )
     end, flown = s.vertical_at_end_of_flight_m_s, f"{flight.duration_s:.3f} s"
     way = "rising" if end > 0 else "falling"
     flown = f"to the apex {flown}" if at_apex(end) else f"{flown} (then {way} at {abs(end):.2f} m/s)"
@@ -113,15 +116,25 @@ def hop_lines(s: "Summary") -> list[str]:
 
 
 def orbit_lines(s: "Summary") -> list[str]:
-    """The cycle of a periodic hop, and its impact."""
+    """The cycle of a periodic hop, or how a hop comes to rest, and the impact."""
+    if (end := s.landing) is not None:
+        return [
+            f"at rest after {end.rest_s:.3f} s in the pose of the start, {end.step_m:+.3f} m along; the ground pushes with at "
+            f"most {end.peak_ground_force_N:.0f} N meanwhile, and the body is no lower than {end.deepest_m:.3f} m",
+            _impact_line(end),
+        ]
     if (o := s.orbit) is None:
         return []
     way = "in place" if abs(o.step_m) < 1e-6 else f"{o.step_m:+.3f} m along in each"
-    return [
-        f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}",
+    return [f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}", _impact_line(o)]
+
+
+def _impact_line(o: "Impact") -> str:
+    """What an impact takes."""
+    return (
         f"touchdown: foot at {o.foot_speed_m_s:.2f} m/s, impulse {o.impulse_Ns:.2f} N s, {o.impact_loss_J:.2f} J lost, "
-        f"gear impulse {o.gear_impulse_Nms:.3f} N m s ({o.gear_impact_torque_Nm:.0f} N m over hop.touchdown_time)",
-    ]
+        f"gear impulse {o.gear_impulse_Nms:.3f} N m s ({o.gear_impact_torque_Nm:.0f} N m over hop.touchdown_time)"
+    )
 
 
 def control_lines(s: "Summary") -> list[str]:
