@@ -65,19 +65,20 @@ def identify(problem: Design | str | Path, *runs: str | Path, known: Sequence[st
 
 
 def plot(solution: Solution, name: str | None = None) -> "dict[str, Figure] | Figure":
-    """All figures by name, or the one called ``name``: heights, joints, operating_region, stick, ground_force, or
-    tornado, which is drawn only if asked for. Raises UsageError for another name."""
-    from hopopt.plots.hop import FIGURES
+    """All figures by name, or the one called ``name``: heights, joints, operating_region, stick, ground_force, obstacle of
+    a hop over one, or tornado, which is drawn only if asked for. Raises UsageError for another name."""
+    from hopopt.plots.hop import figures_of
 
     if name == "tornado":
         from hopopt.plots.sensitivity import tornado
 
         return tornado(solution, sensitivity(solution))
-    if name is not None and name not in FIGURES:
-        raise UsageError(f"there is no figure {name!r}; there are {', '.join([*FIGURES, 'tornado'])}")
+    figures = figures_of(solution)
+    if name is not None and name not in figures:
+        raise UsageError(f"there is no figure {name!r}; there are {', '.join([*figures, 'tornado'])}")
     if name is not None:
-        return FIGURES[name](solution)
-    return {key: draw(solution) for key, draw in FIGURES.items()}
+        return figures[name](solution)
+    return {key: draw(solution) for key, draw in figures.items()}
 
 
 def sensitivity(solution: Solution) -> "list[Influence]":

@@ -165,6 +165,12 @@ class Start(Section):
     joint_angles: tuple[Angle, ...] | None = choice("angle of every joint, in chain order", None, unit="rad")
 
 
+class Obstacle(Section):
+    """What the leg is to clear, for the objective obstacle."""
+
+    width: float | None = quantity("width of the obstacle, along x", "m", 0, 20, None)
+
+
 class Hop(Section):
     kind: Literal["single", "landing", "periodic"] = choice(
         "one hop from rest to the apex, the same hop landed and brought to rest, or a hop that ends as it began and goes "
@@ -205,6 +211,7 @@ class Hop(Section):
         "clearance that the hop must reach, for objectives that ask how (energy, time, saturation, ...)",
         "m", 0, 20, None,
     )  # fmt: skip
+    obstacle: Obstacle = Obstacle()
     foot_window: float = quantity(
         "half width of the window about the hip's plumb line that the foot passes at the apex",
         "m", 1e-3, 3, 0.1,

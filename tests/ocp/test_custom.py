@@ -149,7 +149,7 @@ def test_a_false_claim_is_found(softly: Solution) -> None:
     height = Hop(softly.design, goal).objective
     (check,) = custom_checks(softly.robot, softly.tables, height, [], softly.clearance + 0.01)
     assert not check.passed
-    assert positive_work(softly.robot, softly.tables) > 0
+    assert positive_work(softly.robot, softly.tables, softly.design.hop) > 0
 
 
 @pytest.mark.parametrize(

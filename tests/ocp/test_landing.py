@@ -193,7 +193,7 @@ def test_false_landings_are_found() -> None:
 def test_a_stored_landing_is_read_drawn_and_verified_again(tmp_path: Path) -> None:
     s = read(save(softest(), tmp_path).result_dir or "")
     assert recheck(s).verified
-    assert impact(s.robot, s.tables) == pytest.approx(softest().summary.reached, abs=1e-12)
+    assert impact(s.robot, s.tables, s.design.hop) == pytest.approx(softest().summary.reached, abs=1e-12)
     labels = [t.get_text() for ax in FIGURES["stick"](s).axes for t in ax.get_xticklabels()]
     assert sum("apex" in t for t in labels) == sum("touchdown" in t for t in labels) == 1
     for name in ("heights", "joints", "operating_region", "ground_force"):

@@ -73,10 +73,10 @@ def solve(
         A problem file, or the name of a built-in one: paper and its variants, three_joint, a1_leg, go2_leg and others
         (README.md lists them).
     objective
-        What to make as large as possible: clearance (of the leg's lowest point) or apex (height of the body). Or as
-        small as possible, with the clearance to reach as --set hop.clearance=0.4: energy, absolute_work,
-        electrical_energy, time, saturation, peak_torque, peak_force or impact. Or a Python function of your own as
-        module:function (docs/objectives.md).
+        What to make as large as possible: clearance (of the leg's lowest point), apex (height of the body) or obstacle (the
+        highest box that the leg clears, with --set hop.obstacle.width=0.2). Or as small as possible, with the clearance to
+        reach as --set hop.clearance=0.4: energy, absolute_work, electrical_energy, time, saturation, peak_torque,
+        peak_force or impact. Or a Python function of your own as module:function (docs/objectives.md).
     hop
         single: one hop from rest. landing: the same, landed and brought to rest (docs/landing.md). periodic: a hop that ends
         as it began, for ever (docs/periodic.md); its mean speed is --set hop.speed=0.5. Default: the problem's hop.kind.

@@ -31,6 +31,7 @@ class Kind(Enum):
     IMPACT_LOSS = "energy lost at touchdown"
     FOOT_SPEED = "foot speed at touchdown"
     GEAR_IMPACT = "gear torque at touchdown"
+    OBSTACLE = "obstacle"
     USER = "user-defined"
 
 

@@ -70,7 +70,7 @@ def coming_close(solution: NlpSolution, errors: Mapping[str, IntervalErrors], al
         lower, upper, scale = (stage.path_column(side) for side in ("lower", "upper", "scale"))
         close = ((path > upper - CLOSE * scale) | (path < lower + CLOSE * scale)).any(axis=1)
         beside = np.pad(close, ((1, 1), (0, 0)))
-        chosen[name] = (close | beside[:-2] | beside[2:]) & bool((e.excess > allowed).any())
+        chosen[name] = (close | beside[:-2] | beside[2:]) & bool((e.excess > allowed).any()) & stage.smooth
     return chosen
 
 

@@ -34,6 +34,11 @@ class Stage:
         )
 
     @property
+    def smooth(self) -> np.ndarray:
+        """Which components of the path constraints may be enforced between the nodes."""
+        return np.repeat([c.smooth for c in self.phase.path], self.path_sizes).astype(bool)
+
+    @property
     def row_outputs(self) -> int:
         """Outputs that enter rows of the NLP: x' and path."""
         return self.function.size1_out(0) + self.function.size1_out(1)

@@ -220,7 +220,7 @@ class Refinement:
         for name, e in self.errors.items():
             n, held, over = pieces_of(cuts[name]), self._held[name], passed(e, self.aims.excess)
             free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
-            free[:, : held.shape[1]] = ~held
+            free[:, : held.shape[1]] = ~held & self.solution.transcription.layouts[name].stage.smooth
             whole = (n == 1)[:, None] & ~free
             self._tightened[name] = np.repeat(np.where(whole, self._tightened[name] + over, 0.0), n, axis=1)
             answers = (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)

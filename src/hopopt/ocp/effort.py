@@ -17,6 +17,7 @@ from hopopt.leg.robot import BASE
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
+from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
 
 FLAT = 2e5  # times the usual tie-break: work without heat hardly depends on when it is done (docs/objectives.md)
@@ -83,10 +84,10 @@ def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], tie_break: fl
             ),
         )
 
-    def path(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+    def path(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
         return (
             PathConstraint(
-                LimitId(Kind.POWER, unit="W"), lambda s: s.drawn - power(hop, motion, s), lower=0.0, scale=SHARP * power_scale(hop),
+                LimitId(Kind.POWER, unit="W"), lambda s: s.drawn - power(hop, phase.motion, s), lower=0.0, scale=SHARP * power_scale(hop),
                 unit="W", labels=hop.leg.joints,
             ),
         )  # fmt: skip
@@ -125,12 +126,12 @@ def _peak(name: str, unit: str, scale: Callable[[MovingLeg], float], upper: floa
     )
 
 
-def _region_share(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+def _region_share(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
     """-share <= a tau + b w <= share for every pair of half-planes of every joint."""
 
     def value(joint: str, k: int) -> Callable[[Instant], ca.SX]:
         def both(s: Instant) -> ca.SX:
-            m, share = motion(s), s.p["share"]
+            m, share = phase.motion(s), s.p["share"]
             used = ca.vertcat(*operating_region(hop.leg, joint, s.p).use(m.v[BASE + k], m.tau[k])[::2])
             return ca.vertcat(share - used, share + used)
 
@@ -150,9 +151,10 @@ def largest_stall(hop: MovingLeg) -> float:
     )
 
 
-def _torque_peak(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+def _torque_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
     def both(s: Instant) -> ca.SX:
-        return ca.vertcat(s.p["peak torque"] - motion(s).tau, s.p["peak torque"] + motion(s).tau)
+        tau = phase.motion(s).tau
+        return ca.vertcat(s.p["peak torque"] - tau, s.p["peak torque"] + tau)
 
     labels = tuple(JointWay(j, way) for way in (FORWARD, BACKWARD) for j in hop.leg.joints)
     return (
@@ -167,14 +169,14 @@ def _torque_peak(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathCons
     )
 
 
-def _force_peak(hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathConstraint, ...]:
+def _force_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
     """peak - f^2 / peak >= 0: the force's magnitude without its root, which is not smooth at zero."""
-    if phase != "stance":
+    if phase.kind != "stance":
         return ()
 
     def value(s: Instant) -> ca.SX:
         peak = s.p["peak force"]
-        return peak - ca.sumsqr(motion(s).f) / peak
+        return peak - ca.sumsqr(phase.motion(s).f) / peak
 
     return (
         PathConstraint(LimitId(Kind.PEAK_FORCE, unit="N"), value, lower=0.0, scale=SHARP * hop.force_range, unit="N"),

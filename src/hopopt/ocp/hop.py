@@ -34,6 +34,8 @@ class Hop(MovingLeg):
     ):  # fmt: skip
         self.objective, self.free_parameters, self.constraints = find(objective), free_parameters, constraints
         self.asked = objective if isinstance(objective, str) else self.objective
+        if self.objective.kind is not None and not design.hop.lands:
+            design = design.model_copy(update={"hop": design.hop.model_copy(update={"kind": self.objective.kind})})
         if fault := self.objective.fault(design):
             raise UsageError(f"objective {self.objective.name}: {fault}")
         super().__init__(design)
@@ -68,7 +70,7 @@ class Hop(MovingLeg):
         """A phase with what the objective and the user's own constraints add to it."""
         kind, motion = phase.kind, phase.motion
         own = (custom_path(c, self, kind, motion) for c in self.constraints)
-        path: list[PathConstraint] = [c for group in (self.objective.path(self, kind, motion), *own) for c in group]
+        path: list[PathConstraint] = [c for group in (self.objective.path(self, phase), *own) for c in group]
         return phase.with_more(self.objective.controls(self), path, self._integrands(phase))
 
     def _integrands(self, phase: LegPhase) -> Mapping[str, Callable[[Instant], ca.SX]]:

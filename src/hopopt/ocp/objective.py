@@ -11,7 +11,7 @@ from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.direction import Directed
 from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.phases import points_at_apex
+from hopopt.ocp.phases import LegPhase, points_at_apex
 from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint
 from hopopt.ocp.sequence import Sequence, from_rest
 
@@ -30,8 +30,9 @@ class HopObjective(Directed):
     figure: what the value is called among the printed figures.
     ends: whether the foot must end within its window, must reach hop.clearance too, or is free.
     scale(hop): magnitude of the value [unit].
-    parameters, boundary, controls, path (by kind of phase), integrands: the objective's additions to the problem.
+    parameters, boundary, controls, path (by phase), integrands: the objective's additions to the problem.
     sequence: the phases that it is asked of, and their transitions.
+    kind: which hop.kind it is asked of where the problem says "single".
     fault(design): in a sentence, what the problem lacks for it.
     custom: the user's function that it is made of (ocp/custom.py).
     tie_break: times the problem's own, where optima are flat.
@@ -48,9 +49,10 @@ class HopObjective(Directed):
     parameters: Callable[[MovingLeg], tuple[Parameter, ...]] = lambda hop: ()
     boundary: Callable[[MovingLeg], tuple[BoundaryConstraint, ...]] = lambda hop: ()
     controls: Callable[[MovingLeg], tuple[Control, ...]] = lambda hop: ()
-    path: Callable[[MovingLeg, str, MotionAt], tuple[PathConstraint, ...]] = lambda hop, phase, motion: ()
+    path: Callable[[MovingLeg, LegPhase], tuple[PathConstraint, ...]] = lambda hop, phase: ()
     integrands: Callable[[MovingLeg, MotionAt], Mapping[str, Callable[[Instant], ca.SX]]] = lambda hop, motion: {}
     sequence: Sequence = from_rest
+    kind: str | None = None
     fault: Callable[[Design], str | None] = lambda design: None
     custom: Any = None
     tie_break: float = 1.0

@@ -7,6 +7,7 @@ from hopopt.ocp.custom import as_objective
 from hopopt.ocp.effort import EFFORTS
 from hopopt.ocp.landing import IMPACT
 from hopopt.ocp.objective import HopObjective, lowest_point
+from hopopt.ocp.obstacle import OVER
 from hopopt.ocp.phases import points_at_apex
 from hopopt.ocp.problem import Parameter
 
@@ -32,6 +33,7 @@ OBJECTIVES = {
         ),
         *EFFORTS,
         IMPACT,
+        OVER,
     )
 }
 

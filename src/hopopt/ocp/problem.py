@@ -122,6 +122,8 @@ class PathConstraint:
     name: a text, or an identity whose text it is.
     scale: the size of its range, for accuracy.
     labels: which component is which.
+    smooth: whether it is like a polynomial over an interval, so that it may be enforced between the nodes; one that is not
+    is met between them by a finer mesh.
     """
 
     name: Hashable
@@ -131,6 +133,7 @@ class PathConstraint:
     scale: Numbers = 1.0
     unit: str = ""
     labels: tuple[Hashable, ...] = ()
+    smooth: bool = True
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.limit_use import LOADED, as_dict, idle_uses
 from hopopt.planner.solution import Motion, Samples
 from hopopt.planner.summary_parts import IdleLimit, LeansOn, LiftOff, Parts, PhaseFigures, UpperBound
-from hopopt.planner.touchdown import landing, orbit
+from hopopt.planner.touchdown import landing, obstacle, orbit
 from hopopt.verify.upper_bound import upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -30,6 +30,7 @@ def motion_figures(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, Any]:
         "parts": parts(plan),
         "orbit": orbit(plan),
         "landing": landing(plan),
+        "obstacle": obstacle(plan),
         "lowest_point": _lowest(plan),
         "phases": {name: phase_figures(plan, name, s) for name, s in fine.items()},
         "lift_off": lift_off(plan),

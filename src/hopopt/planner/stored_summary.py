@@ -30,6 +30,7 @@ from hopopt.planner.summary_parts import (
     Measures,
     Mesh,
     NamedCheck,
+    Obstacle,
     Orbit,
     Parts,
     PhaseFigures,
@@ -99,6 +100,7 @@ class Summary(Measures):
     gain_per_percent_m: Mapping[str, float] | None = if_any("what 1 % more of each limit's range gives [m]")
     gain_per_percent: Mapping[str, float] | None = if_any("the same for objectives that are no lengths [its unit]")
     orbit: Orbit | None = if_any("the cycle of a periodic hop")
+    obstacle: Obstacle | None = if_any("the box that the leg clears, if it was made to")
     landing: Landing | None = if_any("the touchdown of a hop that is landed, and how it comes to rest")
     notes: tuple[str, ...] = if_any("what the answer does not say by itself", default=())
     flat: tuple[FlatDirection, ...] | None = if_any("what the objective is insensitive to")

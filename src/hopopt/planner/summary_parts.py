@@ -19,6 +19,7 @@ class Measures(Strict):
     peak_torque_Nm: float | None = if_any("largest torque of any joint [N m]")
     peak_force_N: float | None = if_any("largest ground force [N]")
     impact_J: float | None = if_any("kinetic energy lost at touchdown [J]")
+    obstacle_m: float | None = if_any("height of the highest obstacle that the leg clears [m]")
     user_objective: float | None = if_any("a user-defined objective [its unit]")
 
 
@@ -99,6 +100,15 @@ class Orbit(Impact):
     """A cycle of a periodic hop, and the impact that ends it."""
 
     period_s: float = stated("duration of a cycle [s]")
+
+
+@dataclass(frozen=True)
+class Obstacle(Strict):
+    """The box that the leg clears, as the plan's table has it."""
+
+    width_m: float = stated("of the box, along x [m]")
+    height_m: float = stated("of the box [m]")
+    begins_m: float = stated("its near side, ahead of where the foot stands [m]")
 
 
 @dataclass(frozen=True)

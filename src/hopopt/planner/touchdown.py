@@ -1,13 +1,14 @@
-"""What is stated of a touchdown from which the leg goes on: into the next cycle, or to rest."""
+"""What is stated of a touchdown from which the leg goes on, into the next cycle or to rest, and of what it hopped over."""
 
 from typing import Any
 
 import numpy as np
 
 from hopopt.planner.solution import Motion
-from hopopt.planner.summary_parts import Landing, Orbit
+from hopopt.planner.summary_parts import Landing, Obstacle, Orbit
 from hopopt.sim.machine import Machine
 from hopopt.verify.measures import joint_work
+from hopopt.verify.obstacle import highest_box
 from hopopt.verify.periodic import period, touchdown_of
 from hopopt.verify.table import DESCENT, LANDING
 
@@ -29,6 +30,14 @@ def landing(plan: Motion) -> Landing | None:
         peak_ground_force_N=float(np.linalg.norm(table.f, axis=-1).max()),
         deepest_m=float(table.q[..., 1].min()),
     )
+
+
+def obstacle(plan: Motion) -> Obstacle | None:
+    """The highest box that the plan's leg clears, from its tables; None if it was not made to."""
+    if plan.objective != "obstacle":
+        return None
+    height, begins = highest_box(Machine(plan.robot), plan.design.hop, plan.tables)
+    return Obstacle(float(plan.design.hop.obstacle.width or 0.0), height, begins)
 
 
 def _impact(plan: Motion) -> dict[str, Any]:

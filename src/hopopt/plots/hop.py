@@ -41,6 +41,7 @@ from hopopt.plots.style import (
     motion_of,
     solution_figure,
 )
+from hopopt.plots.swept import obstacle
 
 FORMATS = ("png", "svg")
 
@@ -222,6 +223,11 @@ FIGURES: dict[str, Callable[[Solution], Figure]] = {
 }
 
 
+def figures_of(solution: Solution) -> dict[str, Callable[[Solution], Figure]]:
+    """The figures of a hop, by name: over an obstacle, that of the area it sweeps too."""
+    return FIGURES | ({"obstacle": obstacle} if solution.summary.obstacle else {})
+
+
 def save_all(solution: Solution, folder: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
     """Write every figure in every format to a folder, which is made if need be; the files written.
 
@@ -229,7 +235,7 @@ def save_all(solution: Solution, folder: Path, formats: Sequence[str] = FORMATS)
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths, faults = [], []
-    for name, draw in FIGURES.items():
+    for name, draw in figures_of(solution).items():
         try:
             paths += save_figure(draw(solution), folder / name, formats)
         except Exception as error:  # whatever is wrong with one figure, the others are drawn

@@ -141,7 +141,7 @@ def front(
         lowest = max(lowest, AT_LEAST * top.clearance)
     if lowest >= top.clearance:
         raise UsageError(f"the leg clears {top.clearance:.4f} m at most: give a lowest clearance below that")
-    _keep(found, TOP, top, top.clearance, MEASURES[goal.figure](top.robot, top.tables), 0.0)
+    _keep(found, TOP, top, top.clearance, MEASURES[goal.figure](top.robot, top.tables, top.design.hop), 0.0)
     chain = Chain(design, goal, lowest, starts or design.solver.starts, processes or os.cpu_count() or 1, say)
     least = _refined(found, chain, 0, LEAST.format(goal.name.replace("_", " ")), say)
     reached = least.clearance if least is not None and least.verified else lowest

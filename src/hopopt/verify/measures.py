@@ -1,6 +1,6 @@
 """What a plan's table says of the figures a hop may be asked for: by NumPy, without the planner.
 
-Each measure takes the leg in numbers and the plan's tables by phase, and returns what the objective of the same figure
+Each measure takes the leg in numbers, the plan's tables by phase and what the hop is asked to be, and returns what the objective of the same figure
 claims. Positive parts have kinks and peaks lie between the table's instants, so values are interpolated first.
 """
 
@@ -9,9 +9,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
+from hopopt.design import Hop
 from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.machine import Machine
+from hopopt.verify.obstacle import highest_box
 from hopopt.verify.table import NORMALISED_TIMES, Table
 
 FINE = np.linspace(0.0, 1.0, 201)  # normalised times of an interval; trapezoids are good to about 1e-5 of it
@@ -47,17 +49,17 @@ def _over_phases(robot: Robot, tables: Tables, rate: Callable[[Robot, np.ndarray
     return total
 
 
-def positive_work(robot: Robot, tables: Tables) -> float:
+def positive_work(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Positive mechanical work of the joints [J]."""
     return _over_phases(robot, tables, lambda robot, tau, w: np.maximum(tau * w, 0.0))
 
 
-def absolute_work(robot: Robot, tables: Tables) -> float:
+def absolute_work(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Mechanical work of the joints [J], braking counted like driving."""
     return _over_phases(robot, tables, lambda robot, tau, w: np.abs(tau * w))
 
 
-def electrical_energy(robot: Robot, tables: Tables) -> float:
+def electrical_energy(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Electrical energy drawn by the motors [J], Joule heat with it, nothing fed back."""
 
     def rate(robot: Robot, tau: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -86,20 +88,20 @@ def quadrature() -> np.ndarray:
     return np.linalg.solve(np.vander(NORMALISED_TIMES, increasing=True).T, moments)
 
 
-def impact(robot: Robot, tables: Tables) -> float:
+def impact(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Kinetic energy lost at the end of the descent, where the foot lands and stays [J]."""
     machine, descent = Machine(robot), tables["descent"]
     q, v = descent.q[-1, -1], descent.v[-1, -1]
     return machine.energy(q, v) - machine.energy(q, machine.touch_down(q, v))
 
 
-def duration(robot: Robot, tables: Tables) -> float:
+def duration(robot: Robot, tables: Tables, hop: Hop) -> float:
     """From the start of the first phase to the end of the last [s]."""
     phases = list(tables.values())
     return float(phases[-1].t[-1, -1] - phases[0].t[0, 0])
 
 
-def region_share(robot: Robot, tables: Tables) -> float:
+def region_share(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
@@ -110,19 +112,24 @@ def region_share(robot: Robot, tables: Tables) -> float:
     return worst
 
 
-def peak_torque(robot: Robot, tables: Tables) -> float:
+def peak_torque(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest torque of any joint [N m]."""
     return max(float(np.abs(dense(normalised_times_of(table), table.tau)).max()) for table in tables.values())
 
 
-def peak_force(robot: Robot, tables: Tables) -> float:
+def peak_force(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest ground force [N]."""
     return max(
         float(np.linalg.norm(dense(normalised_times_of(table), table.f), axis=-1).max()) for table in tables.values()
     )
 
 
-MEASURES: dict[str, Callable[[Robot, Tables], float]] = {
+def obstacle(robot: Robot, tables: Tables, hop: Hop) -> float:
+    """Height of the highest box of the given width that the leg clears [m]."""
+    return highest_box(Machine(robot), hop, tables)[0]
+
+
+MEASURES: dict[str, Callable[[Robot, Tables, Hop], float]] = {
     "energy_J": positive_work,
     "absolute_work_J": absolute_work,
     "electrical_energy_J": electrical_energy,
@@ -131,5 +138,7 @@ MEASURES: dict[str, Callable[[Robot, Tables], float]] = {
     "peak_torque_Nm": peak_torque,
     "peak_force_N": peak_force,
     "impact_J": impact,
+    "obstacle_m": obstacle,
 }
+AT_LEAST = ("obstacle_m",)  # the hop may clear more elsewhere
 LEAST = {"impact_J": 0.01}  # a figure that may be 0 is relative to this at least

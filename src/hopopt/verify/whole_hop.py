@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hopopt.design import Design
+from hopopt.design import Design, Hop
 from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.limit_id import Kind
@@ -139,7 +139,7 @@ def whole_hop_rollout(
     )
     if design.hop.periodic:
         strayed = max(strayed, closure(machine, tables[STANCE], *state))
-    values = _values(machine, robot, found, figure)
+    values = _values(machine, robot, design.hop, found, figure)
     shares = {
         limit_words(name, limit): float(excess.max())
         for name, table in found.items()
@@ -158,12 +158,12 @@ def _motion(table: Table) -> tuple[np.ndarray, ...]:
     return tuple(part.reshape(-1, part.shape[-1]) for part in (table.q, table.v, table.tau, table.f))
 
 
-def _values(machine: Machine, robot: Robot, tables: Mapping[str, Table], figure: str) -> dict[str, float]:
+def _values(machine: Machine, robot: Robot, hop: Hop, tables: Mapping[str, Table], figure: str) -> dict[str, float]:
     """Clearance and height of the body [m] when flight ends, and the measure asked for."""
     end = tables[FLIGHT].q[-1, -1]
     heights = machine.points(end)
     values = {"clearance_m": min(float(heights[name][1]) for name in machine.frames), "apex_m": float(end[1])}
-    return values | {name: MEASURES[name](robot, tables) for name in MEASURES.keys() & {figure}}
+    return values | {name: MEASURES[name](robot, tables, hop) for name in MEASURES.keys() & {figure}}
 
 
 def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contact: bool) -> tuple[Table, State]:

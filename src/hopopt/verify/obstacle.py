@@ -1,0 +1,74 @@
+"""The highest box that a plan's leg clears, by the lower edge of the area that its links sweep.
+
+The box stands on the ground, so a link enters it if and only if the part of the link above the box's width comes lower
+than its height. No line between leg and box, as the planner has it, and no optimiser of the planner: forward kinematics of
+the plan's table, each link cut off at both sides of the box, the lowest point of all instants.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.interpolate import BarycentricInterpolator
+from scipy.optimize import minimize_scalar
+
+from hopopt.design import Hop
+from hopopt.sim.machine import Machine
+from hopopt.verify.table import DESCENT, LANDING, NORMALISED_TIMES, Table
+
+AT = np.linspace(0.0, 1.0, 61)  # normalised times of an interval that are looked at
+PLACES, REFINED = 401, 3  # of the box: on a first grid, and how many of the best of them are refined
+UPRIGHT = 1e-12  # m: extent along x below which a link counts as upright
+
+Links = tuple[np.ndarray, np.ndarray]  # both ends of every link at every instant, (k, 2) x, z [m]
+
+
+def highest_box(machine: Machine, hop: Hop, tables: Mapping[str, Table]) -> tuple[float, float]:
+    """Height of the highest box of width ``hop.obstacle.width`` that the leg clears between where its foot stands and where
+    it lands, and where along x it begins [m]."""
+    links, width = swept(machine, hop, tables), float(hop.obstacle.width or 0.0)
+    last = step(machine, tables) - width
+    if last <= 0:
+        return 0.0, 0.0  # the foot does not come to the other side
+    places = np.linspace(0.0, last, PLACES)
+    heights = np.array([height_over(links, x, width) for x in places])
+    best = [(float(heights.max()), float(places[heights.argmax()]))]
+    for x in places[np.argsort(-heights)[:REFINED]]:
+        near = (max(x - places[1], 0.0), min(x + places[1], last))
+        found = minimize_scalar(
+            lambda x: -height_over(links, x, width), bounds=near, method="bounded", options={"xatol": 1e-9}
+        )
+        best.append((-float(found.fun), float(found.x)))
+    return max(best)
+
+
+def step(machine: Machine, tables: Mapping[str, Table]) -> float:
+    """How far ahead of where it stood the foot lands [m]."""
+    return float(machine.points(tables[DESCENT].q[-1, -1])["foot"][0])
+
+
+def swept(machine: Machine, hop: Hop, tables: Mapping[str, Table]) -> Links:
+    """Every link at every instant; of a periodic hop, those of the hops before and after too, as far as they reach here."""
+    weights = BarycentricInterpolator(NORMALISED_TIMES, np.eye(len(NORMALISED_TIMES)))(AT)
+    ahead, begins, ends = step(machine, tables), [], []
+    for name, table in tables.items():
+        q = np.einsum("kp,ipx->ikx", weights, table.q).reshape(-1, table.q.shape[-1])
+        beside = np.array([ahead if name == LANDING else 0.0, 0.0])
+        chain = [path + beside for path in machine.paths(q).values()]
+        begins += chain[:-1]
+        ends += chain[1:]
+    A, B = np.concatenate(begins), np.concatenate(ends)
+    if not hop.periodic:
+        return A, B
+    moved = [np.array([k * ahead, 0.0]) for k in (-1, 0, 1)]
+    return np.concatenate([A + by for by in moved]), np.concatenate([B + by for by in moved])
+
+
+def height_over(links: Links, begin: float, width: float) -> float:
+    """The lowest that any link comes between x = ``begin`` and that plus ``width`` [m]; infinite where none comes."""
+    (xa, za), (xb, zb) = (end.T for end in links)
+    low, high = np.maximum(np.minimum(xa, xb), begin), np.minimum(np.maximum(xa, xb), begin + width)
+    along = xb - xa
+    slope = np.divide(zb - za, along, out=np.zeros_like(along), where=np.abs(along) > UPRIGHT)
+    lowest = np.minimum(za + slope * (low - xa), za + slope * (high - xa))
+    lowest = np.where(np.abs(along) > UPRIGHT, lowest, np.minimum(za, zb))
+    return float(lowest[low <= high].min(initial=np.inf))
