@@ -37,8 +37,8 @@ def test_the_distance_is_never_more_than_it_is_and_hardly_less() -> None:
     rng = np.random.default_rng(1)
     missing = []
     for _ in range(4000):
-        ends = rng.uniform([-0.2, 0.0], [1.0, 1.2], (2, 2))
-        exact, smooth = separation(*ends, 0.3, 0.2, 0.5), float(found(*ends))
+        p, q = rng.uniform([-0.2, 0.0], [1.0, 1.2], (2, 2))
+        exact, smooth = separation(p, q, 0.3, 0.2, 0.5), float(found(p, q))
         assert smooth <= max(exact, 0.0) + 1e-12  # within the box it is negative, how deep does not matter
         missing.append(exact - smooth if exact > 0 else 0.0)
     assert np.max(missing) < 5 * SMOOTH
