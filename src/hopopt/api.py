@@ -19,6 +19,8 @@ from hopopt.studies import notebook_views as views
 from hopopt.studies.codesign import codesign
 from hopopt.studies.compare import Comparison
 from hopopt.studies.compare import compare as compare_strategies
+from hopopt.studies.hop_after_hop import HOPS, HopsComparison
+from hopopt.studies.hop_after_hop import compare_hops as hop_after_hop
 from hopopt.studies.pareto import Front, front
 from hopopt.studies.simulation import simulate
 from hopopt.studies.sweep.run import Study, sweep
@@ -99,6 +101,24 @@ def compare(solution: Solution, *strategies: str, tune: int = 0) -> Comparison:
     return compare_strategies(solution.design, strategies or None, bound=solution, tune=tune)
 
 
+def compare_hops(solution: Solution, *strategies: str, hops: int = HOPS) -> HopsComparison:
+    """This periodic hop as the bound, beside what controllers keep up hop after hop: those named, "all" that suit it, or
+    the default rows of ``hopopt compare --hop periodic``.
+
+    hops: how many each does. Raises UsageError for unknown strategies, and for a hop that is not periodic.
+    """
+    return hop_after_hop(solution.design, strategies or None, hops=hops, bound=solution)
+
+
+def plot_hops(comparison: HopsComparison, name: str) -> "Figure":
+    """The figure called ``name``: clearances, orbit, or basin where basins were asked for."""
+    from hopopt.plots.hops import FIGURES
+
+    if name not in FIGURES:
+        raise UsageError(f"there is no figure {name!r}; there are {', '.join(FIGURES)}")
+    return FIGURES[name](comparison)
+
+
 def plot_comparison(comparison: Comparison, name: str | None = None) -> "dict[str, Figure] | Figure":
     """All figures by name, or the one called ``name``: foot_height, saturation, speed_torque, stiffness, stick,
     budget."""
@@ -116,8 +136,8 @@ def plot_study(study: Study) -> "dict[str, Figure]":
     return figures(study)
 
 
-Solution.plot, Solution.sensitivity, Solution.compare = plot, sensitivity, compare
-Comparison.plot, Study.plot = plot_comparison, plot_study
+Solution.plot, Solution.sensitivity, Solution.compare, Solution.compare_hops = plot, sensitivity, compare, compare_hops
+Comparison.plot, Study.plot, HopsComparison.plot = plot_comparison, plot_study, plot_hops
 for kind, dataset, frame, table in (
     (Solution, views.solution_dataset, views.solution_frame, views.solution_html),
     (Comparison, views.comparison_dataset, views.comparison_frame, views.comparison_html),

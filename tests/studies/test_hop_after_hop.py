@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hopopt.api import compare_hops as compare_of_a_solution
 from hopopt.cli.main import run
 from hopopt.cli.screen.hops import print_hops
 from hopopt.control.closed_loop import simulate
@@ -300,3 +301,8 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert json.loads((folder / "hops.json").read_text())["bound_m"] == data["bound_m"]
     assert {path.stem for path in (folder / "figures").iterdir()} == {"clearances", "orbit"}
     assert (folder / "runs.nc").exists()
+
+
+def test_only_a_periodic_solution_is_compared_hop_after_hop() -> None:
+    with pytest.raises(UsageError, match=r'hop\.kind = "periodic"'):
+        compare_of_a_solution(solve(load("paper"), starts=1, processes=1), "force")

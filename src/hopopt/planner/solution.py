@@ -232,6 +232,7 @@ class Solution(Motion):
     plot: ClassVar[Callable[..., Any]]
     sensitivity: ClassVar[Callable[..., Any]]
     compare: ClassVar[Callable[..., Any]]
+    compare_hops: ClassVar[Callable[..., Any]]
     to_xarray: ClassVar[Callable[..., Any]]
     to_dataframe: ClassVar[Callable[..., Any]]
     _repr_html_: ClassVar[Callable[..., str]]

@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -139,6 +139,7 @@ class HopsComparison:
     basins: Mapping[str, "Basin"] = field(default_factory=dict)
     mujoco: Mapping[str, Sequence[float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
 
     @cached_property
     def optimum(self) -> HopFigures:
