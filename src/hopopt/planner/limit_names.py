@@ -28,6 +28,7 @@ SAYS = {  # what a constraint says
     Kind.CLEARANCE: "the clearance asked for",
     Kind.WINDOW: "the foot within its window at the apex",
     Kind.LANDING_WINDOW: "the foot within its window at touchdown",
+    Kind.OBSTACLE: "the leg clear of the obstacle",
     Kind.IMPACT_PUSH: "the ground pushes in the impact",
     Kind.IMPACT_FRICTION: "the foot does not slip in the impact",
 }
