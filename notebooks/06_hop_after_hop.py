@@ -30,7 +30,7 @@ GROUND = {"contact.friction": 0.6}
 single = ho.solve(ho.load("paper", GROUND), starts=2)
 orbit = ho.solve(ho.load("paper", {**GROUND, "hop.kind": "periodic"}), starts=2)
 landed = ho.solve(ho.load("paper", {**GROUND, "hop.kind": "landing", "hop.touchdown_loss": 1.0}), starts=2)
-assert single.verified and orbit.verified and landed.verified  # noqa: PT018
+assert all(s.verified for s in (single, orbit, landed))
 
 pd.DataFrame({
     "clearance [m]": {"from rest": single.clearance, "landed, at rest": landed.clearance, "hop after hop": orbit.clearance},
