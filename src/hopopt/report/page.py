@@ -77,6 +77,8 @@ def answer(content: Content) -> list[str]:
     if s.objective != "clearance":
         reached = f"{s.reached:.4g} {s.objective_unit}".removesuffix(" 1")
         words = [f"This hop has the {'most' if s.maximized else 'least'} {s.objective.replace('_', ' ')}: {reached}."]
+        if s.obstacle:
+            words = [f"The whole leg clears a box {s.obstacle.width_m:g} m wide and {reached} high."]
         words[0] += f" It lifts the leg's lowest point {_m(s.clearance_m)} above the ground."
     if s.gains:
         words.append(f"What holds it back most: {next(iter(s.gains))}.")
