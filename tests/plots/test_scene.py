@@ -201,9 +201,7 @@ def test_the_command_serves_this_computer_alone_and_ends_cleanly(hop: Solution, 
     folder = save(hop, tmp_path / "Größe und Höhe").result_dir
     words = [sys.executable, "-m", "hopopt", "view", str(folder), "--port", "0", "--json"]
     environment = os.environ | {"HOPOPT_CACHE": "off"}
-    heard = partial(
-        signal.signal, signal.SIGINT, signal.SIG_DFL
-    )  # a shell's background jobs, and their children, ignore it
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # what runs in a shell's background ignores Ctrl-C
     pipe = subprocess.PIPE
     with subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, env=environment, preexec_fn=heard) as running:
         try:

@@ -25,6 +25,11 @@ GRAZE = 1e-5  # share of the reach by which the foot may be below the ground bef
 Given = Numbers | tuple[Numbers, Numbers] | None  # of a state at the beginning: free, a value, or (lower, upper)
 
 
+def duration_entry(phase: str) -> str:
+    """The entry of the problem file that bounds how long a phase lasts: the descent has that of flight."""
+    return f"hop.{FLIGHT if phase == DESCENT else phase}_duration"
+
+
 @dataclass(frozen=True)
 class LegPhase:
     """A phase of a leg.

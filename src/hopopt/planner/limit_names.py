@@ -8,7 +8,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.leg.actuator import CAPS
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
-from hopopt.ocp.phases import DESCENT, FLIGHT
+from hopopt.ocp.phases import duration_entry
 from hopopt.optimality.flat_directions import Flat
 from hopopt.optimality.infeasibility import Conflict, Part
 from hopopt.optimality.limits import Limit
@@ -39,8 +39,7 @@ def words_of(design: Design, limit: Limit) -> tuple[str, str]:
     leg, of, inner = design.leg, limit.name.of, limit.name.label
     where = f" in {limit.phase}" if limit.phase else ""
     if limit.kind == "duration":
-        phase = FLIGHT if limit.phase == DESCENT else limit.phase
-        return f"{'longest' if limit.upper else 'shortest'} {limit.phase}", _stated(design, f"hop.{phase}_duration")
+        return f"{'longest' if limit.upper else 'shortest'} {limit.phase}", _stated(design, duration_entry(limit.phase))
     if limit.kind in ("state", "final") and of == "q" and inner in leg.joints:
         side = "upper" if limit.upper else "lower"
         return f"{side} limit of the {inner}{where}", _stated(design, f"leg.{inner}.{side}")

@@ -12,7 +12,7 @@ from hopopt.leg.robot import BASE
 from hopopt.leg.scales import force_range
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.objectives import find
-from hopopt.ocp.phases import DESCENT, FLIGHT, ON_GROUND
+from hopopt.ocp.phases import DESCENT, FLIGHT, ON_GROUND, duration_entry
 from hopopt.planner.solution import Motion, Samples
 from hopopt.verify.limits import windowed
 
@@ -123,7 +123,7 @@ def _whole(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     hop, goal = plan.design.hop, plan.own[0] or find(plan.objective)
     for phase in fine:
         (shortest, longest), lasted = getattr(hop, f"{phase}_duration"), plan.phases[phase].duration
-        entry = f"hop.{FLIGHT if phase == DESCENT else phase}_duration"
+        entry = duration_entry(phase)
         yield Use("shortest {}", (phase,), entry, shortest, shortest / lasted, lasted, least=True, index=0)
         yield Use("longest {}", (phase,), entry, longest, lasted / longest, lasted, index=1)
     friction = plan.design.contact.friction

@@ -16,7 +16,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
+from hopopt.ocp.phases import STANCE, duration_entry
 from hopopt.optimality.kinks import DIFFERS, kink
 from hopopt.optimality.parametric_sensitivity import Slopes, gradient_by_parameters, slopes
 from hopopt.planner.solution import Solution
@@ -147,8 +147,7 @@ def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
         for k, joint in enumerate(design.leg.joints):
             yield f"leg.{joint}.lower", float(low[first:, k].sum())
             yield f"leg.{joint}.upper", float(high[first:, k].sum())
-        entry = f"{FLIGHT if phase == DESCENT else phase}_duration"
-        yield from zip((f"hop.{entry}[{k}]" for k in (0, 1)), by.of_duration(phase), strict=True)
+        yield from zip((f"{duration_entry(phase)}[{k}]" for k in (0, 1)), by.of_duration(phase), strict=True)
     yield from _rows(by)
     if design.hop.lands:
         yield from touchdown_slopes(design, by)

@@ -1,7 +1,8 @@
 """What a plan's table says of the figures a hop may be asked for: by NumPy, without the planner.
 
-Each measure takes the leg in numbers, the plan's tables by phase and what the hop is asked to be, and returns what the objective of the same figure
-claims. Positive parts have kinks and peaks lie between the table's instants, so values are interpolated first.
+Each measure takes the leg in numbers, the plan's tables by phase, and what the hop is asked to be. It returns what the
+objective of the same figure claims. Positive parts have kinks and peaks lie between the table's instants, so values are
+interpolated first.
 """
 
 from collections.abc import Callable, Mapping

@@ -61,16 +61,31 @@ def period(tables: Mapping[str, Table]) -> float:
 
 def periodic_checks(machine: Machine, design: Design, tables: Mapping[str, Table]) -> Iterator[Check]:
     """That the hop ends as it began, its foot where it has to be, and that its energy balances over a cycle."""
-    found, hop = touchdown_of(machine, tables), design.hop
-    begins = [*jumps(tables[FLIGHT], tables[DESCENT]), tables[STANCE].t[0, 0]]
-    ahead = found.place - [hop.speed * period(tables), 0.0]
-    foot = [*ahead, max(float(found.speed[1]), 0.0)]
+    found = touchdown_of(machine, tables)
+    ahead = found.place - [design.hop.speed * period(tables), 0.0]
+    yield from touchdown_checks(found, tables, tables[STANCE].t[0, 0], ahead)
+    yield Check("orbit closed after the impact", found.closure, CLOSED, "SI")
+    yield energy_check("energy of a cycle", found, tables)
+    yield from impact_checks(machine, design, found)
+
+
+def touchdown_checks(found: Touchdown, tables: Mapping[str, Table], late: float, astray: np.ndarray) -> Iterator[Check]:
+    """That the descent begins as flight ends, and the foot comes down; late: by how much the first stance or the next
+    begins at another time than it should [s]; astray: the foot from where it should be [m]."""
+    begins = [*jumps(tables[FLIGHT], tables[DESCENT]), late]
+    foot = [*astray, max(float(found.speed[1]), 0.0)]
     yield Check("descent begins as flight ends", max(float(np.abs(part).max()) for part in begins), EXACT, "SI")
     yield Check("touchdown", float(np.abs(foot).max()), EXACT, "SI")
-    yield Check("orbit closed after the impact", found.closure, CLOSED, "SI")
-    work = {name: joint_work(table) for name, table in tables.items()}
-    net, moved = (sum(part[k] for part in work.values()) for k in (0, 1))
-    yield Check("energy of a cycle", abs(net - found.loss) / max(moved, SMALL), BALANCE, "relative")
+
+
+def energy_check(name: str, found: Touchdown, tables: Mapping[str, Table]) -> Check:
+    """Net work of the joints over all phases against what the impact takes, relative to the work done."""
+    net, moved = np.sum([joint_work(table) for table in tables.values()], axis=0)
+    return Check(name, float(abs(net - found.loss) / max(moved, SMALL)), BALANCE, "relative")
+
+
+def impact_checks(machine: Machine, design: Design, found: Touchdown) -> Iterator[Check]:
+    """That the impact keeps every limit."""
     for limit, passed in impact_excess(machine, design, found).items():
         yield Check(str(limit), max(passed, 0.0), LIMIT, "of its range")
 

@@ -111,21 +111,22 @@ def hop_lines(s: "Summary") -> list[str]:
         f"stance {stance.duration_s:.3f} s, flight {flown}{lands}, lift-off at "
         f"{lift.vertical_m_s:.2f} m/s up and {lift.horizontal_m_s:+.2f} m/s along, peak ground force "
         f"{s.peak_ground_force_N:.0f} N",
+        *_box_lines(s),
         *orbit_lines(s),
     ]
 
 
+def _box_lines(s: "Summary") -> list[str]:
+    """What a hop over an obstacle clears."""
+    if (box := s.obstacle) is None:
+        return []
+    return [f"clears a box {box.width_m:g} m wide and {box.height_m:.4f} m high, {box.begins_m:.3f} m ahead"]
+
+
 def orbit_lines(s: "Summary") -> list[str]:
-    """What a hop clears, the cycle of a periodic one or how one comes to rest, and the impact."""
-    box = s.obstacle
-    over = (
-        []
-        if box is None
-        else [f"clears a box {box.width_m:g} m wide and {box.height_m:.4f} m high, {box.begins_m:.3f} m ahead"]
-    )
+    """The cycle of a periodic hop, or how a hop comes to rest, and the impact."""
     if (end := s.landing) is not None:
         return [
-            *over,
             f"at rest after {end.rest_s:.3f} s in the pose of the start, {end.step_m:+.3f} m along; the ground pushes with at "
             f"most {end.peak_ground_force_N:.0f} N meanwhile, and the body is no lower than {end.deepest_m:.3f} m",
             _impact_line(end),
@@ -133,7 +134,7 @@ def orbit_lines(s: "Summary") -> list[str]:
     if (o := s.orbit) is None:
         return []
     way = "in place" if abs(o.step_m) < 1e-6 else f"{o.step_m:+.3f} m along in each"
-    return [*over, f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}", _impact_line(o)]
+    return [f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}", _impact_line(o)]
 
 
 def _impact_line(o: "Impact") -> str:
