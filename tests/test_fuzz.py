@@ -1,4 +1,4 @@
-"""Damaged problem files, URDFs, arguments and result folders: an answer or a sentence, never a traceback.
+"""Damaged problem files, URDFs, arguments, logs and result folders: an answer or a sentence, never a traceback.
 
 Seeded and small; HOPOPT_MUTANTS=50 makes fifty times as many.
 """
@@ -14,6 +14,8 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli.main import run
+from hopopt.control.closed_loop import simulate
+from hopopt.control.strategies import BUILT_IN
 from hopopt.errors import HopoptError, NotSolvedError
 from hopopt.leg.urdf import read_leg
 from hopopt.leg.urdf_xml import UrdfError
@@ -104,9 +106,12 @@ def test_urdfs() -> None:
 
 OPTIONS = ["--set", "--vary", "--sample", "--seed", "--starts", "--processes", "--objective", "--free", "--couple", "--json",
            "--constraint", "--resume", "--results", "--result", "--time-limit", "--scheduler", "--strategies", "--option",
-           "--plan", "--bound", "--draws", "--points", "--against", "--grids", "--nodes", "--urdf", "--confirm"]  # fmt: skip
+           "--plan", "--bound", "--draws", "--points", "--against", "--grids", "--nodes", "--urdf", "--confirm", "--hop",
+           "--hops", "--basin", "--share", "--confidence", "--evaluations", "--known", "--map", "--output", "--leg", "--why",
+           "--worth", "--tune", "--mass", "--torque"]  # fmt: skip
 COMMANDS = ["solve", "sweep", "show", "verify", "new", "simulate", "compare", "export", "sensitivity", "diagnose",
-            "pareto", "families", "evidence", "calibrate", "tune", "schema", "actuators"]  # fmt: skip
+            "pareto", "families", "evidence", "calibrate", "tune", "schema", "actuators", "animate", "robust", "identify",
+            "log", "report", "reproduce"]  # fmt: skip
 USUAL = {
     "--set": "leg.gear.ratio={}", "--vary": "leg.gear.ratio={}", "--free": "leg.gear.ratio={}", "--sample": "lhs:{}",
     "--couple": "leg.gear.ratio^{} = 3", "--objective": "{}",
@@ -136,6 +141,8 @@ def no_search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         "planner.solve.solve", "studies.codesign.codesign", "studies.sweep.run.run", "control.closed_loop.simulate",
         "studies.compare.compare", "planner.reserve.plan_to_track", "studies.pareto.front", "studies.families.open_folder",
         "studies.local_optima.run_starts", "studies.calibration.fit.calibrate", "studies.gain_tuning.tune",
+        "studies.robust.robust", "studies.hop_after_hop.compare_hops", "studies.identification.identify",
+        "studies.paper_results.paper_results", "studies.ladder.ladder", "studies.worth.worths",
     ):  # fmt: skip
         monkeypatch.setattr(f"hopopt.{place}", ended)
 
@@ -148,6 +155,28 @@ def test_arguments(no_search: None, capsys: pytest.CaptureFixture[str]) -> None:
         assert codes[-1] in (0, 1, 2, 3), words
         assert "Traceback" not in capsys.readouterr().err, words
     assert codes.count(2) > 50 * TIMES
+
+
+def test_logs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Those of a robot's hop and their maps of names."""
+    trace = simulate(load("paper"), BUILT_IN["force"]).trace
+    rows = np.flatnonzero(np.diff(trace.t, prepend=-1.0) > 1e-6)[::4]
+    names = ["t", *(f"{part}_{joint}" for part in ("q", "v", "tau") for joint in ("hip", "knee")), "force_z"]
+    columns = [trace.t, *trace.q.T[-2:], *trace.v.T[-2:], *trace.motor.T, trace.f[:, 1]]
+    lines = [",".join(f"{x[row]:.6g}" for x in columns) for row in rows]
+    whole = "\n".join([",".join(names), *lines]) + "\n"
+    path, map_, codes = tmp_path / "run.csv", tmp_path / "names.toml", []
+    for rng in random(6, 60):
+        faulty = mutated(whole.replace(",", " , "), rng).replace(" , ", ",") if rng.integers(4) else mutated(whole, rng)
+        path.write_text(faulty, encoding="utf-8", errors="surrogatepass")
+        map_.write_text(mutated('q_hip = "q_hip"\n', rng), encoding="utf-8", errors="surrogatepass")
+        codes.append(run(["log", str(path), "--json", *(["--map", str(map_)] if rng.integers(3) == 0 else [])]))
+        assert codes[-1] in (0, 2)
+        out = capsys.readouterr()
+        assert "Traceback" not in out.err
+        if codes[-1] == 0:
+            json.loads(out.out, parse_constant=lambda word: pytest.fail(f"{word} among the figures"))
+    assert codes.count(2) > 10 * TIMES
 
 
 def test_result_folders(hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,7 +13,7 @@ from hopopt.design import Uncertainty
 from hopopt.errors import UsageError
 from hopopt.problem.load import load
 from hopopt.sim.plant import PAST_APEX
-from hopopt.studies import robust as studying
+from hopopt.studies.robust_search import TRACKER
 from hopopt.studies.robustness import Reached, drawn, rank, reached
 
 
@@ -131,7 +131,7 @@ def test_the_command_prints_one_object(capsys: pytest.CaptureFixture[str], tmp_p
     assert found["pd"]["force_tuck"] < found["clearance_m"] < found["bound_m"] <= found["ideal_bound_m"]
     assert (found["draws"], found["share"], found["confidence"]) == (12, 0.8, 0.8)
     assert found["reserve"]["torque"] >= 0
-    assert found["tracker"] == studying.TRACKER
+    assert found["tracker"] == TRACKER
     assert sorted(found["clearances_m"]["track"])[found["rank"] - 1] == found["clearance_m"]
     assert set(found["clearances_m"]) == {"track", *found["pd"]}
     page = tmp_path / "robust.html"

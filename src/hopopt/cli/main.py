@@ -391,6 +391,8 @@ def run(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code."""
     words = sys.argv[1:] if arguments is None else arguments
     try:
+        if any("\0" in word for word in words):
+            raise UsageError("an argument holds a NUL character, which no name and no number has")
         result = app(
             arguments, exit_on_error=False, print_error=False, result_action="return_value", help_on_error=False
         )

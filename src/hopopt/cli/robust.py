@@ -57,6 +57,7 @@ def robust(
     from hopopt.storage.folder import as_json, prepare
     from hopopt.storage.runs import save_runs
     from hopopt.studies import robust as studying
+    from hopopt.studies.compare import planned_trace
 
     refuse_landed(design, "the search for a reserve")
     make_plant(design)  # what cannot be simulated is said before the work
@@ -74,7 +75,7 @@ def robust(
             progress=say,
         )
         data = found.as_dict() | {"wall_s": time.perf_counter() - began, "seed": seed, "hopopt": version("hopopt")}
-        where = save_runs("robust", found.design, data, {}, results)
+        where = save_runs("robust", found.best.design, data, {"plan": planned_trace(found.best.plan)}, results)
     if json_:
         print(as_json({**data, "result_dir": str(where)}))
         return found.exit_code

@@ -80,13 +80,15 @@ class PhaseReference:
 @dataclass(frozen=True)
 class PlanReference:
     """A planned hop: both phases, the clearance [m] it promises, when in flight that is reached (``apex`` [s]), and
-    whether the flight ends in a touchdown from which the hop ``repeats``."""
+    whether the flight ends in a touchdown from which the hop ``repeats``; ``feedback`` K (n, 2 n) [N m/rad, N m s/rad], if it
+    was planned with it."""
 
     stance: PhaseReference
     flight: PhaseReference
     clearance: float
     apex: float
     repeats: bool = False
+    feedback: np.ndarray | None = None
 
     @classmethod
     def from_tables(cls, places: np.ndarray, tables: Mapping[str, Any], clearance: float) -> "PlanReference":

@@ -149,8 +149,10 @@ class Track:
         return command
 
     def added(self, contact: bool, k: int, error: np.ndarray) -> np.ndarray:
-        """The torque (n) [N m] that feedback adds to the plan's in control period k, from the estimated error (2 n)."""
-        return -self.gains[contact].at(k)[2] @ error
+        """The torque (n) [N m] that feedback adds to the plan's in control period k, from the estimated error (2 n): by the
+        plan's own feedback if it has one, else by the regulator's."""
+        K = self.gains[contact].at(k)[2] if self.plan.feedback is None else self.plan.feedback
+        return -K @ error
 
 
 @dataclass(frozen=True)

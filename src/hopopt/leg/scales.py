@@ -15,3 +15,10 @@ def weight(model: pin.Model) -> float:
 def force_range(model: pin.Model) -> float:
     """Ground force [N] by which excess is measured."""
     return FORCE_RANGE * weight(model)
+
+
+def joint_inertias(model: pin.Model, angles: np.ndarray) -> np.ndarray:
+    """The inertia (n) [kg m^2] that each joint shows at these joint angles (n) [rad] while all others are free."""
+    q = np.concatenate([np.zeros(model.nq - len(angles)), angles])
+    M = pin.crba(model, model.createData(), q)
+    return 1 / np.diag(np.linalg.inv(np.triu(M) + np.triu(M, 1).T))[-len(angles) :]

@@ -19,7 +19,7 @@ from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import two_joints
 from hopopt.ocp.phases import STANCE
 from hopopt.planner.reserve import plan_to_track, reserved
-from hopopt.planner.solution import Solution
+from hopopt.planner.solution import Motion, Solution
 from hopopt.planner.solve import solve
 from hopopt.planner.summary_extras import PaperStrategy
 from hopopt.problem.load import design_hash
@@ -271,7 +271,7 @@ def reference_of(plan: Solution) -> PlanReference:
     return PlanReference.from_tables(NORMALISED_TIMES, plan.tables, plan.clearance)
 
 
-def planned_trace(solution: Solution) -> Trace:
+def planned_trace(solution: Motion) -> Trace:
     """The optimum as if it had been simulated: samples of its own interpolant, inside every interval."""
     inside = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
     parts = [solution.everywhere(phase, inside) for phase in solution.phases]

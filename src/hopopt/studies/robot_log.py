@@ -30,6 +30,7 @@ PRESSED = 0.05  # of the weight: a foot with more vertical force stands
 FEWEST = 50  # rows of a log
 GAP = 3.0  # usual periods between two rows that follow each other
 SLOWEST = 0.02  # [s] period of a log that shows a hop
+HUGE = 1e20  # in any unit: more than every sensor and clock gives
 BEYOND = 0.5  # [rad] by which no joint passes its limits
 RATE = 0.5  # correlation of a speed column with the rate of its angle, below which it is another's
 STILL = 0.5  # [rad/s] standard deviation below which a joint's rate says nothing
@@ -158,15 +159,15 @@ def _in_si(file: Path, table: Table, name: str, column: str) -> np.ndarray:
         values = np.array(cells, dtype=float)
     except ValueError:
         values = np.array([np.nan])
-    if not np.isfinite(values).all():
+    if not (np.abs(values) < HUGE).all():
         bad = next(k for k, cell in enumerate(cells) if not _is_number(cell))
-        raise ResultError(f"{file}: row {bad + 2}, {column}: {cells[bad]!r} is not a number")
+        raise ResultError(f"{file}: row {bad + 2}, {column}: {str(cells[bad])[:40]!r} is not a number that can be used")
     return values * (units[unit] if unit else 1.0)
 
 
 def _is_number(cell: str | float) -> bool:
     try:
-        return bool(np.isfinite(float(cell)))
+        return abs(float(cell)) < HUGE
     except ValueError:
         return False
 

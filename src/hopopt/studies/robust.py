@@ -1,48 +1,37 @@
-"""The hop that a stated share of legs reaches: a reserve tuned on the simulator, and a promise on fresh draws.
+"""The hop that a stated share of legs reaches: a plan found in two ways on drawn legs, and a promise on fresh ones.
 
-The plan keeps a reserve from every limit, whose numbers a derivative-free optimiser chooses. It maximises the lowest
-clearance of drawn legs that track the plan, the same legs for every reserve (common random numbers). What the share
-reaches is then stated on legs that the tuning never saw, by an order statistic.
+What the share reaches is stated on legs that the search (studies/robust_search.py) never saw, by an order statistic.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 
-from hopopt.design import Design, Reserve
-from hopopt.errors import NotSolvedError, UsageError
+from hopopt.design import Design
+from hopopt.errors import UsageError
 from hopopt.leg.kinematics import two_joints
-from hopopt.leg.robot import build_robot
-from hopopt.leg.scales import weight
-from hopopt.ocp.hop import Hop
-from hopopt.planner.from_known import solved_from_known
-from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
-from hopopt.studies.compare import on_ideal_ground, reference_of
-from hopopt.studies.robustness import FAILED, Draw, Reached, drawn, rank, reached
+from hopopt.studies.compare import on_ideal_ground
+from hopopt.studies.robust_search import BY_PROGRAM, BY_RESERVE, TRACKER, TUNING_DRAWS, Search, Trial
+from hopopt.studies.robustness import Reached, drawn, rank, reached
 
-TRACKER = "track"
 PD = ("force_tuck", "position_tuck")  # the paper's strategies where they clear most
-TUNING_DRAWS = 16  # legs that every reserve is judged on
-# torque, speed [shares], ground force [of the weight], height [m]: where the search begins, its first steps, its ends
-FIRST, STEPS = np.array([0.0, 0.03, 0.6, 0.005]), np.array([0.03, 0.03, -0.1, 0.003])
-LOWEST, HIGHEST = np.zeros(4), np.array([0.4, 0.3, 2.0, 0.05])
 
 
 @dataclass(frozen=True)
 class RobustHop:
     """What a share of the drawn legs reaches, and the bounds beside it.
 
-    design: the problem with the reserve found. plan: what is tracked. bound, ideal_bound: verified optima on this ground
-    and on ground that grips without limit. tracked, pd: runs on the fresh draws, of the tracker and by PD strategy.
+    best: the plan that is tracked, and the problem with its reserve. lowest: by way, the best that its plans reached on the
+    draws of the search [m]. bound, ideal_bound: verified optima on this ground and on ground that grips without limit.
+    tracked, pd: runs on the fresh draws, of the tracker and by PD strategy.
     """
 
-    design: Design
-    plan: Solution
+    best: Trial
+    lowest: dict[str, float | None]
     bound: Solution
     ideal_bound: Solution
     tracked: Reached
@@ -54,13 +43,13 @@ class RobustHop:
     @property
     def exit_code(self) -> int:
         """0 if both bounds and the plan are verified, else 3."""
-        return 0 if self.bound.verified and self.ideal_bound.verified and self.plan.verified else 3
+        return 0 if self.bound.verified and self.ideal_bound.verified and self.best.verified else 3
 
     def as_dict(self) -> dict[str, Any]:
         """One object, for ``--json``."""
         draws = len(self.tracked.clearances)
         return {
-            "problem": self.design.name,
+            "problem": self.best.design.name,
             "clearance_m": self.tracked.promised(self.share, self.confidence),
             "share": self.share,
             "confidence": self.confidence,
@@ -71,10 +60,13 @@ class RobustHop:
             "lowest_m": float(self.tracked.clearances.min()),
             "bound_m": self.bound.clearance if self.bound.verified else None,
             "ideal_bound_m": self.ideal_bound.clearance if self.ideal_bound.verified else None,
-            "plan_m": self.plan.clearance,
-            "plan_verified": self.plan.verified,
+            "plan_m": self.best.reference.clearance,
+            "plan_verified": self.best.verified,
             "tracker": TRACKER,
-            "reserve": self.design.reserve.model_dump(),
+            "way": self.best.way,
+            "lowest_by_way_m": self.lowest,
+            "reserve": self.best.design.reserve.model_dump(),
+            "feedback": None if self.best.reference.feedback is None else self.best.reference.feedback.tolist(),
             "evaluations": self.evaluations,
             "pd": {name: found.promised(self.share, self.confidence) for name, found in self.pd.items()},
             "pd_fell": {name: found.fell for name, found in self.pd.items()},
@@ -99,7 +91,7 @@ def robust(
 ) -> RobustHop:
     """The plan and its reserve with the greatest clearance that this share of drawn legs reaches.
 
-    draws: fresh legs for the promise; evaluations: reserves that are tried; starts: of each bound's solve. Raises
+    draws: fresh legs for the promise; evaluations: reserves that are tried beside the program; starts: of each bound's solve. Raises
     UsageError for a problem without uncertainty and for promises that so few draws cannot make, NotSolvedError if no
     reserve leaves a plan.
     """
@@ -114,72 +106,15 @@ def robust(
     ideal_bound = on_ideal_ground(bound, say, starts=starts, processes=processes)
     spread = design.uncertainty
     legs = drawn(design, spread, TUNING_DRAWS, seed), drawn(design, spread, TUNING_DRAWS, seed, corners=True)
-    search = Search(bound, *legs, evaluations, processes, say)
-    best = search.best()
-    say(f"judging it on {draws} fresh legs")
+    search = Search(bound, *legs, processes, say)
+    search.by_program()
+    search.by_reserve(evaluations)
+    best, lowest = search.best, {way: search.best_by(way) for way in (BY_RESERVE, BY_PROGRAM)}
+    say(f"judging the better one on {draws} fresh legs")
     fresh = drawn(design, design.uncertainty, draws, seed + 1_000_003)
-    tracked = reached(best.design, TRACKER, reference_of(best.plan), fresh, processes)
+    tracked = reached(best.design, TRACKER, best.reference, fresh, processes)
     pd = {}
     for name in PD if two_joints(design.leg) else ():
         say(f"simulating {name} on the same legs")
         pd[name] = reached(design, name, None, fresh, processes)
-    return RobustHop(best.design, best.plan, bound, ideal_bound, tracked, pd, share, confidence, len(search.trials))
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A reserve that was tried: the problem with it, its plan, and the lowest clearance of the draws [m]."""
-
-    design: Design
-    plan: Solution
-    lowest: float
-
-
-@dataclass
-class Search:
-    """The search for the reserve: every trial is kept, and the best verified plan wins.
-
-    bound: the hop that every plan begins from. draws: legs whose lowest clearance counts. corners: legs at the ends of all
-    spreads, none of which may fall: few draws hardly meet them, many do.
-    """
-
-    bound: Solution
-    draws: list[Draw]
-    corners: list[Draw]
-    evaluations: int
-    processes: int
-    say: Callable[[str], None]
-    trials: list[Trial | None] = field(default_factory=list)
-
-    def best(self) -> Trial:
-        """Nelder and Mead's simplex within bounds; NotSolvedError if no reserve leaves a plan."""
-        simplex = np.array([FIRST, *(FIRST + np.diag(STEPS))])
-        options = {"maxfev": self.evaluations, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-4}
-        bounds = list(zip(LOWEST, HIGHEST, strict=True))
-        minimize(lambda x: -self.judged(x), FIRST, method="Nelder-Mead", bounds=bounds, options=options)
-        found = [trial for trial in self.trials if trial is not None]
-        if not found:
-            raise NotSolvedError(f"{self.bound.design.name}: no reserve that was tried leaves a plan.", [])
-        return max(found, key=lambda trial: (trial.plan.verified, trial.lowest))
-
-    def judged(self, x: np.ndarray) -> float:
-        """Lowest clearance [m] of the draws with a reserve x; below zero where no plan is left."""
-        (torque, speed, force, height), asked = map(float, x), self.bound.design
-        newtons = force * weight(build_robot(asked.leg).model)
-        reserve = Reserve(torque=torque, speed=speed, ground_force=newtons, height=height, angle=asked.reserve.angle)
-        design = asked.model_copy(update={"reserve": reserve})
-        try:
-            plan = solved_from_known(Hop(reserved(design)), self.bound)
-        except (NotSolvedError, UsageError):
-            self.trials.append(None)
-            return -float(np.sum(x))  # less reserve may leave a plan
-        legs = [*self.draws, *self.corners]
-        heights = reached(design, TRACKER, reference_of(plan), legs, self.processes).clearances
-        counted = heights[: len(self.draws)] if heights.min() > FAILED * plan.clearance else heights
-        lowest = float(counted.min()) if plan.verified else 0.0
-        self.trials.append(Trial(design, plan, lowest))
-        most = max(trial.lowest for trial in self.trials if trial is not None)
-        self.say(
-            f"reserve {len(self.trials)} of {self.evaluations}: lowest of {len(self.draws)} legs {most:.3f} m so far"
-        )
-        return lowest
+    return RobustHop(best, lowest, bound, ideal_bound, tracked, pd, share, confidence, len(search.trials))

@@ -74,6 +74,22 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
     return found
 
 
+def extremes(design: Design, spread: Uncertainty, share: float) -> list[Draw]:
+    """Legs apart by a share of the spreads: the heaviest with the weakest motors, the lightest with the strongest, and for
+    each joint the one whose motor alone is strong. All stand on the most slippery ground within that share."""
+    n, mass, torque = len(design.leg.joints), share * spread.mass, share * spread.torque_constant
+    alone = [(0.0, 2 * np.eye(n)[k] - 1) for k in range(n)] if n > 1 else []
+    found = list[Draw]()
+    for heavier, stronger in [(1.0, -np.ones(n)), (-1.0, np.ones(n)), *alone]:
+        data = design.model_dump(exclude_none=True)
+        for name in ("body", *design.leg.links):
+            data["leg"][name]["mass"] *= 1 + heavier * mass
+        if design.contact.friction is not None:
+            data["contact"]["friction"] *= 1 - share * spread.friction
+        found.append(Draw(Design.model_validate(data), 1 + torque * stronger, start_angles(design)))
+    return found
+
+
 @dataclass(frozen=True)
 class Reached:
     """What a strategy reaches on draws: clearances (draws,) [m], and how each run ended."""
