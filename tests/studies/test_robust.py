@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.stats import binom
 
 from hopopt.cli.main import run
@@ -106,6 +107,8 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
         "tracker": "track",
         "reserve": {"torque": 0.1},
         "plan_verified": False,
+        "lowest_by_way_m": {"reserve": 0.55, "program": None},
+        "feedback": [[1000.0, 0.0, 20.0, 0.0], [0.0, 500.0, 0.0, 10.0]],
         "pd": {"pd": 0.5},
         "pd_fell": {"pd": 0},
     }
@@ -117,7 +120,25 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
         "95 % of all legs within [uncertainty] reach this, with confidence 90 %: it is number 1 from below of 60"
         in words
     )
-    assert "best of 3 reserves; it was NOT verified: [reserve] torque = 0.1" in words
+    assert "best of 3 that were tried; it was NOT verified" in words
+    assert "by way: a reserve tuned on them 0.5500 m" in words
+    assert "k_p = 1000, 500 N m/rad" in words
+    assert "[reserve] torque = 0.1" in words
+
+
+@pytest.mark.slow
+def test_what_is_promised_of_simulated_legs_is_kept() -> None:
+    """PD control, 20 promises of 12 legs each: they are above what the share of 240 other legs reaches no more often than
+    their confidence says."""
+    design, share, confidence = load("paper", {"contact.friction": 0.6}), 0.8, 0.8
+    kept = [reached(design, "force_tuck", None, drawn(design, Uncertainty(), 12, seed), 2) for seed in range(20)]
+    many = reached(design, "force_tuck", None, drawn(design, Uncertainty(), 240, 999), 2)
+    true = float(np.quantile(many.clearances, 1 - share))
+    broken = sum(each.promised(share, confidence) > true for each in kept)
+    k = rank(12, share, confidence)
+    chance = sum(binom.pmf(j, 12, 1 - share) for j in range(k))  # of one that is broken
+    assert chance <= 1 - confidence
+    assert broken <= binom.ppf(0.99, 20, chance)
 
 
 @pytest.mark.slow
@@ -132,6 +153,10 @@ def test_the_command_prints_one_object(capsys: pytest.CaptureFixture[str], tmp_p
     assert (found["draws"], found["share"], found["confidence"]) == (12, 0.8, 0.8)
     assert found["reserve"]["torque"] >= 0
     assert found["tracker"] == TRACKER
+    assert found["lowest_by_way_m"][found["way"]] == max(x for x in found["lowest_by_way_m"].values() if x is not None)
+    assert (found["feedback"] is None) == (found["way"] == "reserve")
+    with xr.open_dataset(Path(found["result_dir"]) / "runs.nc", group="plan", engine="h5netcdf") as plan:
+        assert float(plan.t[-1]) > 0.2  # what is tracked, in the folder
     assert sorted(found["clearances_m"]["track"])[found["rank"] - 1] == found["clearance_m"]
     assert set(found["clearances_m"]) == {"track", *found["pd"]}
     page = tmp_path / "robust.html"

@@ -15,7 +15,7 @@ def robust(
     share: float = 0.95,
     confidence: float = 0.95,
     draws: int = 200,
-    evaluations: int = 16,
+    evaluations: int = 8,
     seed: int = 0,
     starts: int | None = None,
     results: Path = Path("results"),
@@ -23,9 +23,9 @@ def robust(
 ) -> int:
     """Find the reserve and the tracked plan with the greatest clearance that a stated share of legs reaches.
 
-    Legs are drawn within the problem's [uncertainty]. The reserve is tuned on a few of them. The answer is stated on
-    others, beside the bounds and the paper's PD control on the same legs. The problem with the reserve found is in the
-    results folder.
+    Legs are drawn within the problem's [uncertainty]. A plan for them is found in two ways: with a reserve tuned on a few of
+    them, and by one program for several legs that share torques and feedback. The better one is judged on other legs, beside
+    the bounds and the paper's PD control. The problem with its reserve and the plan (runs.nc) are in the results folder.
 
     Exit code: 0 bounds and plan verified, 1 not solved, 2 wrong usage, 3 not verified.
 
@@ -40,7 +40,7 @@ def robust(
     draws
         Fresh legs on which it stands.
     evaluations
-        How many reserves are tried.
+        How many reserves are tried, beside the program.
     seed
         Seed of the draws.
     starts

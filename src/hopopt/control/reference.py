@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.leg.robot import BASE
+from hopopt.sim.compiled import kernel
 
 STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"
 EDGE = 1e-9  # [s] as events are located: an edge this near has been reached
@@ -25,33 +26,32 @@ class PhaseReference:
     tau: np.ndarray
 
     @property
-    def duration(self) -> float:
-        """[s]"""
-        return float(self.t[-1, -1])
-
-    @property
     def edges(self) -> np.ndarray:
         """Ends of the intervals [s], (N + 1,); torques may jump there."""
         return np.append(self.t[:, 0], self.t[-1, -1])
 
     def at(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, v, tau (n) at t [s] since the phase began, clipped to it; at an edge (to EDGE), what follows."""
-        t = min(max(t, 0.0), self.duration)
-        k = min(max(int(np.searchsorted(self.t[:, 0], t + EDGE, side="right")) - 1, 0), len(self.t) - 1)
-        weights = self._weights((t - self.t[k, 0]) / (self.t[k, -1] - self.t[k, 0]))
-        return weights @ self.q[k], weights @ self.v[k], weights @ self.tau[k]
+        found: np.ndarray = _interpolated(t, self.places, self.barycentric, self.t, self._stacked)
+        return found[0], found[1], found[2]
 
     def mean_torque(self, begin: float, end: float) -> np.ndarray:
         """Mean of tau (n) over a span [s] within the phase (clipped): holding it gives the same impulse."""
-        begin, end = (min(max(t, 0.0), self.duration) for t in (begin, end))
+        begin, end = min(max(begin, 0.0), self.duration), min(max(end, 0.0), self.duration)
         if end - begin < 1e-9:
             return self.at(begin)[2]
-        return (self._impulse(end) - self._impulse(begin)) / (end - begin)
+        mean: np.ndarray = _mean(begin, end, *self.impulses)
+        return mean
 
-    def _impulse(self, t: float) -> np.ndarray:
-        """Integral of tau from the phase's beginning to t."""
-        times, impulses = self.impulses
-        return np.array([np.interp(t, times, column) for column in impulses.T])
+    @cached_property
+    def duration(self) -> float:
+        """[s]"""
+        return float(self.t[-1, -1])
+
+    @cached_property
+    def _stacked(self) -> np.ndarray:
+        """q, v, tau (3, N, K, n)."""
+        return np.ascontiguousarray([self.q, self.v, self.tau])
 
     @cached_property
     def impulses(self) -> tuple[np.ndarray, np.ndarray]:
@@ -60,14 +60,6 @@ class PhaseReference:
         pieces = 0.5 * (tau[1:] + tau[:-1]) * np.diff(t)[:, None]
         return t, np.vstack([np.zeros(tau.shape[1]), np.cumsum(pieces, axis=0)])
 
-    def _weights(self, place: float) -> np.ndarray:
-        """Lagrange's polynomials at a place, in barycentric form."""
-        away = place - self.places
-        if not away.all():
-            return (away == 0).astype(float)
-        parts = self.barycentric / away
-        return parts / parts.sum()
-
     @cached_property
     def barycentric(self) -> np.ndarray:
         """Weights of the barycentric form at these places (Berrut and Trefethen, 2004), the largest 1."""
@@ -75,6 +67,44 @@ class PhaseReference:
         np.fill_diagonal(gaps, 1.0)
         weights = 1 / gaps.prod(axis=1)
         return weights / np.abs(weights).max()
+
+
+@kernel
+def _interpolated(
+    t: float, places: np.ndarray, barycentric: np.ndarray, times: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """values (m, N, K, n) at t [s], by Lagrange's polynomials in barycentric form, (m, n)."""
+    m, N, K, n = values.shape
+    t, k = min(max(t, 0.0), float(times[N - 1, K - 1])), 0
+    while k < N - 1 and times[k + 1, 0] <= t + EDGE:
+        k += 1
+    place, weights, total = (t - times[k, 0]) / (times[k, K - 1] - times[k, 0]), np.zeros(K), 0.0
+    for j in range(K):
+        if place == places[j]:
+            weights[:] = 0.0
+            weights[j] = total = 1.0
+            break
+        weights[j] = barycentric[j] / (place - places[j])
+        total += weights[j]
+    found = np.zeros((m, n))
+    for i in range(m):
+        for j in range(K):
+            for c in range(n):
+                found[i, c] += weights[j] / total * values[i, k, j, c]
+    return found
+
+
+@kernel
+def _mean(begin: float, end: float, times: np.ndarray, integrals: np.ndarray) -> np.ndarray:
+    """Mean from begin to end of what has these integrals (k, n) until these times (k), linear in between, (n)."""
+    n, found = integrals.shape[1], np.zeros(integrals.shape[1])
+    for sign, t in ((1.0, end), (-1.0, begin)):
+        k = min(max(np.searchsorted(times, t, side="right") - 1, 0), len(times) - 2)
+        span = times[k + 1] - times[k]
+        part = (t - times[k]) / span if span > 0 else 0.0
+        for c in range(n):
+            found[c] += sign * (integrals[k, c] + part * (integrals[k + 1, c] - integrals[k, c]))
+    return found / (end - begin)
 
 
 @dataclass(frozen=True)

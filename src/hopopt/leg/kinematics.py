@@ -1,7 +1,10 @@
 """Where the leg is: inverse kinematics of the start and of guesses, in plain numbers."""
 
+from cmath import phase, rect
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from math import acos
 from typing import Any
 
 import numpy as np
@@ -123,10 +126,10 @@ class TwoJoints:
         middle = np.array([(leg.joint[name].lower + leg.joint[name].upper) / 2 for name in leg.joints])
         return cls((first, second), signs, middle)
 
-    @property
+    @cached_property
     def bend_at_zero(self) -> float:
         """How far the second link is turned from the direction of the first when both angles are zero [rad]."""
-        return float(np.angle(self.ends[1] / self.ends[0]))
+        return phase(self.ends[1] / self.ends[0])
 
     def bend(self, q: float) -> float:
         """How far the leg is from stretched at angle q of its second joint, -pi to pi [rad], + forward."""
@@ -141,11 +144,11 @@ class TwoJoints:
         if abs(cosine) > 1:
             return []
         solutions = []
-        for bend in (-np.arccos(cosine), np.arccos(cosine)):
+        for bend in (-acos(cosine), acos(cosine)):  # plain numbers: controllers ask in every period
             knee = bend - self.bend_at_zero
-            hip = np.angle(wanted / (first + second * np.exp(1j * knee)))
-            q = self.signs * np.array([hip, knee])
-            solutions.append(self.middle + _wrapped(q - self.middle))
+            hip = phase(wanted / (first + second * rect(1.0, knee)))
+            q = zip(self.signs.tolist(), (hip, knee), self.middle.tolist(), strict=True)
+            solutions.append(np.array([middle + _wrapped(sign * angle - middle) for sign, angle, middle in q]))
         return solutions
 
 

@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from hopopt.leg.actuator import OperatingRegion
+from hopopt.sim.compiled import kernel
 
 SLOW = 0.05  # joint speed [rad/s] over which friction changes its sign smoothly
 STIFF = 1.0  # step times the rate at which friction stops a joint; the Runge-Kutta scheme's limit is 2.8
 LIGHTEST = 1e-3  # [kg m^2] least inertia that friction is taken to stop
+UNBOUNDED = 1e12  # [N m] of a torque line that is not there
 MOST_PARTS = 64  # of a step where gears rub
 
 
@@ -78,12 +81,12 @@ class Drive:
 
     def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Joint torques tau (n) [N m] brought into the regions at speeds w (n): OperatingRegion.clamp, but quick."""
-        out = np.empty(len(tau))
-        for k, speed in enumerate(w.tolist()):
-            high = min(c - d * speed for c, d in self.upper[k])
-            low = max(c - d * speed for c, d in self.lower[k])
-            out[k] = min(max(tau[k], low), high) if low <= high else 0.0
-        return out
+        return _clamped(np.asarray(w, dtype=float), np.asarray(tau, dtype=float), *self._lines)
+
+    @cached_property
+    def _lines(self) -> tuple[np.ndarray, np.ndarray]:
+        """``upper`` and ``lower`` as arrays (n, k, 2)."""
+        return lines(self.upper, UNBOUNDED), lines(self.lower, -UNBOUNDED)
 
     def parts(self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float) -> int:
         """Into how many parts a step of h [s] must be cut so that gear friction is no stiffer than the step can take.
@@ -99,6 +102,28 @@ class Drive:
         """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]."""
         motor = self.torque_gain * self.clamp(self.torque_gain * w, command)  # its back-EMF grows with it
         return motor, motor if self.lossless else motor - self.gear.loss(w, motor)
+
+
+def lines(of_joints: list[list[tuple[float, float]]], none: float) -> np.ndarray:
+    """Lines (c, d) of every joint, as many for each, (n, k, 2)."""
+    most = max(len(each) for each in of_joints)
+    full = [[*each, *[(none, 0.0)] * (most - len(each))] for each in of_joints]
+    return np.array(full, dtype=float).reshape(len(of_joints), most, 2)
+
+
+@kernel
+def _clamped(w: np.ndarray, tau: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """tau (n) within torques c - d w of the lines (c, d) above and below, (n, k, 2); 0 where there are none."""
+    out = np.zeros(len(tau))
+    for i in range(len(tau)):
+        high, low = np.inf, -np.inf
+        for k in range(upper.shape[1]):
+            high = min(high, upper[i, k, 0] - upper[i, k, 1] * w[i])
+        for k in range(lower.shape[1]):
+            low = max(low, lower[i, k, 0] - lower[i, k, 1] * w[i])
+        if low <= high:
+            out[i] = min(max(tau[i], low), high)
+    return out
 
 
 @dataclass

@@ -13,9 +13,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.kinematics import can_slip
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.compiled import kernel
-from hopopt.sim.drive import SLOW, Drive, Stops
-
-UNBOUNDED = 1e12  # [N m] of a torque line that is not there
+from hopopt.sim.drive import SLOW, UNBOUNDED, Drive, Stops, lines
 
 
 class PlanarLeg(NamedTuple):
@@ -70,8 +68,8 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: 
         armature=np.array(model.armature)[BASE:],
         body=float(model.inertias[BASE].mass),
         gravity=np.array(model.gravity.linear)[[0, 2]],
-        upper=_lines(drive.upper, UNBOUNDED),
-        lower=_lines(drive.lower, -UNBOUNDED),
+        upper=lines(drive.upper, UNBOUNDED),
+        lower=lines(drive.lower, -UNBOUNDED),
         gain=drive.torque_gain,
         efficiency=np.broadcast_to(np.asarray(drive.gear.efficiency, dtype=float), n).copy(),
         friction=drive.gear.friction,
@@ -84,12 +82,6 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: 
         mu=mu,
         finer=finer,
     )
-
-
-def _lines(of_joints: list[list[tuple[float, float]]], none: float) -> np.ndarray:
-    """Lines (c, d) of every joint, as many for each, (n, k, 2)."""
-    most = max(len(lines) for lines in of_joints)
-    return np.array([[*lines, *[(none, 0.0)] * (most - len(lines))] for lines in of_joints], dtype=float)
 
 
 @kernel

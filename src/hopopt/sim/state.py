@@ -46,7 +46,7 @@ class State:
     @property
     def sane(self) -> bool:
         """Whether the speeds are those of a leg, not of a simulation that has broken down."""
-        return bool(np.abs(self.v).max() < SENSELESS)
+        return all(-SENSELESS < speed < SENSELESS for speed in self.v.tolist())
 
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # (t, q_j, v_j) -> command

@@ -83,7 +83,7 @@ def robust(
     share: float = 0.95,
     confidence: float = 0.95,
     draws: int = 200,
-    evaluations: int = 16,
+    evaluations: int = 8,
     seed: int = 0,
     starts: int | None = None,
     processes: int = 1,

@@ -85,11 +85,16 @@ class Search:
         return max(found, default=None)
 
     def keep(self, way: str, design: Design, plan: Motion, reference: PlanReference, verified: bool) -> float:
-        """Judge a plan on the draws, and keep it; its lowest clearance [m]."""
-        legs = [*self.draws, *self.corners]
-        heights = reached(design, TRACKER, reference, legs, self.processes).clearances
-        counted = heights[: len(self.draws)] if heights.min() > FAILED * reference.clearance else heights
-        lowest = float(counted.min()) if verified else 0.0
+        """Judge a plan on the draws, and on the corners if it may be the best; keep it. Its lowest clearance [m]."""
+
+        def lowest_of(legs: list[Draw]) -> float:
+            return float(reached(design, TRACKER, reference, legs, self.processes).clearances.min())
+
+        lowest, most = lowest_of(self.draws), max((t.lowest for t in self.trials if t is not None), default=0.0)
+        if lowest > most:
+            at_the_ends = lowest_of(self.corners)
+            lowest = lowest if at_the_ends > FAILED * reference.clearance else min(lowest, at_the_ends)
+        lowest = lowest if verified else 0.0
         self.trials.append(Trial(way, design, plan, reference, verified, lowest))
         return lowest
 

@@ -7,6 +7,8 @@ from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
 
+WAYS = {"reserve": "a reserve tuned on them", "program": "one program for several legs"}
+
 
 def print_robust(found: Mapping[str, Any], where: str) -> None:
     """The bounds, what the share reaches with the tracker and with PD, and how it was found."""
@@ -31,6 +33,17 @@ def print_robust(found: Mapping[str, Any], where: str) -> None:
     )
     out.print(f"tracked by {found['tracker']}: lowest {found['lowest_m']:.4f} m, median {found['median_m']:.4f} m")
     doubt = "" if found["plan_verified"] else "; it was NOT verified"
-    out.print(f"the plan clears {found['plan_m']:.4f} m, best of {found['evaluations']} reserves{doubt}:")
+    out.print(f"the plan clears {found['plan_m']:.4f} m, best of {found['evaluations']} that were tried{doubt}")
+    each = [
+        f"{words} {found['lowest_by_way_m'][way]:.4f} m"
+        for way, words in WAYS.items()
+        if found["lowest_by_way_m"].get(way)
+    ]
+    out.print(f"lowest of the legs that it was chosen on, by way: {', '.join(each) or 'no way led to a verified plan'}")
+    if found["feedback"] is not None:
+        n = len(found["feedback"])
+        for words, unit, columns in (("k_p", "N m/rad", slice(n)), ("k_d", "N m s/rad", slice(n, None))):
+            gains = [row[columns][k] for k, row in enumerate(found["feedback"])]
+            out.print(f"its feedback {words} = {', '.join(f'{gain:.4g}' for gain in gains)} {unit}, joint by joint")
     out.print("[reserve]\n" + "\n".join(f"{name} = {value:.6g}" for name, value in found["reserve"].items()))
     out.print(f"results {where}   ({found['wall_s']:.1f} s)")
