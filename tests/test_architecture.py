@@ -62,7 +62,6 @@ LATE = {  # where hopopt is imported inside functions, so that commands start at
     "__init__.py": "what is used first decides what is imported",
     "api.py": "figures need matplotlib",
     "cli/": "each command imports what it needs",
-    "control/closed_loop.py": "the compiler of the contact modes takes a third of a second",
     "studies/compare.py": "tuning needs joblib",
     "global_search/search.py": "the compiler of its loops takes a third of a second",
     "problem/urdf.py": "only a problem with a URDF needs Pinocchio",

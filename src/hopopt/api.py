@@ -4,9 +4,10 @@ Results are values; what acts on them is here, and given to them as methods for 
 and derivatives are imported on first use.
 """
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hopopt.design import Design
 from hopopt.errors import UsageError
@@ -21,7 +22,10 @@ from hopopt.studies.compare import Comparison
 from hopopt.studies.compare import compare as compare_strategies
 from hopopt.studies.hop_after_hop import HOPS, HopsComparison
 from hopopt.studies.hop_after_hop import compare_hops as hop_after_hop
+from hopopt.studies.ladder import Ladder, ladder
 from hopopt.studies.pareto import Front, front
+from hopopt.studies.robust import RobustHop
+from hopopt.studies.robust import robust as robust_hop
 from hopopt.studies.simulation import simulate
 from hopopt.studies.sweep.run import Study, sweep
 
@@ -43,6 +47,7 @@ __all__ = [
     "load",
     "objective",
     "read",
+    "robust",
     "save",
     "simulate",
     "solve",
@@ -64,6 +69,46 @@ def identify(problem: Design | str | Path, *runs: str | Path, known: Sequence[st
 
     design = as_design(problem)
     return identify(design, [read_log(Path(run), design) for run in runs], known)
+
+
+def robust(
+    problem: Design | str | Path | Solution, *, draws: int = 200, evaluations: int = 8, starts: int | None = None,
+    **promise: Any,
+) -> RobustHop:  # fmt: skip
+    """The plan and tracker with the greatest clearance that a share of the legs within ``[uncertainty]`` reaches.
+
+    problem: a problem, its name or file, or its highest hop
+    draws: fresh legs on which the promise stands
+    evaluations: reserves that are tried, beside one program for several legs
+    starts: starting points of each bound's solve
+    promise: share (0.95) of all legs, confidence (0.95) of that statement, seed (0) of the draws
+
+    Raises UsageError for a problem without uncertainty and for promises that so few draws cannot make, NotSolvedError if no
+    plan is found.
+    """
+    bound = problem if isinstance(problem, Solution) else None
+    design = bound.design if bound else as_design(problem)  # type: ignore[arg-type]
+    more = {"starts": starts, "processes": os.cpu_count() or 1, "bound": bound}
+    return robust_hop(design, draws=draws, evaluations=evaluations, **more, **promise)  # type: ignore[arg-type]
+
+
+def plot_robust(found: RobustHop) -> "Figure":
+    """The share of the drawn legs over the clearance that they reach, and the bounds."""
+    from hopopt.plots.robust import share_of_legs
+
+    return share_of_legs(found)
+
+
+def why(comparison: Comparison) -> Ladder:
+    """Why PD control is lower than the bound: verified optima, each with one more freedom that PD does not use."""
+    return ladder(comparison)
+
+
+def plot_why(found: Ladder) -> "Figure":
+    """The ladder as a staircase of clearances."""
+    from hopopt.plots.ladder import staircase
+
+    return staircase(found, found.strategy)
 
 
 def plot(solution: Solution, name: str | None = None) -> "dict[str, Figure] | Figure":
@@ -138,6 +183,7 @@ def plot_study(study: Study) -> "dict[str, Figure]":
 
 Solution.plot, Solution.sensitivity, Solution.compare, Solution.compare_hops = plot, sensitivity, compare, compare_hops
 Comparison.plot, Study.plot, HopsComparison.plot = plot_comparison, plot_study, plot_hops
+Comparison.why, Ladder.plot, RobustHop.plot = why, plot_why, plot_robust
 for kind, dataset, frame, table in (
     (Solution, views.solution_dataset, views.solution_frame, views.solution_html),
     (Comparison, views.comparison_dataset, views.comparison_frame, views.comparison_html),

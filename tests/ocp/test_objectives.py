@@ -130,10 +130,13 @@ def test_a_torque_cap_at_the_least_peak_just_reaches_the_clearance() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("objective", ["energy", "absolute_work"])
-def test_least_work_lies_between_the_gain_and_other_hops_work(objective: str) -> None:
+@pytest.mark.parametrize(
+    ("objective", "tolerances"),
+    [("energy", {}), ("absolute_work", {"solver.tolerance": 1e-4, "solver.price_tolerance": 1e-3})],  # else two minutes
+)
+def test_least_work_lies_between_the_gain_and_other_hops_work(objective: str, tolerances: dict[str, float]) -> None:
     """Positive work is at least the gain of energy, and no more than what the electrical optimum does."""
-    s = best(objective)
+    s = best(objective, **tolerances)
     assert s.verified, s.summary.failed_checks
     figure = s.summary.objective_figure
     assert (

@@ -19,6 +19,7 @@ def robust(
     seed: int = 0,
     starts: int | None = None,
     results: Path = Path("results"),
+    figures: bool = True,
     json_: AsJson = False,
 ) -> int:
     """Find the reserve and the tracked plan with the greatest clearance that a stated share of legs reaches.
@@ -47,6 +48,8 @@ def robust(
         Starting points of each bound (default: the problem's solver.starts).
     results
         Folder for the results; each run gets a new folder inside it.
+    figures
+        Draw the figure.
     """
     began = time.perf_counter()
     from hopopt.problem.load import load
@@ -54,6 +57,7 @@ def robust(
     design = load(problem, set_ or ())
     from hopopt.control.closed_loop import make_plant
     from hopopt.design import refuse_landed
+    from hopopt.plots.robust import save_all
     from hopopt.storage.folder import as_json, prepare
     from hopopt.storage.runs import save_runs
     from hopopt.studies import robust as studying
@@ -75,7 +79,9 @@ def robust(
             progress=say,
         )
         data = found.as_dict() | {"wall_s": time.perf_counter() - began, "seed": seed, "hopopt": version("hopopt")}
-        where = save_runs("robust", found.best.design, data, {"plan": planned_trace(found.best.plan)}, results)
+        say("drawing the figure")
+        draw = (lambda folder: save_all(found, folder)) if figures else None
+        where = save_runs("robust", found.best.design, data, {"plan": planned_trace(found.best.plan)}, results, draw)
     if json_:
         print(as_json({**data, "result_dir": str(where)}))
         return found.exit_code

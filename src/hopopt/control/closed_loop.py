@@ -23,6 +23,7 @@ from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.drive import Drive, Encoder, Gear
 from hopopt.sim.hop_metrics import HopFigures, beyond_limits
 from hopopt.sim.plant import RAN_AWAY, Plant
+from hopopt.sim.rough_ground import RoughGround
 from hopopt.sim.state import BOUNCE, State, Timing
 from hopopt.sim.trace import Trace
 
@@ -76,8 +77,6 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     friction = np.inf if design.contact.friction is None and compiled else design.contact.friction
     if friction is None or not can_slip(design.leg):
         return Plant(robot, drive, design.hop.above_ground, finer)
-    from hopopt.sim.rough_ground import RoughGround
-
     return RoughGround(robot, drive, friction, design.hop.above_ground, finer)
 
 

@@ -53,6 +53,7 @@ class Comparison:
     notes: tuple[str, ...] = ()
     # given by hopopt.api
     plot: ClassVar[Callable[..., Any]]
+    why: ClassVar[Callable[..., Any]]
     to_xarray: ClassVar[Callable[..., Any]]
     to_dataframe: ClassVar[Callable[..., Any]]
     _repr_html_: ClassVar[Callable[..., str]]

@@ -8,7 +8,7 @@ Gains overlap: what one freedom brings depends on those before it, so they are m
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -69,6 +69,7 @@ class Ladder:
     rungs: tuple[Rung, ...]
     orders: tuple[tuple[str, ...], ...]
     gains: tuple[tuple[float, ...], ...]
+    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
 
     @property
     def verified(self) -> bool:

@@ -5,7 +5,7 @@ What the share reaches is stated on legs that the search (studies/robust_search.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class RobustHop:
     share: float
     confidence: float
     evaluations: int
+    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
 
     @property
     def exit_code(self) -> int:
@@ -87,11 +88,13 @@ def robust(
     seed: int = 0,
     starts: int | None = None,
     processes: int = 1,
+    bound: Solution | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> RobustHop:
     """The plan and its reserve with the greatest clearance that this share of drawn legs reaches.
 
-    draws: fresh legs for the promise; evaluations: reserves that are tried beside the program; starts: of each bound's solve. Raises
+    draws: fresh legs for the promise; evaluations: reserves that are tried beside the program; starts: of each bound's solve; bound: the highest
+    hop of this problem, if it is known. Raises
     UsageError for a problem without uncertainty and for promises that so few draws cannot make, NotSolvedError if no
     reserve leaves a plan.
     """
@@ -101,8 +104,9 @@ def robust(
         raise UsageError(f"{design.name}: [uncertainty] is zero throughout, so there is nothing to be robust against")
     if evaluations < 1:
         raise UsageError(f"{evaluations} evaluations: at least 1 reserve must be tried")
-    say("solving for the bound on this ground")
-    bound = solve(design, starts=starts, processes=processes)
+    if bound is None:
+        say("solving for the bound on this ground")
+        bound = solve(design, starts=starts, processes=processes)
     ideal_bound = on_ideal_ground(bound, say, starts=starts, processes=processes)
     spread = design.uncertainty
     legs = drawn(design, spread, TUNING_DRAWS, seed), drawn(design, spread, TUNING_DRAWS, seed, corners=True)

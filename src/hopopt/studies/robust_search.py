@@ -5,8 +5,9 @@ regulator follows it. By program: plan and feedback are chosen together for legs
 (ocp/shared_control.py). Both are judged on the same drawn legs (common random numbers).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from time import monotonic
 
 import numpy as np
 from scipy.optimize import minimize
@@ -17,6 +18,7 @@ from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import reach, start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import weight
+from hopopt.nlp.time_limit import limited
 from hopopt.ocp.hop import Hop
 from hopopt.planner.from_known import solved_from_known
 from hopopt.planner.reserve import reserved
@@ -34,6 +36,7 @@ FIRST, STEPS = np.array([0.0, 0.03, 0.6, 0.005]), np.array([0.03, 0.03, -0.1, 0.
 LOWEST, HIGHEST = np.zeros(4), np.array([0.4, 0.3, 2.0, 0.05])
 SHARES = (0.3, 0.45, 0.6, 0.8)  # of the spreads, by which the program's legs are apart
 FORCE, HEIGHT = 0.3, 0.004  # what the program keeps back: ground force [of the weight], height [of the reach]
+LONGEST = {BY_RESERVE: 60.0, BY_PROGRAM: 150.0}  # [s] of a plan's solves: of one reserve, of all programs
 AGREES = 0.02  # share of the planned clearance by which a leg of the program may stay below it when simulated
 
 
@@ -123,7 +126,8 @@ class Search:
         reserve = Reserve(torque=torque, speed=speed, ground_force=newtons, height=height, angle=asked.reserve.angle)
         design = asked.model_copy(update={"reserve": reserve})
         try:
-            plan = solved_from_known(Hop(reserved(design)), self.bound)
+            with limited(LONGEST[BY_RESERVE]):
+                plan = solved_from_known(Hop(reserved(design)), self.bound)
         except (NotSolvedError, UsageError):
             self.trials.append(None)
             return -float(np.sum(x))  # less reserve may leave a plan
@@ -133,22 +137,29 @@ class Search:
 
     def by_program(self) -> None:
         """Legs ever further apart, each plan begun from the last, until the draws reach less."""
-        design = self._kept_back()
+        design, before = self._kept_back(), 0.0
         try:
-            begin: Solution | SharedPlan = solved_from_known(Hop(reserved(design)), self.bound)
-            before = 0.0
-            for share in SHARES:
-                apart = extremes(design, design.uncertainty, share)
-                others = [(reserved(draw.leg), draw.torque_gain, draw.start) for draw in apart]
-                begin = shared_plan(true_legs(reserved(design), others, start_angles(design)), begin)
-                lowest = self._program(design, begin, apart)
-                self.say(f"one program, {share:.0%} of the spreads: lowest of {len(self.draws)} legs {lowest:.3f} m")
+            for apart, found in self._programs(design):
+                lowest = self._program(design, found, apart)
+                self.say(f"one program for {len(apart) + 1} legs: lowest of {len(self.draws)} legs {lowest:.3f} m")
                 if lowest < before:
                     return
                 before = lowest
         except (NotSolvedError, UsageError) as error:
             self.trials.append(None)
             self.say(f"one program: {error}")
+
+    def _programs(self, design: Design) -> Iterator[tuple[list[Draw], SharedPlan]]:
+        """Legs ever further apart, and their plan, within the time that all programs may take."""
+        until = monotonic() + LONGEST[BY_PROGRAM]
+        with limited(LONGEST[BY_PROGRAM]):
+            begin: Solution | SharedPlan = solved_from_known(Hop(reserved(design)), self.bound)
+        for share in SHARES:
+            apart = extremes(design, design.uncertainty, share)
+            others = [(reserved(draw.leg), draw.torque_gain, draw.start) for draw in apart]
+            with limited(until - monotonic()):
+                begin = shared_plan(true_legs(reserved(design), others, start_angles(design)), begin)
+            yield apart, begin
 
     def _kept_back(self) -> Design:
         """The problem with what the program keeps back beside the spreads."""
