@@ -79,8 +79,6 @@ def test_every_leg_follows_the_law_and_its_own_equations_of_motion(design: Desig
 def test_true_drives_are_those_of_the_plant(design: Design) -> None:
     """The bounds of a leg of the program are what the plant's drive lets through with that torque constant."""
     gain = np.array([0.9, 1.1])
-    true = with_torque_constants(load("a1_leg"), np.array([0.9, 1.1, 1.0])[: len(load("a1_leg").leg.joints)])
-    assert true.leg.joints == load("a1_leg").leg.joints
     other = with_torque_constants(design, gain)
     believed = [operating_region(design.leg, j, build_robot(design.leg).parameters) for j in design.leg.joints]
     regions = [operating_region(other.leg, j, build_robot(other.leg).parameters) for j in design.leg.joints]
@@ -90,6 +88,12 @@ def test_true_drives_are_those_of_the_plant(design: Design) -> None:
         for command in (np.full(2, 1e6), np.full(2, -1e6)):
             given = [float(r.clamp(x, c)) for r, x, c in zip(regions, w, command, strict=True)]
             np.testing.assert_allclose(drive.torque(w, command)[0], given, atol=1e-9)
+
+
+def test_a_drive_beyond_all_problems_is_said(design: Design) -> None:
+    strong = load("paper", {"leg.motor.max_torque": 990.0})
+    with pytest.raises(UsageError, match=r"leg.knee.motor.max_torque = 1089"):
+        with_torque_constants(strong, np.array([1.0, 1.1]))
 
 
 def test_gains_are_those_of_sampled_motors(design: Design) -> None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
+from pydantic import ValidationError
 
 from hopopt.design import Design
 from hopopt.errors import UsageError
@@ -108,14 +109,21 @@ class TrueLeg:
 
 def with_torque_constants(design: Design, gain: np.ndarray) -> Design:
     """The problem with drives whose torque constants are so many times the believed ones: as much more torque for the same
-    commands, and as much less speed."""
+    commands, and as much less speed. Raises UsageError if that is more than a problem may have."""
     data = design.model_dump(exclude_none=True)
     for joint, factor in zip(design.leg.joints, gain.tolist(), strict=True):
         for part, key in (*GROW, *SHRINK) if factor != 1 else ():
             if (value := design.leg.drive(joint, part, key)[1]) is not None:
                 times = factor if (part, key) in GROW else 1 / factor
                 data["leg"][joint].setdefault(part, {})[key] = value * times
-    return Design.model_validate(data)
+    try:
+        return Design.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        entry = ".".join(str(part) for part in first["loc"] if part != "joint")  # as problem files name it
+        raise UsageError(
+            f"{design.name}: [uncertainty] leads to {entry} = {first['input']!r}, which no problem may have: give less of it"
+        ) from None
 
 
 def highest_gains(design: Design) -> tuple[np.ndarray, np.ndarray]:
@@ -133,9 +141,9 @@ def under_one_controller(legs: Sequence[TrueLeg]) -> Problem:
         raise UsageError(f"{believed.hop.design.name}: a shared controller is planned for a hop from rest to its apex")
     k_p, k_d = highest_gains(believed.hop.design)
     parameters = (
-        Parameter(CLEARANCE, lower=-5.0, upper=20.0, unit="m", value=0.3, free=True),
-        Parameter(STIFFNESS, len(k_p), 0.0, k_p, k_p, "N m/rad", value=0.4 * k_p, free=True),
-        Parameter(DAMPING, len(k_d), 0.0, k_d, k_d, "N m s/rad", value=0.4 * k_d, free=True),
+        Parameter(CLEARANCE, lower=-5.0, upper=20.0, unit="m", free=True),
+        Parameter(STIFFNESS, len(k_p), 0.0, k_p, k_p, "N m/rad", free=True),
+        Parameter(DAMPING, len(k_d), 0.0, k_d, k_d, "N m s/rad", free=True),
     )
     boundary = [
         leg.of_boundary(c) for leg in legs for c in (*leg.transitions, *lowest_point(leg.hop, CLEARANCE))
