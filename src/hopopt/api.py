@@ -79,7 +79,7 @@ def robust(
 
     problem: a problem, its name or file, or its highest hop
     draws: fresh legs on which the promise stands
-    evaluations: reserves that are tried, beside one program for several legs
+    evaluations: reserves that are tried, and programs for several legs at most
     starts: starting points of each bound's solve
     promise: share (0.95) of all legs, confidence (0.95) of that statement, seed (0) of the draws
 

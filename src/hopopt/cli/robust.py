@@ -41,7 +41,7 @@ def robust(
     draws
         Fresh legs on which it stands.
     evaluations
-        How many reserves are tried, beside the program.
+        How many reserves are tried, and programs at most.
     seed
         Seed of the draws.
     starts

@@ -93,10 +93,9 @@ def robust(
 ) -> RobustHop:
     """The plan and its reserve with the greatest clearance that this share of drawn legs reaches.
 
-    draws: fresh legs for the promise; evaluations: reserves that are tried beside the program; starts: of each bound's solve; bound: the highest
-    hop of this problem, if it is known. Raises
-    UsageError for a problem without uncertainty and for promises that so few draws cannot make, NotSolvedError if no
-    reserve leaves a plan.
+    draws: fresh legs for the promise; evaluations: reserves that are tried, and programs at most; starts: of each bound's
+    solve; bound: the highest hop of this problem, if it is known. Raises UsageError for a problem without uncertainty and for
+    promises that so few draws cannot make, NotSolvedError if no reserve leaves a plan.
     """
     say = progress or (lambda text: None)
     rank(draws, share, confidence)
@@ -111,7 +110,7 @@ def robust(
     spread = design.uncertainty
     legs = drawn(design, spread, TUNING_DRAWS, seed), drawn(design, spread, TUNING_DRAWS, seed, corners=True)
     search = Search(bound, *legs, processes, say)
-    search.by_program()
+    search.by_program(evaluations)
     search.by_reserve(evaluations)
     best, lowest = search.best, {way: search.best_by(way) for way in (BY_RESERVE, BY_PROGRAM)}
     say(f"judging the better one on {draws} fresh legs")

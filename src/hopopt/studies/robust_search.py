@@ -7,6 +7,7 @@ regulator follows it. By program: plan and feedback are chosen together for legs
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from time import monotonic
 
 import numpy as np
@@ -135,11 +136,11 @@ class Search:
 
     # ---- by program ------------------------------------------------------------------------------------------------
 
-    def by_program(self) -> None:
-        """Legs ever further apart, each plan begun from the last, until the draws reach less."""
+    def by_program(self, most: int) -> None:
+        """Legs ever further apart, each plan begun from the last, until the draws reach less or there are ``most`` plans."""
         design, before = self._kept_back(), 0.0
         try:
-            for apart, found in self._programs(design):
+            for apart, found in islice(self._programs(design), most):
                 lowest = self._program(design, found, apart)
                 self.say(f"one program for {len(apart) + 1} legs: lowest of {len(self.draws)} legs {lowest:.3f} m")
                 if lowest < before:
