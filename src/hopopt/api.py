@@ -99,12 +99,7 @@ def plot_robust(found: RobustHop) -> "Figure":
     return share_of_legs(found)
 
 
-def why(comparison: Comparison) -> Ladder:
-    """Why PD control is lower than the bound: verified optima, each with one more freedom that PD does not use."""
-    return ladder(comparison)
-
-
-def plot_why(found: Ladder) -> "Figure":
+def plot_ladder(found: Ladder) -> "Figure":
     """The ladder as a staircase of clearances."""
     from hopopt.plots.ladder import staircase
 
@@ -183,7 +178,7 @@ def plot_study(study: Study) -> "dict[str, Figure]":
 
 Solution.plot, Solution.sensitivity, Solution.compare, Solution.compare_hops = plot, sensitivity, compare, compare_hops
 Comparison.plot, Study.plot, HopsComparison.plot = plot_comparison, plot_study, plot_hops
-Comparison.why, Ladder.plot, RobustHop.plot = why, plot_why, plot_robust
+Comparison.why, Ladder.plot, RobustHop.plot = ladder, plot_ladder, plot_robust
 for kind, dataset, frame, table in (
     (Solution, views.solution_dataset, views.solution_frame, views.solution_html),
     (Comparison, views.comparison_dataset, views.comparison_frame, views.comparison_html),

@@ -5,11 +5,11 @@ throughout. Values marked ``physical`` are the leg's design parameters and enter
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy as copy_of
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, create_model, model_serializer, model_validator
+from pydantic import BaseModel, Field, ValidationError, create_model, model_serializer, model_validator
 
 from hopopt.errors import UsageError
 from hopopt.fields import (
@@ -364,6 +364,20 @@ class Design(Section):
             everything = self.hop.model_copy(update={"above_ground": (*self.leg.joints, "foot")})
             object.__setattr__(self, "hop", everything)  # frozen, but not yet anyone's
         return self
+
+
+def as_changed(data: Mapping[str, Any], cause: str, remedy: str) -> Design:
+    """The problem that changed data describe; UsageError that names the ``cause``, the first entry that no problem may have,
+    and the ``remedy``."""
+    try:
+        return Design.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        entry = ".".join(
+            str(part) for part in first["loc"] if part not in ("joint", "link")
+        )  # as problem files name it
+        sentence = f"{cause} {entry} = {first['input']!r}, which no problem may have: {remedy}"
+        raise UsageError(f"{data['name']}: {sentence}") from None
 
 
 def refuse_landed(design: Design, what: str) -> None:

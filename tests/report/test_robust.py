@@ -37,6 +37,8 @@ def test_every_number_is_that_of_the_file(folder: Path) -> None:
     for key, value in stated.items():
         table, _, name = key.partition(".")
         assert value == (data[table][name] if name else data[table])
+    assert "one program for several legs" in text
+    assert "387.4, 242 N m s/rad" in text
     assert not re.search(r"<(link|img|iframe)|<script[^>]*src|@import|url\(|(src|href)=", text)
     assert len(text.encode()) < 1_500_000
 
@@ -51,6 +53,17 @@ def test_the_promise_comes_first_in_plain_words(folder: Path) -> None:
     assert words[2].startswith("That is 80% of the bound")
     assert words[3] == "With the paper's PD control (force_tuck) the same share reaches 0.510 m."
     assert all(sentence in robust_page(folder).replace("&#39;", "'") for sentence in words)
+
+
+@pytest.mark.parametrize(
+    "damage", [{"way": "odd"}, {"feedback": [1.0]}, {"pd_fell": {}}, {"share": None}, {"reserve": 1}]
+)
+def test_a_damaged_file_is_said_in_a_sentence(
+    folder: Path, damage: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "robust.json").write_text(json.dumps(ROBUST | damage), encoding="utf-8")
+    assert cli.run(["report", str(folder), "-o", str(folder.parent / "page.html")]) == 2
+    assert "incomplete or its files do not fit together" in " ".join(capsys.readouterr().err.split())
 
 
 def test_every_leg_is_drawn_where_its_clearance_is(folder: Path) -> None:

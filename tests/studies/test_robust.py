@@ -1,6 +1,7 @@
 """What a share of drawn legs reaches: draws within their spreads, and a promise that holds as often as it says."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,12 @@ from scipy.stats import binom
 
 from hopopt.cli.main import run
 from hopopt.cli.screen.robust import print_robust
-from hopopt.design import Uncertainty
+from hopopt.design import Design, Uncertainty
 from hopopt.errors import UsageError
 from hopopt.problem.load import load
 from hopopt.sim.plant import PAST_APEX
 from hopopt.studies.robust_search import TRACKER
-from hopopt.studies.robustness import Reached, drawn, rank, reached
+from hopopt.studies.robustness import Reached, drawn, extremes, rank, reached
 
 
 def test_a_promise_is_broken_no_more_often_than_its_confidence_says() -> None:
@@ -58,6 +59,12 @@ def test_draws_stay_within_every_spread_and_share_masses() -> None:
     assert 0.02 < np.abs(starts).max() <= 0.03
 
 
+@pytest.mark.parametrize("legs", [lambda d: drawn(d, d.uncertainty, 20, 0), lambda d: extremes(d, d.uncertainty, 1.0)])
+def test_a_leg_that_no_problem_may_have_is_said(legs: Callable[[Design], object]) -> None:
+    with pytest.raises(UsageError, match=r"paper: \[uncertainty\] leads to leg.body.mass = 10\d\d.*: give less of it"):
+        legs(load("paper", {"leg.body.mass": 1000.0}))
+
+
 def test_runs_on_draws_are_those_of_single_runs_and_falls_are_counted() -> None:
     """PD control on rough ground, in this process and by the workers; a leg without torque falls."""
     design = load("paper", {"contact.friction": 0.6})
@@ -83,6 +90,7 @@ def test_runs_on_draws_are_those_of_single_runs_and_falls_are_counted() -> None:
         (["--set", "uncertainty.mass=0", "--set", "uncertainty.torque_constant=0"], "[uncertainty] is zero throughout"),
         (["--set", "uncertainty.mass=-0.1"], "uncertainty.mass = -0.1"),
         (["--evaluations", "0"], "0 evaluations: at least 1 reserve must be tried"),
+        (["--set", "hop.kind=periodic"], "the search for a reserve does not know the periodic hop yet"),
     ],
 )
 def test_what_cannot_be_promised_is_said_in_a_sentence(
@@ -108,7 +116,7 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
         "reserve": {"torque": 0.1},
         "plan_verified": False,
         "lowest_by_way_m": {"reserve": 0.55, "program": None},
-        "feedback": [[1000.0, 0.0, 20.0, 0.0], [0.0, 500.0, 0.0, 10.0]],
+        "feedback": {"k_p": [1000.0, 500.0], "k_d": [20.0, 10.0]},
         "pd": {"pd": 0.5},
         "pd_fell": {"pd": 0},
     }

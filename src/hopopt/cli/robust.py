@@ -55,16 +55,12 @@ def robust(
     from hopopt.problem.load import load
 
     design = load(problem, set_ or ())
-    from hopopt.control.closed_loop import make_plant
-    from hopopt.design import refuse_landed
     from hopopt.plots.robust import save_all
     from hopopt.storage.folder import as_json, prepare
     from hopopt.storage.runs import save_runs
     from hopopt.studies import robust as studying
     from hopopt.studies.compare import planned_trace
 
-    refuse_landed(design, "the search for a reserve")
-    make_plant(design)  # what cannot be simulated is said before the work
     prepare(results)
     with progress(quiet=json_) as say:
         found = studying.robust(

@@ -32,6 +32,8 @@ CAPS: dict[str, tuple[Entry, ...]] = {  # lines that a cap draws -> its entry, t
     Line.GEAR_CAP: (("gear", "torque_cap"),),
     Line.SPEED_CAP: (("gear", "speed_cap"), ("gear", "ratio")),
 }
+TORQUES: tuple[Entry, ...] = (("motor", "max_torque"), ("motor", "torque_cap"), ("gear", "torque_cap"))
+SPEEDS: tuple[Entry, ...] = (("motor", "max_speed"), ("gear", "speed_cap"))  # entries of a drive that limit either
 LINES: tuple[Entry, ...] = (("motor", "max_torque"), ("motor", "max_speed"), ("gear", "ratio"))  # behind the others
 
 

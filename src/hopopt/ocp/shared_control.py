@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from pydantic import ValidationError
 
-from hopopt.design import Design
+from hopopt.design import Design, as_changed
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import Entry
+from hopopt.leg.actuator import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import joint_inertias
@@ -42,13 +41,11 @@ from hopopt.ocp.transitions import lift_off
 CLEARANCE, STIFFNESS, DAMPING = "clearance", "k_p", "k_d"  # the program's parameters
 # Feedback of sampled motors: joint stiffness and damping over what stops the joint's inertia within a period
 STIFFEST, MOST_DAMPED = 0.05**2, 0.4
-GROW: tuple[Entry, ...] = (("motor", "max_torque"), ("motor", "torque_cap"), ("gear", "torque_cap"))
-SHRINK: tuple[Entry, ...] = (("motor", "max_speed"), ("gear", "speed_cap"))
 
 
 @dataclass(frozen=True)
 class OfLeg:
-    """A constraint or variable of one of the legs: the leg's number, and what it is called there."""
+    """A constraint of one of the legs: the leg's number, and what it is called there."""
 
     leg: int
     of: Hashable
@@ -112,18 +109,11 @@ def with_torque_constants(design: Design, gain: np.ndarray) -> Design:
     commands, and as much less speed. Raises UsageError if that is more than a problem may have."""
     data = design.model_dump(exclude_none=True)
     for joint, factor in zip(design.leg.joints, gain.tolist(), strict=True):
-        for part, key in (*GROW, *SHRINK) if factor != 1 else ():
+        for part, key in (*TORQUES, *SPEEDS) if factor != 1 else ():
             if (value := design.leg.drive(joint, part, key)[1]) is not None:
-                times = factor if (part, key) in GROW else 1 / factor
+                times = factor if (part, key) in TORQUES else 1 / factor
                 data["leg"][joint].setdefault(part, {})[key] = value * times
-    try:
-        return Design.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        entry = ".".join(str(part) for part in first["loc"] if part != "joint")  # as problem files name it
-        raise UsageError(
-            f"{design.name}: [uncertainty] leads to {entry} = {first['input']!r}, which no problem may have: give less of it"
-        ) from None
+    return as_changed(data, "[uncertainty] leads to", "give less of it")
 
 
 def highest_gains(design: Design) -> tuple[np.ndarray, np.ndarray]:
@@ -145,9 +135,7 @@ def under_one_controller(legs: Sequence[TrueLeg]) -> Problem:
         Parameter(STIFFNESS, len(k_p), 0.0, k_p, k_p, "N m/rad", free=True),
         Parameter(DAMPING, len(k_d), 0.0, k_d, k_d, "N m s/rad", free=True),
     )
-    boundary = [
-        leg.of_boundary(c) for leg in legs for c in (*leg.transitions, *lowest_point(leg.hop, CLEARANCE))
-    ]  # fmt: skip
+    boundary = [leg.of_boundary(c) for leg in legs for c in (*leg.transitions, *lowest_point(leg.hop, CLEARANCE))]
     weight = believed.hop.tie_break
 
     def reached(e: Ends) -> ca.SX:

@@ -3,10 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from pydantic import ValidationError
-
-from hopopt.design import Design, Reserve
-from hopopt.errors import UsageError
+from hopopt.design import Design, Reserve, as_changed
+from hopopt.leg.actuator import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
@@ -33,24 +31,12 @@ def reserved(design: Design) -> Design:
         _hold_back(joint, r)
     _hold_back(data["leg"], r)
     data["solver"]["tie_break"] = max(design.solver.tie_break, SMOOTH)
-    try:
-        return Design.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        entry = ".".join(str(part) for part in first["loc"])
-        raise UsageError(
-            f"{design.name}: [reserve] leaves {entry} = {first['input']!r}, which no problem may have: hold less back, or "
-            "leave out the strategies that track a plan"
-        ) from error
+    remedy = "hold less back, or leave out the strategies that track a plan"
+    return as_changed(data, "[reserve] leaves", remedy)
 
 
 def _hold_back(drive: dict[str, Any], reserve: Reserve) -> None:
-    for part, key, share in (
-        ("motor", "max_torque", reserve.torque),
-        ("motor", "torque_cap", reserve.torque),
-        ("gear", "torque_cap", reserve.torque),
-        ("motor", "max_speed", reserve.speed),
-        ("gear", "speed_cap", reserve.speed),
-    ):
-        if key in drive.get(part, {}):
-            drive[part][key] *= 1 - share
+    for entries, share in ((TORQUES, reserve.torque), (SPEEDS, reserve.speed)):
+        for part, key in entries:
+            if key in drive.get(part, {}):
+                drive[part][key] *= 1 - share

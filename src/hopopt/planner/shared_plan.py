@@ -12,7 +12,7 @@ from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.trajectory import PhaseTrajectory
-from hopopt.nlp.transcription import Transcription
+from hopopt.nlp.transcription import FromTrajectory, Transcription
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.ocp.shared_control import CLEARANCE, DAMPING, STIFFNESS, TrueLeg, highest_gains, under_one_controller
 from hopopt.optimality.violations import violations
@@ -69,19 +69,14 @@ def shared_plan(legs: Sequence[TrueLeg], begin: Solution | SharedPlan) -> Shared
 
 
 @dataclass(frozen=True)
-class AllAlike:
+class AllAlike(FromTrajectory):
     """A guess in which so many legs move as one does."""
 
-    trajectory: PhaseTrajectory
     legs: int
-
-    @property
-    def duration(self) -> float:
-        return self.trajectory.duration
 
     def sample(self, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States and controls of all legs at fractions of the phase."""
-        x, u = self.trajectory.sample(np.asarray(fraction) * self.trajectory.duration)
+        x, u = super().sample(fraction)
         return np.tile(x, self.legs), np.tile(u, self.legs)
 
 

@@ -6,18 +6,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hopopt.plots.hop import save_figure
-from hopopt.plots.style import BLACK, GREY, SMALL, called_after, describe, legend, new_figure
+from hopopt.plots.style import BLACK, GREY, called_after, describe, legend, new_figure
+from hopopt.report.robust import COLORS
 from hopopt.studies.robust import RobustHop
-
-TRACKED, PD = "#0072B2", ("#D55E00", "#CC79A7")
 
 
 def share_of_legs(found: RobustHop) -> Figure:
     """Share [%] of the drawn legs that clear at least a height [m], tracked and under PD control; both bounds."""
     figure = new_figure(f"{called_after(found.best.design)}: what {found.share:.0%} of the legs reach")
     ax = figure.subplots()
-    runs = {"track": (found.tracked, TRACKED), **{k: (v, c) for (k, v), c in zip(found.pd.items(), PD, strict=False)}}
-    for name, (reached, color) in runs.items():
+    for (name, reached), color in zip(found.reached.items(), COLORS, strict=False):
         heights, promised = np.sort(reached.clearances), reached.promised(found.share, found.confidence)
         shares = 100 * (1 - np.arange(len(heights)) / len(heights))
         fell = f", {reached.fell} fell" if reached.fell else ""
@@ -27,13 +25,9 @@ def share_of_legs(found: RobustHop) -> Figure:
         if bound.verified:
             ax.axvline(bound.clearance, color=BLACK, lw=1.5, ls=style, label=f"bound, {words}: {bound.clearance:.3f} m")
     ax.axhline(100 * found.share, color=GREY, lw=0.8)
-    words = f"{found.share:.0%} of all legs, with {found.confidence:.0%} confidence"
-    ax.annotate(
-        words, (1, 100 * found.share), xycoords=("axes fraction", "data"), xytext=(-6, -6), textcoords="offset points",
-        ha="right", va="top", fontsize=SMALL, bbox={"color": "white", "lw": 0, "pad": 1.5},
-    )  # fmt: skip
     ax.set_ylim(0, 103)
-    describe(ax, "clearance [m]", f"legs that reach it [% of {len(found.tracked.clearances)}]")
+    words = f"dot: {found.share:.0%} of all legs reach it, with {found.confidence:.0%} confidence"
+    describe(ax, f"clearance [m]; {words}", f"legs that reach it [% of {len(found.tracked.clearances)}]")
     legend(figure)
     return figure
 

@@ -5,7 +5,7 @@ from importlib.metadata import version
 from importlib.resources import files
 from typing import Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import Environment, FunctionLoader, StrictUndefined, UndefinedError
 from markupsafe import Markup
 
 from hopopt.design import Design
@@ -48,10 +48,15 @@ def render(
     provenance: name -> text of where the result comes from
     varied: entry -> its values, of entries that are not as in the problem
     more: what this template needs besides
+
+    Raises ValueError where that lacks something.
     """
     environment = Environment(loader=FunctionLoader(part), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     title = design.title or design.name
-    return environment.get_template(template).render(
-        version=version("hopopt"), style=Markup(part("page.css")), title=f"{title}: {of}", heading=title, kind=kind,
-        answer=answer, rows=rows(design), written=written, varied=varied or {}, provenance=provenance, **more,
-    )  # fmt: skip
+    try:
+        return environment.get_template(template).render(
+            version=version("hopopt"), style=Markup(part("page.css")), title=f"{title}: {of}", heading=title, kind=kind,
+            answer=answer, rows=rows(design), written=written, varied=varied or {}, provenance=provenance, **more,
+        )  # fmt: skip
+    except UndefinedError as error:  # like any other fault of what was read
+        raise ValueError(str(error)) from error

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -76,17 +75,12 @@ class Drive:
         self.lossless = self.gear.ideal
         self.torque_gain = np.ones(len(regions)) if torque_gain is None else np.asarray(torque_gain, dtype=float)
         bounding = [[(float(h.a), float(h.b)) for h in region.planes if h.a != 0] for region in regions]
-        self.upper = [[(1 / a, b / a) for a, b in planes if a > 0] for planes in bounding]
-        self.lower = [[(1 / a, b / a) for a, b in planes if a < 0] for planes in bounding]
+        self.upper = lines([[(1 / a, b / a) for a, b in planes if a > 0] for planes in bounding], UNBOUNDED)
+        self.lower = lines([[(1 / a, b / a) for a, b in planes if a < 0] for planes in bounding], -UNBOUNDED)
 
     def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Joint torques tau (n) [N m] brought into the regions at speeds w (n): OperatingRegion.clamp, but quick."""
-        return _clamped(np.asarray(w, dtype=float), np.asarray(tau, dtype=float), *self._lines)
-
-    @cached_property
-    def _lines(self) -> tuple[np.ndarray, np.ndarray]:
-        """``upper`` and ``lower`` as arrays (n, k, 2)."""
-        return lines(self.upper, UNBOUNDED), lines(self.lower, -UNBOUNDED)
+        return _clamped(np.asarray(w, dtype=float), np.asarray(tau, dtype=float), self.upper, self.lower)
 
     def parts(self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float) -> int:
         """Into how many parts a step of h [s] must be cut so that gear friction is no stiffer than the step can take.

@@ -13,7 +13,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.kinematics import can_slip
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.compiled import kernel
-from hopopt.sim.drive import SLOW, UNBOUNDED, Drive, Stops, lines
+from hopopt.sim.drive import SLOW, Drive, Stops
 
 
 class PlanarLeg(NamedTuple):
@@ -68,8 +68,8 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: 
         armature=np.array(model.armature)[BASE:],
         body=float(model.inertias[BASE].mass),
         gravity=np.array(model.gravity.linear)[[0, 2]],
-        upper=lines(drive.upper, UNBOUNDED),
-        lower=lines(drive.lower, -UNBOUNDED),
+        upper=drive.upper,
+        lower=drive.lower,
         gain=drive.torque_gain,
         efficiency=np.broadcast_to(np.asarray(drive.gear.efficiency, dtype=float), n).copy(),
         friction=drive.gear.friction,

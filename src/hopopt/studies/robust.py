@@ -5,11 +5,13 @@ What the share reaches is stated on legs that the search (studies/robust_search.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
-from hopopt.design import Design
+from hopopt.control.closed_loop import make_plant
+from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import two_joints
 from hopopt.planner.solution import Solution
@@ -42,6 +44,19 @@ class RobustHop:
     plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
 
     @property
+    def reached(self) -> dict[str, Reached]:
+        """By strategy, what the fresh draws reach: the tracker first."""
+        return {TRACKER: self.tracked, **self.pd}
+
+    @property
+    def feedback(self) -> dict[str, list[float]] | None:
+        """Gains k_p [N m/rad] and k_d [N m s/rad] of every joint, if one program chose them."""
+        if self.best.reference.feedback is None:
+            return None
+        k_p, k_d = np.hsplit(self.best.reference.feedback, 2)  # both diagonal
+        return {"k_p": np.diag(k_p).tolist(), "k_d": np.diag(k_d).tolist()}
+
+    @property
     def exit_code(self) -> int:
         """0 if both bounds and the plan are verified, else 3."""
         return 0 if self.bound.verified and self.ideal_bound.verified and self.best.verified else 3
@@ -67,13 +82,11 @@ class RobustHop:
             "way": self.best.way,
             "lowest_by_way_m": self.lowest,
             "reserve": self.best.design.reserve.model_dump(),
-            "feedback": None if self.best.reference.feedback is None else self.best.reference.feedback.tolist(),
+            "feedback": self.feedback,
             "evaluations": self.evaluations,
             "pd": {name: found.promised(self.share, self.confidence) for name, found in self.pd.items()},
             "pd_fell": {name: found.fell for name, found in self.pd.items()},
-            "clearances_m": {
-                name: found.clearances.tolist() for name, found in {TRACKER: self.tracked, **self.pd}.items()
-            },
+            "clearances_m": {name: found.clearances.tolist() for name, found in self.reached.items()},
             "exit_code": self.exit_code,
         }
 
@@ -95,9 +108,11 @@ def robust(
 
     draws: fresh legs for the promise; evaluations: reserves that are tried, and programs at most; starts: of each bound's
     solve; bound: the highest hop of this problem, if it is known. Raises UsageError for a problem without uncertainty and for
-    promises that so few draws cannot make, NotSolvedError if no reserve leaves a plan.
+    promises that so few draws cannot make, NotSolvedError if no plan is found.
     """
     say = progress or (lambda text: None)
+    refuse_landed(design, "the search for a reserve")
+    make_plant(design)  # what cannot be simulated is said before the work
     rank(draws, share, confidence)
     if design.uncertainty.known:
         raise UsageError(f"{design.name}: [uncertainty] is zero throughout, so there is nothing to be robust against")
@@ -107,14 +122,13 @@ def robust(
         say("solving for the bound on this ground")
         bound = solve(design, starts=starts, processes=processes)
     ideal_bound = on_ideal_ground(bound, say, starts=starts, processes=processes)
-    spread = design.uncertainty
-    legs = drawn(design, spread, TUNING_DRAWS, seed), drawn(design, spread, TUNING_DRAWS, seed, corners=True)
-    search = Search(bound, *legs, processes, say)
+    draw = partial(drawn, design, design.uncertainty)
+    search = Search(bound, draw(TUNING_DRAWS, seed), draw(TUNING_DRAWS, seed, corners=True), processes, say)
     search.by_program(evaluations)
     search.by_reserve(evaluations)
     best, lowest = search.best, {way: search.best_by(way) for way in (BY_RESERVE, BY_PROGRAM)}
     say(f"judging the better one on {draws} fresh legs")
-    fresh = drawn(design, design.uncertainty, draws, seed + 1_000_003)
+    fresh = draw(draws, seed + 1_000_003)
     tracked = reached(best.design, TRACKER, best.reference, fresh, processes)
     pd = {}
     for name in PD if two_joints(design.leg) else ():

@@ -77,10 +77,12 @@ class Search:
 
     @property
     def best(self) -> Trial:
-        """The verified plan with the greatest lowest clearance; NotSolvedError if none was found."""
+        """The plan with the greatest lowest clearance, a verified one first; NotSolvedError if none was found."""
         found = [trial for trial in self.trials if trial is not None]
         if not found:
-            raise NotSolvedError(f"{self.bound.design.name}: no reserve that was tried leaves a plan.", [])
+            raise NotSolvedError(
+                f"{self.bound.design.name}: no plan was found, neither with a reserve nor by one program.", []
+            )
         return max(found, key=lambda trial: (trial.verified, trial.lowest))
 
     def best_by(self, way: str) -> float | None:
@@ -94,11 +96,10 @@ class Search:
         def lowest_of(legs: list[Draw]) -> float:
             return float(reached(design, TRACKER, reference, legs, self.processes).clearances.min())
 
-        lowest, most = lowest_of(self.draws), max((t.lowest for t in self.trials if t is not None), default=0.0)
-        if lowest > most:
+        lowest = lowest_of(self.draws) if verified else 0.0
+        if lowest > max((t.lowest for t in self.trials if t is not None), default=0.0):
             at_the_ends = lowest_of(self.corners)
             lowest = lowest if at_the_ends > FAILED * reference.clearance else min(lowest, at_the_ends)
-        lowest = lowest if verified else 0.0
         self.trials.append(Trial(way, design, plan, reference, verified, lowest))
         return lowest
 

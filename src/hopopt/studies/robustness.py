@@ -11,7 +11,7 @@ from scipy.special import bdtrc  # the binomial's survival function; scipy.stats
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
-from hopopt.design import Design, Uncertainty
+from hopopt.design import Design, Uncertainty, as_changed
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.solution import Solution
@@ -70,7 +70,7 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
             lost = spread.gear_loss * more.uniform()
             if lost:
                 data["leg"][name].setdefault("gear", {})["efficiency"] = kept * (1 - lost)
-        found.append(Draw(Design.model_validate(data), gain, start))
+        found.append(Draw(_true_leg(data), gain, start))
     return found
 
 
@@ -86,8 +86,12 @@ def extremes(design: Design, spread: Uncertainty, share: float) -> list[Draw]:
             data["leg"][name]["mass"] *= 1 + heavier * mass
         if design.contact.friction is not None:
             data["contact"]["friction"] *= 1 - share * spread.friction
-        found.append(Draw(Design.model_validate(data), 1 + torque * stronger, start_angles(design)))
+        found.append(Draw(_true_leg(data), 1 + torque * stronger, start_angles(design)))
     return found
+
+
+def _true_leg(data: Mapping[str, Any]) -> Design:
+    return as_changed(data, "[uncertainty] leads to", "give less of it")
 
 
 @dataclass(frozen=True)

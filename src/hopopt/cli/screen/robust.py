@@ -6,8 +6,7 @@ from typing import Any
 from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
-
-WAYS = {"reserve": "a reserve tuned on them", "program": "one program for several legs"}
+from hopopt.report.robust import UNITS, WAYS
 
 
 def print_robust(found: Mapping[str, Any], where: str) -> None:
@@ -40,10 +39,7 @@ def print_robust(found: Mapping[str, Any], where: str) -> None:
         if found["lowest_by_way_m"].get(way)
     ]
     out.print(f"lowest of the legs that it was chosen on, by way: {', '.join(each) or 'no way led to a verified plan'}")
-    if found["feedback"] is not None:
-        n = len(found["feedback"])
-        for words, unit, columns in (("k_p", "N m/rad", slice(n)), ("k_d", "N m s/rad", slice(n, None))):
-            gains = [row[columns][k] for k, row in enumerate(found["feedback"])]
-            out.print(f"its feedback {words} = {', '.join(f'{gain:.4g}' for gain in gains)} {unit}, joint by joint")
+    for name, gains in (found["feedback"] or {}).items():
+        out.print(f"its feedback {name} = {', '.join(f'{gain:.4g}' for gain in gains)} {UNITS[name]}, joint by joint")
     out.print("[reserve]\n" + "\n".join(f"{name} = {value:.6g}" for name, value in found["reserve"].items()))
     out.print(f"results {where}   ({found['wall_s']:.1f} s)")
