@@ -73,6 +73,7 @@ def test_compiled_dynamics_are_pinocchios(case: tuple[Leg, np.ndarray, np.ndarra
     np.testing.assert_allclose(M, M_other, rtol=0, atol=1e-11 * np.abs(M_other).max())
     np.testing.assert_allclose(joints[-1], machine.foot_motion(q, v)[0], atol=1e-12)
     np.testing.assert_allclose(planar.foot_jacobian(c, joints), machine.foot_jacobian(q), atol=1e-12)
+    assert contact.rise(c, q, v) == pytest.approx(machine.com_velocity(q, v)[1], abs=1e-11)
     for mode in (contact.FLIGHT, contact.STICK):
         a = machine.acceleration(q, v, tau, contact=mode == contact.STICK)
         mine, _ = contact.rates(c, mode, q, v, tau)

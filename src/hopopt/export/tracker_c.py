@@ -39,8 +39,8 @@ def header(tracker: Track, problem: str, joints: Sequence[str]) -> str:
 def tables(tracker: Track) -> str:
     """All numbers of a tracker as C constants."""
     o, n = tracker.options, len(tracker.rest)
-    stance, bounds = tracker.plan.stance, tracker.drive.upper + tracker.drive.lower
-    sizes = {"JOINTS": n, "PLACES": len(stance.places), "LINES": max(map(len, bounds))}
+    stance, bounds = tracker.plan.stance, {"upper": tracker.drive.upper, "lower": tracker.drive.lower}
+    sizes = {"JOINTS": n, "PLACES": len(stance.places), "LINES": max(planes.shape[1] for planes in bounds.values())}
     for name, phase in _phases(tracker).items():
         gains = tracker.gains[name == STANCE]
         sizes |= {f"{name.upper()}_INTERVALS": len(phase.t), f"{name.upper()}_PERIODS": len(gains.K)}
@@ -48,9 +48,9 @@ def tables(tracker: Track) -> str:
     lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
     shared = {"places": stance.places, "weights": stance.barycentric, "rest": tracker.rest}
     lines += [_array(name, values) for name, values in shared.items()]
-    for side in ("upper", "lower"):
-        padding = [padded(planes, sizes["LINES"]) for planes in getattr(tracker.drive, side)]
-        rows = ", ".join("{" + ", ".join(f"{{{c!r}, {d!r}}}" for c, d in planes) + "}" for planes in padding)
+    for side, planes in bounds.items():
+        joints = padded(planes, sizes["LINES"]).tolist()
+        rows = ", ".join("{" + ", ".join(f"{{{c!r}, {d!r}}}" for c, d in joint) + "}" for joint in joints)
         lines.append(f"static const double hopopt_{side}[HOPOPT_JOINTS][HOPOPT_LINES][2] = {{{rows}}};")
     for name, phase in _phases(tracker).items():
         columns = phase_columns(phase, tracker.gains[name == STANCE])
@@ -67,9 +67,9 @@ def phase_columns(phase: PhaseReference, gains: Gains) -> Mapping[str, np.ndarra
     }
 
 
-def padded(planes: list[tuple[float, float]], count: int) -> list[tuple[float, float]]:
-    """A joint's bounds, the last repeated up to a count: that bounds nothing more."""
-    return planes + planes[-1:] * (count - len(planes))
+def padded(planes: np.ndarray, count: int) -> np.ndarray:
+    """The joints' bounds (n, k, 2), the last repeated up to a count: that bounds nothing more."""
+    return np.pad(planes, ((0, 0), (0, count - planes.shape[1]), (0, 0)), mode="edge")
 
 
 def _phases(tracker: Track) -> dict[str, PhaseReference]:

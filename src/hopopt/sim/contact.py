@@ -77,6 +77,30 @@ def contact_force(mode: int, mu: float, c: np.ndarray, G: np.ndarray) -> tuple[f
 
 
 @kernel
+def torques(
+    leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Torques (n) [N m] of motors and joints, and the force (x, z) [N] on the foot."""
+    motor, tau = driven(leg, v[2:], command)
+    _, c, G, _, _ = loads(leg, q, v, command)
+    return motor, tau, np.array(contact_force(mode, leg.mu, c, G))
+
+
+@kernel
+def rise(leg: Any, q: np.ndarray, v: np.ndarray) -> float:
+    """Upward velocity [m/s] of the centre of mass."""
+    joints, centres, _ = chain(leg, q, v)
+    mass, momentum = leg.body, leg.body * v[1]
+    for i in range(len(centres)):
+        upward = v[1]
+        for j in range(i + 1):
+            upward -= leg.sign[j] * (centres[i, 0] - joints[j, 0]) * v[2 + j]
+        mass += leg.mass[i]
+        momentum += leg.mass[i] * upward
+    return momentum / mass
+
+
+@kernel
 def rates(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Accelerations (n + 2), and powers (4) [W]: of motors, lost in gears, into stops, lost in friction at the foot."""
     X, c, G, velocity, power = loads(leg, q, v, command)

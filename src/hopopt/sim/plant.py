@@ -103,6 +103,14 @@ class Plant:
         q, v = s.q[BASE:], s.v[BASE:]
         return self.machine.stance_terms(q, v).contact_force(self.drive.torque(v, command)[1] + self.stops.torque(q, v))
 
+    def torques(self, s: State, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What a command (n) leads to: torques (n) [N m] of the motors and of the joints, contact force (x, z) [N]."""
+        return *self.drive.torque(s.v[BASE:], command), self.force(s, command)
+
+    def rise(self, s: State) -> float:
+        """Upward velocity [m/s] of the centre of mass."""
+        return float(self.machine.com_velocity(s.q, s.v)[1])
+
     def _margin(self, s: State, torque: Torque) -> float:
         """Below zero where the contact must change: vertical force [N] in stance, height of a sinking foot [m].
 
@@ -196,7 +204,7 @@ class Plant:
             outcome = self.fault(s) or outcome
             if landings and s.landings >= landings:
                 outcome = f"landing {landings}"
-            elif falling < np.inf and not s.contact and self.machine.com_velocity(s.q, s.v)[1] < -falling:
+            elif falling < np.inf and not s.contact and self.rise(s) < -falling:
                 outcome = PAST_APEX
             if outcome != "the time was up":
                 break
@@ -251,8 +259,7 @@ class Plant:
 
     def _note(self, writer: TraceWriter, s: State, torque: Torque) -> None:
         command = torque(s.t, s.q[BASE:], s.v[BASE:])
-        motor, tau = self.drive.torque(s.v[BASE:], command)
-        writer.rows.append((s.t, s.q, s.v, command, motor, tau, self.force(s, command), s.contact, s.work))
+        writer.rows.append((s.t, s.q, s.v, command, *self.torques(s, command), s.contact, s.work))
 
     def fault(self, s: State) -> str:
         """Why the simulation cannot go on, or nothing."""

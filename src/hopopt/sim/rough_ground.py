@@ -47,10 +47,13 @@ class RoughGround(Plant):
         q, v, work = contact.step(self.leg, _mode(s), s.foot, s.q, s.v, s.work, self._held(s, torque), h)
         return replace(s, q=q, v=v, work=work, t=s.t + h)
 
-    def force(self, s: State, command: np.ndarray) -> np.ndarray:
-        """Contact force (x, z) [N] on the foot under a command; nothing in flight."""
-        _, c, G, _, _ = contact.loads(self.leg, s.q, s.v, command)
-        return np.array(contact.contact_force(_mode(s), self.friction, c, G))
+    def torques(self, s: State, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What a command (n) leads to: torques (n) [N m] of the motors and of the joints, contact force (x, z) [N]."""
+        return contact.torques(self.leg, _mode(s), s.q, s.v, command)
+
+    def rise(self, s: State) -> float:
+        """Upward velocity [m/s] of the centre of mass."""
+        return contact.rise(self.leg, s.q, s.v)
 
     def lets_go(self, s: State, torque: Torque) -> bool:
         """Whether the foot cannot stay as it is under this torque: stuck, or slipping in its direction."""
