@@ -38,20 +38,25 @@ class Touchdown:
     gear: np.ndarray
 
 
-def closure(machine: Machine, stance: Table, q: np.ndarray, v: np.ndarray) -> float:
-    """Largest difference of the joints after an impact at q, v from those with which stance begins [rad, rad/s]."""
-    after = machine.touch_down(q, v)
-    return float(np.abs(np.r_[q[BASE:] - stance.q[0, 0, BASE:], after[BASE:] - stance.v[0, 0, BASE:]]).max())
+def joints_at(table: Table, place: int) -> np.ndarray:
+    """Joint angles [rad] and speeds [rad/s] at the beginning (place 0) or the end (-1) of a phase, (2 n,)."""
+    return np.r_[table.q[place, place, BASE:], table.v[place, place, BASE:]]
 
 
-def touchdown_of(machine: Machine, tables: Mapping[str, Table]) -> Touchdown:
-    """The impact of a plan; a landing follows, or else the first stance again."""
+def closure(machine: Machine, begin: np.ndarray, q: np.ndarray, v: np.ndarray) -> float:
+    """Largest difference of the joints after an impact at q, v from those with which stance is to begin (2 n) [rad, rad/s]."""
+    return float(np.abs(np.r_[q[BASE:], machine.touch_down(q, v)[BASE:]] - begin).max())
+
+
+def touchdown_of(machine: Machine, tables: Mapping[str, Table], begin: np.ndarray | None = None) -> Touchdown:
+    """The impact of a plan; ``begin``: joint angles and speeds (2 n) with which the stance after it is to begin, by default
+    those of the landing, or of the first stance again."""
     q, v = tables[DESCENT].q[-1, -1], tables[DESCENT].v[-1, -1]
     after, impulse = machine.impact(q, v)
     gear = np.array(machine.model.armature)[BASE:] * (after - v)[BASE:]
     lost = machine.energy(q, v) - machine.energy(q, after)
-    closed = closure(machine, tables.get(LANDING, tables[STANCE]), q, v)
-    return Touchdown(closed, *machine.foot_motion(q, v), impulse[:BASE], lost, gear)
+    begin = joints_at(tables.get(LANDING, tables[STANCE]), 0) if begin is None else begin
+    return Touchdown(closure(machine, begin, q, v), *machine.foot_motion(q, v), impulse[:BASE], lost, gear)
 
 
 def period(tables: Mapping[str, Table]) -> float:

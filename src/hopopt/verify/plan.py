@@ -43,8 +43,8 @@ def verify_plan(
     machine = Machine(robot)
     checks = [
         *_ends(machine, design, tables),
-        _durations(design, tables),
-        Check("lift-off", _largest(lift_off(machine, tables[STANCE], tables[FLIGHT])), EXACT, "SI"),
+        durations(design, tables),
+        Check("lift-off", largest(lift_off(machine, tables[STANCE], tables[FLIGHT])), EXACT, "SI"),
         _clearance(machine, design, tables[FLIGHT], claims),
         *_measured(robot, design.hop, tables, claims),
     ]
@@ -52,15 +52,22 @@ def verify_plan(
         missing = float(design.hop.clearance or 0.0) - claims["clearance_m"]
         checks.append(Check("clearance asked for", max(missing, 0.0), EXACT, "m"))
     for name, table in tables.items():
-        checks += [
-            _continuity(name, table),
-            replay(machine, name, table),
-            _inverse_dynamics(machine, name, table),
-            _energy(machine, name, table),
-            _impulse(machine, name, table),
-            *_limits(machine, robot, design, name, table, windowed(design, name, ends)),
-        ]
+        checks += phase_checks(machine, robot, design, name, table, windowed(design, name, ends))
     return checks
+
+
+def phase_checks(
+    machine: Machine, robot: Robot, design: Design, name: str, table: Table, window: bool = False
+) -> list[Check]:
+    """That one phase obeys the equations of motion and every limit; window: whether the foot must end within its window."""
+    return [
+        _continuity(name, table),
+        replay(machine, name, table),
+        _inverse_dynamics(machine, name, table),
+        _energy(machine, name, table),
+        _impulse(machine, name, table),
+        *_limits(machine, robot, design, name, table, window),
+    ]
 
 
 def _ends(machine: Machine, design: Design, tables: Mapping[str, Table]) -> Iterator[Check]:
@@ -68,21 +75,21 @@ def _ends(machine: Machine, design: Design, tables: Mapping[str, Table]) -> Iter
     if design.hop.periodic:
         yield from periodic_checks(machine, design, tables)
         return
-    yield _start(machine, design, tables[STANCE])
+    yield at_start(machine, design, tables[STANCE])
     if LANDING in tables:
         yield from landed_checks(machine, design, tables)
         return
     if DESCENT in tables:
         for name, parts in landing(machine, tables[FLIGHT], tables[DESCENT]):
-            yield Check(name, _largest(parts), EXACT, "SI")
+            yield Check(name, largest(parts), EXACT, "SI")
 
 
-def _largest(differences: Sequence[Any]) -> float:
+def largest(differences: Sequence[Any]) -> float:
     """Largest absolute value of several arrays; not a number if any of it is not."""
     return float(np.max(np.concatenate([np.abs(np.ravel(d)) for d in differences]), initial=0.0))
 
 
-def _start(machine: Machine, design: Design, stance: Table) -> Check:
+def at_start(machine: Machine, design: Design, stance: Table) -> Check:
     """At rest at time zero, the foot on the ground where the problem file puts it."""
     q, v, start = stance.q[0, 0], stance.v[0, 0], design.start
     points = machine.points(q)
@@ -90,10 +97,10 @@ def _start(machine: Machine, design: Design, stance: Table) -> Check:
         wrong = q[BASE:] - np.array(start.joint_angles)
     else:
         wrong = points["foot"] - q[:BASE] - np.array([start.foot_x, -float(start.hip_height or 0.0)])
-    return Check("start", _largest([wrong, points["foot"], v, stance.t[0, 0]]), EXACT, "SI")
+    return Check("start", largest([wrong, points["foot"], v, stance.t[0, 0]]), EXACT, "SI")
 
 
-def _durations(design: Design, tables: Mapping[str, Table]) -> Check:
+def durations(design: Design, tables: Mapping[str, Table]) -> Check:
     """Every phase lasts as long as it may, and no interval runs backwards."""
     over = []
     for name, table in tables.items():
@@ -110,7 +117,7 @@ def _clearance(machine: Machine, design: Design, flight: Table, claims: Mapping[
     wrong = [lowest - claims["clearance_m"]]
     if "apex_m" in claims:
         wrong.append(flight.q[-1, -1, 1] - claims["apex_m"])
-    return Check("claimed height", _largest(wrong), EXACT, "m")
+    return Check("claimed height", largest(wrong), EXACT, "m")
 
 
 def _measured(robot: Robot, hop: Hop, tables: Mapping[str, Table], claims: Mapping[str, float]) -> Iterator[Check]:
@@ -124,7 +131,7 @@ def _measured(robot: Robot, hop: Hop, tables: Mapping[str, Table], claims: Mappi
 def _continuity(phase: str, table: Table) -> Check:
     """Each interval begins where the one before it ends."""
     jumps = [x[1:, 0] - x[:-1, -1] for x in (table.q, table.v, table.t)]
-    return Check(f"{phase} continuity", _largest(jumps), EXACT, "SI")
+    return Check(f"{phase} continuity", largest(jumps), EXACT, "SI")
 
 
 def _flat(table: Table) -> tuple[np.ndarray, ...]:

@@ -22,7 +22,7 @@ from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import MEASURES
-from hopopt.verify.periodic import closure
+from hopopt.verify.periodic import closure, joints_at
 from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, ON_GROUND, POWERS, STANCE, TO_POWERS, Table
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
@@ -129,7 +129,7 @@ def whole_hop_rollout(
         for name, table in tables.items():
             if name == LANDING:
                 state = state[0], machine.touch_down(*state)
-            found[name], state = _simulated(machine, clamp, table, state, name in ON_GROUND)
+            found[name], state = simulated_phase(machine, clamp, table, state, name in ON_GROUND)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return Rollout({}, np.inf, np.inf, "the simulation failed")
     strayed = max(
@@ -138,13 +138,13 @@ def whole_hop_rollout(
         for part in "qv"
     )
     if design.hop.periodic:
-        strayed = max(strayed, closure(machine, tables[STANCE], *state))
+        strayed = max(strayed, closure(machine, joints_at(tables[STANCE], 0), *state))
     values = _values(machine, robot, design.hop, found, figure)
     shares = {
         limit_words(name, limit): float(excess.max())
         for name, table in found.items()
         for limit, excess in limits_of(
-            machine, robot, design, name, _motion(table), windowed(design, name, ends)
+            machine, robot, design, name, motion_of(table), windowed(design, name, ends)
         ).items()
         if limit.kind is not Kind.REGION  # kept by clamping
     }
@@ -154,7 +154,7 @@ def whole_hop_rollout(
     return Rollout(values, strayed, max(shares[limit], 0.0), limit)
 
 
-def _motion(table: Table) -> tuple[np.ndarray, ...]:
+def motion_of(table: Table) -> tuple[np.ndarray, ...]:
     return tuple(part.reshape(-1, part.shape[-1]) for part in (table.q, table.v, table.tau, table.f))
 
 
@@ -166,7 +166,7 @@ def _values(machine: Machine, robot: Robot, hop: Hop, tables: Mapping[str, Table
     return values | {name: MEASURES[name](robot, tables, hop) for name in MEASURES.keys() & {figure}}
 
 
-def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contact: bool) -> tuple[Table, State]:
+def simulated_phase(machine: Machine, clamp: Clamp, plan: Table, state: State, contact: bool) -> tuple[Table, State]:
     """One phase from ``state``: its table, and the state in which it ends."""
     rows: list[tuple[np.ndarray, ...]] = []
     for k in range(len(plan.t)):
