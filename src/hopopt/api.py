@@ -28,6 +28,8 @@ from hopopt.studies.robust import RobustHop
 from hopopt.studies.robust import robust as robust_hop
 from hopopt.studies.simulation import simulate
 from hopopt.studies.sweep.run import Study, sweep
+from hopopt.studies.transition import Transition
+from hopopt.studies.transition import transition as way_onto_orbit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,6 +54,7 @@ __all__ = [
     "simulate",
     "solve",
     "sweep",
+    "transition",
 ]
 
 
@@ -90,6 +93,33 @@ def robust(
     design = bound.design if bound else as_design(problem)  # type: ignore[arg-type]
     more = {"starts": starts, "processes": os.cpu_count() or 1, "bound": bound}
     return robust_hop(design, draws=draws, evaluations=evaluations, **more, **promise)  # type: ignore[arg-type]
+
+
+def transition(
+    problem: Design | str | Path | Solution,
+    begin: Solution | None = None,
+    clearances: Sequence[float] = (),
+    **more: Any,
+) -> Transition:
+    """The fewest hops from rest, or from the periodic hop ``begin``, onto a periodic hop: one program, of least effort.
+
+    problem: the periodic hop on which they end; or a problem, its name or file, whose highest one is solved for
+    begin: the periodic hop from which they start; None from rest
+    clearances: what each hop must clear at least [m]; so many hops
+    more: most hops that are tried (4), starts of the periodic hop that is solved for
+
+    Raises UsageError for hops that are not periodic or of another leg, NotSolvedError if no number of hops leads there.
+    """
+    orbit = problem if isinstance(problem, Solution) else None
+    design = orbit.design if orbit else as_design(problem)  # type: ignore[arg-type]
+    return way_onto_orbit(design, begin=begin, orbit=orbit, clearances=clearances, **more)
+
+
+def plot_transition(found: Transition) -> "Figure":
+    """Heights of the leg's lowest point and of the body over all hops."""
+    from hopopt.plots.transition import heights
+
+    return heights(found)
 
 
 def plot_robust(found: RobustHop) -> "Figure":
@@ -178,7 +208,7 @@ def plot_study(study: Study) -> "dict[str, Figure]":
 
 Solution.plot, Solution.sensitivity, Solution.compare, Solution.compare_hops = plot, sensitivity, compare, compare_hops
 Comparison.plot, Study.plot, HopsComparison.plot = plot_comparison, plot_study, plot_hops
-Comparison.why, Ladder.plot, RobustHop.plot = ladder, plot_ladder, plot_robust
+Comparison.why, Ladder.plot, RobustHop.plot, Transition.plot = ladder, plot_ladder, plot_robust, plot_transition
 for kind, dataset, frame, table in (
     (Solution, views.solution_dataset, views.solution_frame, views.solution_html),
     (Comparison, views.comparison_dataset, views.comparison_frame, views.comparison_html),

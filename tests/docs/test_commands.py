@@ -21,7 +21,7 @@ SMALLER = {  # sizes for a test: the same command on fewer points
     "--draws 50": "--draws 2", "--starts 100 --global": "--starts 2", "--tune 60": "--tune 24",
     "--processes 4": "--processes 2",
 }  # fmt: skip
-ONE_START = ("solve", "sweep", "pareto")  # those are solved from a single start
+ONE_START = ("solve", "sweep", "pareto", "transition")  # those are solved from a single start
 FEW = ["--share", "0.5", "--confidence", "0.5", "--draws", "4", "--evaluations", "1", "--starts", "1"]  # for robust
 RUN = (
     "actuators",
@@ -76,7 +76,8 @@ def results_for(words: list[str], folder: Path) -> Iterator[str]:
                 json.loads(path.read_text()) | {"at": path.parent} for path in folder.glob("results/*/summary.json")
             ]
             usable = (s for s in kept if s["functions"] == {"objective": None, "constraints": given} and "phases" in s)
-            yield str(next(usable)["at"])
+            suits = (s for s in usable if words[0] != "transition" or s["hop"] == "periodic")
+            yield str(next(suits)["at"])
         else:
             yield word
 

@@ -76,7 +76,9 @@ def make_stage(phase: Phase, parameters: Sequence[Parameter]) -> Stage:
     inputs = [stack(x, phase.states), stack(u, phase.controls), t, stack(p, parameters)]
     outputs = [stack(phase.dynamics(instant), phase.states), ca.vertcat(*path), ca.vertcat(*integrands)]
     labels = tuple(components(c.name, int(v.numel()), c.labels) for c, v in zip(phase.path, path, strict=True))
-    function = ca.Function(f"stage_{phase.name}".replace("-", "_"), inputs, [ca.densify(o) for o in outputs])
+    function = ca.Function(
+        f"stage_{phase.name}".replace("-", "_").replace(" ", "_"), inputs, [ca.densify(o) for o in outputs]
+    )
     return Stage(phase, function, labels)
 
 

@@ -1,0 +1,82 @@
+"""Several hops as one program, which end on an orbit: the state in which a periodic hop's stance begins.
+
+Every hop is stance, flight and descent, as in a periodic one; their names are numbered. The impact leads from one hop to the
+next. The first begins at rest, or on another orbit. Of all ways that lead there, the one of least effort is asked for.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from hopopt.leg.robot import BASE
+from hopopt.ocp.free_parameters import FreeParameters
+from hopopt.ocp.motion import MovingLeg
+from hopopt.ocp.objective import CLEARANCE
+from hopopt.ocp.phases import DESCENT, FLIGHT, SPEED, STANCE, LegPhase, descent, flight, stance
+from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Objective, Phase, Problem, linkage
+from hopopt.ocp.tie_break import EFFORT, effort
+from hopopt.ocp.touchdown_impact import impact_limits, landing
+from hopopt.ocp.transitions import handed_over, impact_at, lift_off, touchdown
+
+PHASES = (STANCE, FLIGHT, DESCENT)  # of every hop
+
+
+@dataclass(frozen=True)
+class JointState:
+    """Joint angles q (n) [rad] and speeds v (n) [rad/s]: with the foot on the ground they are the leg's whole state."""
+
+    q: np.ndarray
+    v: np.ndarray
+
+
+def numbered(phase: str, hop: int) -> str:
+    """The name of a phase of a hop; hops count from 1."""
+    return f"{phase} {hop}"
+
+
+def several_hops(leg: MovingLeg, begin: JointState, end: JointState, clearances: Sequence[float]) -> Problem:
+    """The program from the state in which the first stance begins to that in which a stance after the last hop would begin.
+
+    clearances: what each hop must clear at least when its flight ends [m]; so many hops.
+    """
+    phases, transitions, last = list[Phase](), list[BoundaryConstraint](), len(clearances)
+    for k, least in enumerate(clearances, 1):
+        up, over, down = (numbered(phase, k) for phase in PHASES)
+        first = stance(leg, begin.q, begin.v) if k == 1 else stance(leg)
+        phases += [_named(leg, part, name) for part, name in ((first, up), (flight(leg), over), (descent(leg), down))]
+        on_the_ground, _, from_above = touchdown(leg, down)
+        transitions += [*lift_off(leg, up, over), handed_over(leg, over, down), on_the_ground, from_above]
+        transitions += [*impact_limits(leg, down), *([_cleared(leg, over, least)] if least > 0 else [])]
+        transitions += [on_orbit(leg, down, end)] if k == last else landing(leg, down, numbered(STANCE, k + 1))
+    goal = Objective(EFFORT, lambda e: sum((e.integral[p.name][EFFORT] for p in phases), ca.SX(0)), unit="s")
+    return Problem(
+        leg.design.name, tuple(phases), goal, FreeParameters().parameters(leg.robot.parameters), tuple(transitions)
+    )
+
+
+def _named(leg: MovingLeg, part: LegPhase, name: str) -> Phase:
+    """The phase under its number, with the effort that it takes."""
+    return replace(part.with_more((), (), {EFFORT: effort(leg, part.motion)}), name=name)
+
+
+def on_orbit(leg: MovingLeg, before: str, end: JointState) -> BoundaryConstraint:
+    """The last impact leaves the joints as a stance of the orbit begins."""
+
+    def miss(e: Ends) -> ca.SX:
+        f = e.final[before]
+        return ca.vertcat(f.q - end.q, impact_at(leg, f)[0][BASE:] - end.v)
+
+    labels = tuple(f"{what} {name}" for what in "qv" for name in leg.leg.joints)
+    return linkage("orbit", miss, np.repeat([1.0, SPEED], leg.n), labels=labels)
+
+
+def _cleared(leg: MovingLeg, flight: str, least: float) -> BoundaryConstraint:
+    """Every point of the leg is so high when the flight ends."""
+
+    def heights(e: Ends) -> ca.SX:
+        points = leg.flight_points(e.final[flight])
+        return ca.vertcat(*[points[name][1] - least for name in leg.point_names])
+
+    return BoundaryConstraint(CLEARANCE, heights, 0.0, INF, unit="m", labels=leg.point_names)

@@ -1,0 +1,166 @@
+"""Several hops as one plan: the program of ocp/several_hops.py solved, refined and verified."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.errors import NotSolvedError
+from hopopt.leg.kinematics import start_angles
+from hopopt.nlp.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.mesh import uniform
+from hopopt.nlp.mesh_refinement import MeshStep, Refinement
+from hopopt.nlp.schemes import scheme
+from hopopt.nlp.tightened_refinement import refinement_of
+from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.nlp.transcription import FromTrajectory, Guess, Transcription
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.initial_guess import make_guess, starts_of
+from hopopt.ocp.phases import STANCE
+from hopopt.ocp.several_hops import PHASES, JointState, numbered, several_hops
+from hopopt.ocp.tie_break import EFFORT
+from hopopt.optimality.certificate import certify
+from hopopt.optimality.violations import violations
+from hopopt.planner.judge import numerical_checks
+from hopopt.planner.refine_and_verify import aims_of, hop_with_tighter_tolerances
+from hopopt.planner.solution import Motion, Solution
+from hopopt.verify.check import Check
+from hopopt.verify.several_hops import several_hops_checks
+
+PUSHES = 2  # first pushes from rest that are tried as a guess
+ITERATIONS = 600  # of Ipopt on the first mesh: programs that are solved take fewer
+
+
+@dataclass(frozen=True)
+class HopsPlan:
+    """Several hops that follow each other.
+
+    hops: the motion of each; x counts from the foot where it began, time from then.
+    effort: of all of them, sum over the joints of (tau / stall torque)^2, integrated [s].
+    checks: of the program, of every hop and of both ends.
+    certified: whether the first-order conditions of optimality hold.
+    """
+
+    hops: tuple[Motion, ...]
+    effort: float
+    checks: tuple[Check, ...]
+    certified: bool
+
+    @property
+    def verified(self) -> bool:
+        """Whether every check passed."""
+        return all(check.passed for check in self.checks)
+
+    @cached_property
+    def clearances(self) -> tuple[float, ...]:
+        """How high the leg's lowest point comes in every hop [m]."""
+        return tuple(highest_lowest_point(hop) for hop in self.hops)
+
+    @property
+    def duration(self) -> float:
+        """Of all hops [s]."""
+        return sum(hop.end for hop in self.hops)
+
+
+def highest_lowest_point(hop: Motion) -> float:
+    """How high the leg's lowest point comes in a hop [m]."""
+    parts = [hop.everywhere(phase, np.linspace(0, 1, 9)).points for phase in PHASES if phase != STANCE]
+    return max(float(np.min([points[name][:, 1] for name in hop.robot.points], axis=0).max()) for points in parts)
+
+
+def state_of(orbit: Solution) -> JointState:
+    """The joints as the stance of a periodic hop begins."""
+    n, x = len(orbit.robot.joints), orbit.phases[STANCE].x_start[0]
+    return JointState(x[:n], x[n : 2 * n])
+
+
+def at_rest(design: Design) -> JointState:
+    """The joints where a hop from rest begins."""
+    start = start_angles(design)
+    return JointState(start, np.zeros(len(start)))
+
+
+def plan_hops(
+    design: Design, begin: Solution | None, orbit: Solution, clearances: Sequence[float], say: Callable[[str], None]
+) -> HopsPlan:
+    """So many hops from rest (or from the orbit ``begin``) onto an orbit, of all ways the one of least effort.
+
+    clearances: what each hop must clear at least [m]. Raises NotSolvedError with the worst constraints.
+    """
+    hop, s, count = Hop(design), design.solver, len(clearances)
+    first, last = at_rest(design) if begin is None else state_of(begin), state_of(orbit)
+    problem = several_hops(hop, first, last, clearances)
+    intervals = dict(zip(PHASES, (s.stance_intervals, s.flight_intervals, s.flight_intervals), strict=True))
+    mesh = {numbered(phase, k): uniform(intervals[phase]) for k in range(1, count + 1) for phase in PHASES}
+    program = Transcription(problem, scheme(s.scheme, s.degree), mesh)
+    solver = NlpSolver(program, {"ipopt.max_iter": min(s.max_iterations, ITERATIONS)})
+    found = closest = None
+    for guess in _guesses(design, begin, orbit, count):
+        found = solver(guess, {})
+        if found.success:
+            break
+        closest = found if closest is None or _left(found) < _left(closest) else closest
+    assert found is not None
+    if not found.success:
+        words = f"no way onto the orbit in {count} hop{'s' if count > 1 else ''} was found"
+        raise NotSolvedError(f"{design.name}: {words} ({found.status}).", violations(closest or found))
+    say(f"{count} hop{'s' if count > 1 else ''} lead there: refining")
+    return _refined(hop, found, count, first, last, say)
+
+
+def _left(found: NlpSolution) -> float:
+    """By how much constraints are violated."""
+    return float(np.maximum(0.0, np.maximum(found.bounds.low_g - found.g, found.g - found.bounds.high_g)).sum())
+
+
+def _guesses(
+    design: Design, begin: Solution | None, orbit: Solution, count: int
+) -> list[dict[str, FromTrajectory | Guess]]:
+    """Every hop as that of the orbit; the first as that of the orbit where all begins, or with a push from rest."""
+    every: dict[str, FromTrajectory | Guess] = {
+        numbered(phase, k): FromTrajectory(orbit.phases[phase]) for k in range(1, count + 1) for phase in PHASES
+    }
+    if begin is not None:
+        return [every | {numbered(phase, 1): FromTrajectory(begin.phases[phase]) for phase in PHASES}, every]
+    single = Hop(design.model_copy(update={"hop": design.hop.model_copy(update={"kind": "single"})}))
+    pushes = starts_of(single, PUSHES)
+    return [every | {numbered(STANCE, 1): make_guess(single, start)[STANCE]} for start in pushes]
+
+
+def _refined(
+    hop: Hop, found: NlpSolution, count: int, begin: JointState, end: JointState, say: Callable[[str], None]
+) -> HopsPlan:
+    """The plan on a mesh that is fine enough, verified; with tighter tolerances if it is not certified with the usual ones."""
+
+    def told(step: MeshStep) -> None:
+        say(f"local error {step.local_error:.0e}, limits exceeded by {step.excess:.0e}")
+
+    refinement = refinement_of(found, aims_of(hop), told)
+    refinement.run()
+    plan = _judged(hop, refinement, count, begin, end)
+    closer = hop_with_tighter_tolerances(hop, refinement, plan.verified and plan.certified)
+    if closer is None:
+        return plan
+    say("refining further, with tighter tolerances")
+    again = _judged(closer, refinement.further(aims_of(closer)), count, begin, end)
+    return again if again.verified and (again.certified or not plan.verified) else plan
+
+
+def _judged(hop: Hop, refinement: Refinement, count: int, begin: JointState, end: JointState) -> HopsPlan:
+    """What a refinement came to, with its checks."""
+    design, solution = hop.design, refinement.solution
+    hops = tuple(Motion(design, EFFORT, _phases_of(solution.phases, k)) for k in range(1, count + 1))
+    states = (np.r_[state.q, state.v] for state in (begin, end))
+    checks = [
+        *numerical_checks(design, solution, refinement.errors, refinement.change),
+        *several_hops_checks(hop.robot, design, [motion.tables for motion in hops], *states),
+    ]
+    certified = all(check.passed for check in certify(solution).checks)
+    return HopsPlan(hops, solution.objective, tuple(checks), certified)
+
+
+def _phases_of(phases: Mapping[str, PhaseTrajectory], hop: int) -> dict[str, PhaseTrajectory]:
+    """The phases of one hop, by their usual names."""
+    return {phase: phases[numbered(phase, hop)] for phase in PHASES}
