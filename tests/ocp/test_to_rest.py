@@ -39,6 +39,14 @@ def test_a_soft_landing_costs_no_height() -> None:
     assert soft().clearance == pytest.approx(single.clearance, abs=1e-4)
 
 
+@pytest.mark.slow
+def test_with_free_switch_times_it_is_the_same_hop() -> None:
+    again = solve(load("paper", SOFT), starts=1, processes=1, structure=True)
+    assert again.verified
+    assert again.summary.structure.solved_again, again.summary.structure.note
+    assert again.clearance == pytest.approx(soft().clearance, abs=1e-5)
+
+
 def test_the_ground_gives_what_gravity_takes() -> None:
     """From rest to rest: the impulses of push, impact and landing are the weight's over the whole hop, and 0 along x."""
     plan, machine = soft(), Machine(soft().robot)

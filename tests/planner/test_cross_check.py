@@ -53,6 +53,14 @@ def test_uno_agrees_on_the_same_program(answer: Solution) -> None:
     assert [o.name.split(",")[0] for o in others] == ["radau-5", "hermite-simpson"]
 
 
+def test_uno_agrees_on_a_periodic_hop_too() -> None:
+    """Its impact, and the state that has to come back, are rows of the same program."""
+    soft = {**COARSE, "hop.kind": "periodic", "hop.touchdown_loss": 1.0, "contact.friction": 0.6}
+    uno = solve(load("paper", soft), starts=1, processes=1, cross_check=True).summary.second_opinions[0]
+    assert "12 + 5 + 5 intervals" in uno.name
+    assert uno.agrees, uno
+
+
 def test_inaccurate_meshes_contradict_nothing(answer: Solution) -> None:
     """On one mesh schemes differ by their errors: that is said, and is no better hop."""
     for o in answer.summary.second_opinions[1:]:

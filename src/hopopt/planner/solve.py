@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from hopopt.design import Design, refuse_landed
+from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.mesh_refinement import UNSOLVED, relative
 from hopopt.nlp.time_limit import limited, time_is_up
@@ -68,8 +68,6 @@ def solve(
     """
     design = as_design(design)
     say, clock = progress or (lambda text: None), Stopwatch()
-    if structure or cross_check:
-        refuse_landed(design, "a solve with free switch times, or a cross-check,")
     asked, design = design, with_tighter_tolerances(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
     if faults := joints_without_inertia(hop.design, hop.robot):
