@@ -10,7 +10,9 @@ import yaml
 
 from hopopt.cli import main as cli
 from hopopt.control.reference import PlanReference
+from hopopt.errors import UsageError
 from hopopt.export.plan import plan_rows, to_csv, to_json, to_ros2, tracker_of
+from hopopt.export.tracker_c import to_c
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
@@ -97,6 +99,22 @@ def test_a_leg_on_a_slider_is_exported_without_gains() -> None:
     head = to_csv(slider).partition("\n")[0]
     assert "q_knee [rad]" in head
     assert "K_" not in head
+
+
+def test_a_landed_hop_is_exported_whole() -> None:
+    """Up to rest, in one frame: the body moves on through the impact. The tracker has no gains for a landing, and no C."""
+    landed = solve(load("paper", {**QUICK, "hop.kind": "landing", "simulation.control_rate": RATE}), starts=1)
+    rows = plan_rows(landed)
+    s, step = rows.samples, 1 / RATE
+    assert list(dict.fromkeys(s.phase)) == ["stance", "flight", "descent", "landing"]
+    fastest = np.abs(s.v[:, 0]).max()
+    assert np.abs(np.diff(s.q[:, 0])).max() < 1.1 * fastest * step
+    assert np.abs(s.v[-1]).max() < 1e-6
+    followed = np.isin(s.phase, ["stance", "flight"])
+    assert np.isfinite(rows.gains[followed]).all()
+    assert np.isnan(rows.gains[~followed]).all()
+    with pytest.raises(UsageError, match="the tracker in C does not know the hop that lands yet"):
+        to_c(landed)
 
 
 # ---- the command ---------------------------------------------------------------------------------------------

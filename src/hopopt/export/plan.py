@@ -16,10 +16,9 @@ from hopopt.control.closed_loop import make_plant
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.tracking import Track
-from hopopt.design import refuse_landed
 from hopopt.leg.kinematics import loop_axes
 from hopopt.leg.robot import BASE
-from hopopt.ocp.phases import DESCENT, STANCE
+from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.planner.solution import Samples, Solution
 from hopopt.verify.table import NORMALISED_TIMES
 
@@ -36,8 +35,8 @@ class PlanRows:
     period: of the controller [s]
     clearance: at the apex [m]
     samples: the whole leg at k times (``Samples``)
-    gains: K (k, n, 2 n) of the tracker's torque tau - K (q - q_plan, v - v_plan) [N m/rad, N m s/rad]; NaN in a descent,
-        which the tracker does not follow, and all along for a leg that cannot be simulated
+    gains: K (k, n, 2 n) of the tracker's torque tau - K (q - q_plan, v - v_plan) [N m/rad, N m s/rad]; NaN in phases that the
+        tracker does not follow (the descent of a hop from rest, a landing), and all along for a leg that cannot be simulated
     """
 
     problem: str
@@ -53,7 +52,6 @@ def tracker_of(solution: Solution) -> Track:
 
     Raises UsageError for a leg that cannot be simulated, and so not tracked.
     """
-    refuse_landed(solution.design, "the export of a plan")
     make_plant(solution.design)
     plan = PlanReference.from_tables(NORMALISED_TIMES, solution.tables, solution.clearance)
     return Track(Setting(solution.design, 1 / solution.design.simulation.control_rate, plan))
@@ -65,7 +63,8 @@ def plan_rows(solution: Solution) -> PlanRows:
     gains, period = np.full((len(samples.t), n, 2 * n), np.nan), 1 / design.simulation.control_rate
     if not loop_axes(design.leg):
         tracker = tracker_of(solution)
-        for k in np.flatnonzero(samples.phase != DESCENT):
+        followed = (STANCE, FLIGHT, DESCENT) if design.hop.periodic else (STANCE, FLIGHT)
+        for k in np.flatnonzero(np.isin(samples.phase, followed)):
             contact = bool(samples.phase[k] == STANCE)
             since = samples.t[k] - (0.0 if contact else solution.lift_off)
             gains[k] = tracker.gains[contact].at(round(since / period))[2]

@@ -12,6 +12,7 @@ import numpy as np
 
 from hopopt.control.reference import EDGE, FLIGHT, STANCE, PhaseReference
 from hopopt.control.tracking import EARLY, Gains, Track
+from hopopt.design import refuse_landed
 from hopopt.export.plan import tracker_of
 from hopopt.planner.solution import Solution
 
@@ -20,7 +21,8 @@ WIDTH = 8  # numbers on a line
 
 
 def to_c(solution: Solution) -> str:
-    """The C header (C99, math.h and string.h alone). Raises UsageError as ``tracker_of`` does."""
+    """The C header (C99, math.h and string.h alone). Raises UsageError for a hop that lands, and as ``tracker_of`` does."""
+    refuse_landed(solution.design, "the tracker in C")
     return header(tracker_of(solution), solution.design.name, solution.design.leg.joints)
 
 
