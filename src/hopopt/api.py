@@ -208,7 +208,8 @@ def plot_study(study: Study) -> "dict[str, Figure]":
 
 Solution.plot, Solution.sensitivity, Solution.compare, Solution.compare_hops = plot, sensitivity, compare, compare_hops
 Comparison.plot, Study.plot, HopsComparison.plot = plot_comparison, plot_study, plot_hops
-Comparison.why, Ladder.plot, RobustHop.plot, Transition.plot = ladder, plot_ladder, plot_robust, plot_transition
+Comparison.why = HopsComparison.why = ladder
+Ladder.plot, RobustHop.plot, Transition.plot = plot_ladder, plot_robust, plot_transition
 for kind, dataset, frame, table in (
     (Solution, views.solution_dataset, views.solution_frame, views.solution_html),
     (Comparison, views.comparison_dataset, views.comparison_frame, views.comparison_html),

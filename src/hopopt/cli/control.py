@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from hopopt.cli.options import AsJson, Overrides, progress, repeated
-from hopopt.errors import HopoptError, UsageError
+from hopopt.cli.why import ladder_of
+from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
     from hopopt.design import Design
-    from hopopt.studies.compare import Comparison
     from hopopt.studies.ladder import Ladder
 
 Strategies = Annotated[
@@ -195,9 +195,9 @@ def compare(
     if design.hop.periodic:
         from hopopt.cli.hops import compare_hops
 
-        if tune or why:
-            raise UsageError("--tune and --why are for the hop from rest: leave them out for a periodic one")
-        return compare_hops(design, names, given, hops, draws, seed, basin, mujoco, results, figures, json_)
+        if tune:
+            raise UsageError("--tune is for the hop from rest: leave it out for a periodic one")
+        return compare_hops(design, names, given, hops, draws, seed, basin, mujoco, why, results, figures, json_)
     with progress(quiet=json_) as say:
         found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()
@@ -205,7 +205,7 @@ def compare(
             data["mismatch"] = spread(found, draws, seed, design.uncertainty, os.cpu_count() or 1, say)
             numbers = four_numbers(found, data["mismatch"], comparing.on_ideal_ground(found.solution, say))
             data["four_numbers"] = as_data(numbers)
-        steps = _steps(found, data, say) if why else None
+        steps = ladder_of(found, data, say) if why else None
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         traces = {name: f.trace for name, f in found.figures.items()}
         where = _saved("comparison", design, data, traces, results, figures, found.figures, steps)
@@ -219,19 +219,6 @@ def compare(
 
     print_comparison(data, f"{where}   ({data['wall_s']:.1f} s)")
     return found.exit_code
-
-
-def _steps(found: "Comparison", data: dict[str, Any], say: Any) -> "Ladder | None":
-    """The ladder of a comparison, and its entries in the data; a note where there is none, for all else is found."""
-    from hopopt.studies.ladder import ladder
-
-    try:
-        steps = ladder(found, say)
-    except HopoptError as error:
-        data["notes"].append(str(error))
-        return None
-    data |= steps.as_dict()
-    return steps
 
 
 def _options(given: "list[str] | tuple[str, ...]") -> dict[str, Any]:

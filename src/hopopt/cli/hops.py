@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hopopt.cli.options import progress
+from hopopt.cli.why import ladder_of
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ def compare_hops(
     seed: int,
     basins: bool,
     mujoco: bool,
+    why: bool,
     results: Path,
     figures: bool,
     json_: bool,
@@ -50,9 +52,11 @@ def compare_hops(
             processes=os.cpu_count() or 1,
             progress=say,
         )
-        data = found.as_dict() | {"seed": seed, "wall_s": time.perf_counter() - began}
+        data = found.as_dict() | {"seed": seed}
+        steps = ladder_of(found, data, say) if why else None
+        data["wall_s"] = time.perf_counter() - began
         traces = {name: figure.trace for name, figure in found.shown.items()}
-        draw = (lambda folder: save_all(found, folder)) if figures else None
+        draw = (lambda folder: save_all(found, folder, steps)) if figures else None
         where = save_runs("hops", design, data, traces, results, draw)
         for solution in (found.solution, found.plan):
             if solution is not None and solution.result_dir is None:

@@ -9,9 +9,11 @@ from matplotlib.figure import Figure
 from hopopt.errors import ResultError
 from hopopt.leg.robot import BASE
 from hopopt.plots.hop import save_figure
+from hopopt.plots.ladder import staircase
 from hopopt.plots.runs_style import looks
 from hopopt.plots.style import BLACK, GREEN, GREY, PALE, SIZE, SMALL, called_after, describe, legend, new_figure
 from hopopt.studies.hop_after_hop import HopsComparison
+from hopopt.studies.ladder import Ladder
 
 MOST = 5  # orbits in a figure; with more it cannot be read
 
@@ -76,13 +78,16 @@ def basin(found: HopsComparison) -> Figure:
 FIGURES: dict[str, Callable[[HopsComparison], Figure]] = {"clearances": clearances, "orbit": orbit, "basin": basin}
 
 
-def save_all(found: HopsComparison, folder: Path) -> list[Path]:
-    """Write every figure to a folder; the files written. ResultError, naming those that failed, when the others are there."""
+def save_all(found: HopsComparison, folder: Path, steps: Ladder | None = None) -> list[Path]:
+    """Write every figure to a folder, with that of the ladder if there is one; the files written. ResultError, naming those that
+    failed, when the others are there."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths, faults = list[Path](), list[str]()
-    for name, draw in FIGURES.items():
-        if name == "basin" and not found.basins:
-            continue
+    paths, faults, figures = list[Path](), list[str](), dict(FIGURES)
+    if not found.basins:
+        del figures["basin"]
+    if steps is not None:
+        figures["why"] = lambda found: staircase(steps, called_after(found.solution.design))
+    for name, draw in figures.items():
         try:
             paths += save_figure(draw(found), folder / name)
         except Exception as error:  # whatever is wrong with one figure, the others are drawn

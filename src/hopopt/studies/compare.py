@@ -69,6 +69,11 @@ class Comparison:
         return {OPTIMUM: optimum, **{name: run.figures for name, run in self.runs.items()}}
 
     @property
+    def without_plan(self) -> dict[str, HopFigures]:
+        """The figures of strategies that follow no plan."""
+        return {name: run.figures for name, run in self.runs.items() if not run.strategy.needs_plan}
+
+    @property
     def bound(self) -> float:
         """The verified optimum's clearance [m]."""
         return self.solution.clearance

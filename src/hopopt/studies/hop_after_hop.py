@@ -139,7 +139,8 @@ class HopsComparison:
     basins: Mapping[str, "Basin"] = field(default_factory=dict)
     mujoco: Mapping[str, Sequence[float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
+    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api, with ``why``
+    why: ClassVar[Callable[..., Any]]
 
     @cached_property
     def optimum(self) -> HopFigures:
@@ -154,6 +155,12 @@ class HopsComparison:
             return h.typical or (h.each[-1] if h.each else h.run.figures)
 
         return {OPTIMUM: self.optimum, **{name: one(h) for name, h in self.hops.items()}}
+
+    @property
+    def without_plan(self) -> dict[str, HopFigures]:
+        """The settled hop of each strategy that follows no plan; none of those that fell."""
+        own = {name: h for name, h in self.hops.items() if not h.run.strategy.needs_plan}
+        return {name: h.typical for name, h in own.items() if h.typical is not None}
 
     @property
     def bound(self) -> float:

@@ -3,6 +3,7 @@
 The first rung has the freedoms of the simulated PD hop alone, measured on it: it pushes no longer, the body leaves the
 foot's plumb line no further and never descends, the foot needs no more friction, the leg is drawn up no further. So PD's
 own hop is one of those that it chooses from. Every further rung lifts one of these, and the last is the bound.
+Hop after hop it is the hop on which PD settles: it moves no faster than that and lands no harder.
 Gains overlap: what one freedom brings depends on those before it, so they are measured in several orders.
 """
 
@@ -24,11 +25,13 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import changed
 from hopopt.sim.hop_metrics import HopFigures
-from hopopt.studies.compare import OPTIMUM, Comparison
+from hopopt.studies.compare import Comparison
+from hopopt.studies.hop_after_hop import HopsComparison
 
 CONTROL = "best control of the same freedoms"
 SLACK = 1e-3  # of what PD uses: room for its own hop
 DESCENDS = 0.02  # [m/s] of the body downwards in stance, below which it counts as not descending
+STRAYS = 0.02  # [m/s] by which PD's mean speed may differ from what is asked, and count as that
 STARTS = 2  # of every rung
 BELOW = 1e-5  # [m] by which a rung may be below another that has less
 
@@ -36,11 +39,15 @@ BELOW = 1e-5  # [m] by which a rung may be below another that has less
 @dataclass(frozen=True)
 class Freedom:
     """Something that PD does not have: what lifting it ``allows``, and how it is withheld, by entries of the problem or a
-    path constraint."""
+    path constraint.
+
+    widens: whether lifting it leaves every hop possible that was so before; another speed does not.
+    """
 
     allows: str
     entries: Mapping[str, Any] = field(default_factory=dict)
     constraints: tuple[Custom, ...] = ()
+    widens: bool = True
 
 
 @dataclass(frozen=True)
@@ -86,7 +93,7 @@ class Ladder:
         }
 
 
-def ladder(comparison: Comparison, say: Callable[[str], None] = lambda text: None) -> Ladder:
+def ladder(comparison: Comparison | HopsComparison, say: Callable[[str], None] = lambda text: None) -> Ladder:
     """The ladder of a comparison, from its best PD strategy that keeps every limit.
 
     Raises UsageError if there is none or the bound is not verified, NotSolvedError if a rung is not solved.
@@ -121,12 +128,9 @@ def _orders(count: int) -> Iterator[Sequence[int]]:
     yield from (stated, stated[::-1], stated[count // 2 :] + stated[: count // 2])
 
 
-def _best_pd(comparison: Comparison) -> tuple[str, HopFigures]:
+def _best_pd(comparison: Comparison | HopsComparison) -> tuple[str, HopFigures]:
     """The highest strategy that follows no plan and keeps every limit."""
-    own = {
-        name: f for name, f in comparison.figures.items()
-        if name != OPTIMUM and not comparison.runs[name].strategy.needs_plan and f.flies and not f.limits_exceeded
-    }  # fmt: skip
+    own = {name: f for name, f in comparison.without_plan.items() if f.flies and not f.limits_exceeded}
     if not own:
         raise UsageError("why PD is lower: no PD strategy of this comparison hops within every limit")
     return max(own.items(), key=lambda pair: pair[1].clearance)
@@ -148,12 +152,28 @@ def withheld(f: HopFigures) -> Iterator[Freedom]:
     )
     if design.contact.friction is None and f.slip_ratio < NO_FRICTION:
         yield Freedom("more grip", {"contact.friction": float(f.slip_ratio)})
-    flight = slice(f.flight.start, (f.highest or f.flight.start) + 1)
+    if design.hop.periodic:
+        yield from _of_a_cycle(f)
+    end = f.flight.stop if design.hop.periodic else (f.highest or f.flight.start) + 1
+    flight = slice(f.flight.start, end)
     drawn_up = float(np.linalg.norm(trace.points[hip] - trace.points["foot"], axis=1)[flight].min())
     yield Freedom(
         "the leg drawn up fully",
         constraints=(_limit("leg length", _length(hip), (1 - SLACK) * drawn_up, np.inf, "flight", size),),
     )
+
+
+def _of_a_cycle(f: HopFigures) -> Iterator[Freedom]:
+    """How hard PD lands, and how fast it moves along the ground hop after hop, which no rung but the last need do alike."""
+    trace, hop = f.trace, f.design.hop
+    lost = (1 + SLACK) * float(sum(event.lost for event in trace.events))
+    if lost < (hop.touchdown_loss or np.inf):
+        yield Freedom("a harder landing", {"hop.touchdown_loss": lost})
+    speed = float((trace.q[-1, 0] - trace.q[0, 0]) / (trace.t[-1] - trace.t[0]))
+    if abs(speed - hop.speed) > STRAYS:
+        yield Freedom(
+            "no drift" if hop.speed == 0 else "the speed that is asked for", {"hop.speed": speed}, widens=False
+        )
 
 
 def _limit(name: str, value: Callable[[Moment], ca.SX], lower: float, upper: float, phase: str, size: float) -> Custom:
@@ -183,9 +203,9 @@ class _Rungs:
 
     def climb(self, order: Sequence[str]) -> None:
         """Solve what is not known along an order, each no lower than the one that has fewer freedoms."""
-        below: Solution | None = None
+        below, widens = None, {f.allows: f.widens for f in self.freedoms}
         for k in range(len(order) + 1):
-            below = self._with_freedoms(frozenset(order[:k]), below)
+            below = self._with_freedoms(frozenset(order[:k]), below if k and widens[order[k - 1]] else None)
 
     def _with_freedoms(self, allowed: frozenset[str], below: Solution | None) -> Solution:
         if allowed not in self.known:

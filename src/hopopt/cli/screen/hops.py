@@ -6,6 +6,7 @@ from typing import Any
 from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
+from hopopt.cli.screen.ladder import print_ladder
 
 SPEED = 0.05  # [m/s] by which a mean speed may differ from what is asked without a word
 GAPS = ("push_m", "timing_m", "retraction_m")
@@ -36,6 +37,7 @@ def print_hops(data: Mapping[str, Any], where: str) -> None:
             out.print(_elsewhere(name, row["mujoco_clearances_m"]))
         if (speed := _speed(row)) is not None and abs(speed - data["speed_m_s"]) > SPEED:
             out.print(f"{name} moves at {speed:+.2f} m/s on average; the bound is for {data['speed_m_s']:g} m/s")
+    print_ladder(out, data)
     if data["tracked_plan_m"]:
         doubt = "" if data["tracked_plan_verified"] else "; it was NOT verified"
         high = f"tracking begins {100 * data['start_offset_m']:g} cm above its apex"

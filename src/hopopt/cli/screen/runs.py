@@ -7,6 +7,7 @@ from typing import Any
 from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
+from hopopt.cli.screen.ladder import cm, print_ladder
 
 ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
 HALF = 0.5  # of the bound, below which a line says what is in the way
@@ -48,12 +49,7 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
         out.print(_spread(name, spread))
     if "four_numbers" in comparison:
         print_table(out, _four(comparison["four_numbers"]))
-    if "ladder" in comparison:
-        print_table(out, _ladder(comparison))
-        out.print(
-            f"orders: the least and the most that a freedom gains in {len(comparison['ladder_orders'])} orders of lifting "
-            "them; the gains of each sum to the whole gap"
-        )
+    print_ladder(out, comparison)
     elsewhere = {name: row["mujoco_clearance_m"] for name, row in rows.items() if "mujoco_clearance_m" in row}
     if elsewhere:
         out.print("in MuJoCo: " + ", ".join(f"{name} {clearance:.3f} m" for name, clearance in elsewhere.items()))
@@ -138,7 +134,7 @@ def run_table(rows: Mapping[str, Any]) -> Table:
             name,
             f"{r['clearance_m']:.3f}",
             "-" if share is None else f"{share:.0%}",
-            *(_cm(r["gap"][key]) if hops else "-" for key in GAPS.values()),
+            *(cm(r["gap"][key]) if hops else "-" for key in GAPS.values()),
             " ".join(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
             f"{r['lift_off']['time_s']:.3f}" if hops else "-",
             f"{r['lift_off']['vertical_m_s']:.2f}" if hops else "-",
@@ -159,24 +155,6 @@ def _four(found: Mapping[str, Any]) -> Table:
         if best is not None:
             table.add_row(f"{best['strategy']}, {legs}", f"{best['clearance_m']:.3f}")
     return table
-
-
-def _ladder(comparison: Mapping[str, Any]) -> Table:
-    """Why PD is lower: one freedom a row."""
-    table, start = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False), comparison["ladder_from"]
-    table.add_column("why PD is lower", style="bold", no_wrap=True)
-    for head in ("clears\nm", "gain\ncm", "orders\ncm", ""):
-        table.add_column(head, justify="right", no_wrap=True)
-    table.add_row(f"{start['strategy']}, simulated", f"{start['clearance_m']:.3f}", "", "", "")
-    for rung in comparison["ladder"]:
-        span = f"{_cm(rung['least_gain_m'])} to {_cm(rung['most_gain_m'])}"
-        doubt = "" if rung["verified"] else "not verified"
-        table.add_row(rung["allows"], f"{rung['clearance_m']:.3f}", _cm(rung["gain_m"]), span, doubt)
-    return table
-
-
-def _cm(gap: float) -> str:
-    return f"{round(100 * gap, 1) or 0:+.1f}"
 
 
 def _overshoot(short: float) -> str:
