@@ -324,7 +324,7 @@ def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.M
     run("new", "my_leg", cwd=tmp_path)
     lines = readme_block("sh", "hopopt compare") + readme_block("sh", "hopopt sensitivity")
     for line in lines.splitlines():
-        few = "--share 0.5 --confidence 0.5 --draws 4 --evaluations 1 --starts 1"  # the whole takes minutes
+        few = "--share 0.5 --confidence 0.5 --draws 4 --evaluations 1 --starts 1 --set simulation.control_rate=1000"  # the whole takes minutes
         command = line.split("#")[0].replace("--draws 60 --evaluations 4", few).split()
         done = run(*command[1:], cwd=tmp_path)
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"

@@ -163,7 +163,7 @@ def test_force_control_hops_twenty_times(paper: Design) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["force_tuck", "position", "position_tuck"])
 def test_the_others_hop_on_too(paper: Design, name: str) -> None:
-    hops_on(simulate(paper, BUILT_IN[name], hops=10), 10)
+    hops_on(simulate(paper, BUILT_IN[name], hops=5), 5)
 
 
 @pytest.mark.slow

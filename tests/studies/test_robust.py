@@ -138,9 +138,10 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
 def test_what_is_promised_of_simulated_legs_is_kept() -> None:
     """PD control, 20 promises of 5 legs each: they are above what half of 80 other legs reaches no more often than
     their confidence says."""
-    design, share, confidence = load("paper", {"contact.friction": 0.6}), 0.5, 0.8
-    kept = [reached(design, "force_tuck", None, drawn(design, Uncertainty(), 5, seed), 2) for seed in range(20)]
-    many = reached(design, "force_tuck", None, drawn(design, Uncertainty(), 80, 999), 2)
+    design = load("paper", {"contact.friction": 0.6, "simulation.control_rate": 1000.0})  # a quarter of the time
+    share, confidence = 0.5, 0.8
+    kept = [reached(design, "force_tuck", None, drawn(design, Uncertainty(), 5, seed), 1) for seed in range(20)]
+    many = reached(design, "force_tuck", None, drawn(design, Uncertainty(), 80, 999), 1)
     true = float(np.quantile(many.clearances, 1 - share))
     broken = sum(each.promised(share, confidence) > true for each in kept)
     k = rank(5, share, confidence)
@@ -156,7 +157,7 @@ def test_the_command_prints_one_object(
     """Small budgets: the promise is below the plan, above PD, and the bounds are above all; its page says the same."""
     monkeypatch.setattr("hopopt.studies.robust.TUNING_DRAWS", 4)
     arguments = ["--set", "contact.friction=0.6", "--set", "hop.stance_duration=[0.03, 0.2]"]
-    arguments += ["--set", "solver.stance_intervals=20"]
+    arguments += ["--set", "solver.stance_intervals=20", "--set", "simulation.control_rate=1000"]
     budget = ["--share", "0.8", "--confidence", "0.8", "--draws", "12", "--evaluations", "2", "--starts", "1"]
     assert run(["robust", "paper", *arguments, *budget, "--json", "--results", str(tmp_path)]) == 0
     found = json.loads(capsys.readouterr().out)

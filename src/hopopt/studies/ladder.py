@@ -93,10 +93,12 @@ class Ladder:
         }
 
 
-def ladder(comparison: Comparison | HopsComparison, say: Callable[[str], None] = lambda text: None) -> Ladder:
+def ladder(
+    comparison: Comparison | HopsComparison, say: Callable[[str], None] = lambda text: None, orders: int = 3
+) -> Ladder:
     """The ladder of a comparison, from its best PD strategy that keeps every limit.
 
-    Raises UsageError if there is none or the bound is not verified, NotSolvedError if a rung is not solved.
+    orders: in which freedoms are lifted, of which gains are told, 1 to 3. Raises UsageError if there is none or the bound is not verified, NotSolvedError if a rung is not solved.
     """
     if not comparison.solution.verified:
         raise UsageError("why PD is lower: the bound is not verified, so nothing is said of what is missing to it")
@@ -104,13 +106,13 @@ def ladder(comparison: Comparison | HopsComparison, say: Callable[[str], None] =
     freedoms = list(withheld(figures))
     solved = _Rungs(comparison.solution, freedoms, say)
     names = tuple(f.allows for f in freedoms)
-    orders = tuple(dict.fromkeys(tuple(names[k] for k in order) for order in _orders(len(names))))
-    for order in orders:  # before any is read: one order may find a better hop for another
+    chosen = tuple(dict.fromkeys(tuple(names[k] for k in order) for order in _orders(len(names))))[:orders]
+    for order in chosen:  # before any is read: one order may find a better hop for another
         solved.climb(order)
-    climbed = [solved.along(order) for order in orders]
+    climbed = [solved.along(order) for order in chosen]
     clearances = [[figures.clearance, *(s.clearance for s in rungs)] for rungs in climbed]
     gains = tuple(tuple(map(float, np.diff(heights))) for heights in clearances)
-    return Ladder(name, figures.clearance, tuple(_rungs(orders, gains, climbed[0])), orders, gains)
+    return Ladder(name, figures.clearance, tuple(_rungs(chosen, gains, climbed[0])), chosen, gains)
 
 
 def _rungs(
