@@ -35,6 +35,7 @@ from hopopt.studies.hop_after_hop import (
     hops_on_draws,
     moved,
 )
+from hopopt.studies.ladder import ladder, withheld
 from hopopt.studies.return_map import Fallen, ReturnMap, multipliers, state_at_landing
 from hopopt.studies.robustness import drawn
 
@@ -180,6 +181,29 @@ def test_parts_of_the_gap_add_up_and_the_bound_holds() -> None:
     assert found.exit_code == 0
 
 
+def test_the_settled_hop_keeps_all_that_the_ladder_withholds() -> None:
+    """So PD's own hop, its landing and its drift among them, is one that the first rung chooses from."""
+    typical = made("force_tuck").without_plan["force_tuck"]
+    freedoms = {f.allows: f for f in withheld(typical)}
+    assert freedoms.keys() == {
+        "a longer stance", "the body off the plumb line", "a harder landing", "no drift", "the leg drawn up fully"
+    }  # fmt: skip
+    trace = typical.trace
+    assert sum(e.lost for e in trace.events) < freedoms["a harder landing"].entries["hop.touchdown_loss"]
+    drift = freedoms["no drift"]
+    assert drift.entries["hop.speed"] * trace.t[-1] == pytest.approx(trace.q[-1, 0] - trace.q[0, 0])
+    assert not drift.widens
+    (drawn_up,) = freedoms["the leg drawn up fully"].constraints
+    length = np.linalg.norm(trace.points["hip"] - trace.points["foot"], axis=1)[typical.flight]
+    assert length.min() > drawn_up.terms.lower
+
+
+def test_without_a_strategy_that_hops_on_there_is_no_ladder() -> None:
+    fallen = Hops(replace(three_hops().run, trace=replace(three_hops().run.trace, outcome="it fell")), 5)
+    with pytest.raises(UsageError, match="no PD strategy of this comparison hops within every limit"):
+        ladder(replace(made("force_tuck"), hops={"force_tuck": fallen}))
+
+
 def test_the_optimums_row_is_the_plan_with_its_descent() -> None:
     figures = made("force_tuck").optimum
     assert figures.clearance == pytest.approx(bound().clearance, abs=1e-6)
@@ -221,10 +245,10 @@ def test_wrong_questions_are_refused(capsys: pytest.CaptureFixture[str]) -> None
         compare_hops(leg(), hops=1)
     with pytest.raises(UsageError, match="needs ground with friction"):
         compare_hops(load("paper", {"hop.kind": "periodic"}), mujoco=True)
-    assert run(["compare", "--hop", "periodic", "--why"]) == 2
+    assert run(["compare", "--hop", "periodic", "--tune", "24"]) == 2
     assert run(["compare", "--hop", "periodic", "--hops", "1"]) == 2
     said = capsys.readouterr().err
-    assert "are for the hop from rest" in said
+    assert "--tune is for the hop from rest" in said
     assert "--hops must be at least 2" in said
 
 
