@@ -2,7 +2,7 @@
 
 import ast
 import base64
-import itertools
+import json
 import re
 import time
 from pathlib import Path
@@ -78,10 +78,10 @@ def test_what_a_notebook_names_exists(path: Path) -> None:
 @pytest.mark.parametrize("path", NOTEBOOKS[::-1], ids=lambda path: path.stem)  # the longest first, beside the others
 def test_it_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    began, smaller = time.perf_counter(), nbformat.read(path, 4)
-    for cell, (size, less) in itertools.product(smaller.cells, SMALLER.items()):
-        cell.source = cell.source.replace(size, less)
-    nbformat.write(smaller, tmp_path / path.name)
+    began, text = time.perf_counter(), path.read_text(encoding="utf-8")
+    for size, less in SMALLER.items():
+        text = text.replace(json.dumps(size)[1:-1], json.dumps(less)[1:-1])
+    (tmp_path / path.name).write_text(text, encoding="utf-8")
     result = NotebookRun(tmp_path / path.name, default_timeout=HANGS).execute()
     seconds = time.perf_counter() - began
     assert result.error is None, result.error

@@ -85,7 +85,9 @@ def results_for(words: list[str], folder: Path) -> Iterator[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [page for page in PAGES if (ALL and page.stem != "README") or page.stem in RUN], ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if (ALL and page.stem != "README") or page.stem in RUN], ids=lambda page: page.name
+)
 def test_every_command_runs(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

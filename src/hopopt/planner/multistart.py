@@ -266,7 +266,7 @@ def not_solved(hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = Fals
     """What went wrong, from the start that came closest to meeting the constraints; ``thorough``: which of them cannot
     hold together too, which takes seconds."""
     transcription = first_transcription(hop)
-    closest = min((solution_of(o, transcription) for o in outcomes), key=_infeasibility)
+    closest = min((solution_of(o, transcription) for o in outcomes), key=infeasibility)
     statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
     worst = violations(closest)
     reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
@@ -285,5 +285,6 @@ def not_solved(hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = Fals
     return NotSolvedError(f"{message} Try a larger solver.max_iterations or more starts.", found)
 
 
-def _infeasibility(s: NlpSolution) -> float:
+def infeasibility(s: NlpSolution) -> float:
+    """By how much a point violates its constraints in all, scaled."""
     return float(np.maximum(0.0, np.maximum(s.bounds.low_g - s.g, s.g - s.bounds.high_g)).sum())

@@ -24,6 +24,7 @@ from hopopt.ocp.tie_break import EFFORT
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.violations import violations
 from hopopt.planner.judge import numerical_checks
+from hopopt.planner.multistart import infeasibility
 from hopopt.planner.refine_and_verify import aims_of, hop_with_tighter_tolerances
 from hopopt.planner.solution import Motion, Solution
 from hopopt.verify.check import Check
@@ -96,23 +97,16 @@ def plan_hops(
     mesh = {numbered(phase, k): uniform(intervals[phase]) for k in range(1, count + 1) for phase in PHASES}
     program = Transcription(problem, scheme(s.scheme, s.degree), mesh)
     solver = NlpSolver(program, {"ipopt.max_iter": min(s.max_iterations, ITERATIONS)})
-    found = closest = None
+    words, tried = f"{count} hop{'s' if count > 1 else ''}", list[NlpSolution]()
     for guess in _guesses(design, begin, orbit, count):
         found = solver(guess, {})
         if found.success:
-            break
-        closest = found if closest is None or _left(found) < _left(closest) else closest
-    assert found is not None
-    if not found.success:
-        words = f"no way onto the orbit in {count} hop{'s' if count > 1 else ''} was found"
-        raise NotSolvedError(f"{design.name}: {words} ({found.status}).", violations(closest or found))
-    say(f"{count} hop{'s' if count > 1 else ''} lead there: refining")
-    return _refined(hop, found, count, first, last, say)
-
-
-def _left(found: NlpSolution) -> float:
-    """By how much constraints are violated."""
-    return float(np.maximum(0.0, np.maximum(found.bounds.low_g - found.g, found.g - found.bounds.high_g)).sum())
+            say(f"a way in {words} was found: refining")
+            return _refined(hop, found, count, first, last, say)
+        tried.append(found)
+    closest = min(tried, key=infeasibility)
+    message = f"{design.name}: no way onto the orbit in {words} was found ({closest.status})."
+    raise NotSolvedError(message, violations(closest))
 
 
 def _guesses(
