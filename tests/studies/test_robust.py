@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from hopopt.design import Design, Uncertainty
 from hopopt.errors import UsageError
 from hopopt.problem.load import load
 from hopopt.sim.plant import PAST_APEX
-from hopopt.studies.robust_search import TRACKER
+from hopopt.studies.robust_search import TRACKER, Search
 from hopopt.studies.robustness import Reached, drawn, extremes, rank, reached
 
 
@@ -132,6 +133,32 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
     assert "by way: a reserve tuned on them 0.5500 m" in words
     assert "k_p = 1000, 500 N m/rad" in words
     assert "[reserve] torque = 0.1" in words
+    assert "reaches more than any plan" not in words
+    print_robust({**numbers, **counts, **rest, "pd": {"pd": 0.61}}, "there")
+    assert "pd reaches more than any plan that was tracked" in " ".join(capsys.readouterr().out.split())
+
+
+def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Below every plan under which none does; among themselves by how few fall. A leg that folds has fallen."""
+    folds = "the leg folds at 0.020 s without a push"
+    ends = iter([[0.6, 0.0, 0.0], [0.6, 0.6, 0.0], [0.4, 0.5, 0.4]])
+
+    def reached_of(design: object, name: str, plan: object, legs: list[object], processes: int) -> Reached:
+        heights = np.array(next(ends)) if len(legs) == 3 else np.full(len(legs), {0: 0.6, 1: 0.58, 2: 0.4}[found.count])
+        return Reached(heights, tuple(folds if h == 0 else "past the apex" for h in heights))
+
+    class Counted(Search):
+        count = 0
+
+    monkeypatch.setattr("hopopt.studies.robust_search.reached", reached_of)
+    found = Counted(None, [None] * 4, [None] * 3, 1, lambda text: None)  # type: ignore[arg-type, list-item]
+    reference = SimpleNamespace(clearance=0.6)
+    for found.count in range(3):
+        found.keep("reserve", None, None, reference, True)  # type: ignore[arg-type]
+    most, fewer, none = (trial.score for trial in found.trials if trial is not None)
+    assert most < fewer < none == 0.4
+    assert found.best.lowest == 0.4
+    assert Reached(np.zeros(2), (folds, "past the apex")).fell == 1
 
 
 @pytest.mark.slow

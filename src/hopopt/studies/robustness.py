@@ -96,14 +96,14 @@ def _true_leg(data: Mapping[str, Any]) -> Design:
 
 @dataclass(frozen=True)
 class Reached:
-    """What a strategy reaches on draws: clearances (draws,) [m], and how each run ended."""
+    """What a strategy reaches on draws: clearances (draws,) [m], and how each run ended, or why it was no hop."""
 
     clearances: np.ndarray
     outcomes: tuple[str, ...]
 
     @property
     def fell(self) -> int:
-        """How many legs did not come past the apex of a hop: they struck the ground, or never left it."""
+        """How many legs did not come past the apex of a hop: they struck the ground, folded, or never left it."""
         return sum(outcome != PAST_APEX for outcome in self.outcomes)
 
     def promised(self, share: float, confidence: float) -> float:
@@ -173,7 +173,7 @@ def _reached(
             past_apex=True,
             compiled=True,
         )
-        found.append((run.figures.clearance, run.trace.outcome))
+        found.append((run.figures.clearance, run.figures.no_hop or run.trace.outcome))
     return found
 
 
