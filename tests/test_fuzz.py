@@ -108,10 +108,10 @@ OPTIONS = ["--set", "--vary", "--sample", "--seed", "--starts", "--processes", "
            "--constraint", "--resume", "--results", "--result", "--time-limit", "--scheduler", "--strategies", "--option",
            "--plan", "--bound", "--draws", "--points", "--against", "--grids", "--nodes", "--urdf", "--confirm", "--hop",
            "--hops", "--basin", "--share", "--confidence", "--evaluations", "--known", "--map", "--output", "--leg", "--why",
-           "--worth", "--tune", "--mass", "--torque"]  # fmt: skip
+           "--worth", "--tune", "--mass", "--torque", "--to", "--from", "--clearance", "--most"]  # fmt: skip
 COMMANDS = ["solve", "sweep", "show", "verify", "new", "simulate", "compare", "export", "sensitivity", "diagnose",
             "pareto", "families", "evidence", "calibrate", "tune", "schema", "actuators", "animate", "robust", "identify",
-            "log", "report", "reproduce"]  # fmt: skip
+            "log", "report", "reproduce", "transition"]  # fmt: skip
 USUAL = {
     "--set": "leg.gear.ratio={}", "--vary": "leg.gear.ratio={}", "--free": "leg.gear.ratio={}", "--sample": "lhs:{}",
     "--couple": "leg.gear.ratio^{} = 3", "--objective": "{}",
@@ -143,6 +143,7 @@ def no_search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         "studies.local_optima.run_starts", "studies.calibration.fit.calibrate", "studies.gain_tuning.tune",
         "studies.robust.robust", "studies.hop_after_hop.compare_hops", "studies.identification.identify",
         "studies.paper_results.paper_results", "studies.ladder.ladder", "studies.worth.worths",
+        "studies.transition.solve", "studies.transition.plan_hops",
     ):  # fmt: skip
         monkeypatch.setattr(f"hopopt.{place}", ended)
 

@@ -160,7 +160,8 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--most", "0"], "0 hops: at least 1 is needed"),
+        (["--most", "0"], "0 hops: from 1 to 20 are looked for"),
+        (["--clearance", "0.1"] * 21, "21 hops: from 1 to 20 are looked for"),
         (["--clearance", "-1"], "clearances -1: heights in metres from 0 on are needed"),
         (["a1_leg", "--to", "ORBIT"], "this hop is of another leg than the problem a1_leg"),
         (["--set", 'leg.guides=["z"]'], "needs a leg in a plane whose body moves along x and z"),

@@ -8,12 +8,13 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
+from hopopt.nlp.time_limit import limited
 from hopopt.planner.several_hops import HopsPlan, plan_hops
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
+from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.verify.check import failed
 
-MOST = 4  # hops that are tried
+MOST, LARGEST = 4, 20  # hops that are tried, and that may be asked for
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,9 @@ def transition(
         raise UsageError(
             f"clearances {', '.join(f'{c:g}' for c in clearances)}: heights in metres from 0 on are needed"
         )
-    if most < 1:
-        raise UsageError(f"{most} hops: at least 1 is needed")
+    for count in (most, max(len(clearances), 1)):
+        if not 1 <= count <= LARGEST:
+            raise UsageError(f"{count} hops: from 1 to {LARGEST} are looked for")
     for words, known in (("from", begin), ("onto", orbit)):
         if known is not None:
             _suits(design, known, words)
@@ -123,7 +125,8 @@ def _looked_for(
     design: Design, begin: Solution | None, orbit: Solution, clearances: Sequence[float], say: Callable[[str], None]
 ) -> HopsPlan:
     say(f"looking for a way onto the orbit in {len(clearances)} hop{'s' if len(clearances) > 1 else ''}")
-    return plan_hops(design, begin, orbit, clearances, say)
+    with limited(TIME_LIMIT):
+        return plan_hops(design, begin, orbit, clearances, say)
 
 
 def _suits(design: Design, known: Solution, words: str) -> None:
