@@ -358,6 +358,10 @@ class Design(Section):
     control: Control = Control()
     uncertainty: Uncertainty = Uncertainty()
 
+    def of_kind(self, kind: str) -> "Design":
+        """The same problem of another kind of hop (``hop.kind``)."""
+        return self.model_copy(update={"hop": self.hop.model_copy(update={"kind": kind})})
+
     @model_validator(mode="after")
     def _all_above_ground(self) -> "Design":
         if not self.hop.above_ground:
@@ -373,9 +377,8 @@ def as_changed(data: Mapping[str, Any], cause: str, remedy: str) -> Design:
         return Design.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
-        entry = ".".join(
-            str(part) for part in first["loc"] if part not in ("joint", "link")
-        )  # as problem files name it
+        named = (str(part) for part in first["loc"] if part not in ("joint", "link"))  # as problem files name it
+        entry = ".".join(named)
         sentence = f"{cause} {entry} = {first['input']!r}, which no problem may have: {remedy}"
         raise UsageError(f"{data['name']}: {sentence}") from None
 

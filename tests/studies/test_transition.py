@@ -69,7 +69,7 @@ def momentum_is_what_was_given(found: Transition) -> None:
 def test_one_hop_leads_from_rest_onto_the_orbit() -> None:
     found = from_rest()
     assert found.verified
-    assert found.plan.certified
+    assert found.plan.verdict.certified
     assert len(found.plan.hops) == 1
     assert not found.fewer
     momentum_is_what_was_given(found)
@@ -79,7 +79,7 @@ def test_one_hop_leads_from_rest_onto_the_orbit() -> None:
 def test_a_fast_orbit_takes_two_hops() -> None:
     found = two_hops()
     assert found.verified
-    assert found.plan.certified
+    assert found.plan.verdict.certified
     assert len(found.plan.hops) == 2
     assert [why.split(" is missed")[0] for why in found.fewer] == ["orbit[v hip]"]
     momentum_is_what_was_given(found)

@@ -372,7 +372,8 @@ for command in (
     cli_runs.simulate, cli_runs.compare, cli_export.export, cli_studies.sensitivity, cli_paper.calibrate,
     cli_paper.tune, cli_paper.reproduce, cli_sweep.sweep, cli_pareto.pareto, cli_actuators.actuators,
     cli_evidence.evidence, cli_families.families, cli_diagnose.diagnose, cli_schema.schema, cli_robust.robust,
-    cli_transition.transition, cli_doctor.doctor, cli_report.report, cli_animate.animate, cli_log.log, cli_identify.identify, cli_view.view,
+    cli_transition.transition, cli_doctor.doctor, cli_report.report, cli_animate.animate, cli_log.log,
+    cli_identify.identify, cli_view.view,
 ):  # fmt: skip
     app.command(command)
 app.register_install_completion_command(help="Let the shell complete hopopt's commands and options (bash, zsh, fish).")

@@ -35,7 +35,7 @@ class Hop(MovingLeg):
         self.objective, self.free_parameters, self.constraints = find(objective), free_parameters, constraints
         self.asked = objective if isinstance(objective, str) else self.objective
         if self.objective.kind is not None and not design.hop.lands:
-            design = design.model_copy(update={"hop": design.hop.model_copy(update={"kind": self.objective.kind})})
+            design = design.of_kind(self.objective.kind)
         if fault := self.objective.fault(design):
             raise UsageError(f"objective {self.objective.name}: {fault}")
         super().__init__(design)

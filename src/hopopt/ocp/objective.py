@@ -11,7 +11,7 @@ from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.direction import Directed
 from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.phases import LegPhase, points_at_apex
+from hopopt.ocp.phases import FLIGHT, LegPhase, points_at_apex
 from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint
 from hopopt.ocp.sequence import Sequence, from_rest
 
@@ -62,19 +62,25 @@ def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:
     """When flight ends every point of the leg is at least as high as the parameter ``name`` [m], the foot within
     its window."""
 
-    def heights(e: Ends) -> ca.SX:
-        points = points_at_apex(hop, e)
-        return ca.vertcat(*[points[point][1] - e.p[name] for point in hop.point_names])
-
     def foot_offset(e: Ends) -> ca.SX:
         points = points_at_apex(hop, e)
         return points["foot"][0] - points[hop.leg.joints[0]][0]
 
     window = hop.design.hop.foot_window
     return (
-        BoundaryConstraint(CLEARANCE, heights, 0.0, INF, unit="m", labels=hop.point_names),
+        cleared(hop, FLIGHT, lambda e: e.p[name]),
         BoundaryConstraint(WINDOW, foot_offset, -window, window, unit="m"),
     )
+
+
+def cleared(hop: MovingLeg, flight: str, least: Callable[[Ends], Any]) -> BoundaryConstraint:
+    """Every point of the leg is at least so high [m] when a flight ends."""
+
+    def heights(e: Ends) -> ca.SX:
+        points = hop.flight_points(e.final[flight])
+        return ca.vertcat(*[points[name][1] - least(e) for name in hop.point_names])
+
+    return BoundaryConstraint(CLEARANCE, heights, 0.0, INF, unit="m", labels=hop.point_names)
 
 
 def required_clearance(hop: MovingLeg) -> Parameter:

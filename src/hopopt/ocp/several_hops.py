@@ -10,15 +10,14 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from hopopt.leg.robot import BASE
 from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.objective import CLEARANCE
-from hopopt.ocp.phases import DESCENT, FLIGHT, SPEED, STANCE, LegPhase, descent, flight, stance
-from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Objective, Phase, Problem, linkage
+from hopopt.ocp.objective import cleared
+from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE, LegPhase, descent, flight, stance
+from hopopt.ocp.problem import BoundaryConstraint, Objective, Phase, Problem
 from hopopt.ocp.tie_break import EFFORT, effort
-from hopopt.ocp.touchdown_impact import impact_limits, landing
-from hopopt.ocp.transitions import handed_over, impact_at, lift_off, touchdown
+from hopopt.ocp.touchdown_impact import impact_leads_to, impact_limits, landing
+from hopopt.ocp.transitions import handed_over, lift_off, touchdown
 
 PHASES = (STANCE, FLIGHT, DESCENT)  # of every hop
 
@@ -36,6 +35,11 @@ def numbered(phase: str, hop: int) -> str:
     return f"{phase} {hop}"
 
 
+def in_words(hops: int) -> str:
+    """So many hops."""
+    return f"{hops} hop{'s' if hops > 1 else ''}"
+
+
 def several_hops(leg: MovingLeg, begin: JointState, end: JointState, clearances: Sequence[float]) -> Problem:
     """The program from the state in which the first stance begins to that in which a stance after the last hop would begin.
 
@@ -48,8 +52,15 @@ def several_hops(leg: MovingLeg, begin: JointState, end: JointState, clearances:
         phases += [_named(leg, part, name) for part, name in ((first, up), (flight(leg), over), (descent(leg), down))]
         on_the_ground, _, from_above = touchdown(leg, down)
         transitions += [*lift_off(leg, up, over), handed_over(leg, over, down), on_the_ground, from_above]
-        transitions += [*impact_limits(leg, down), *([_cleared(leg, over, least)] if least > 0 else [])]
-        transitions += [on_orbit(leg, down, end)] if k == last else landing(leg, down, numbered(STANCE, k + 1))
+        transitions += [
+            *impact_limits(leg, down),
+            *([cleared(leg, over, lambda e, least=least: least)] if least > 0 else []),
+        ]
+        transitions += (
+            [impact_leads_to("orbit", leg, down, lambda e: end)]
+            if k == last
+            else landing(leg, down, numbered(STANCE, k + 1))
+        )
     goal = Objective(EFFORT, lambda e: sum((e.integral[p.name][EFFORT] for p in phases), ca.SX(0)), unit="s")
     return Problem(
         leg.design.name, tuple(phases), goal, FreeParameters().parameters(leg.robot.parameters), tuple(transitions)
@@ -59,24 +70,3 @@ def several_hops(leg: MovingLeg, begin: JointState, end: JointState, clearances:
 def _named(leg: MovingLeg, part: LegPhase, name: str) -> Phase:
     """The phase under its number, with the effort that it takes."""
     return replace(part.with_more((), (), {EFFORT: effort(leg, part.motion)}), name=name)
-
-
-def on_orbit(leg: MovingLeg, before: str, end: JointState) -> BoundaryConstraint:
-    """The last impact leaves the joints as a stance of the orbit begins."""
-
-    def miss(e: Ends) -> ca.SX:
-        f = e.final[before]
-        return ca.vertcat(f.q - end.q, impact_at(leg, f)[0][BASE:] - end.v)
-
-    labels = tuple(f"{what} {name}" for what in "qv" for name in leg.leg.joints)
-    return linkage("orbit", miss, np.repeat([1.0, SPEED], leg.n), labels=labels)
-
-
-def _cleared(leg: MovingLeg, flight: str, least: float) -> BoundaryConstraint:
-    """Every point of the leg is so high when the flight ends."""
-
-    def heights(e: Ends) -> ca.SX:
-        points = leg.flight_points(e.final[flight])
-        return ca.vertcat(*[points[name][1] - least for name in leg.point_names])
-
-    return BoundaryConstraint(CLEARANCE, heights, 0.0, INF, unit="m", labels=leg.point_names)

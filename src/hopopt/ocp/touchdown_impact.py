@@ -5,6 +5,7 @@ descent to a stance; the costates jump by its multipliers. docs/periodic.md has 
 """
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,13 +29,18 @@ IMPACT_TIME = 0.1  # s: the weight's impulse in that time is the scale of an imp
 
 def landing(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstraint, ...]:
     """Stance begins with the pose of touchdown, and the joint speeds that the impact leaves."""
+    return (impact_leads_to("landing", leg, before, lambda e: e.initial[after]),)
+
+
+def impact_leads_to(name: str, leg: MovingLeg, before: str, begin: Callable[[Ends], Any]) -> BoundaryConstraint:
+    """The joints after the impact have the angles q [rad] and speeds v [rad/s] with which a stance is to ``begin``."""
 
     def miss(e: Ends) -> ca.SX:
-        f, s = e.final[before], e.initial[after]
+        f, s = e.final[before], begin(e)
         return ca.vertcat(s.q - f.q, s.v - impact_at(leg, f)[0][BASE:])
 
-    labels = tuple(f"{what} {name}" for what in "qv" for name in leg.leg.joints)
-    return (linkage("landing", miss, np.repeat([1.0, SPEED], leg.n), labels=labels),)
+    labels = tuple(f"{what} {joint}" for what in "qv" for joint in leg.leg.joints)
+    return linkage(name, miss, np.repeat([1.0, SPEED], leg.n), labels=labels)
 
 
 def impact_limits(leg: MovingLeg, before: str) -> Iterator[BoundaryConstraint]:

@@ -18,8 +18,8 @@ from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import FromTrajectory, Guess, Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import make_guess, starts_of
-from hopopt.ocp.phases import STANCE
-from hopopt.ocp.several_hops import PHASES, JointState, numbered, several_hops
+from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
+from hopopt.ocp.several_hops import PHASES, JointState, in_words, numbered, several_hops
 from hopopt.ocp.tie_break import EFFORT
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.violations import violations
@@ -27,7 +27,7 @@ from hopopt.planner.judge import numerical_checks
 from hopopt.planner.multistart import infeasibility
 from hopopt.planner.refine_and_verify import aims_of, hop_with_tighter_tolerances
 from hopopt.planner.solution import Motion, Solution
-from hopopt.verify.check import Check
+from hopopt.planner.verdict import Verdict
 from hopopt.verify.several_hops import several_hops_checks
 
 PUSHES = 2  # first pushes from rest that are tried as a guess
@@ -40,19 +40,12 @@ class HopsPlan:
 
     hops: the motion of each; x counts from the foot where it began, time from then.
     effort: of all of them, sum over the joints of (tau / stall torque)^2, integrated [s].
-    checks: of the program, of every hop and of both ends.
-    certified: whether the first-order conditions of optimality hold.
+    verdict: what the checks say of the program, of every hop and of both ends.
     """
 
     hops: tuple[Motion, ...]
     effort: float
-    checks: tuple[Check, ...]
-    certified: bool
-
-    @property
-    def verified(self) -> bool:
-        """Whether every check passed."""
-        return all(check.passed for check in self.checks)
+    verdict: Verdict
 
     @cached_property
     def clearances(self) -> tuple[float, ...]:
@@ -67,8 +60,7 @@ class HopsPlan:
 
 def highest_lowest_point(hop: Motion) -> float:
     """How high the leg's lowest point comes in a hop [m]."""
-    parts = [hop.everywhere(phase, np.linspace(0, 1, 9)).points for phase in PHASES if phase != STANCE]
-    return max(float(np.min([points[name][:, 1] for name in hop.robot.points], axis=0).max()) for points in parts)
+    return max(float(hop.everywhere(phase, np.linspace(0, 1, 9)).lowest.max()) for phase in (FLIGHT, DESCENT))
 
 
 def state_of(orbit: Solution) -> JointState:
@@ -97,7 +89,7 @@ def plan_hops(
     mesh = {numbered(phase, k): uniform(intervals[phase]) for k in range(1, count + 1) for phase in PHASES}
     program = Transcription(problem, scheme(s.scheme, s.degree), mesh)
     solver = NlpSolver(program, {"ipopt.max_iter": min(s.max_iterations, ITERATIONS)})
-    words, tried = f"{count} hop{'s' if count > 1 else ''}", list[NlpSolution]()
+    words, tried = in_words(count), list[NlpSolution]()
     for guess in _guesses(design, begin, orbit, count):
         found = solver(guess, {})
         if found.success:
@@ -118,7 +110,7 @@ def _guesses(
     }
     if begin is not None:
         return [every | {numbered(phase, 1): FromTrajectory(begin.phases[phase]) for phase in PHASES}, every]
-    single = Hop(design.model_copy(update={"hop": design.hop.model_copy(update={"kind": "single"})}))
+    single = Hop(design.of_kind("single"))
     pushes = starts_of(single, PUSHES)
     return [every | {numbered(STANCE, 1): make_guess(single, start)[STANCE]} for start in pushes]
 
@@ -134,12 +126,13 @@ def _refined(
     refinement = refinement_of(found, aims_of(hop), told)
     refinement.run()
     plan = _judged(hop, refinement, count, begin, end)
-    closer = hop_with_tighter_tolerances(hop, refinement, plan.verified and plan.certified)
+    closer = hop_with_tighter_tolerances(hop, refinement, plan.verdict.verified and plan.verdict.certified)
     if closer is None:
         return plan
     say("refining further, with tighter tolerances")
     again = _judged(closer, refinement.further(aims_of(closer)), count, begin, end)
-    return again if again.verified and (again.certified or not plan.verified) else plan
+    better = again.verdict.certified or not plan.verdict.verified
+    return again if again.verdict.verified and better else plan
 
 
 def _judged(hop: Hop, refinement: Refinement, count: int, begin: JointState, end: JointState) -> HopsPlan:
@@ -151,8 +144,7 @@ def _judged(hop: Hop, refinement: Refinement, count: int, begin: JointState, end
         *numerical_checks(design, solution, refinement.errors, refinement.change),
         *several_hops_checks(hop.robot, design, [motion.tables for motion in hops], *states),
     ]
-    certified = all(check.passed for check in certify(solution).checks)
-    return HopsPlan(hops, solution.objective, tuple(checks), certified)
+    return HopsPlan(hops, solution.objective, Verdict(tuple(checks), conditions=certify(solution).checks))
 
 
 def _phases_of(phases: Mapping[str, PhaseTrajectory], hop: int) -> dict[str, PhaseTrajectory]:

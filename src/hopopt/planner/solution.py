@@ -44,6 +44,11 @@ class Samples:
     points: dict[str, np.ndarray]
     com_v: np.ndarray
 
+    @property
+    def lowest(self) -> np.ndarray:
+        """Height of the leg's lowest point (k,) [m]."""
+        return np.min([p[:, 1] for name, p in self.points.items() if name != "com"], axis=0)
+
     def __getitem__(self, rows: Any) -> "Samples":
         """The samples at some rows (an index array, mask or slice)."""
         points = {name: p[rows] for name, p in self.points.items()}
@@ -203,7 +208,7 @@ class Motion:
         """What verification is to confirm: the height of the lowest point at the apex [m]; what else the hop was made
         for, the body's height there [m] or what is ``stated``."""
         end = self.apex
-        claims = {"clearance_m": float(min(end.points[name][0, 1] for name in self.robot.points))}
+        claims = {"clearance_m": float(end.lowest[0])}
         if self.objective == "apex":
             claims["apex_m"] = float(end.q[0, 1])
         claims |= {name: self.stated[name] for name in MEASURES.keys() & self.stated.keys()}

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.ocp.phases import FLIGHT, STANCE
+from hopopt.ocp.several_hops import in_words
 from hopopt.planner.solution import Motion
 from hopopt.plots.hop import save_figure
 from hopopt.plots.style import (
@@ -29,8 +29,8 @@ ORBIT = 0.45  # opacity of the hops of an orbit: they are not what was planned
 def heights(found: Transition) -> Figure:
     """Heights [m] of the leg's lowest point and of the body over time [s]: every hop in turn, before them a hop of the orbit
     that is left, after them one of the orbit that is reached."""
-    count, doubt = len(found.plan.hops), "" if found.verified else " (NOT verified)"
-    title = f"{count} hop{'s' if count > 1 else ''} onto the orbit of {found.orbit.clearance:.3f} m{doubt}"
+    doubt = "" if found.verified else " (NOT verified)"
+    title = f"{in_words(len(found.plan.hops))} onto the orbit of {found.orbit.clearance:.3f} m{doubt}"
     figure = new_figure(f"{called_after(found.design)}: {title}")
     ax, t = figure.subplots(), 0.0
     if found.begin is not None:
@@ -53,9 +53,8 @@ def _curves(ax: Axes, hop: Motion, begin: float, alpha: float) -> None:
     """Lowest point, in stance and in flight, and body of one hop that begins at a time [s]."""
     for phase in hop.phases:
         s = hop.everywhere(phase, NORMALISED_TIMES)
-        lowest = np.min([s.points[name][:, 1] for name in hop.robot.points], axis=0)
         kind = STANCE if phase == STANCE else FLIGHT
-        ax.plot(begin + s.t, lowest, color=COLOR[kind], lw=3, alpha=alpha, label=f"lowest point, {kind}")
+        ax.plot(begin + s.t, s.lowest, color=COLOR[kind], lw=3, alpha=alpha, label=f"lowest point, {kind}")
         ax.plot(begin + s.t, s.q[:, 1], color=GREEN, lw=2, alpha=alpha, label="body")
 
 

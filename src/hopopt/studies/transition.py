@@ -9,10 +9,10 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.nlp.time_limit import limited
+from hopopt.ocp.several_hops import in_words
 from hopopt.planner.several_hops import HopsPlan, plan_hops
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
-from hopopt.verify.check import failed
 
 MOST, LARGEST = 4, 20  # hops that are tried, and that may be asked for
 
@@ -41,7 +41,7 @@ class Transition:
     @property
     def verified(self) -> bool:
         """Whether the hops are, and the orbits at both ends."""
-        return self.plan.verified and self.orbit.verified and (self.begin is None or self.begin.verified)
+        return self.plan.verdict.verified and self.orbit.verified and (self.begin is None or self.begin.verified)
 
     @property
     def exit_code(self) -> int:
@@ -61,9 +61,9 @@ class Transition:
             "to": _orbit(self.orbit),
             "fewer_hops": list(self.fewer),
             "verified": self.verified,
-            "certified": self.plan.certified,
-            "checks": len(self.plan.checks),
-            "failed_checks": [check.name for check in failed(list(self.plan.checks))],
+            "certified": self.plan.verdict.certified,
+            "checks": len(self.plan.verdict.checks),
+            "failed_checks": self.plan.verdict.failed_checks,
             "exit_code": self.exit_code,
         }
 
@@ -97,7 +97,7 @@ def transition(
     Raises UsageError for hops that are not periodic or of another leg, NotSolvedError if no number of hops leads there.
     """
     say = progress or (lambda text: None)
-    design = design.model_copy(update={"hop": design.hop.model_copy(update={"kind": "periodic"})})
+    design = design.of_kind("periodic")
     if not all(np.isfinite(least) and least >= 0 for least in clearances):
         raise UsageError(
             f"clearances {', '.join(f'{c:g}' for c in clearances)}: heights in metres from 0 on are needed"
@@ -124,7 +124,7 @@ def transition(
 def _looked_for(
     design: Design, begin: Solution | None, orbit: Solution, clearances: Sequence[float], say: Callable[[str], None]
 ) -> HopsPlan:
-    say(f"looking for a way onto the orbit in {len(clearances)} hop{'s' if len(clearances) > 1 else ''}")
+    say(f"looking for a way onto the orbit in {in_words(len(clearances))}")
     with limited(TIME_LIMIT):
         return plan_hops(design, begin, orbit, clearances, say)
 

@@ -75,7 +75,7 @@ def _ends(machine: Machine, design: Design, tables: Mapping[str, Table]) -> Iter
     if design.hop.periodic:
         yield from periodic_checks(machine, design, tables)
         return
-    yield at_start(machine, design, tables[STANCE])
+    yield _start(machine, design, tables[STANCE])
     if LANDING in tables:
         yield from landed_checks(machine, design, tables)
         return
@@ -89,7 +89,7 @@ def largest(differences: Sequence[Any]) -> float:
     return float(np.max(np.concatenate([np.abs(np.ravel(d)) for d in differences]), initial=0.0))
 
 
-def at_start(machine: Machine, design: Design, stance: Table) -> Check:
+def _start(machine: Machine, design: Design, stance: Table) -> Check:
     """At rest at time zero, the foot on the ground where the problem file puts it."""
     q, v, start = stance.q[0, 0], stance.v[0, 0], design.start
     points = machine.points(q)

@@ -21,8 +21,8 @@ from hopopt.verify.periodic import (
     touchdown_of,
 )
 from hopopt.verify.plan import durations, largest, phase_checks
-from hopopt.verify.table import FLIGHT, ON_GROUND, STANCE, Table
-from hopopt.verify.whole_hop import joint_clamp, simulated_phase
+from hopopt.verify.table import FLIGHT, STANCE, Table
+from hopopt.verify.whole_hop import joint_clamp, simulated_hop
 
 Tables = Mapping[str, Table]  # of one hop's phases; x and time count from where and when it began
 MISSED = 1e-3  # rad, rad/s: by which the hops simulated in one piece may miss the orbit
@@ -60,12 +60,11 @@ def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables
     drives; infinite if that cannot be."""
     first = hops[0][STANCE]
     clamp = joint_clamp([operating_region(design.leg, joint, robot.parameters) for joint in robot.joints])
-    state, last = (first.q[0, 0], first.v[0, 0]), (first.q[0, 0], first.v[0, 0])
+    last = state = first.q[0, 0], first.v[0, 0]
     try:
         for tables in hops:
-            for name, table in tables.items():
-                _, state = simulated_phase(machine, clamp, table, state, name in ON_GROUND)
-            last, state = state, (state[0], machine.touch_down(*state))
+            _, last = simulated_hop(machine, clamp, tables, state)
+            state = last[0], machine.touch_down(*last)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return np.inf
     return closure(machine, end, *last)

@@ -122,14 +122,11 @@ def whole_hop_rollout(
 ) -> Rollout:
     """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``."""
     robot = build_robot(design.leg)
-    machine, found = Machine(robot), dict[str, Table]()
+    machine = Machine(robot)
     clamp = joint_clamp([operating_region(design.leg, joint, robot.parameters) for joint in robot.joints])
     state = tables[STANCE].q[0, 0], tables[STANCE].v[0, 0]
     try:
-        for name, table in tables.items():
-            if name == LANDING:
-                state = state[0], machine.touch_down(*state)
-            found[name], state = simulated_phase(machine, clamp, table, state, name in ON_GROUND)
+        found, state = simulated_hop(machine, clamp, tables, state)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return Rollout({}, np.inf, np.inf, "the simulation failed")
     strayed = max(
@@ -144,7 +141,7 @@ def whole_hop_rollout(
         limit_words(name, limit): float(excess.max())
         for name, table in found.items()
         for limit, excess in limits_of(
-            machine, robot, design, name, motion_of(table), windowed(design, name, ends)
+            machine, robot, design, name, _motion(table), windowed(design, name, ends)
         ).items()
         if limit.kind is not Kind.REGION  # kept by clamping
     }
@@ -154,7 +151,7 @@ def whole_hop_rollout(
     return Rollout(values, strayed, max(shares[limit], 0.0), limit)
 
 
-def motion_of(table: Table) -> tuple[np.ndarray, ...]:
+def _motion(table: Table) -> tuple[np.ndarray, ...]:
     return tuple(part.reshape(-1, part.shape[-1]) for part in (table.q, table.v, table.tau, table.f))
 
 
@@ -166,7 +163,19 @@ def _values(machine: Machine, robot: Robot, hop: Hop, tables: Mapping[str, Table
     return values | {name: MEASURES[name](robot, tables, hop) for name in MEASURES.keys() & {figure}}
 
 
-def simulated_phase(machine: Machine, clamp: Clamp, plan: Table, state: State, contact: bool) -> tuple[Table, State]:
+def simulated_hop(
+    machine: Machine, clamp: Clamp, tables: Mapping[str, Table], state: State
+) -> tuple[dict[str, Table], State]:
+    """The phases of a hop one after the other from ``state``: their tables, and the state in which the last ends."""
+    found = dict[str, Table]()
+    for name, table in tables.items():
+        if name == LANDING:
+            state = state[0], machine.touch_down(*state)
+        found[name], state = _simulated(machine, clamp, table, state, name in ON_GROUND)
+    return found, state
+
+
+def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contact: bool) -> tuple[Table, State]:
     """One phase from ``state``: its table, and the state in which it ends."""
     rows: list[tuple[np.ndarray, ...]] = []
     for k in range(len(plan.t)):

@@ -6,6 +6,7 @@ from typing import Any
 from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
+from hopopt.ocp.several_hops import in_words
 
 
 def print_transition(found: Mapping[str, Any], where: str) -> None:
@@ -15,7 +16,7 @@ def print_transition(found: Mapping[str, Any], where: str) -> None:
     status = "verified" if found["verified"] else "NOT verified"
     out.print(
         f"{found['problem']}: from {begin} onto the periodic hop of {found['to']['clearance_m']:.4f} m in "
-        f"{_hops(count)}, {found['duration_s']:.3f} s, {status}"
+        f"{in_words(count)}, {found['duration_s']:.3f} s, {status}"
     )
     if not found["verified"]:
         out.print(f"failed: {', '.join(found['failed_checks']) or 'a periodic hop at one of the ends is not verified'}")
@@ -28,13 +29,9 @@ def print_transition(found: Mapping[str, Any], where: str) -> None:
     print_table(out, table)
     sure = "certified" if found["certified"] else "not certified"
     out.print(
-        f"of all ways in {_hops(count)} that of least effort; first-order optimality {sure}; "
+        f"of all ways in {in_words(count)} that of least effort; first-order optimality {sure}; "
         f"{found['checks'] - len(found['failed_checks'])} of {found['checks']} checks passed"
     )
     for k, why in enumerate(found["fewer_hops"], 1):
-        out.print(f"in {_hops(k)} no way was found: {why}")
+        out.print(f"in {in_words(k)} no way was found: {why}")
     out.print(f"results {where}   ({found['wall_s']:.1f} s)")
-
-
-def _hops(count: int) -> str:
-    return f"{count} hop{'s' if count > 1 else ''}"
