@@ -136,6 +136,16 @@ def test_from_one_orbit_to_another_and_back() -> None:
         assert len(found.plan.hops) == 1
 
 
+def test_what_is_stated_is_the_problem_of_the_hops() -> None:
+    """Not that of the orbit on which they end, whose ground may be another."""
+    gripping = orbit().design.model_copy(
+        update={"contact": orbit().design.contact.model_copy(update={"friction": 0.7})}
+    )
+    found = transition(gripping, orbit=orbit())
+    assert found.verified
+    assert found.design.contact.friction == 0.7
+
+
 def test_no_way_is_said_with_what_is_missed() -> None:
     """Half a metre a hop and 3 m/s at once is too much for one hop."""
     fast = orbit(hop__speed=3.0)

@@ -26,7 +26,7 @@ def staircase(found: Ladder, title: str) -> Figure:
         end = rung.clearance_m
         doubt = "" if rung.verified else ", not verified"
         ax.annotate(
-            f"{CM * rung.gain_m:+.1f} cm{doubt}", (CM * max(end, end - rung.gain_m + rung.most_gain_m), row),
+            f"{round(CM * rung.gain_m, 1) or 0:+.1f} cm{doubt}", (CM * max(end, end - rung.gain_m + rung.most_gain_m), row),
             xytext=(8, 0), textcoords="offset points", fontsize=SMALL, va="center", zorder=3,
             bbox={"color": "white", "lw": 0, "pad": 1.5},  # the bound's line may pass behind it
         )  # fmt: skip

@@ -35,8 +35,8 @@ class Transition:
 
     @property
     def design(self) -> Design:
-        """The problem."""
-        return self.orbit.design
+        """The problem that the hops solve; a stored orbit may be of another ground."""
+        return self.plan.hops[0].design
 
     @property
     def verified(self) -> bool:
