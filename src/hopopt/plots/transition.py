@@ -15,7 +15,6 @@ from hopopt.plots.style import (
     GREEN,
     GREY,
     NORMALISED_TIMES,
-    SMALL,
     called_after,
     describe,
     legend,
@@ -35,7 +34,6 @@ def heights(found: Transition) -> Figure:
     ax, t = figure.subplots(), 0.0
     if found.begin is not None:
         _curves(ax, found.begin, -found.begin.end, ORBIT)
-        ax.text(-found.begin.end, 0.0, " orbit that is left", fontsize=SMALL, va="bottom", color=GREY)
     for k, hop in enumerate(found.plan.hops, 1):
         ax.axvline(t, color=BLACK, lw=1.0, ls=":", label="touchdown" if k > 1 else None)
         _curves(ax, hop, t, 1.0)
@@ -54,8 +52,9 @@ def _curves(ax: Axes, hop: Motion, begin: float, alpha: float) -> None:
     for phase in hop.phases:
         s = hop.everywhere(phase, NORMALISED_TIMES)
         kind = STANCE if phase == STANCE else FLIGHT
-        ax.plot(begin + s.t, s.lowest, color=COLOR[kind], lw=3, alpha=alpha, label=f"lowest point, {kind}")
-        ax.plot(begin + s.t, s.q[:, 1], color=GREEN, lw=2, alpha=alpha, label="body")
+        lowest, body = (f"lowest point, {kind}", "body") if alpha == 1 else (None, None)  # the legend shows the plan's
+        ax.plot(begin + s.t, s.lowest, color=COLOR[kind], lw=3, alpha=alpha, label=lowest)
+        ax.plot(begin + s.t, s.q[:, 1], color=GREEN, lw=2, alpha=alpha, label=body)
 
 
 def save_all(found: Transition, folder: Path) -> None:
