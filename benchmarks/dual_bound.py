@@ -18,8 +18,8 @@ import numpy as np
 from scipy.optimize import linprog
 
 from hopopt import load
+from hopopt.compiled.kernel import kernel
 from hopopt.global_search.constants import stance_constants, start_state, to_joint_angles
-from hopopt.sim.compiled import kernel
 from hopopt.verify.upper_bound import upper_bound
 
 ROWS, ADDED, POOL = 1500, 400, 50_000  # samples at first, added in a round, among which violated ones are looked for

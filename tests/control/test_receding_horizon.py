@@ -11,8 +11,8 @@ from hopopt.control.receding_horizon import PENALTY, PlanLimits, Program, TrackW
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN
+from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import HalfPlane, OperatingRegion
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve

@@ -17,8 +17,8 @@ from hopopt.control.paper_pd import Force, Position
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.design import Design
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import BASE
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement

@@ -12,14 +12,15 @@ from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN
 from hopopt.control.tracking import Track, joint_acceleration, linearised
 from hopopt.design import Design
+from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import HalfPlane, OperatingRegion
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
-from hopopt.sim.drive import Drive, Encoder
+from hopopt.sim.encoder import Encoder
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State, Timing
 from hopopt.verify.table import FLIGHT, NORMALISED_TIMES, STANCE

@@ -11,7 +11,7 @@ import pytest
 
 from hopopt.control import strategies
 from hopopt.control.closed_loop import simulate
-from hopopt.leg import actuator
+from hopopt.drivetrain import half_planes, laws
 from hopopt.leg.robot import BASE
 from hopopt.nlp import schemes
 from hopopt.nlp.ipopt import NlpSolver
@@ -33,7 +33,7 @@ COARSE = {"solver.stance_intervals": 8, "solver.flight_intervals": 4, "solver.re
 
 
 REGISTRIES: tuple[dict[str, Any], ...] = (
-    objectives.OBJECTIVES, strategies.BUILT_IN, actuator.LAWS, schemes.SCHEMES,
+    objectives.OBJECTIVES, strategies.BUILT_IN, laws.LAWS, schemes.SCHEMES,
 )  # fmt: skip
 
 
@@ -82,7 +82,7 @@ def test_a_strategy() -> None:
 
 def test_a_drive_law() -> None:
     law = run("A drive law")["derated"]
-    region = actuator.OperatingRegion(tuple(law(1 / 200.0, 1 / 12.0)))
+    region = half_planes.OperatingRegion(tuple(law(1 / 200.0, 1 / 12.0)))
     assert region.torque_bounds(0.0) == (pytest.approx(-180.0), pytest.approx(180.0))
     design = load("paper")
     motor = design.leg.motor.model_copy(update={"laws": ("derated",)})

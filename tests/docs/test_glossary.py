@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import hopopt
-from hopopt.leg.actuator import Line
+from hopopt.drivetrain.limits import Line
 from hopopt.leg.limit_id import Kind
 from hopopt.ocp.objectives import OBJECTIVES
 from hopopt.storage.summary import summary_schema

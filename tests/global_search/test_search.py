@@ -8,11 +8,11 @@ import pytest
 
 from hopopt import load
 from hopopt.design import Design
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
 from hopopt.global_search.constants import stance_constants
 from hopopt.global_search.posture import tuck_height
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.sim.machine import Machine

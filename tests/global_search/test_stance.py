@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from hopopt import load
+from hopopt.compiled.kernel import packed
 from hopopt.design import Design
+from hopopt.drivetrain.region import operating_region
 from hopopt.global_search.accelerations import VERTICES, polygon
 from hopopt.global_search.constants import stance_constants, to_joint_angles, to_link_angles
 from hopopt.global_search.dynamics import apex_height, stance_terms
 from hopopt.global_search.posture import tuck_height
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import joint_positions, start_angles
 from hopopt.leg.robot import build_robot
-from hopopt.sim.compiled import packed
 from hopopt.sim.machine import Machine
 
 

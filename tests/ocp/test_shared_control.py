@@ -5,8 +5,9 @@ import pinocchio as pin
 import pytest
 
 from hopopt.design import Design
+from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.ocp.hop import Hop
@@ -16,7 +17,6 @@ from hopopt.planner.shared_plan import of_leg, shared_plan, true_legs
 from hopopt.planner.solution import Motion
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from hopopt.sim.drive import Drive
 
 SHORT = [
     "hop.stance_duration=[0.03, 0.2]",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hopopt.leg.actuator import operating_region
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import build_robot
 from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver

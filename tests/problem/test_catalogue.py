@@ -10,8 +10,8 @@ from scipy.stats import linregress
 from hopopt.cli.main import run
 from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design, Gear, Motor
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import ProblemFileError
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import build_robot
 from hopopt.problem import catalogue as actuators
 from hopopt.problem.catalogue import MARKS, PARTS, catalogue, names

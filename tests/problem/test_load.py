@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from hopopt.design import Design, physical_parameters
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, ProblemFileError
-from hopopt.leg.actuator import operating_region
 from hopopt.problem.load import as_json, builtin_names, design_hash, load, resolved_toml, rows, template
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -11,13 +11,16 @@ from hypothesis import strategies as st
 
 from drawn_legs import evaluate, legs_in_motion, symbols
 from hopopt.design import Design, Leg
-from hopopt.leg.actuator import HalfPlane, OperatingRegion, operating_region
+from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.gear import SLOW, Gear
+from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
-from hopopt.sim.drive import SLOW, Drive, Encoder, Gear
+from hopopt.sim.encoder import Encoder
 from hopopt.sim.hop_metrics import SLACK, HopFigures
 from hopopt.sim.machine import Machine
 from hopopt.sim.plant import Plant
@@ -298,12 +301,15 @@ def test_gears_only_take_energy_and_the_balance_still_closes(paper: Design, gear
     assert trace.work[-1, 1] > 0.1
 
 
+@settings(deadline=None)  # the first call compiles
 @given(st.floats(0.05, 1), st.floats(0, 10), st.floats(0, 5), st.floats(-20, 20), st.floats(-300, 300))
 def test_gear_losses_oppose_the_motion(
     efficiency: float, friction: float, damping: float, w: float, tau: float
 ) -> None:
     """Power lost is never negative; at speed it is (1 - efficiency) |tau| + friction, times speed, and viscous."""
-    loss = float(Gear(efficiency, friction, damping).loss(np.array([w]), np.array([tau]))[0])
+    unbounded = OperatingRegion((HalfPlane("+", 1e-9, 0), HalfPlane("-", -1e-9, 0)))
+    motor, joint = Drive([unbounded], Gear(efficiency, friction, damping)).torque(np.array([w]), np.array([tau]))
+    loss = float(motor[0] - joint[0])
     assert loss * w >= 0
     if abs(w) > 20 * SLOW:
         expected = ((1 - efficiency) * abs(tau) + friction) * abs(w) + damping * w**2
@@ -347,6 +353,7 @@ def regions(draw: st.DrawFn) -> OperatingRegion:
     return OperatingRegion((*planes, *(HalfPlane("more", a, b) for a, b in more if a == 0 or abs(a) > 1e-3)))
 
 
+@settings(deadline=None)  # the first call compiles
 @given(
     st.lists(
         st.tuples(regions(), st.floats(-30, 30), st.floats(-500, 500), st.floats(0.5, 1.5)), min_size=1, max_size=4

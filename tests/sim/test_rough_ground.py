@@ -9,17 +9,18 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from drawn_legs import legs_in_motion, quick
+from hopopt.compiled.kernel import packed
 from hopopt.control.closed_loop import Run, clearance_in_mujoco, make_plant, simulate
 from hopopt.control.strategies import find
 from hopopt.design import Leg
+from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.gear import Gear
+from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import HalfPlane, OperatingRegion
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.problem.load import load
 from hopopt.sim import contact, planar
-from hopopt.sim.compiled import packed
 from hopopt.sim.controller import Measurement
-from hopopt.sim.drive import Drive, Gear
 from hopopt.sim.machine import Machine
 from hopopt.sim.rough_ground import RoughGround
 from hopopt.sim.state import State

@@ -15,8 +15,8 @@ from hopopt.cli.screen.runs import print_comparison
 from hopopt.control.closed_loop import clearance_in_mujoco, make_plant, simulate
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.design import Design, Uncertainty
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution

@@ -6,9 +6,9 @@ import pytest
 
 from hopopt import load
 from hopopt.design import Design
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.global_search.slider_leg import accelerations, slider_leg
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import dependent_joints
 from hopopt.leg.robot import build_robot

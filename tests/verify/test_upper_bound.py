@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from hopopt import load, solve
 from hopopt.design import Design, physical_parameters
+from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import NotSolvedError, ProblemFileError
-from hopopt.leg.actuator import HalfPlane, OperatingRegion, operating_region
 from hopopt.leg.robot import BASE
 from hopopt.sim.machine import Machine
 from hopopt.verify.upper_bound import most_power, most_speed, upper_bound

@@ -14,13 +14,15 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import Strategy
 from hopopt.design import Design
+from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.gear import Gear
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, UsageError
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import can_slip, planar, start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim import mujoco
 from hopopt.sim.controller import Controller, Measurement
-from hopopt.sim.drive import Drive, Encoder, Gear
+from hopopt.sim.encoder import Encoder
 from hopopt.sim.hop_metrics import HopFigures, beyond_limits
 from hopopt.sim.plant import RAN_AWAY, Plant
 from hopopt.sim.rough_ground import RoughGround

@@ -16,8 +16,8 @@ import numpy as np
 from hopopt.control.reference import PhaseReference
 from hopopt.control.setting import Setting
 from hopopt.control.tracking import STEP, Gains, Track, TrackingOptions
+from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import OperatingRegion
 from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
 

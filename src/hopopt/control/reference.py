@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.compiled.kernel import kernel
 from hopopt.leg.robot import BASE
-from hopopt.sim.compiled import kernel
 
 STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"
 EDGE = 1e-9  # [s] as events are located: an edge this near has been reached

@@ -11,11 +11,12 @@ import numpy as np
 
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design
+from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import Robot, build_robot
-from hopopt.sim.drive import Drive
 from hopopt.sim.machine import Machine
 
 Options = TypeVar("Options")

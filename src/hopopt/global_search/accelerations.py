@@ -5,9 +5,9 @@ link accelerations (alpha1, alpha2) [rad/s^2]. A vertex is named by the two limi
 that the same pair can be kept active while the state moves on.
 """
 
+from hopopt.compiled.kernel import kernel
 from hopopt.global_search.constants import UNLIMITED
 from hopopt.global_search.dynamics import stance_terms, torque_range
-from hopopt.sim.compiled import kernel
 
 HIP_LEAST, HIP_MOST, KNEE_LEAST, KNEE_MOST, FORCE, SLIP_FORWARD, SLIP_BACKWARD = range(7)
 VERTICES = 12  # room for those of a polygon: four torques, cut by three lines

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.leg.robot import BASE, build_robot
 

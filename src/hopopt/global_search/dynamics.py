@@ -7,8 +7,8 @@ depend on one difference and leave no Coriolis terms but centrifugal ones.
 
 import numpy as np
 
+from hopopt.compiled.kernel import kernel
 from hopopt.global_search.constants import LINES
-from hopopt.sim.compiled import kernel
 
 MARGINS = 7  # state limits: two of each joint, the heights of knee and hip, the body's descent
 RELATIVE = 1e-9  # by so much a speed may exceed the fastest

@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.region import operating_region
 from hopopt.global_search.constants import stance_constants, start_state
 from hopopt.global_search.grid import MANY, make_grid, ranges
 from hopopt.global_search.paths import Search
 from hopopt.global_search.posture import tuck_height
 from hopopt.global_search.result import GlobalSearch
 from hopopt.global_search.value import value_function
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import build_robot
 
 STEPS, STEPS_OF_MANY = 16, 20  # of the longest stance: with more, interpolation smears more than the motions err

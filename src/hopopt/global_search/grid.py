@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hopopt.compiled.kernel import kernel
 from hopopt.global_search.constants import StanceConstants, to_link_angles
-from hopopt.sim.compiled import kernel
 
 MANY = 25  # nodes of a rate from which the outer cells are narrow enough to be widened in favour of those about zero
 BEND, BEND_OF_MANY = (

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hopopt.compiled.kernel import kernel, packed
 from hopopt.global_search.accelerations import VERTICES, polygon, possible, with_limits
 from hopopt.global_search.dynamics import MARGINS, apex_height, state_margins
 from hopopt.global_search.grid import on_grid
-from hopopt.sim.compiled import kernel, packed
 
 HALVINGS = 8  # of an edge, to find where a state limit is just kept
 NONE, PASSES, KEEPS = 0, 1, 2  # what a motion is: the leg cannot go on; it passes a state limit; it keeps them all

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hopopt.compiled.kernel import kernel, packed
 from hopopt.global_search.constants import StanceConstants, to_joint_angles
 from hopopt.global_search.dynamics import apex_height
 from hopopt.global_search.grid import interpolate, joint_heights, place
 from hopopt.global_search.motions import KEEPS, between, extreme_motions, last_kept, workspace
 from hopopt.global_search.result import Rollout, different
 from hopopt.global_search.value import ValueFunction
-from hopopt.sim.compiled import kernel, packed
 
 STEPS = 48  # of the longest stance
 WIDTH = (

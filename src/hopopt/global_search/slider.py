@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.region import operating_region
 from hopopt.global_search.bilinear import Bilinear
 from hopopt.global_search.constants import stance_constants
 from hopopt.global_search.posture import tuck_height
 from hopopt.global_search.result import GlobalSearch, Rollout, different
 from hopopt.global_search.slider_leg import SliderLeg, accelerations, slider_leg
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import start_place
 from hopopt.leg.robot import build_robot
 

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import unit
-from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.inertia import PAIRS, tensor
 from hopopt.leg.kinematics import planar
 from hopopt.leg.robot import BASE, MovingBody, Robot, link_bodies

@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Leg, physical_parameters
-from hopopt.leg.actuator import BACKWARD, FORWARD, operating_region
+from hopopt.drivetrain.limits import BACKWARD, FORWARD
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.dynamics import LegDynamics, Motion
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE

@@ -11,7 +11,8 @@ from typing import Any
 import casadi as ca
 
 from hopopt.design import Design
-from hopopt.leg.actuator import BACKWARD, FORWARD, operating_region
+from hopopt.drivetrain.limits import BACKWARD, FORWARD
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.constraints import MotionAt

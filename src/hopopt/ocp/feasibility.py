@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Design
-from hopopt.leg.actuator import CAPS, LINES, operating_region
+from hopopt.drivetrain.limits import CAPS, LINES
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import loop_axes, reach, start_angles
 from hopopt.leg.robot import BASE, Robot

@@ -6,7 +6,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hopopt.leg.actuator import operating_region
+from hopopt.drivetrain.region import operating_region
 from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.problem import Instant

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.leg.actuator import CAPS
+from hopopt.drivetrain.limits import CAPS
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import force_range
 from hopopt.ocp.constraints import steepness

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hopopt.design import Design, Reserve, as_changed
-from hopopt.leg.actuator import SPEEDS, TORQUES
+from hopopt.drivetrain.limits import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve

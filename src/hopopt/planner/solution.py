@@ -10,8 +10,9 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
-from hopopt.leg.actuator import OperatingRegion, operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import dependent_joints, start_place
 from hopopt.leg.robot import BASE, Robot, build_robot

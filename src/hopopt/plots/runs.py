@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.control.similarity import similar_height
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import ResultError
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import BASE
 from hopopt.plots.hop import FORMATS, save_figure
 from hopopt.plots.ladder import staircase

@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from hopopt.design import Design
-from hopopt.leg.actuator import operating_region
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import build_robot
 from hopopt.planner.solution import Solution
 from hopopt.planner.summary_entry import as_data

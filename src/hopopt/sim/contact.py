@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.sim.compiled import kernel
-from hopopt.sim.drive import LIGHTEST, MOST_PARTS, SLOW, STIFF
+from hopopt.compiled.kernel import kernel
+from hopopt.drivetrain.kernels import rubbing_parts
 from hopopt.sim.planar import bias, chain, driven, foot_jacobian, mass_matrix, solved, stopped
 
 STICK, FORWARD, BACKWARD, FLIGHT = 0, 1, -1, 2  # modes; the foot slips in the direction of the number
@@ -140,10 +140,7 @@ def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: flo
         ahead = q[2 + k] + 1.5 * h * v[2 + k]
         if max(q[2 + k], ahead) > leg.stop_upper[k] or min(q[2 + k], ahead) < leg.stop_lower[k]:
             parts = max(parts, PARTS)
-        rubbing = (1 - leg.efficiency[k]) * abs(motor[k]) + leg.friction
-        if rubbing > 0:
-            rate = rubbing / SLOW / max(leg.armature[k], LIGHTEST)
-            parts = max(parts, min(MOST_PARTS, int(np.ceil(h * rate / STIFF))))
+    parts = max(parts, rubbing_parts(motor, leg.efficiency, leg.friction, leg.armature, h))
     return parts * leg.finer
 
 

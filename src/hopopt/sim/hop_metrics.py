@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.leg.actuator import operating_region
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import weight
 from hopopt.sim.state import BOUNCE

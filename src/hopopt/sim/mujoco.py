@@ -13,8 +13,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.state import BOUNCE

@@ -9,11 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hopopt.compiled.kernel import kernel
+from hopopt.drivetrain import kernels
+from hopopt.drivetrain.drives import Drive
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import can_slip
 from hopopt.leg.robot import BASE, Robot
-from hopopt.sim.compiled import kernel
-from hopopt.sim.drive import SLOW, Drive, Stops
+from hopopt.sim.stops import Stops
 
 
 class PlanarLeg(NamedTuple):
@@ -71,7 +73,7 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: 
         upper=drive.upper,
         lower=drive.lower,
         gain=drive.torque_gain,
-        efficiency=np.broadcast_to(np.asarray(drive.gear.efficiency, dtype=float), n).copy(),
+        efficiency=drive.efficiency,
         friction=drive.gear.friction,
         damping=drive.gear.damping,
         stop_upper=stops.upper,
@@ -185,19 +187,8 @@ def solved(M: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 @kernel
 def driven(leg: Any, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Torques (n) [N m] of the motors after their limits, and of the joints after the gears: ``Drive.torque``."""
-    n = len(w)
-    motor, tau = np.zeros(n), np.zeros(n)
-    for k in range(n):
-        speed, high, low = leg.gain[k] * w[k], np.inf, -np.inf
-        for line in range(leg.upper.shape[1]):
-            high = min(high, leg.upper[k, line, 0] - leg.upper[k, line, 1] * speed)
-        for line in range(leg.lower.shape[1]):
-            low = max(low, leg.lower[k, line, 0] - leg.lower[k, line, 1] * speed)
-        motor[k] = leg.gain[k] * (min(max(command[k], low), high) if low <= high else 0.0)
-        lost = ((1 - leg.efficiency[k]) * abs(motor[k]) + leg.friction) * np.tanh(w[k] / SLOW) + leg.damping * w[k]
-        tau[k] = motor[k] - lost
-    return motor, tau
+    """Torques (n) [N m] of the motors after their limits, and of the joints after the gears."""
+    return kernels.driven(w, command, leg.gain, leg.upper, leg.lower, leg.efficiency, leg.friction, leg.damping)
 
 
 @kernel

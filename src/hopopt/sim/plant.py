@@ -12,12 +12,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
+from hopopt.drivetrain.drives import Drive
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.controller import Controller, Measurement
-from hopopt.sim.drive import Drive, Encoder, Stops
+from hopopt.sim.encoder import Encoder
 from hopopt.sim.machine import Machine
 from hopopt.sim.state import BOUNCE, Command, State, Timing, Torque
+from hopopt.sim.stops import Stops
 from hopopt.sim.trace import Event, Trace, TraceWriter
 
 LONGEST = 2.5e-4  # [s] of a step, however slow the controller

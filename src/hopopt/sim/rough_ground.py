@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from hopopt.compiled.kernel import packed
+from hopopt.drivetrain.drives import Drive
 from hopopt.leg.robot import Robot
 from hopopt.sim import contact
-from hopopt.sim.compiled import packed
-from hopopt.sim.drive import Drive
 from hopopt.sim.planar import planar_leg
 from hopopt.sim.plant import RAN_AWAY, Plant
 from hopopt.sim.state import BOUNCE, State, Torque

@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design, refuse_landed
+from hopopt.drivetrain.region import operating_region
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.global_search.bilinear import Bilinear
 from hopopt.global_search.slider_leg import accelerations, slider_leg
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.kinematics import (
     start_place,
     two_joints,

@@ -40,7 +40,7 @@ import numpy as np
 from scipy import sparse
 
 from hopopt.design import Design
-from hopopt.leg.actuator import operating_region
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE, build_robot, link_bodies
 from hopopt.studies.log_windows import WINDOW, Samples, samples_of, windows

@@ -15,7 +15,7 @@ from hopopt.control.closed_loop import LONGEST, make_plant
 from hopopt.design import Design
 from hopopt.leg.robot import BASE
 from hopopt.sim.controller import Controller
-from hopopt.sim.drive import Encoder
+from hopopt.sim.encoder import Encoder
 from hopopt.sim.hop_sequence import before_landing, landings
 from hopopt.sim.state import State, Timing
 from hopopt.sim.trace import Trace

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.leg.actuator import operating_region
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.planner.solution import Solution
 from hopopt.sim.hop_metrics import HopFigures

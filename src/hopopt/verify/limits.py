@@ -3,7 +3,7 @@
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.leg.actuator import operating_region
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE, Robot

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 
 from hopopt.design import Hop
-from hopopt.leg.actuator import operating_region
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.machine import Machine
 from hopopt.verify.obstacle import highest_box

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.leg.actuator import operating_region
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import Robot
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import EXACT, Check

@@ -9,7 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.sim.machine import Machine

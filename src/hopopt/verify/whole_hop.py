@@ -14,7 +14,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hopopt.design import Design, Hop
-from hopopt.leg.actuator import OperatingRegion, operating_region
+from hopopt.drivetrain.clamp import torque_lines, within
+from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE, Robot, build_robot
@@ -200,22 +202,8 @@ def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.n
 
 def joint_clamp(regions: Sequence[OperatingRegion]) -> Clamp:
     """``OperatingRegion.clamp`` of all joints at once, for torques and speeds that are single numbers."""
-    planes = [[(float(h.a), float(h.b)) for h in region.planes if h.a] for region in regions]
-
-    def clamp(speed: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        given = []
-        for sides, w, tau in zip(planes, speed.tolist(), asked.tolist(), strict=True):
-            low, high = -np.inf, np.inf
-            for a, b in sides:
-                bound = (1 - b * w) / a
-                if a > 0 and bound < high:
-                    high = bound
-                elif a < 0 and bound > low:
-                    low = bound
-            given.append(0.0 if low > high else min(max(tau, low), high))
-        return np.array(given)
-
-    return clamp
+    upper, lower = (lines.tolist() for lines in torque_lines(regions))
+    return lambda speed, asked: np.array(list(map(within, speed.tolist(), asked.tolist(), upper, lower)))
 
 
 def _free(machine: Machine, q: np.ndarray) -> np.ndarray:

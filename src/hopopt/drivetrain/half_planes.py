@@ -1,40 +1,15 @@
 """The admissible operating region (AOR) of a joint's drive: an intersection of half-planes a tau + b w <= 1.
 
 One object serves the path constraint, the controller's clamp, the saturation ratio and the plot. tau is the
-joint torque [N m], w the joint speed [rad/s]; R is the gear ratio, tau_max and omega_max belong to the motor.
+joint torque [N m], w the joint speed [rad/s].
 """
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from hopopt.design import Leg
-
-Entry = tuple[Literal["motor", "gear"], str]
-
-
-class Line(StrEnum):
-    """What bounds an operating region; each is there forward and backward."""
-
-    TORQUE_SPEED = "torque-speed line"
-    BRAKING = "braking line"
-    DRIVE_CAP = "drive torque cap"
-    GEAR_CAP = "gear torque cap"
-    SPEED_CAP = "gear speed cap"
-
-
-FORWARD, BACKWARD = "forward", "backward"
-CAPS: dict[str, tuple[Entry, ...]] = {  # lines that a cap draws -> its entry, then what carries it to the joint
-    Line.DRIVE_CAP: (("motor", "torque_cap"), ("gear", "ratio")),
-    Line.GEAR_CAP: (("gear", "torque_cap"),),
-    Line.SPEED_CAP: (("gear", "speed_cap"), ("gear", "ratio")),
-}
-TORQUES: tuple[Entry, ...] = (("motor", "max_torque"), ("motor", "torque_cap"), ("gear", "torque_cap"))
-SPEEDS: tuple[Entry, ...] = (("motor", "max_speed"), ("gear", "speed_cap"))  # entries of a drive that limit either
-LINES: tuple[Entry, ...] = (("motor", "max_torque"), ("motor", "max_speed"), ("gear", "ratio"))  # behind the others
+from hopopt.drivetrain.limits import BACKWARD, FORWARD, Line
 
 
 @dataclass(frozen=True)
@@ -123,45 +98,5 @@ def _vertices(planes: np.ndarray) -> np.ndarray:
     return corners[np.argsort(np.arctan2(corners[:, 1] * np.max(np.abs(corners[:, 0])), corners[:, 0]))]
 
 
-def paper_law(torque: Any, speed: Any) -> list[HalfPlane]:
-    """Eq. con_tsat without absolute values: +-tau/(R tau_max) +- R w/omega_max <= 1."""
-    return [*_pair(Line.TORQUE_SPEED, torque, speed), *_pair(Line.BRAKING, torque, -speed)]
-
-
-def four_quadrant_law(torque: Any, speed: Any) -> list[HalfPlane]:
-    """+-(tau/(R tau_max) + R w/omega_max) <= 1: braking is not weakened by speed."""
-    return _pair(Line.TORQUE_SPEED, torque, speed)
-
-
-Law = Callable[[Any, Any], list[HalfPlane]]  # of 1 / stall torque [1/(N m)] and 1 / no-load speed [s/rad]
-LAWS: dict[str, Law] = {"paper": paper_law, "four-quadrant": four_quadrant_law}
-
-
-def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingRegion:
-    """The AOR of one joint from the parameter values (or symbols) ``p``, paths as in the problem file."""
-
-    def entry(part: Any, name: str) -> Any:
-        return p.get(leg.drive(joint, part, name)[0])
-
-    ratio, tau_max, omega_max = entry("gear", "ratio"), entry("motor", "max_torque"), entry("motor", "max_speed")
-    torque, speed = 1 / (ratio * tau_max), ratio / omega_max  # 1/(stall torque), 1/(no-load speed) at the joint
-    planes: list[HalfPlane] = []
-    laws = leg.drive(joint, "motor", "laws")[1]
-    for law in laws:
-        planes += [plane for plane in LAWS[law](torque, speed) if plane.line not in {h.line for h in planes}]
-    drive_cap, gear_cap, speed_cap = (
-        entry("motor", "torque_cap"),
-        entry("gear", "torque_cap"),
-        entry("gear", "speed_cap"),
-    )
-    if drive_cap is not None:
-        planes += _pair(Line.DRIVE_CAP, 1 / (ratio * drive_cap), 0.0)
-    if gear_cap is not None:
-        planes += _pair(Line.GEAR_CAP, 1 / gear_cap, 0.0)
-    if speed_cap is not None:
-        planes += _pair(Line.SPEED_CAP, 0.0, ratio / speed_cap)
-    return OperatingRegion(tuple(planes))
-
-
-def _pair(line: Line, a: Any, b: Any) -> list[HalfPlane]:
+def pair(line: Line, a: Any, b: Any) -> list[HalfPlane]:
     return [HalfPlane(line, a, b, FORWARD), HalfPlane(line, -a, -b, BACKWARD)]

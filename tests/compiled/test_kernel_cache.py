@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from hopopt.sim.compiled import kernel
+from hopopt.compiled.kernel import kernel
 
 
 @pytest.fixture

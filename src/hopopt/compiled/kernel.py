@@ -7,7 +7,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from hopopt.sim.kernel_cache import CheckedCache
+from hopopt.compiled.kernel_cache import CheckedCache
 
 
 def kernel(function: Callable[..., Any]) -> Any:

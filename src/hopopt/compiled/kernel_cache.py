@@ -1,6 +1,6 @@
 """What numba keeps on disk, checked: numba loads what it finds, and a damaged or outdated file ends the process or lies.
 
-Every file ends with its digest. Every function is kept for the sources of its whole package: numba looks at the file of
+Every file ends with its digest. Every function is kept for the sources of all compiled functions: numba looks at the file of
 the function alone, and not at those of the functions that it calls. What does not fit is compiled again.
 """
 
@@ -17,6 +17,7 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from hopopt.files import write_whole
 
 LENGTH = 32  # bytes of a digest
+PACKAGE, MARK = Path(__file__).parents[1], b"kernel"  # where compiled functions are, and what their modules name
 
 
 class CheckedFiles(IndexDataCacheFile):
@@ -59,13 +60,14 @@ class CheckedCache(FunctionCache):
         super().__init__(function)
         stamp = self._impl.locator.get_source_stamp()
         self._cache_file = CheckedFiles(self.cache_path, self._impl.filename_base, stamp)
-        self._cache_file.sources = _sources(Path(function.__code__.co_filename).parent)
+        self._cache_file.sources = _sources()
 
 
 @cache
-def _sources(folder: Path) -> str:
-    """Digest of all modules in a folder."""
-    return sha256(b"".join(path.read_bytes() for path in sorted(folder.glob("*.py")))).hexdigest()
+def _sources() -> str:
+    """Digest of all modules that have something to do with compiled functions."""
+    sources = (path.read_bytes() for path in sorted(PACKAGE.rglob("*.py")))
+    return sha256(b"".join(source for source in sources if MARK in source)).hexdigest()
 
 
 def _whole(path: Path) -> bool:

@@ -1,0 +1,46 @@
+"""The drives of a leg as a plant has them: between a controller's command and the joints."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hopopt.drivetrain import kernels
+from hopopt.drivetrain.clamp import torque_lines
+from hopopt.drivetrain.gear import Gear
+from hopopt.drivetrain.half_planes import OperatingRegion
+
+
+class Drive:
+    """The motors of a leg as a controller meets them: commands are clamped to the operating regions (eq. con_tdes).
+
+    torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
+    as much more back-EMF.
+    """
+
+    def __init__(
+        self, regions: Sequence[OperatingRegion], gear: Gear | None = None, torque_gain: np.ndarray | None = None
+    ):
+        self.gear, n = gear or Gear(), len(regions)
+        self.lossless = self.gear.ideal
+        self.torque_gain = np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float)
+        self.efficiency = np.broadcast_to(np.asarray(self.gear.efficiency, dtype=float), n).copy()
+        self.upper, self.lower = torque_lines(regions)
+
+    def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Joint torques tau (n) [N m] brought into the regions at speeds w (n): OperatingRegion.clamp, but quick."""
+        return kernels.clamped(np.asarray(w, dtype=float), np.asarray(tau, dtype=float), self.upper, self.lower)
+
+    def parts(self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float) -> int:
+        """Into how many parts a step of h [s] must be cut so that gear friction is no stiffer than the step can take.
+
+        w (n) [rad/s], command (n) [N m], armature (n): the rotors' inertia at the joints [kg m^2].
+        """
+        motor = self.torque(w, command)[0]
+        return kernels.rubbing_parts(motor, self.efficiency, float(self.gear.friction), np.asarray(armature), h)
+
+    def torque(self, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]."""
+        return kernels.driven(
+            np.asarray(w, dtype=float), np.asarray(command, dtype=float), self.torque_gain, self.upper, self.lower,
+            self.efficiency, float(self.gear.friction), float(self.gear.damping),
+        )  # fmt: skip
