@@ -18,7 +18,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 PARTS = {  # of the site, in the order in which they are read
-    "Begin": ("start", "glossary", "limits"),
+    "Begin": ("start", "model", "glossary", "limits"),
     "Your own leg": ("own_leg", "actuators", "objectives", "periodic", "landing", "simulation", "report"),
     "Studies": ("sensitivity", "studies", "codesign"),
     "Gallery": ("notebooks/*",),
@@ -69,10 +69,9 @@ def _within(text: str) -> str:
 
 
 def index_page(source: Path) -> str:
-    """The first page: the README's beginning, and the parts of the site."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    head = re.sub(r"!\[[^\]]*\]\([^)]*\)", "", readme.partition("\n## ")[0].partition("```")[0]).strip()
-    lines = [head.partition("**See the answer")[0].strip(), ""]
+    """The first page: the README's beginning, which has the picture, the two commands and an answer; then all pages."""
+    head = (ROOT / "README.md").read_text(encoding="utf-8").partition("\n## ")[0]
+    lines = [re.sub(r"\]\(docs/", "](", head).strip(), ""]
     for part, names in PARTS.items():
         pages = [p.relative_to(source).with_suffix("") for n in names for p in sorted(source.glob(n)) if p.is_file()]
         entries = [str(p) for p in pages] or list(names)

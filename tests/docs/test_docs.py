@@ -6,10 +6,11 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
 COMING = {"extending.md"}  # pages that are linked and need not be there yet
 HOMES = (ROOT, ROOT / "src" / "hopopt", DOCS)  # what paths may be relative to
 LONGEST = 30  # words of a sentence
@@ -81,6 +82,17 @@ def test_the_index_has_every_page() -> None:
 
 def test_readme_is_short() -> None:
     assert len(text_of(ROOT / "README.md").splitlines()) <= 100
+
+
+def test_the_model_is_on_one_page() -> None:
+    assert len(text_of(DOCS / "model.md").splitlines()) <= 60
+
+
+def test_before_a_commit_runs_what_ci_runs_of_lint_and_types() -> None:
+    """Every hook of the pre-commit configuration is a line of .ci/run; ruff there takes the whole tree."""
+    hooks = yaml.safe_load(text_of(ROOT / ".pre-commit-config.yaml"))["repos"][0]["hooks"]
+    ci = [line.rstrip(" .") for line in text_of(ROOT / ".ci" / "run").splitlines()]
+    assert {hook["entry"] for hook in hooks} == {line for line in ci if re.match(r"\S+/(ruff|pyright)", line)}
 
 
 def test_pictures_are_small() -> None:
