@@ -11,7 +11,7 @@ import pytest
 
 from hopopt.control import strategies
 from hopopt.control.closed_loop import simulate
-from hopopt.drivetrain import half_planes, laws
+from hopopt.drivetrain import dynamics, half_planes, laws
 from hopopt.leg.robot import BASE
 from hopopt.nlp import schemes
 from hopopt.nlp.ipopt import NlpSolver
@@ -40,12 +40,13 @@ REGISTRIES: tuple[dict[str, Any], ...] = (
 @pytest.fixture(autouse=True)
 def _registries() -> Iterator[None]:
     """What a snippet registers is gone after its test."""
-    kept, rows = [dict(registry) for registry in REGISTRIES], list(rules.RULES)
+    kept = [dict(registry) for registry in REGISTRIES]
+    rows, added = list(rules.RULES), list(dynamics.DYNAMICS)
     yield
     for registry, before in zip(REGISTRIES, kept, strict=True):
         registry.clear()
         registry.update(before)
-    rules.RULES[:] = rows
+    rules.RULES[:], dynamics.DYNAMICS[:] = rows, added
 
 
 def run(title: str) -> dict[str, Any]:
@@ -56,7 +57,7 @@ def run(title: str) -> dict[str, Any]:
 
 
 def test_the_page_is_one_page_with_a_snippet_in_every_section() -> None:
-    assert len(SNIPPETS) == PAGE.count("\n## ") == 6
+    assert len(SNIPPETS) == PAGE.count("\n## ") == 7
     assert len(PAGE.splitlines()) < 200
 
 
@@ -92,6 +93,19 @@ def test_a_drive_law() -> None:
     t = np.linspace(0, s.lift_off, 99)
     found, w = s.sample(t).tau[:, 1], s.sample(t).v[:, 3]
     assert np.max(np.abs(found / 180 + w / (1256.637 / 100))) == pytest.approx(1, abs=1e-3)  # the knee is at its line
+
+
+def test_a_drive_with_states_of_its_own() -> None:
+    """Its hop on a coarse mesh: each torque is a state, and its rate is the lag's."""
+    lag = run("A drive with states of its own")["LAG"]
+    hop = Hop(load("paper", COARSE))
+    assert [v.name for v in hop.problem.phase("stance").controls] == ["command"]
+    solution = first_solver(hop)(make_guess(hop, NAMED[1]))
+    assert solution.success
+    stance = solution.phases["stance"]
+    t, x, u = stance.everywhere(np.array(stance.scheme.c))
+    command, torque = u[..., :2], x[..., 4:6]
+    np.testing.assert_allclose(stance.xdot[..., 4:6], (command - torque) / lag, rtol=1e-6, atol=1e-3)
 
 
 def test_a_scheme() -> None:

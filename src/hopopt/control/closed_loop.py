@@ -15,6 +15,7 @@ from hopopt.control.setting import Setting
 from hopopt.control.strategies import Strategy
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, UsageError
@@ -75,8 +76,10 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
     own = [design.leg.drive(joint, "gear", "efficiency")[1] for joint in robot.joints]
     efficiency = np.array([s.gear_efficiency if e is None else e for e in own])
-    drive = Drive(regions, Gear(efficiency, s.gear_friction, s.gear_damping), torque_gain)
-    friction = np.inf if design.contact.friction is None and compiled else design.contact.friction
+    states = added_states(design.leg, robot.parameters)
+    drive = Drive(regions, Gear(efficiency, s.gear_friction, s.gear_damping), torque_gain, states)
+    quick = compiled and not drive.states
+    friction = np.inf if design.contact.friction is None and quick else design.contact.friction
     if friction is None or not can_slip(design.leg):
         return Plant(robot, drive, design.hop.above_ground, finer)
     return RoughGround(robot, drive, friction, design.hop.above_ground, finer)
@@ -161,6 +164,8 @@ def in_mujoco(
 ) -> mujoco.MujocoTrace:
     """A controller's run in MuJoCo from a state to so many landings after flights of at least ``bounce`` [s]."""
     plant, period, s = make_plant(design), 1 / design.simulation.control_rate, design.simulation
+    if plant.drive.states:
+        raise UsageError("drives with states of their own are not simulated in MuJoCo")
     encoder = Encoder(s.encoder_bits, s.speed_window, period, s.speed_error)
     now = start
 

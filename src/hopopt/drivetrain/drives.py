@@ -6,6 +6,7 @@ import numpy as np
 
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.clamp import torque_lines
+from hopopt.drivetrain.dynamics import AddedStates
 from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.half_planes import OperatingRegion
 
@@ -14,17 +15,22 @@ class Drive:
     """The motors of a leg as a controller meets them: commands are clamped to the operating regions (eq. con_tdes).
 
     torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
-    as much more back-EMF.
+    as much more back-EMF. states: what the drives add of their own, if they do.
     """
 
     def __init__(
-        self, regions: Sequence[OperatingRegion], gear: Gear | None = None, torque_gain: np.ndarray | None = None
+        self,
+        regions: Sequence[OperatingRegion],
+        gear: Gear | None = None,
+        torque_gain: np.ndarray | None = None,
+        states: AddedStates | None = None,
     ):
         self.gear, n = gear or Gear(), len(regions)
         self.lossless = self.gear.ideal
         self.torque_gain = np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float)
         self.efficiency = np.broadcast_to(np.asarray(self.gear.efficiency, dtype=float), n).copy()
         self.upper, self.lower = torque_lines(regions)
+        self.states = states if states and states.size else None
 
     def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Joint torques tau (n) [N m] brought into the regions at speeds w (n): OperatingRegion.clamp, but quick."""
@@ -38,8 +44,21 @@ class Drive:
         motor = self.torque(w, command)[0]
         return kernels.rubbing_parts(motor, self.efficiency, float(self.gear.friction), np.asarray(armature), h)
 
-    def torque(self, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]."""
+    def torque(self, w: np.ndarray, command: np.ndarray, x: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]; x: the drives' states, if
+        they have any."""
+        motor, tau = self._driven(w, command)
+        if self.states is None:
+            return motor, tau
+        motor[self.states.at] = self.states.torques(x, motor, w)
+        return motor, kernels.geared(w, motor, self.efficiency, float(self.gear.friction), float(self.gear.damping))
+
+    def rates(self, w: np.ndarray, command: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Derivatives of the drives' states x under a command, (m)."""
+        return np.array(self.states.rates(x, self._driven(w, command)[0], w) if self.states else ())
+
+    def _driven(self, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What motors and joints have of a command at once."""
         return kernels.driven(
             np.asarray(w, dtype=float), np.asarray(command, dtype=float), self.torque_gain, self.upper, self.lower,
             self.efficiency, float(self.gear.friction), float(self.gear.damping),

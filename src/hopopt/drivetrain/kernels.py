@@ -23,17 +23,25 @@ def clamped(w: np.ndarray, tau: np.ndarray, upper: np.ndarray, lower: np.ndarray
 
 
 @kernel
+def geared(w: np.ndarray, motor: np.ndarray, efficiency: np.ndarray, friction: float, damping: float) -> np.ndarray:
+    """Torques (n) [N m] of the joints after the gears, which oppose the motion; arguments as in ``Gear``."""
+    tau = np.zeros(len(w))
+    for k in range(len(w)):
+        lost = ((1 - efficiency[k]) * abs(motor[k]) + friction) * np.tanh(w[k] / SLOW) + damping * w[k]
+        tau[k] = motor[k] - lost
+    return tau
+
+
+@kernel
 def driven(
     w: np.ndarray, command: np.ndarray, gain: np.ndarray, upper: np.ndarray, lower: np.ndarray,
     efficiency: np.ndarray, friction: float, damping: float,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Torques (n) [N m] of the motors after their limits, and of the joints after the gears; arguments as in ``Drive``."""
-    motor, tau = np.zeros(len(w)), np.zeros(len(w))
+    motor = np.zeros(len(w))
     for k in range(len(w)):
         motor[k] = gain[k] * within(gain[k] * w[k], command[k], upper[k], lower[k])  # back-EMF grows with the gain
-        lost = ((1 - efficiency[k]) * abs(motor[k]) + friction) * np.tanh(w[k] / SLOW) + damping * w[k]
-        tau[k] = motor[k] - lost
-    return motor, tau
+    return motor, geared(w, motor, efficiency, friction, damping)
 
 
 @kernel

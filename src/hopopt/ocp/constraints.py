@@ -23,13 +23,15 @@ HEIGHT = LimitId(Kind.HEIGHT, key="hop.least_height", unit="m")
 NO_DESCENT = LimitId(Kind.DESCENT, key="hop.counter_movement", unit="m/s")
 
 
-def operating_region_constraint(leg: Leg, joint: str, motion: MotionAt) -> PathConstraint:
-    """-1 <= a tau + b w <= 1 for every pair of half-planes of the joint's operating region (eq. con_tsat)."""
+def operating_region_constraint(
+    leg: Leg, joint: str, motion: MotionAt, asked: Callable[[Instant], ca.SX]
+) -> PathConstraint:
+    """-1 <= a tau + b w <= 1 for every pair of half-planes of the joint's operating region (eq. con_tsat); tau is what the
+    motor is ``asked`` for [N m]."""
     k = leg.joints.index(joint)
 
     def value(s: Instant) -> ca.SX:
-        m = motion(s)
-        return ca.vertcat(*operating_region(leg, joint, s.p).use(m.v[BASE + k], m.tau[k])[::2])
+        return ca.vertcat(*operating_region(leg, joint, s.p).use(motion(s).v[BASE + k], asked(s))[::2])
 
     planes = operating_region(leg, joint, physical_parameters(leg)).planes  # each followed by its mirror image
     labels = tuple(h.line for h in planes[::2])

@@ -16,6 +16,7 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.drives import asked
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
 from hopopt.ocp.phases import LegPhase
@@ -131,9 +132,11 @@ def _region_share(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]
     """-share <= a tau + b w <= share for every pair of half-planes of every joint."""
 
     def value(joint: str, k: int) -> Callable[[Instant], ca.SX]:
+        torque = asked(hop, joint, phase.motion)
+
         def both(s: Instant) -> ca.SX:
-            m, share = phase.motion(s), s.p["share"]
-            used = ca.vertcat(*operating_region(hop.leg, joint, s.p).use(m.v[BASE + k], m.tau[k])[::2])
+            w, share = phase.motion(s).v[BASE + k], s.p["share"]
+            used = ca.vertcat(*operating_region(hop.leg, joint, s.p).use(w, torque(s))[::2])
             return ca.vertcat(share - used, share + used)
 
         return both

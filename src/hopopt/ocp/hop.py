@@ -11,13 +11,15 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import Custom, checked
 from hopopt.ocp.custom import path as custom_path
+from hopopt.ocp.drives import carried_on
 from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import find
 from hopopt.ocp.periodic import hop_after_hop
 from hopopt.ocp.phases import LegPhase
-from hopopt.ocp.problem import Ends, Instant, Objective, PathConstraint, Phase, Problem
+from hopopt.ocp.problem import BoundaryConstraint, Ends, Instant, Objective, PathConstraint, Phase, Problem
+from hopopt.ocp.sequence import PhaseSequence
 from hopopt.ocp.tie_break import EFFORT, LOOPED, effort, largest_effort
 from hopopt.ocp.to_rest import to_rest
 
@@ -63,8 +65,18 @@ class Hop(MovingLeg):
             tuple(self._extended(phase) for phase in sequence.phases),
             Objective(goal.name, self._goal_and_tie_break, goal.maximize, goal.unit, goal.scale(self)),
             (*self.free_parameters.parameters(self.robot.parameters), *goal.parameters(self)),
-            (*sequence.transitions, *goal.boundary(self), *self.free_parameters.boundary(self)),
+            (
+                *sequence.transitions,
+                *self._drives(sequence),
+                *goal.boundary(self),
+                *self.free_parameters.boundary(self),
+            ),
         )
+
+    def _drives(self, sequence: PhaseSequence) -> tuple[BoundaryConstraint, ...]:
+        """The drives' states go on through all phases, and in a hop that repeats from the last to the first."""
+        names = [part.phase.name for part in sequence.phases]
+        return carried_on(self, *names, *(names[:1] if self.design.hop.periodic else ()))
 
     def _extended(self, phase: LegPhase) -> Phase:
         """A phase with what the objective and the user's own constraints add to it."""

@@ -26,11 +26,12 @@ from hopopt.leg.kinematics import (
     tucked,
     two_joints,
 )
+from hopopt.ocp.drives import torques_of
 from hopopt.ocp.guess import Guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.landing import landing_guess
 from hopopt.ocp.periodic import there_and_back
-from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE
+from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
 from hopopt.ocp.to_rest import push_backwards
 
 POINTS = 41  # of a guess, each phase
@@ -107,7 +108,20 @@ def _all_phases(
     more = sum(c.size for c in hop.objective.controls(hop))
     found = {STANCE: stance, FLIGHT: flight}
     found |= {DESCENT: down or landing_guess(hop, flight), LANDING: landing or push_backwards(stance)}
-    return {phase.name: _widened(found[phase.name], more) for phase in hop.problem.phases}
+    of_leg = {name: with_drive_states(hop, guess, name in ON_GROUND) for name, guess in found.items()}
+    return {phase.name: _widened(of_leg[phase.name], more) for phase in hop.problem.phases}
+
+
+def with_drive_states(hop: Hop, guess: Guess, on_ground: bool) -> Guess:
+    """The guess with the states of the drives and their commands, as if the motion were slow; one that has them as it is."""
+    states, of_leg = hop.drive_states, 2 * hop.n + (0 if on_ground else 2 * len(hop.falling))
+    if not states.size or guess.x.shape[1] > of_leg:
+        return guess
+    tau = torques_of(hop, guess.x[:, -2 * hop.n :], guess.u, on_ground)
+    held = np.array([states.at_rest(row) for row in tau])
+    return replace(
+        guess, x=np.hstack([guess.x, held]), u=np.hstack([np.delete(guess.u, states.at, axis=1), tau[:, states.at]])
+    )
 
 
 def _widened(guess: Guess, more: int) -> Guess:
@@ -117,6 +131,8 @@ def _widened(guess: Guess, more: int) -> Guess:
 
 def _without_dependent(hop: Hop, stance: Guess) -> Guess:
     """The guess with the controls that the problem has: on a closed loop not all accelerations, and no force yet."""
+    if not hop.loops:
+        return stance
     u = np.hstack([stance.u[:, hop.free], np.zeros((len(stance.u), len(hop.loops)))])
     return replace(stance, u=u)
 

@@ -5,11 +5,14 @@ Joint torques follow from inverse dynamics, so the equations of motion hold by c
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.dynamics import added_states
+from hopopt.errors import UsageError
 from hopopt.leg.dynamics import LegDynamics, Motion
 from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_place
 from hopopt.leg.robot import BASE, build_robot
@@ -25,8 +28,10 @@ class MovingLeg:
     robot: the leg as Pinocchio's model and its parameters.
     n: how many joints it has; reach [m], weight [N] and force_range [N] are its scales.
     contact_axes: along how many axes the ground holds the foot.
-    loops: axes along which stance closes a loop; dependent, free: joints that follow there, and the others.
+    loops: axes along which stance closes a loop; dependent: joints that follow there; free: those whose accelerations are
+    controls in stance.
     falling: components of (x, z) along which no guide holds the body.
+    drive_states: what the drives add, in numbers.
     """
 
     def __init__(self, design: Design):
@@ -39,6 +44,13 @@ class MovingLeg:
         self.loops, self.dependent = loop_axes(self.leg), dependent_joints(design)
         self.free = [k for k in range(self.n) if k not in self.dependent]
         self.falling = [BASE - 1] if "x" not in self.leg.guides else list(range(BASE))
+        self.drive_states = added_states(self.leg, self.robot.parameters)
+        if self.drive_states.size:
+            self.free = [k for k in self.free if k not in self.drive_states.at]
+            if self.loops:
+                raise UsageError(
+                    f"{design.name}: this leg closes a loop with its guides in stance, where drives cannot have states of their own"
+                )
 
     @cached_property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
@@ -72,13 +84,41 @@ class MovingLeg:
 
     def joint_acceleration(self, s: Instant) -> ca.SX:
         """Of all joints in stance (n) [rad/s^2]: the controls, and what a closed loop makes the others do."""
+        if self.drive_states.size:
+            return s.once("joint_a", lambda: self._moved(s, lambda a: self.dynamics(s).stance(s.q, s.v, a)))
         return s.once("joint_a", lambda: self.dynamics(s).closed(s.q, s.v, s.a, self.dependent))
+
+    def _moved(self, s: Instant, motion: Callable[[ca.SX], Motion]) -> ca.SX:
+        """Accelerations (n): the controls, and those of the joints whose drives have states, from the torques that these
+        states give. Torques are affine in accelerations, tau = M a + h, so M_dd a_d = tau_d - h_d - M_do a_o."""
+        at, a = self.drive_states.at, ca.SX.sym("a", self.n)
+        torque, others = motion(a).tau[at], [k for k in range(self.n) if k not in at]
+        M, h = ca.jacobian(torque, a), ca.substitute(torque, a, ca.SX.zeros(self.n))
+        given = ca.vertcat(*added_states(self.leg, s.p).torques(s.drive, self.commands(s), s.v))
+        own = ca.solve(M[:, at], given - h - (M[:, others] @ s.a if others else 0))
+        places = dict(zip(at, ca.vertsplit(own), strict=True))
+        places |= dict(zip(others, ca.vertsplit(s.a), strict=True)) if others else {}
+        return ca.vertcat(*[places[k] for k in range(self.n)])
+
+    def commands(self, s: Instant) -> list[Any]:
+        """Commands [N m] to the joints whose drives have states; None for the others."""
+        own = dict(zip(self.drive_states.at, ca.vertsplit(s.command), strict=True))
+        return [own.get(k) for k in range(self.n)]
 
     # ---- flight ----------------------------------------------------------------------------------------
 
     def flight_motion(self, s: Instant) -> Motion:
         """The whole leg in flight."""
-        return s.once("motion", lambda: self.dynamics(s).flight(*self.com_and_speed(s), s.q, s.v, s.a))
+        return s.once("motion", lambda: self._flying(s, self.flight_acceleration(s)))
+
+    def flight_acceleration(self, s: Instant) -> ca.SX:
+        """Of all joints in flight (n) [rad/s^2]: the controls, and what drives with states of their own make the others do."""
+        if self.drive_states.size:
+            return s.once("joint_a", lambda: self._moved(s, lambda a: self._flying(s, a)))
+        return s.a
+
+    def _flying(self, s: Instant, a: ca.SX) -> Motion:
+        return self.dynamics(s).flight(*self.com_and_speed(s), s.q, s.v, a)
 
     def flight_pose(self, s: Instant) -> tuple[ca.SX, ca.SX]:
         """q and v (2 + n) of body and joints in flight."""

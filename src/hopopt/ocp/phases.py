@@ -11,6 +11,7 @@ import numpy as np
 
 from hopopt.leg.limit_id import Kind, kind_of
 from hopopt.ocp.constraints import HEIGHT, MotionAt
+from hopopt.ocp.drives import with_drives
 from hopopt.ocp.motion import FLIGHT as FLIGHT
 from hopopt.ocp.motion import STANCE as STANCE
 from hopopt.ocp.motion import MovingLeg
@@ -78,8 +79,9 @@ def _phase(
     rates: Callable[[Instant], Mapping[str, ca.SX]], duration: tuple[float, float],
 ) -> LegPhase:  # fmt: skip
     """A phase in which the rules of its kind hold."""
-    path = path_constraints(leg, kind)
-    return LegPhase(Phase(kind, states, controls, rates, duration, path), kind, leg.motion_in(kind))
+    motion = leg.motion_in(kind)
+    phase = Phase(kind, states, controls, rates, duration, path_constraints(leg, kind))
+    return LegPhase(with_drives(leg, phase), kind, motion)
 
 
 def _stance_controls(leg: MovingLeg) -> tuple[Control, ...]:
@@ -103,10 +105,13 @@ def flight(leg: MovingLeg) -> LegPhase:
         State("q", leg.n, lower, upper, 1.0, "rad", names),
         State("v", leg.n, scale=SPEED, unit="rad/s", labels=names),
     )
-    controls = (Control("a", leg.n, scale=ACCELERATION, unit="rad/s^2", labels=names),)
+    prompt = tuple(name for k, name in enumerate(names) if k not in leg.drive_states.at)
+    controls = (Control("a", len(prompt), scale=ACCELERATION, unit="rad/s^2", labels=prompt),) if prompt else ()
     return _phase(
         leg, FLIGHT, states, controls,
-        lambda s: {"com": s.com_v, "com_v": leg.dynamics(s).gravity[leg.falling], "q": s.v, "v": s.a},
+        lambda s: {
+            "com": s.com_v, "com_v": leg.dynamics(s).gravity[leg.falling], "q": s.v, "v": leg.flight_acceleration(s),
+        },
         leg.design.hop.flight_duration,
     )  # fmt: skip
 

@@ -12,6 +12,7 @@ from hopopt.ocp.constraints import (
     operating_region_constraint,
     unilateral_contact,
 )
+from hopopt.ocp.drives import asked
 from hopopt.ocp.motion import FLIGHT, STANCE, MovingLeg
 from hopopt.ocp.problem import PathConstraint
 
@@ -21,7 +22,9 @@ Rule = Callable[[MovingLeg, str], tuple[PathConstraint, ...]]
 def drives(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     """Every drive within its operating region."""
     motion = leg.motion_in(kind)
-    return tuple(operating_region_constraint(leg.leg, joint, motion) for joint in leg.leg.joints)
+    return tuple(
+        operating_region_constraint(leg.leg, joint, motion, asked(leg, joint, motion)) for joint in leg.leg.joints
+    )
 
 
 def ground(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from hopopt.drivetrain.region import operating_region
 from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.drives import asked
 from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.problem import Instant
 
@@ -16,10 +17,12 @@ LOOPED = 10.0  # times its weight, of a leg that closes a loop in stance: there 
 
 
 def effort(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
-    """Sum over the joints of (tau / stall torque)^2, to be integrated."""
+    """Sum over the joints of (tau / stall torque)^2, to be integrated; tau is what the motors are asked for."""
+    torques = [asked(leg, j, motion) for j in leg.leg.joints] if leg.drive_states.size else None
 
     def rate(s: Instant) -> ca.SX:
-        return ca.sumsqr(motion(s).tau / ca.vertcat(*[_stall(leg, j, s.p) for j in leg.leg.joints]))
+        tau = motion(s).tau if torques is None else ca.vertcat(*[torque(s) for torque in torques])
+        return ca.sumsqr(tau / ca.vertcat(*[_stall(leg, j, s.p) for j in leg.leg.joints]))
 
     return rate
 

@@ -20,6 +20,7 @@ CONTROLS = {
     "a": "torque of the {}",
     "loop_force": "force along {} in the closed loop",
     "drawn": "drawn power of the {}",
+    "command": "command to the {}",
 }
 SAYS = {  # what a constraint says
     Kind.GROUND_FORCE: "the least vertical ground force",

@@ -10,16 +10,17 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.dynamics import AddedStates, added_states
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
-from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import dependent_joints, start_place
-from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.leg.robot import Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
+from hopopt.ocp.motion import MovingLeg
 from hopopt.ocp.objective import HopObjective
-from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE
+from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE, flight, stance
+from hopopt.ocp.problem import Instant, stack, symbols
 from hopopt.planner.stored_summary import Summary
 from hopopt.planner.verdict import Multipliers, Verdict
 from hopopt.verify.measures import MEASURES
@@ -61,33 +62,27 @@ class PlanEvaluator:
     """Turns states and controls of the phases into the motion of the whole leg, by the planner's own dynamics."""
 
     def __init__(self, design: Design, robot: Robot):
-        self.robot, n = robot, len(robot.joints)
-        dynamics, dependent = LegDynamics(robot, robot.parameters), dependent_joints(design)
-        loops = len(dependent)
-        q, v, a, free, force = (ca.SX.sym(s, m) for s, m in zip("qvauf", (n, n, n, n - loops, loops), strict=True))
-        closed = dynamics.closed(q, v, free, dependent)
-        com, com_v = ca.SX.sym("com", BASE), ca.SX.sym("com_v", BASE)
-        rows = slice(BASE - 1 if dynamics.slider else 0, BASE)
-        stands = start_place(design)[: rows.start]
-        place, speed = ca.vertcat(stands, com[rows]), ca.vertcat(np.zeros(rows.start), com_v[rows])
-        self.names = [*robot.points, "com"]
-        self.functions = {}
-        for phase, x, u, m in (
-            (STANCE, ca.vertcat(q, v), ca.vertcat(free, force), dynamics.stance(q, v, closed, force)),
-            (FLIGHT, ca.vertcat(com[rows], com_v[rows], q, v), a, dynamics.flight(place, speed, q, v, a)),
-        ):
-            points = dynamics.points(m.q)
-            com_speed = ca.jtimes(points["com"], q, v)
-            if phase == FLIGHT:
-                com_speed += ca.jtimes(points["com"], com, com_v)
+        self.robot, self.names = robot, [*robot.points, "com"]
+        leg, self.functions = MovingLeg(design), {}
+        for part in (stance(leg), flight(leg)):
+            x, u = symbols(part.phase.states), symbols(part.phase.controls)
+            s = Instant(**x, **u, t=0.0, p=robot.parameters)
+            m, points = part.motion(s), leg.dynamics(s).points(part.motion(s).q)
+            com_speed = ca.jtimes(points["com"], s.q, s.v)
+            if part.kind == FLIGHT:
+                com_speed += ca.jtimes(points["com"], s.com, s.com_v)
             outputs = [m.q, m.v, m.a, m.tau, m.f, com_speed, *(points[name] for name in self.names)]
-            self.functions[phase] = ca.Function(phase, [x, u], [ca.densify(o) for o in outputs])
+            given = [stack(x, part.phase.states), stack(u, part.phase.controls)]
+            self.functions[part.kind] = ca.Function(part.kind, given, [ca.densify(o) for o in outputs])
         self.functions |= {DESCENT: self.functions[FLIGHT], LANDING: self.functions[STANCE]}
 
     def __call__(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Samples:
         """Samples from states x (k, nx) and controls u (k, n or more) of one phase at times t (k,)."""
-        moving = self.functions[phase].size1_in(1)  # what an objective adds moves nothing
-        results = self.functions[phase].map(len(t))(np.ascontiguousarray(x.T), np.ascontiguousarray(u.T[:moving]))
+        states, moving = (
+            self.functions[phase].size1_in(k) for k in (0, 1)
+        )  # what drives and objectives add comes after
+        of_leg = (np.ascontiguousarray(x.T[:states]), np.ascontiguousarray(u.T[:moving]))
+        results = self.functions[phase].map(len(t))(*of_leg)
         q, v, a, tau, f, com_v, *points = (np.array(r).T for r in results)
         return Samples(t, np.full(len(t), phase), q, v, a, tau, f, dict(zip(self.names, points, strict=True)), com_v)
 
@@ -188,12 +183,22 @@ class Motion:
     def fresh_table(self, phase: str) -> Table:
         """The table of one phase, computed from its trajectory; a landing's x is counted from its foot."""
         samples, N = self._everywhere(phase, NORMALISED_TIMES), len(self.phases[phase].x_start)
-        return Table(
+        table = Table(
             *(
                 getattr(samples, s).reshape(N, len(NORMALISED_TIMES), *getattr(samples, s).shape[1:])
                 for s in ("t", "q", "v", "a", "tau", "f")
             )
         )
+        added = added_states(self.design.leg, self.robot.parameters)
+        return self._with_drives(phase, table, added) if added.size else table
+
+    def _with_drives(self, phase: str, table: Table, added: AddedStates) -> Table:
+        """The table with the drives' states, the last of the phase's, and the commands, the last controls of the leg."""
+        _, x, u = self.phases[phase].everywhere(NORMALISED_TIMES)
+        states, moving = (self._evaluate.functions[phase].size1_in(k) for k in (0, 1))
+        command = table.tau.copy()
+        command[..., added.at] = u[..., moving - len(added.at) : moving]
+        return replace(table, command=command, drive=x[..., states - added.size : states])
 
     @property
     def apex(self) -> Samples:

@@ -48,21 +48,23 @@ class Plant:
 
     def stance_start(self, q_j: np.ndarray) -> State:
         """At rest with the foot on the ground at the origin."""
-        terms = self.machine.stance_terms(q_j, np.zeros(self.n))
-        return State(terms.q, terms.v, contact=True, foot=0.0)
+        terms, states = self.machine.stance_terms(q_j, np.zeros(self.n)), self.drive.states
+        own = np.array(states.at_rest(np.zeros(self.n)) if states else ())
+        return State(terms.q, terms.v, contact=True, foot=0.0, drive=own)
 
     def _rates(self, s: State, y: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """Time derivative of (q, v, work), with q and v of the joints only in stance."""
+        """Time derivative of (q, v, work, the drives' states), with q and v of the joints only in stance."""
         m = self.n if s.contact else self.n + BASE
-        q, v = y[:m], y[m : 2 * m]
+        q, v, own = y[:m], y[m : 2 * m], y[2 * m + len(s.work) :]
         w = v[m - self.n :]
-        motor, tau = self.drive.torque(w, command)
+        motor, tau = self.drive.torque(w, command, own)
         stop = self.stops.torque(q[m - self.n :], w)
         if s.contact:
             a = self.machine.stance_terms(q, v).acceleration(tau + stop)
         else:
             a = self.machine.acceleration(q, v, tau + stop, False)
-        return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w, 0.0]])
+        rates = self.drive.rates(w, command, own)
+        return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w, 0.0], rates])
 
     def step(self, s: State, torque: Torque, h: float) -> State:
         """A step of length h [s] without regard to events; in several parts where a joint meets its end stop, or gears rub hard."""
@@ -78,7 +80,7 @@ class Plant:
     def _runge_kutta(self, s: State, torque: Torque, h: float) -> State:
         first = BASE if s.contact else 0
         m = len(s.q) - first
-        y = np.concatenate([s.q[first:], s.v[first:], s.work])
+        y = np.concatenate([s.q[first:], s.v[first:], s.work, s.drive])
 
         def rates(t: float, y: np.ndarray) -> np.ndarray:
             return self._rates(s, y, torque(t, y[m - self.n : m], y[2 * m - self.n : 2 * m]))
@@ -90,24 +92,26 @@ class Plant:
         return self._with(s, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), s.t + h)
 
     def _with(self, s: State, y: np.ndarray, t: float) -> State:
-        m = (len(y) - len(s.work)) // 2
-        q, v, work = y[:m], y[m : 2 * m], y[2 * m :]
+        m = (len(y) - len(s.work) - len(s.drive)) // 2
+        q, v, work, own = np.split(y, [m, 2 * m, 2 * m + len(s.work)])
         if s.contact:
             q, v = self.machine.on_guides(q, v, s.foot, s.q[0])
             terms = self.machine.stance_terms(q, v)
             q, v = terms.q + np.array([s.foot, *[0.0] * (self.n + 1)]), terms.v
-        return replace(s, q=q, v=v, t=t, work=work)
+        return replace(s, q=q, v=v, t=t, work=work, drive=own)
 
     def force(self, s: State, command: np.ndarray) -> np.ndarray:
         """Contact force (x, z) [N] on the foot under a command; nothing in flight."""
         if not s.contact:
             return np.zeros(BASE)
         q, v = s.q[BASE:], s.v[BASE:]
-        return self.machine.stance_terms(q, v).contact_force(self.drive.torque(v, command)[1] + self.stops.torque(q, v))
+        return self.machine.stance_terms(q, v).contact_force(
+            self.drive.torque(v, command, s.drive)[1] + self.stops.torque(q, v)
+        )
 
     def torques(self, s: State, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What a command (n) leads to: torques (n) [N m] of the motors and of the joints, contact force (x, z) [N]."""
-        return *self.drive.torque(s.v[BASE:], command), self.force(s, command)
+        return *self.drive.torque(s.v[BASE:], command, s.drive), self.force(s, command)
 
     def rise(self, s: State) -> float:
         """Upward velocity [m/s] of the centre of mass."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from hopopt.compiled.kernel import packed
 from hopopt.drivetrain.drives import Drive
+from hopopt.errors import UsageError
 from hopopt.leg.robot import Robot
 from hopopt.sim import contact
 from hopopt.sim.planar import planar_leg
@@ -38,6 +39,10 @@ class RoughGround(Plant):
         finer: int = 1,
     ):
         """friction: coefficient, infinite for ideal ground; the others as for ``Plant``. UsageError for other legs."""
+        if drive.states:
+            raise UsageError(
+                "drives with states of their own are simulated on ideal ground only: leave out contact.friction"
+            )
         super().__init__(robot, drive, above_ground, finer)
         self.friction = friction
         self.leg = packed(planar_leg(robot, drive, self.stops, self.above_ground, friction, finer))

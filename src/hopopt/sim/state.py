@@ -29,7 +29,7 @@ class Timing:
 @dataclass(frozen=True)
 class State:
     """Where the leg is: q, v (BASE + n); on the ground the foot is at (foot, 0), or slips (+1 forward, -1 backward);
-    in this phase since ``since``, in the one before it since ``before`` [s]; halted: why the run must end here."""
+    in this phase since ``since``, in the one before it since ``before`` [s]; drive: states of the drives (m); halted: why the run must end here."""
 
     q: np.ndarray
     v: np.ndarray
@@ -40,6 +40,7 @@ class State:
     before: float = 0.0
     landings: int = 0
     work: np.ndarray = field(default_factory=lambda: np.zeros(ACCOUNTS))
+    drive: np.ndarray = field(default_factory=lambda: np.zeros(0))
     slip: int = 0
     halted: str = ""
 

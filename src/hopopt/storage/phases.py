@@ -1,5 +1,7 @@
 """A phase of a plan in a result's netCDF file: its table with units, and its collocation data."""
 
+from dataclasses import fields
+
 import numpy as np
 
 from hopopt.leg.kinematics import contact_axes
@@ -9,13 +11,17 @@ from hopopt.planner.solution import Solution
 from hopopt.storage.netcdf import Group
 from hopopt.verify.table import Table
 
-UNITS = {"t": "s", "q": "m or rad", "v": "m/s or rad/s", "a": "m/s^2 or rad/s^2", "tau": "N m", "f": "N"}
+UNITS = {
+    "t": "s", "q": "m or rad", "v": "m/s or rad/s", "a": "m/s^2 or rad/s^2", "tau": "N m", "f": "N", "command": "N m",
+    "drive": "SI",
+}  # fmt: skip
 
 
 def phase_group(solution: Solution, table: Table, trajectory: PhaseTrajectory) -> Group:
     """The table and the collocation data of one phase, with units."""
     joints, last = list(solution.robot.joints), dict.fromkeys("qva", "coordinate")
-    last |= {"tau": "joint", "f": "direction"}
+    last |= {"tau": "joint", "f": "direction"} | {"command": "joint", "drive": "drive_state"}
+    last = {name: dim for name, dim in last.items() if name in table.parts}
     labels = {
         "coordinate": ["x", "z", *joints],
         "joint": joints,
@@ -44,4 +50,5 @@ def trajectory_of(group: Group) -> PhaseTrajectory:
 
 def table_of(group: Group) -> Table:
     """The table that ``phase_group`` wrote."""
-    return Table(*(group[name] for name in ("t", "q", "v", "a", "tau", "f")))
+    names = [f.name for f in fields(Table)]
+    return Table(**{name: group[name] for name in names if name in group.variables})

@@ -26,7 +26,7 @@ def limits_of(
     machine: Machine, robot: Robot, design: Design, phase: str, motion: tuple[np.ndarray, ...], window: bool
 ) -> dict[LimitId, np.ndarray]:
     """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
-    q, v (k, 2 + n), tau (k, n), f (k, 2); one value for those of its end;
+    q, v (k, 2 + n), tau (k, n) that the motors are asked for, f (k, 2); one value for those of its end;
     ``window``: the foot's window is one."""
     (q, v, tau, f), contact = motion, phase in ON_GROUND
     found: dict[LimitId, np.ndarray] = {}

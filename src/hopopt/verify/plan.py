@@ -17,6 +17,7 @@ from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, FIGURE, LIMIT, Check
+from hopopt.verify.drives import drive_checks
 from hopopt.verify.landing import landing, lift_off
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import AT_LEAST, LEAST, MEASURES, joint_work, quadrature
@@ -66,6 +67,7 @@ def phase_checks(
         _inverse_dynamics(machine, name, table),
         _energy(machine, name, table),
         _impulse(machine, name, table),
+        *drive_checks(robot, name, table),
         *_limits(machine, robot, design, name, table, window),
     ]
 
@@ -174,7 +176,7 @@ def _limits(machine: Machine, robot: Robot, design: Design, phase: str, table: T
     weights = BarycentricInterpolator(NORMALISED_TIMES, np.eye(len(NORMALISED_TIMES)))(BETWEEN)
     t, q, v, tau, f = (
         np.einsum("kp,ip...->ik...", weights, x).reshape(-1, *x.shape[2:])
-        for x in (table.t, table.q, table.v, table.tau, table.f)
+        for x in (table.t, table.q, table.v, table.asked, table.f)
     )
     checks = []
     for limit, excess in limits_of(machine, robot, design, phase, (q, v, tau, f), window).items():

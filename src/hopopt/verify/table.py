@@ -1,6 +1,6 @@
 """The plan as verification sees it: a table for each phase, as it lies in the result file."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -16,7 +16,8 @@ ON_GROUND = (STANCE, LANDING)  # in both the foot is the origin
 @dataclass(frozen=True)
 class Table:
     """A phase of the plan at NORMALISED_TIMES of its N intervals, K = 9 each: t (N, K) [s], q, v, a (N, K, 2 + n), tau
-    (N, K, n) [N m], f (N, K, 2) [N]."""
+    (N, K, n) [N m], f (N, K, 2) [N]. Where drives have states of their own: command (N, K, n) [N m], what the motors are asked
+    for, and drive (N, K, m), these states."""
 
     t: np.ndarray
     q: np.ndarray
@@ -24,3 +25,15 @@ class Table:
     a: np.ndarray
     tau: np.ndarray
     f: np.ndarray
+    command: np.ndarray | None = None
+    drive: np.ndarray | None = None
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the arrays that it has."""
+        return tuple(f.name for f in fields(self) if getattr(self, f.name) is not None)
+
+    @property
+    def asked(self) -> np.ndarray:
+        """What the motors are asked for (N, K, n) [N m]: the joints' torques where drives have no states."""
+        return self.tau if self.command is None else self.command

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hopopt.design import Design, Hop
+from hopopt.design import Design, Hop, physical_parameters
 from hopopt.drivetrain.clamp import torque_lines, within
+from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import loop_axes, reach
@@ -116,7 +117,11 @@ def _check(kind: tuple[str, float, str], residual: float, where: str = "", left_
 
 def not_simulated(design: Design) -> str:
     """Why a leg's hop cannot be simulated in one piece; empty if it can."""
-    return "a leg that closes a loop with its guides is not simulated in one piece" if loop_axes(design.leg) else ""
+    if loop_axes(design.leg):
+        return "a leg that closes a loop with its guides is not simulated in one piece"
+    if added_states(design.leg, physical_parameters(design.leg)).size:
+        return "a leg whose drives have states of their own is not simulated in one piece"
+    return ""
 
 
 def whole_hop_rollout(

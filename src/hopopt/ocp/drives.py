@@ -1,0 +1,73 @@
+"""What drives with states of their own add to a phase: these states, and a command in place of the joint's acceleration."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from hopopt.drivetrain.dynamics import added_states
+from hopopt.drivetrain.region import operating_region
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.robot import BASE
+from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.motion import MovingLeg
+from hopopt.ocp.problem import BoundaryConstraint, Control, Ends, Instant, Phase, State, linkage
+
+DRIVE, COMMAND = "drive", "command"  # the state and the control that are added
+
+
+def asked(leg: MovingLeg, joint: str, motion: MotionAt) -> Callable[[Instant], ca.SX]:
+    """The torque that a joint's motor is asked for at an instant [N m]: its command, or without dynamics the joint's torque."""
+    of, k = leg.drive_states.of, leg.leg.joints.index(joint)
+    if joint in of:
+        place = list(of).index(joint)
+        return lambda s: getattr(s, COMMAND)[place]
+    return lambda s: motion(s).tau[k]
+
+
+def with_drives(leg: MovingLeg, phase: Phase) -> Phase:
+    """The phase with the states of its drives and the commands that move them; as it is where they have none."""
+    states = leg.drive_states
+    if not states.size:
+        return phase
+    stall = [_stall_torque(leg, joint) for joint in states.of]
+    scales = [scale for d in states.of.values() for scale in d.scales]
+    units = " or ".join(dict.fromkeys(unit for d in states.of.values() for unit in d.units))
+    own = State(DRIVE, states.size, scale=scales, unit=units, labels=states.labels())
+    command = Control(COMMAND, len(states.of), scale=stall, unit="N m", labels=tuple(states.of))
+
+    def rates(s: Instant) -> Mapping[str, ca.SX]:
+        found = added_states(leg.leg, s.p).rates(getattr(s, DRIVE), leg.commands(s), s.v)
+        return {**phase.dynamics(s), DRIVE: ca.vertcat(*found)}
+
+    return replace(phase, states=(*phase.states, own), controls=(*phase.controls, command), dynamics=rates)
+
+
+def carried_on(leg: MovingLeg, *phases: str) -> tuple[BoundaryConstraint, ...]:
+    """The drives' states go on from each phase to the next, whatever happens to the leg between them."""
+    if not leg.drive_states.size:
+        return ()
+    scales = [scale for d in leg.drive_states.of.values() for scale in d.scales]
+
+    def between(before: str, after: str) -> BoundaryConstraint:
+        def miss(e: Ends) -> ca.SX:
+            return getattr(e.initial[after], DRIVE) - getattr(e.final[before], DRIVE)
+
+        return linkage(f"drives, {before} to {after}", miss, scales, labels=leg.drive_states.labels())
+
+    return tuple(between(*pair) for pair in pairwise(phases))
+
+
+def torques_of(leg: MovingLeg, x: np.ndarray, a: np.ndarray, on_ground: bool) -> np.ndarray:
+    """Torques (m, n) [N m] of a guessed motion: angles and speeds x (m, 2 n) of the joints, accelerations a (m, n)."""
+    q, v, rate = (ca.SX.sym(name, leg.n) for name in "qva")
+    dynamics, still = LegDynamics(leg.robot, leg.robot.parameters), ca.SX.zeros(BASE)
+    motion = dynamics.stance(q, v, rate) if on_ground else dynamics.flight(still, still, q, v, rate)
+    torque = ca.Function("torque", [ca.vertcat(q, v), rate], [motion.tau])
+    return np.array(torque.map(len(x))(x.T, a.T)).T
+
+
+def _stall_torque(leg: MovingLeg, joint: str) -> float:
+    return float(operating_region(leg.leg, joint, leg.robot.parameters).torque_bounds(0.0)[1])
