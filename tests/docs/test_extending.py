@@ -103,7 +103,7 @@ def test_a_drive_with_states_of_its_own() -> None:
     solution = first_solver(hop)(make_guess(hop, NAMED[1]))
     assert solution.success
     stance = solution.phases["stance"]
-    t, x, u = stance.everywhere(np.array(stance.scheme.c))
+    _, x, u = stance.everywhere(np.array(stance.scheme.c))
     command, torque = u[..., :2], x[..., 4:6]
     np.testing.assert_allclose(stance.xdot[..., 4:6], (command - torque) / lag, rtol=1e-6, atol=1e-3)
 
