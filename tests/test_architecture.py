@@ -28,7 +28,7 @@ PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, 
     "nlp": ("files", "errors", "ocp.problem", "ocp.guess"),
     "control": ("errors", "user_code", "design", "leg", "problem.load", "sim"),
     "verify": ("errors", "design", "leg", "sim.machine"),
-    "global_search": ("errors", "design", "leg", "sim", "ocp.guess"),
+    "global_search": ("errors", "design", "leg", "sim", "ocp.guess", "nlp.deadline"),
     "optimality": ("errors", "design", "leg", "ocp", "nlp", "verify"),
     "planner": (
         "errors", "user_code", "design", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",

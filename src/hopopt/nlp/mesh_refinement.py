@@ -16,12 +16,12 @@ from typing import Any, Self
 import numpy as np
 
 from hopopt.nlp.continuous_limits import Chosen, Held, coming_close, held_between, nothing_held
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.mesh_step import Cuts, about, any_cut, cut, equal, pieces_of
 from hopopt.nlp.tightening import passed, tightened
 from hopopt.nlp.tightening_cost import excess_costs, normalised_switch_times, tightening_costs
-from hopopt.nlp.time_limit import time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
@@ -63,6 +63,7 @@ class Aims:
     iterations: most of them on each mesh
     restarts: so many times ``iterations`` may go, over all meshes, into solving again without the last one's
         multipliers; restarts that only a doubt asks for are counted, but never refused
+    until: by when it ends, with the mesh it is at
     """
 
     local_error: float
@@ -72,6 +73,7 @@ class Aims:
     meshes: int
     iterations: int
     restarts: float = 5.0
+    until: Deadline = NEVER
 
 
 @dataclass(frozen=True)
@@ -233,7 +235,7 @@ class Refinement:
     def _solve(self, cuts: Cuts) -> bool:
         """Solve on the next mesh, which may be the same, with limits held and tightened."""
         began, old, finer = time.perf_counter(), self.solution, any_cut(cuts)
-        if time_is_up():
+        if self.aims.until.passed:
             self.ended = OUT_OF_TIME
             return False
         if sum(int(pieces_of(normalised_times).sum()) for normalised_times in cuts.values()) > FINEST:
@@ -255,7 +257,7 @@ class Refinement:
         solved = self._attempts(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
         found = self._believable(solved)
         if found is None:
-            self.ended = OUT_OF_TIME if time_is_up() else WORSE if solved else UNSOLVED
+            self.ended = OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
             return False
         self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
         return True
@@ -275,10 +277,10 @@ class Refinement:
             most = self.aims.iterations
             if not tried[0].success:
                 most = min(most, self._restarts_left)
-            if most == 0 or time_is_up() or (tried[-1].success and not self._worse(tried[-1])):
+            if most == 0 or self.aims.until.passed or (tried[-1].success and not self._worse(tried[-1])):
                 break
             options = GENTLE | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
-            tried.append(NlpSolver(warm.transcription, options)(guess, free, None, bounds))
+            tried.append(NlpSolver(warm.transcription, options, until=self.aims.until)(guess, free, None, bounds))
             self._restarts_left = max(0, self._restarts_left - tried[-1].iterations)
         return [s for s in tried if s.success]
 
@@ -299,7 +301,8 @@ class Refinement:
         return loss > LOST * self.solution.magnitude
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
-        return NlpSolver(t, {**known, "ipopt.max_iter": min(PATIENCE, self.aims.iterations)})
+        most = {"ipopt.max_iter": min(PATIENCE, self.aims.iterations)}
+        return NlpSolver(t, {**known, **most}, until=self.aims.until)
 
     def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}

@@ -29,7 +29,6 @@ from hopopt.nlp.mesh_refinement import (
 from hopopt.nlp.mesh_step import cut, equal
 from hopopt.nlp.tightening import tightened_by_excess
 from hopopt.nlp.tightening_cost import excess_costs, tightening_cost
-from hopopt.nlp.time_limit import time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
@@ -96,7 +95,7 @@ class TighteningRefinement(Refinement):
         began, solver = time.perf_counter(), self._solver(self.solution.transcription, NEAR)
         for k in range(ROUNDS):
             last = [step.excess for step in self.history[-3:]]
-            if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]):
+            if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]) or self.aims.until.passed:
                 break
             built = time.perf_counter()
             solution = solver.again(self.solution, tightened_by_excess(self.solution, self.errors, self.aims.excess))
@@ -111,7 +110,7 @@ class TighteningRefinement(Refinement):
 
     def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
         """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
-        if time_is_up():
+        if self.aims.until.passed:
             self.ended = OUT_OF_TIME
             return False
         if sum(m.intervals for m in mesh.values()) > FINEST:
@@ -124,7 +123,7 @@ class TighteningRefinement(Refinement):
         built = time.perf_counter()
         solved = self._attempts(solver, guess, free, carried(old, t))
         if not solved:
-            self.ended = OUT_OF_TIME if time_is_up() else UNSOLVED
+            self.ended = OUT_OF_TIME if self.aims.until.passed else UNSOLVED
             return False
         self._accept(solved[-1], built - began, time.perf_counter() - built)
         return True
