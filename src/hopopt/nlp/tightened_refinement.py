@@ -13,7 +13,6 @@ from hopopt.nlp.continuous_limits import Chosen, holds
 from hopopt.nlp.ipopt import CARRIED, NEAR, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.mesh_refinement import (
-    FINEST,
     MET,
     NO_NEARER,
     OUT_OF_TIME,
@@ -26,7 +25,7 @@ from hopopt.nlp.mesh_refinement import (
     moves_to,
     relative,
 )
-from hopopt.nlp.mesh_step import cut, equal
+from hopopt.nlp.mesh_step import Parts, cut, equal
 from hopopt.nlp.tightening import tightened_by_excess
 from hopopt.nlp.tightening_cost import excess_costs, tightening_cost
 from hopopt.nlp.transcription import Transcription
@@ -36,7 +35,6 @@ MOST = 4  # pieces into which an interval is cut at once
 EARLY = 4  # meshes before an error that wanders is suspected
 ROUNDS = 10  # of tightening the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
-Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 
 
 def refinement_of(
@@ -62,7 +60,10 @@ class TighteningRefinement(Refinement):
             if not _any(parts):
                 self.ended = MET
                 return
-            if not self._solve_on({n: cut(self.solution, n, equal(p)) for n, p in parts.items()}):
+            if (fewer := self._fitting(parts)) is None:
+                self.ended = TOO_FINE
+                return
+            if not self._solve_on({n: cut(self.solution, n, equal(p)) for n, p in fewer.items()}):
                 return
 
     @property
@@ -112,9 +113,6 @@ class TighteningRefinement(Refinement):
         """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
         if self.aims.until.passed:
             self.ended = OUT_OF_TIME
-            return False
-        if sum(m.intervals for m in mesh.values()) > FINEST:
-            self.ended = TOO_FINE
             return False
         began, old = time.perf_counter(), self.solution
         t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
