@@ -24,6 +24,8 @@ def search(
         raise UsageError(f"{design.name}: no global search: {reason}")
     if not SMALLEST <= size <= LARGEST:
         raise UsageError(f"a grid of {size} nodes on each axis: a size from {SMALLEST} to {LARGEST} is needed")
+    if until.passed:
+        raise TimeoutError
     began = time.perf_counter()
     if "x" in design.leg.guides:  # imported here: the compiler of these modules takes a third of a second
         from hopopt.global_search.four_states import search_stance as on_grid

@@ -73,9 +73,9 @@ def constraint(
 ) -> Callable[[Any], Any]:  # fmt: skip
     """Say of a function what path constraint it is: its bounds and unit, the size of its range, and in which phases it
     holds. One bound leaves the other side open. Without any, as without this, a function must be at least 0."""
-    least = 0.0 if upper is None else -INF
-    bounds = {"lower": least if lower is None else lower, "upper": INF if upper is None else upper}
-    return _marked(Terms(unit, scale=scale, phases=phases, **bounds))
+    if lower is None:
+        lower = 0.0 if upper is None else -INF
+    return _marked(Terms(unit, lower=lower, upper=INF if upper is None else upper, scale=scale, phases=phases))
 
 
 def _marked(terms: Terms) -> Callable[[Any], Any]:
