@@ -42,6 +42,9 @@ if TYPE_CHECKING:
     from hopopt.planner.solution import Solution
 
 
+MORE = 5.0  # s that figures and a simulation take, which are not begun with less time left
+
+
 @app.command
 def solve(
     problem: str = "paper",
@@ -138,10 +141,10 @@ def solve(
         solution = _solved(design, objective, free, couple, once, more)
         from hopopt.storage.solution import save
 
-        if end.passed and (figures or control or draws or report):
+        if end.seconds_left < MORE and (figures or control or draws or report):
             figures = control = report = False
             draws = 0
-            print("hopopt: only the answer itself: the time limit was reached", file=sys.stderr)
+            print("hopopt: the answer alone: the time limit leaves no time for more", file=sys.stderr)
         if figures:
             from hopopt.plots.hop import save_all as draw
 
