@@ -23,7 +23,7 @@ from hopopt.nlp.mesh_refinement import (
     Aims,
     Refinement,
 )
-from hopopt.nlp.mesh_step import cut, equal
+from hopopt.nlp.mesh_step import cut, equal, fitting
 from hopopt.nlp.schemes import Scheme, radau
 from hopopt.nlp.tightened_refinement import TighteningRefinement, refinement_of
 from hopopt.nlp.tightening import limit_nodes, passed, tightened, tightened_by_excess
@@ -193,6 +193,7 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
     known = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
     known.run()
     monkeypatch.setattr(refine, "PATIENCE", 1)
+    monkeypatch.setattr(refine, "LONGER", 1)
     hasty = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=0))
     hasty.run()
     assert hasty.ended == UNSOLVED
@@ -230,6 +231,32 @@ def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
     refinement.run()
     assert refinement.ended == TOO_FINE
     assert len(refinement.history) == 1
+
+
+def test_where_not_all_cuts_fit_the_most_urgent_are_made() -> None:
+    pieces, urgency = (
+        {"a": np.array([8, 1, 2]), "b": np.array([4, 2])},
+        {"a": np.array([1, 9, 5]), "b": np.array([3, 7])},
+    )
+    assert fitting(pieces, urgency, 17) == pieces  # all
+    some = fitting(pieces, urgency, 8)  # the two most urgent: one more each
+    assert some is not None
+    assert [part.tolist() for part in some.values()] == [[1, 1, 2], [1, 2]]
+    assert fitting(pieces, urgency, 5) is None
+
+
+def test_a_mesh_that_would_be_too_fine_is_cut_where_it_matters_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the same optimum, within fewer intervals."""
+    known, aims = bang_bang(), Aims(1e-8, 1e-5, ALLOWED, PRICE, 20, 300)
+    free = Refinement(solve(known, radau(3), uniform(8)), aims)
+    free.run()
+    most = sum(free.history[-1].intervals.values())
+    monkeypatch.setattr(refine, "FINEST", most - 1)
+    within = Refinement(solve(known, radau(3), uniform(8)), aims)
+    within.run()
+    assert within.ended == MET
+    assert sum(within.history[-1].intervals.values()) < most
+    assert within.solution.objective == pytest.approx(known.optimum, rel=2 * ALLOWED)
 
 
 def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest.MonkeyPatch) -> None:

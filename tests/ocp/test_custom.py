@@ -17,6 +17,7 @@ from hopopt.ocp.objectives import find
 from hopopt.planner.custom_check import custom_checks
 from hopopt.planner.solution import Solution
 from hopopt.planner.summary_extras import Functions
+from hopopt.problem.load import load
 from hopopt.storage.recheck import with_functions
 from hopopt.verify.measures import positive_work
 
@@ -80,6 +81,29 @@ def test_a_constraint_of_ones_own_holds_and_costs(softly: Solution, hop: Solutio
     assert hop.tables["stance"].f[..., 1].max() > 1.2 * FORCE
     assert softly.clearance < hop.clearance
     assert softly.summary.functions.constraints == (f"{__name__}:soft",)
+
+
+@pytest.mark.parametrize(
+    ("given", "lower", "upper"),
+    [
+        ({"upper": -5.0}, -np.inf, -5.0),
+        ({"upper": 5.0}, -np.inf, 5.0),
+        ({"lower": -5.0}, -5.0, np.inf),
+        ({"lower": -5.0, "upper": -2.0}, -5.0, -2.0),
+        ({}, 0.0, np.inf),
+    ],
+)
+def test_one_bound_leaves_the_other_side_open(given: dict[str, float], lower: float, upper: float) -> None:
+    """Of what may be negative too: the ground force along."""
+    along = ho.constraint(phases=("stance",), unit="N", **given)(lambda now: now.f[0])
+    hop = Hop(load("paper"), constraints=(custom(along),))
+    own = [c for c in hop.problem.phases[0].path if c.unit == "N" and str(custom(along).name) in str(c.name)]
+    assert [(c.lower, c.upper) for c in own] == [(lower, upper)]
+
+
+def test_an_objective_is_no_constraint() -> None:
+    with pytest.raises(UsageError, match="limits nothing"):
+        Hop(load("paper"), constraints=(custom(foot_height),))
 
 
 def test_a_constraint_of_ones_own_is_among_the_limits(softly: Solution) -> None:

@@ -63,7 +63,10 @@ def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
 
 def claim(name: str, height: float, verified: bool) -> Solution:
     """An answer as far as choosing among answers looks at it."""
-    seen = cast("Summary", SimpleNamespace(title=name, objective_value=height, verified=verified))
+    seen = SimpleNamespace(
+        title=name, objective_value=height, verified=verified, failed_checks=() if verified else ("one",)
+    )
+    seen = cast("Summary", seen)
     return Solution(load("paper"), "clearance", {}, seen)
 
 

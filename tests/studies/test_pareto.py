@@ -106,11 +106,11 @@ def test_stopping_keeps_what_is_finished(
 ) -> None:
     real, calls = refined_and_verified, []
 
-    def stopped(*arguments: object) -> object:
+    def stopped(*arguments: object, **more: object) -> object:
         calls.append(arguments)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        return real(*arguments)  # type: ignore[arg-type]
+        return real(*arguments, **more)  # type: ignore[arg-type]
 
     monkeypatch.setattr(pareto, "refined_and_verified", stopped)
     asked = ["--against", "peak_force", "--points", "4", "--starts", "1", "--processes", "1", "--json", "--no-figures"]

@@ -111,11 +111,12 @@ def _gathered(
     design: Any, objective: str, ended: Any, grids: tuple[int, ...], nodes: tuple[int, ...], say: Any
 ) -> dict[str, Any]:
     """Everything that is said, as one object."""
+    from hopopt.nlp.deadline import NEVER
     from hopopt.ocp.hop import Hop
     from hopopt.ocp.objectives import find
     from hopopt.planner.families import families
     from hopopt.planner.multistart import contenders, run_chunk
-    from hopopt.planner.solve import solve_from
+    from hopopt.planner.solve import TIME_LIMIT, solve_from
     from hopopt.planner.summary_entry import as_data
     from hopopt.studies import local_optima as study
     from hopopt.studies.dynamic_programming import CONTRADICTED, TELLING
@@ -130,7 +131,8 @@ def _gathered(
     more, overall = _searched(hop, outcomes, nodes, say)
     outcomes += more
     say("refining and verifying the best")
-    best, bound = solve_from(hop, contenders(outcomes), outcomes, say), upper_bound(design)
+    best = solve_from(hop, contenders(outcomes), outcomes, say, NEVER.within(TIME_LIMIT))
+    bound = upper_bound(design)
     passed, simple = best.clearance > bound.clearance, _reduced(design, grids, say)
     finest = (simple.get("grids") or [{"size": 0}])[-1]
     contradicted = finest["size"] >= TELLING and finest["difference"] > CONTRADICTED
@@ -154,15 +156,19 @@ def _gathered(
 def _searched(hop: Any, known: Any, nodes: tuple[int, ...], say: Any) -> tuple[list[Any], dict[str, Any]]:
     """Hops from relaxed problems and, on grids or by basin hopping, from all over; and the grids' account."""
     from hopopt.global_search import applies
+    from hopopt.nlp.deadline import NEVER
+    from hopopt.planner.solve import TIME_LIMIT
     from hopopt.studies import thorough_search as thorough
 
-    more = thorough.relaxed(hop, known, say)
+    more = thorough.relaxed(hop, known, say, NEVER.within(TIME_LIMIT))
     if reason := applies(hop.design):
-        hops = thorough.hopped(hop, HOPS, [*known, *more], say)
+        hops = thorough.hopped(hop, HOPS, [*known, *more], say, NEVER.within(TIME_LIMIT))
         return more + hops, {"reason": reason, "basin_hopping": len(hops)}
     if not nodes:
         return more, {"reason": "not asked for (--global)"}
     rows, ended = thorough.on_grids(hop, nodes, [*known, *more], say)
+    if not rows:
+        return more, {"reason": f"a grid of {nodes[0]} nodes took longer than {thorough.LONGEST:g} s"}
     return more + ended, {"method": rows[-1]["method"], "grids": rows}
 
 

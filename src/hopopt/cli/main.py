@@ -35,10 +35,14 @@ from hopopt.cli import transition as cli_transition
 from hopopt.cli import view as cli_view
 from hopopt.cli.options import AsJson, Constraints, Couple, CrossChecked, Free, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
+from hopopt.nlp.deadline import NEVER
 
 if TYPE_CHECKING:
     from hopopt.design import Design
     from hopopt.planner.solution import Solution
+
+
+MORE = 5.0  # s that figures and a simulation take, which are not begun with less time left
 
 
 @app.command
@@ -131,9 +135,16 @@ def solve(
         once = {"structure": structure, "cross_check": cross_check}
         later = {"hopopt.storage.solution": True, "hopopt.plots.hop": figures, "hopopt.studies.compare": control}
         _import_beside(*(name for name, wanted in later.items() if wanted))
+        from hopopt.planner.solve import TIME_LIMIT
+
+        end = NEVER.within(time_limit or TIME_LIMIT)
         solution = _solved(design, objective, free, couple, once, more)
         from hopopt.storage.solution import save
 
+        if end.seconds_left < MORE and (figures or control or draws or report):
+            figures = control = report = False
+            draws = 0
+            print("hopopt: the answer alone: the time limit leaves no time for more", file=sys.stderr)
         if figures:
             from hopopt.plots.hop import save_all as draw
 
@@ -346,17 +357,20 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
 
 
 def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
-    """Print an answer: as one object, or for a person short or ``whole``; one that is not verified is never short."""
+    """Print an answer: as one object, or for a person short or ``whole``; one that is not verified is never short, but
+    where the time was up."""
     if as_object:
         from hopopt.storage.folder import as_json
         from hopopt.storage.solution import stated
 
         print(as_json(stated(solution.shown)))
         return
-    from hopopt.cli.screen.answer import print_answer
+    from hopopt.cli.screen.answer import print_answer, print_late
     from hopopt.cli.screen.details import print_details
 
-    show_it = print_details if whole or not solution.verified else print_answer
+    s = solution.summary
+    unverified = print_late if s.late else print_details
+    show_it = print_details if whole else print_answer if s.verified else unverified
     show_it(solution)
     if solution.summary.codesign:
         from hopopt.cli.screen.codesign import print_codesign

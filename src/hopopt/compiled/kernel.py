@@ -18,6 +18,11 @@ def kernel(function: Callable[..., Any]) -> Any:
     return made
 
 
+def kept(function: Any) -> bool:
+    """Whether a kernel is compiled already, here or on disk."""
+    return bool(function.signatures) or (isinstance(function._cache, CheckedCache) and function._cache.holds_any())
+
+
 def packed(values: Any) -> Any:
     """A named tuple of numbers and arrays as one record with the same names, which compiled functions read and write
     without counting references: counters shared by two threads made them several times slower."""

@@ -62,6 +62,10 @@ class CheckedCache(FunctionCache):
         self._cache_file = CheckedFiles(self.cache_path, self._impl.filename_base, stamp)
         self._cache_file.sources = _sources()
 
+    def holds_any(self) -> bool:
+        """Whether the function is kept for some signature, for the sources as they are."""
+        return any(sources == self._cache_file.sources for _, sources in self._cache_file._load_index())
+
 
 @cache
 def _sources() -> str:

@@ -11,24 +11,29 @@ from hopopt.global_search.grid import MANY, make_grid, ranges
 from hopopt.global_search.paths import Search
 from hopopt.global_search.posture import tuck_height
 from hopopt.global_search.result import GlobalSearch
-from hopopt.global_search.value import value_function
+from hopopt.global_search.value import is_compiled, value_function
+from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import build_robot
+from hopopt.nlp.deadline import Deadline
 
 STEPS, STEPS_OF_MANY = 16, 20  # of the longest stance: with more, interpolation smears more than the motions err
 SUBSTEPS = 2  # of each motion
+COMPILING = 30.0  # s that its loops take to be compiled, once after an installation, and more
 METHOD = "dynamic programming over link angles and rates"
 
 
 def search_stance(
-    design: Design, size: int, rollouts: int, threads: int, progress: Callable[[str], None] | None
+    design: Design, size: int, rollouts: int, threads: int, progress: Callable[[str], None] | None, until: Deadline
 ) -> GlobalSearch:
-    """Value and rollouts on a grid of ``size`` nodes on each of four axes."""
+    """Value and rollouts on a grid of ``size`` nodes on each of four axes; TimeoutError if that takes too long."""
+    if until.seconds_left < COMPILING and not is_compiled():
+        raise TimeoutError
     c = stance_constants(design)
     tuck, start = tuck_height(c, design.hop.foot_window), start_state(c, design)
     grid = make_grid((size,) * 4, *ranges(c, fastest_joints(design)))
     duration, steps = design.hop.stance_duration, STEPS_OF_MANY if size >= MANY else STEPS
-    value = value_function(c, grid, duration, steps, SUBSTEPS, threads, progress)
-    found = Search(c, value, start, duration).rollouts(tuck, rollouts)
+    value = value_function(c, grid, duration, steps, SUBSTEPS, threads, progress, until=until)
+    found = Search(c, value, start, duration, until).rollouts(tuck, rollouts)
     return GlobalSearch(METHOD, (size,) * 4, steps, value.at(start, steps) - tuck, found, 0.0, tuck)
 
 

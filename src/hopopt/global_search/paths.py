@@ -15,6 +15,8 @@ from hopopt.global_search.grid import interpolate, joint_heights, place
 from hopopt.global_search.motions import KEEPS, between, extreme_motions, last_kept, workspace
 from hopopt.global_search.result import Rollout, different
 from hopopt.global_search.value import ValueFunction
+from hopopt.nlp.deadline import Deadline
+from hopopt.sim.compiled import kernel, packed
 
 STEPS = 48  # of the longest stance
 WIDTH = (
@@ -82,9 +84,17 @@ def _scores(c, grid, values, bends, states, apex, value, cells):
 
 
 class Search:
-    """The forward search from one start, step by step; ``fronts`` holds the states after each."""
+    """The forward search from one start, step by step; ``fronts`` holds the states after each. TimeoutError if it has
+    not ended by ``until``."""
 
-    def __init__(self, c: StanceConstants, value: ValueFunction, start: np.ndarray, duration: tuple[float, float]):
+    def __init__(
+        self,
+        c: StanceConstants,
+        value: ValueFunction,
+        start: np.ndarray,
+        duration: tuple[float, float],
+        until: Deadline,
+    ):
         self.c, self.value, self.start, self.duration = c, value, start, duration
         self.reach = abs(complex(c.thigh_x, c.thigh_z)) + abs(complex(c.shank_x, c.shank_z))
         self.dt, self.packed, self.workspace = duration[1] / STEPS, packed(c), workspace()
@@ -94,6 +104,8 @@ class Search:
         first = _Front(start[None], one.astype(int), np.zeros((1, 2)), one, one + hip, one + self._x(start), one + knee)
         self.fronts = [first]
         for k in range(1, STEPS + 1):
+            if until.passed:
+                raise TimeoutError
             front = self._next(self.fronts[-1], k)
             if not len(front.states):
                 break

@@ -8,23 +8,28 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.global_search.applicability import applies
 from hopopt.global_search.result import GlobalSearch
+from hopopt.nlp.deadline import NEVER, Deadline
 
 SMALLEST, LARGEST = 7, 99  # nodes on an axis
 
 
 def search(
-    design: Design, size: int = 15, rollouts: int = 6, threads: int = 2, progress: Callable[[str], None] | None = None
-) -> GlobalSearch:
+    design: Design, size: int = 15, rollouts: int = 6, threads: int = 2, progress: Callable[[str], None] | None = None,
+    until: Deadline = NEVER,
+) -> GlobalSearch:  # fmt: skip
     """The value on a grid of ``size`` nodes on each axis and at most ``rollouts`` stances that differ, best first;
-    UsageError if the method does not apply. The same for any number of threads."""
+    UsageError if the method does not apply, TimeoutError if it has not ended by ``until``. The same for any number of
+    threads."""
     if reason := applies(design):
         raise UsageError(f"{design.name}: no global search: {reason}")
     if not SMALLEST <= size <= LARGEST:
         raise UsageError(f"a grid of {size} nodes on each axis: a size from {SMALLEST} to {LARGEST} is needed")
+    if until.passed:
+        raise TimeoutError
     began = time.perf_counter()
     if "x" in design.leg.guides:  # imported here: the compiler of these modules takes a third of a second
         from hopopt.global_search.four_states import search_stance as on_grid
     else:
         from hopopt.global_search.slider import search_slider as on_grid
-    found = on_grid(design, size, rollouts, max(threads, 1), progress)
+    found = on_grid(design, size, rollouts, max(threads, 1), progress, until)
     return replace(found, seconds=time.perf_counter() - began)

@@ -14,6 +14,7 @@ from hopopt.global_search.result import GlobalSearch, Rollout, different
 from hopopt.global_search.slider_leg import SliderLeg, accelerations, slider_leg
 from hopopt.leg.kinematics import start_place
 from hopopt.leg.robot import build_robot
+from hopopt.nlp.deadline import Deadline
 
 FINER = 6  # nodes on an axis for each that is asked for: two states cost less than four
 ACCELERATIONS = 9  # tried between the least and the largest
@@ -24,11 +25,11 @@ METHOD = "dynamic programming over height and speed"
 
 
 def search_slider(
-    design: Design, size: int, rollouts: int, threads: int, progress: Callable[[str], None] | None
+    design: Design, size: int, rollouts: int, threads: int, progress: Callable[[str], None] | None, until: Deadline
 ) -> GlobalSearch:
-    """Value and rollouts; ``threads`` changes nothing here."""
+    """Value and rollouts; ``threads`` changes nothing here. TimeoutError if that has not ended by ``until``."""
     found = _Slider.of(design, FINER * size)
-    layers = found.layers(progress)
+    layers = found.layers(progress, until)
     start = start_place(design)[1]
     made = [found.rollout(layers, start, share) for share in SHARES]
     best = different(sorted((r for r in made if r is not None), key=lambda r: -r.clearance))
@@ -79,13 +80,15 @@ class _Slider:
             tuck_height(c, design.hop.foot_window), design.hop.counter_movement,
         )  # fmt: skip
 
-    def layers(self, progress: Callable[[str], None] | None) -> list[np.ndarray]:
+    def layers(self, progress: Callable[[str], None] | None, until: Deadline) -> list[np.ndarray]:
         """Greatest apex of the centre of mass [m] by the number of steps left."""
         v = self.fastest[:, None] * self.share
         a = self._tried(self.least, self.largest)
         look_up = self.look_up(*self._after(self.leg.y[:, None, None], v[..., None], a))
         layers = [self.apex]
         for k in range(1, round(self.duration[1] / self.dt) + 1):
+            if until.passed:
+                raise TimeoutError
             ahead = look_up(layers[-1]).max(axis=-1)
             layers.append(np.maximum(ahead, self.apex) if self._may_leave(k) else np.maximum(ahead, NOWHERE))
         if progress:

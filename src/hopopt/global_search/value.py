@@ -17,6 +17,8 @@ from hopopt.global_search.constants import StanceConstants
 from hopopt.global_search.dynamics import apex_height
 from hopopt.global_search.grid import NOWHERE, Grid, interpolate, joint_heights, second_differences
 from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, leaving_apex, workspace
+from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.sim.compiled import kept, kernel, packed
 
 CHUNKS = 16  # pieces of the grid for each thread: some hold few states that matter
 Progress = Callable[[str], None]
@@ -99,6 +101,11 @@ def _apexes(c, grid, axes, active, out):
                     k += 1
 
 
+def is_compiled() -> bool:
+    """Whether the loops need not be compiled first."""
+    return kept(_improve)
+
+
 def states_within_limits(c: StanceConstants, grid: Grid) -> np.ndarray:
     """Nodes within the joint limits and above the ground, and those next to them, (size,)."""
     axes = grid.axes()
@@ -114,9 +121,10 @@ def states_within_limits(c: StanceConstants, grid: Grid) -> np.ndarray:
 
 def value_function(
     c: StanceConstants, grid: Grid, duration: tuple[float, float], steps: int, substeps: int, threads: int,
-    progress: Progress | None = None, active: np.ndarray | None = None,
+    progress: Progress | None = None, active: np.ndarray | None = None, until: Deadline = NEVER,
 ) -> ValueFunction:  # fmt: skip
-    """The value for a stance of at least and at most ``duration`` [s]; ``active``: the nodes that matter, (size,)."""
+    """The value for a stance of at least and at most ``duration`` [s]; ``active``: the nodes that matter, (size,).
+    TimeoutError if it has not ended by ``until``."""
     active = states_within_limits(c, grid) if active is None else active
     axes, dt = tuple(grid.axes()), duration[1] / steps
     apex = np.zeros(grid.size, dtype=np.float32)
@@ -136,6 +144,8 @@ def value_function(
             def improve(
                 piece: tuple[int, int], old: np.ndarray = old, new: np.ndarray = new, lift_off: bool = lift_off
             ) -> None:
+                if until.passed:
+                    raise TimeoutError
                 _improve(
                     packed_c,
                     workspace(),

@@ -3,14 +3,13 @@
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
-from math import inf
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.known_optima import KnownOptima
-from hopopt.nlp.time_limit import seconds_left
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
 
@@ -52,7 +51,7 @@ GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
 
 
 LEAST = 1e-2  # of the objective's scale
-SHORTEST = 1e-3  # s that Ipopt is given
+SHORTEST, LONGEST = 1e-3, 600.0  # s that one solve is given, whatever the deadline
 PUNCTUAL = 0.9  # share of the time that a solver was made with, beyond which, or its inverse, it is made again
 # How Ipopt ends where the user has pressed Ctrl-C, which CasADi swallows (other errors of a function only cut a step short).
 STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown")
@@ -100,26 +99,34 @@ class NlpSolution:
 Multipliers = tuple[np.ndarray, np.ndarray] | None  # lam_g, lam_x
 
 
+def time_given(until: Deadline) -> float:
+    """Time for a solve that begins now [s]; a little if none is left, so that it ends with an account of its guess."""
+    return min(max(until.seconds_left, SHORTEST), LONGEST)
+
+
 class NlpSolver:
-    """An Ipopt instance for one transcription, to be called with any guess and parameter values."""
+    """An Ipopt instance for one transcription, to be called with any guess and parameter values; no solve of it goes on
+    beyond ``until``."""
 
     def __init__(
-        self, transcription: Transcription, options: Mapping[str, Any] | None = None, known: KnownOptima | None = None
-    ):
-        self.transcription, self.known = transcription, known
+        self, transcription: Transcription, options: Mapping[str, Any] | None = None, known: KnownOptima | None = None,
+        until: Deadline = NEVER,
+    ):  # fmt: skip
+        self.transcription, self.known, self.until = transcription, known, until
         undamped = UNDAMPED if transcription.scheme.starts_at_node else {}
         scaled = {"ipopt.obj_scaling_factor": 1.0 / transcription.problem.objective.scale}
         settings = OPTIONS | undamped | scaled | transcription.program.options | dict(options or {})
         if known is not None:
             settings["iteration_callback"] = known
-        self._settings, self._allowed = settings, inf
+        self._settings = settings
         self.solver = self._built()
 
     def _built(self) -> ca.Function:
-        """Ipopt with the time that is left; a little if none is, so that every solve ends with an account of its guess."""
-        self._allowed = max(seconds_left(), SHORTEST)
-        limit = {} if self._allowed == inf else {"ipopt.max_wall_time": self._allowed}
-        return ca.nlpsol("hopopt", "ipopt", self.transcription.nlp, self._settings | limit)
+        """Ipopt with the time that is left."""
+        self._given = time_given(self.until)
+        return ca.nlpsol(
+            "hopopt", "ipopt", self.transcription.nlp, self._settings | {"ipopt.max_wall_time": self._given}
+        )
 
     def __call__(
         self,
@@ -142,10 +149,10 @@ class NlpSolver:
         """Whether the last solve was ended near an optimum that is known."""
         return self.known is not None and self.known.found is not None
 
-    def on(self, transcription: Transcription) -> "NlpSolver":
+    def on(self, transcription: Transcription, until: Deadline) -> "NlpSolver":
         """The same compiled program for the numbers of ``transcription`` (nlp/reuse.py)."""
         other = copy(self)
-        other.transcription = transcription
+        other.transcription, other.until = transcription, until
         return other
 
     def from_vector(self, z: np.ndarray, multipliers: Multipliers = None) -> NlpSolution:
@@ -162,7 +169,7 @@ class NlpSolver:
         begin = {} if multipliers is None else {"lam_g0": multipliers[0], "lam_x0": multipliers[1]}
         if self.known is not None:
             self.known.begin()
-        if not PUNCTUAL * self._allowed <= max(seconds_left(), SHORTEST) <= self._allowed / PUNCTUAL:
+        if not PUNCTUAL * self._given <= time_given(self.until) <= self._given / PUNCTUAL:
             self.solver = self._built()
         result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
         stats = self.solver.stats()

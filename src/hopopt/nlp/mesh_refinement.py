@@ -16,12 +16,12 @@ from typing import Any, Self
 import numpy as np
 
 from hopopt.nlp.continuous_limits import Chosen, Held, coming_close, held_between, nothing_held
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
-from hopopt.nlp.mesh_step import Cuts, about, any_cut, cut, equal, pieces_of
+from hopopt.nlp.mesh_step import Cuts, Parts, about, any_cut, cut, equal, fitting, only, pieces_of
 from hopopt.nlp.tightening import passed, tightened
 from hopopt.nlp.tightening_cost import excess_costs, normalised_switch_times, tightening_costs
-from hopopt.nlp.time_limit import time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
@@ -35,10 +35,10 @@ GRADED = 4.0  # times shorter: intervals of switches that should be that are cut
 ANSWERS = 0.5  # share of its last excess, above which an interval does not answer to holding its limits
 EARLY = 2  # meshes before an error that wanders is suspected
 COARSE = 0.01  # share of the phase: longer intervals may harbour one
-FINEST = 500  # intervals: a solution that asks for more has torques that hardly matter and chatter; a larger tie-break calms them
+FINEST = 500  # intervals: a solution that needs more has torques that hardly matter and chatter; a larger tie-break calms them
 LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
 AGREED = 1e-4  # relative
-PATIENCE = 60  # iterations from carried multipliers, before starting without
+PATIENCE, LONGER = 60, 5  # iterations from carried multipliers, and how many times as many before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
 NEARBY = 4.0  # times its aim: an error within that is not called stuck, for wandering it will meet it
@@ -63,6 +63,7 @@ class Aims:
     iterations: most of them on each mesh
     restarts: so many times ``iterations`` may go, over all meshes, into solving again without the last one's
         multipliers; restarts that only a doubt asks for are counted, but never refused
+    until: by when it ends, with the mesh it is at
     """
 
     local_error: float
@@ -72,6 +73,7 @@ class Aims:
     meshes: int
     iterations: int
     restarts: float = 5.0
+    until: Deadline = NEVER
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,10 @@ class Refinement:
                 return
             if accurate:
                 cuts = {name: equal(np.full(len(normalised_times), 2)) for name, normalised_times in cuts.items()}
+            if (fewer := self._fitting({name: pieces_of(cuts[name]) for name in cuts})) is None:
+                self.ended = TOO_FINE
+                return
+            cuts = only(cuts, fewer)
             self._prepare(cuts)
             meshes += any_cut(cuts)
             solved = self._solve(cuts)
@@ -228,16 +234,22 @@ class Refinement:
             self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
             self._held = {**self._held, name: np.repeat(held | close[name], n, axis=0)}
 
+    def _fitting(self, pieces: Parts) -> Parts | None:
+        """The pieces, or those of the most urgent if the next mesh would be too fine; None if those would be too few."""
+        aims, cost = self.aims, self._costs()
+        urgency = {
+            name: e.local / aims.local_error + e.excess / aims.excess + cost[name] / self._budget
+            for name, e in self.errors.items()
+        }
+        return fitting(pieces, urgency, FINEST)
+
     # ---- doing it ----------------------------------------------------------------------------------------
 
     def _solve(self, cuts: Cuts) -> bool:
         """Solve on the next mesh, which may be the same, with limits held and tightened."""
         began, old, finer = time.perf_counter(), self.solution, any_cut(cuts)
-        if time_is_up():
+        if self.aims.until.passed:
             self.ended = OUT_OF_TIME
-            return False
-        if sum(int(pieces_of(normalised_times).sum()) for normalised_times in cuts.values()) > FINEST:
-            self.ended = TOO_FINE
             return False
         t = old.transcription
         if finer:
@@ -255,7 +267,7 @@ class Refinement:
         solved = self._attempts(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
         found = self._believable(solved)
         if found is None:
-            self.ended = OUT_OF_TIME if time_is_up() else WORSE if solved else UNSOLVED
+            self.ended = OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
             return False
         self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
         return True
@@ -275,10 +287,10 @@ class Refinement:
             most = self.aims.iterations
             if not tried[0].success:
                 most = min(most, self._restarts_left)
-            if most == 0 or time_is_up() or (tried[-1].success and not self._worse(tried[-1])):
+            if most == 0 or self.aims.until.passed or (tried[-1].success and not self._worse(tried[-1])):
                 break
             options = GENTLE | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
-            tried.append(NlpSolver(warm.transcription, options)(guess, free, None, bounds))
+            tried.append(NlpSolver(warm.transcription, options, until=self.aims.until)(guess, free, None, bounds))
             self._restarts_left = max(0, self._restarts_left - tried[-1].iterations)
         return [s for s in tried if s.success]
 
@@ -299,7 +311,9 @@ class Refinement:
         return loss > LOST * self.solution.magnitude
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
-        return NlpSolver(t, {**known, "ipopt.max_iter": min(PATIENCE, self.aims.iterations)})
+        patience = PATIENCE * (LONGER if self.aims.restarts else 1)  # from the point alone it takes hundreds
+        most = {"ipopt.max_iter": min(patience, self.aims.iterations)}
+        return NlpSolver(t, {**known, **most}, until=self.aims.until)
 
     def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}

@@ -7,6 +7,11 @@ import numpy as np
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 
+GROWTH, LITTLE = (
+    1.5,
+    0.1,
+)  # of the intervals of a mesh: how fine the next may be where not all cuts fit; fewer are not worth a mesh
+Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 Cuts = Mapping[
     str, list[np.ndarray]
 ]  # for each phase, the normalised times (0 to 1) at which each interval is to be cut
@@ -26,6 +31,28 @@ def about(s: float, width: float) -> np.ndarray:
 def pieces_of(normalised_times: list[np.ndarray]) -> np.ndarray:
     """Into how many pieces each interval is cut."""
     return np.array([len(p) + 1 for p in normalised_times])
+
+
+def fitting(pieces: Parts, urgency: Mapping[str, np.ndarray], most: int) -> Parts | None:
+    """So many pieces or, where the mesh would have more than ``most`` intervals, those of the most urgent alone, so that
+    the next mesh is no more than GROWTH times as fine; None if hardly any would be left."""
+    if sum(int(p.sum()) for p in pieces.values()) <= most:
+        return pieces
+    now = sum(len(p) for p in pieces.values())
+    room, order = min(most, int(GROWTH * now)) - now, list(pieces)
+    more = np.concatenate([pieces[name] - 1 for name in order])
+    first = np.argsort(-np.concatenate([urgency[name] for name in order]) * (more > 0), kind="stable")
+    kept = np.zeros(now, dtype=int)
+    kept[first] = np.where(np.cumsum(more[first]) <= room, more[first], 0)
+    if room < LITTLE * now or not kept.any():
+        return None
+    ends = np.cumsum([len(pieces[name]) for name in order])[:-1]
+    return {name: part + 1 for name, part in zip(order, np.split(kept, ends), strict=True)}
+
+
+def only(cuts: Cuts, pieces: Parts) -> Cuts:
+    """The cuts of the intervals that are to be in pieces."""
+    return {name: [own[: n - 1] for own, n in zip(cuts[name], pieces[name], strict=True)] for name in cuts}
 
 
 def any_cut(cuts: Cuts) -> bool:

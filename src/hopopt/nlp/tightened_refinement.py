@@ -13,7 +13,6 @@ from hopopt.nlp.continuous_limits import Chosen, holds
 from hopopt.nlp.ipopt import CARRIED, NEAR, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.mesh_refinement import (
-    FINEST,
     MET,
     NO_NEARER,
     OUT_OF_TIME,
@@ -26,10 +25,9 @@ from hopopt.nlp.mesh_refinement import (
     moves_to,
     relative,
 )
-from hopopt.nlp.mesh_step import cut, equal
+from hopopt.nlp.mesh_step import Parts, cut, equal
 from hopopt.nlp.tightening import tightened_by_excess
 from hopopt.nlp.tightening_cost import excess_costs, tightening_cost
-from hopopt.nlp.time_limit import time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.nlp.warm_start import carried
 
@@ -37,7 +35,6 @@ MOST = 4  # pieces into which an interval is cut at once
 EARLY = 4  # meshes before an error that wanders is suspected
 ROUNDS = 10  # of tightening the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
-Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 
 
 def refinement_of(
@@ -63,7 +60,10 @@ class TighteningRefinement(Refinement):
             if not _any(parts):
                 self.ended = MET
                 return
-            if not self._solve_on({n: cut(self.solution, n, equal(p)) for n, p in parts.items()}):
+            if (fewer := self._fitting(parts)) is None:
+                self.ended = TOO_FINE
+                return
+            if not self._solve_on({n: cut(self.solution, n, equal(p)) for n, p in fewer.items()}):
                 return
 
     @property
@@ -96,7 +96,7 @@ class TighteningRefinement(Refinement):
         began, solver = time.perf_counter(), self._solver(self.solution.transcription, NEAR)
         for k in range(ROUNDS):
             last = [step.excess for step in self.history[-3:]]
-            if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]):
+            if last[-1] <= self.aims.excess or (k > 2 and last[-1] > STALLED * last[0]) or self.aims.until.passed:
                 break
             built = time.perf_counter()
             solution = solver.again(self.solution, tightened_by_excess(self.solution, self.errors, self.aims.excess))
@@ -111,11 +111,8 @@ class TighteningRefinement(Refinement):
 
     def _solve_on(self, mesh: Mapping[str, PhaseMesh]) -> bool:
         """Solve on another mesh from the last solution, with its multipliers and, if that fails, without."""
-        if time_is_up():
+        if self.aims.until.passed:
             self.ended = OUT_OF_TIME
-            return False
-        if sum(m.intervals for m in mesh.values()) > FINEST:
-            self.ended = TOO_FINE
             return False
         began, old = time.perf_counter(), self.solution
         t = Transcription(old.transcription.problem, old.transcription.scheme, mesh)
@@ -124,7 +121,7 @@ class TighteningRefinement(Refinement):
         built = time.perf_counter()
         solved = self._attempts(solver, guess, free, carried(old, t))
         if not solved:
-            self.ended = OUT_OF_TIME if time_is_up() else UNSOLVED
+            self.ended = OUT_OF_TIME if self.aims.until.passed else UNSOLVED
             return False
         self._accept(solved[-1], built - began, time.perf_counter() - built)
         return True

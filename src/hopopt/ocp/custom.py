@@ -47,13 +47,13 @@ class Moment:
 
 @dataclass(frozen=True)
 class Terms:
-    """What a function is meant as; see ``objective`` and ``constraint``."""
+    """What a function is meant as; see ``objective`` and ``constraint``. A side that is not given is open."""
 
     unit: str = ""
     maximize: bool = True
     running: bool = False
     clearance: bool = False
-    lower: float = 0.0
+    lower: float = -INF
     upper: float = INF
     scale: float = 1.0
     phases: tuple[str, ...] = PHASES
@@ -68,11 +68,14 @@ def objective(
 
 
 def constraint(
-    *, lower: float = 0.0, upper: float = INF, unit: str = "", scale: float = 1.0, phases: tuple[str, ...] = PHASES
-) -> Callable[[Any], Any]:
+    *, lower: float | None = None, upper: float | None = None, unit: str = "", scale: float = 1.0,
+    phases: tuple[str, ...] = PHASES,
+) -> Callable[[Any], Any]:  # fmt: skip
     """Say of a function what path constraint it is: its bounds and unit, the size of its range, and in which phases it
-    holds. Without this, a function must be at least 0 throughout."""
-    return _marked(Terms(unit, lower=lower, upper=upper, scale=scale, phases=phases))
+    holds. One bound leaves the other side open. Without any, as without this, a function must be at least 0."""
+    if lower is None:
+        lower = 0.0 if upper is None else -INF
+    return _marked(Terms(unit, lower=lower, upper=INF if upper is None else upper, scale=scale, phases=phases))
 
 
 def _marked(terms: Terms) -> Callable[[Any], Any]:
@@ -131,7 +134,7 @@ def custom(function: Any) -> Custom:
     if not callable(found):
         raise UsageError(f"{name or repr(found)} is not a function")
     name = name or f"{getattr(found, '__module__', '?')}:{getattr(found, '__qualname__', type(found).__name__)}"
-    return Custom(name, found, getattr(found, "hopopt_terms", Terms()))
+    return Custom(name, found, getattr(found, "hopopt_terms", Terms(lower=0.0)))
 
 
 def as_objective(function: Any) -> HopObjective:
@@ -217,6 +220,8 @@ def checked(c: Custom, hop: MovingLeg, is_objective: bool) -> Custom:
         raise UsageError(f"{c.name} does not depend on the hop: it returned {np.array(ca.DM(value)).ravel().tolist()}")
     if not set(c.terms.phases) <= set(PHASES) or not c.terms.phases:
         raise UsageError(f"{c.name}: phases must be some of {', '.join(PHASES)}")
+    if not is_objective and np.isinf([c.terms.lower, c.terms.upper]).all():
+        raise UsageError(f"{c.name} limits nothing: mark it as hopopt.constraint, with a lower or an upper bound")
     if not c.terms.lower <= c.terms.upper or not c.terms.scale > 0:
         raise UsageError(f"{c.name}: lower must not be above upper, and scale must be positive")
     return c

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hopopt.nlp.continuous_limits import Chosen, held_between, holds, nothing_held
+from hopopt.nlp.deadline import Deadline
 from hopopt.nlp.interval_errors import IntervalErrors, interval_errors
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
@@ -61,10 +62,10 @@ def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report 
     plans = {name: plan(activity(refined, name), p.duration, refined.objective) for name, p in refined.phases.items()}
     if not any(any(p.free) for p in plans.values()):
         return "no switch of a drive is far enough from limits of heights and angles to be moved"
-    timed = _with_free_times(refined, plans)
+    timed = _with_free_times(refined, plans, aims.until)
     if timed is not None and (vanished := _vanished(refined, timed)):
         plans = {n: Plan((), (), ()) if n in vanished else p for n, p in plans.items()}
-        timed = _with_free_times(refined, plans) if any(any(p.free) for p in plans.values()) else None
+        timed = _with_free_times(refined, plans, aims.until) if any(any(p.free) for p in plans.values()) else None
         if timed is None or _vanished(refined, timed):
             return "an arc vanished when the switching times were free"
     if timed is None:
@@ -82,7 +83,7 @@ def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report 
 # ---- free times ---------------------------------------------------------------------------------------------
 
 
-def _with_free_times(refined: NlpSolution, plans: Mapping[str, Plan]) -> NlpSolution | None:
+def _with_free_times(refined: NlpSolution, plans: Mapping[str, Plan], until: Deadline) -> NlpSolution | None:
     old = refined.transcription
     mesh = {name: switched_mesh(refined.phases[name], p) for name, p in plans.items()}
     t = Transcription(old.problem, old.scheme, mesh)
@@ -93,7 +94,7 @@ def _with_free_times(refined: NlpSolution, plans: Mapping[str, Plan]) -> NlpSolu
         bounds = held(t, bounds, name, _beside(edges, mesh[name].free, p.pins))
     between, z = held_between(t, held_at_first(t)), t.pack(guess, t.free_from(refined.parameters))
     start = replace(refined, z=z, lam_g=np.zeros(len(t.lbg)), lam_x=np.zeros(len(z)))
-    found = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE}).again(start, bounds)
+    found = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE}, until=until).again(start, bounds)
     return between.at_nodes(found) if found.success else None
 
 
@@ -168,9 +169,9 @@ def _refined(timed: NlpSolution, settled: MeshStep, aims: Aims, report: Report) 
     guess, free = t.guess_from(timed.phases), t.free_from(timed.parameters)
     chosen = held_at_first(t)
     between = held_between(t, chosen)
-    first = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE})(guess, free)
+    first = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE}, until=aims.until)(guess, free)
     if not first.success:
-        first = NlpSolver(between.transcription, {"ipopt.max_iter": aims.iterations})(guess, free)
+        first = NlpSolver(between.transcription, {"ipopt.max_iter": aims.iterations}, until=aims.until)(guess, free)
     if not first.success:
         return None
     brief = replace(aims, restarts=0.0)  # there is an answer already: not for minutes

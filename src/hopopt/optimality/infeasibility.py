@@ -14,7 +14,8 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from hopopt.nlp.ipopt import OPTIONS, NlpSolution
+from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.nlp.ipopt import OPTIONS, NlpSolution, time_given
 from hopopt.nlp.terms import csc, to_dm
 from hopopt.optimality.limits import Limit, limits
 
@@ -54,11 +55,11 @@ class Conflict:
     z: np.ndarray
 
 
-def conflict(solution: NlpSolution) -> Conflict | None:
-    """What cannot hold together near the solution's point; None if that cannot be told."""
+def conflict(solution: NlpSolution, until: Deadline = NEVER) -> Conflict | None:
+    """What cannot hold together near the solution's point; None if that cannot be told, or not in time."""
     found = limits(solution)
     loose = _Loosened(solution, found)
-    z, s, lam = loose.solve()
+    z, s, lam = loose.solve(time_given(until))
     if lam is None:
         return None
     if s.max(initial=0.0) <= GIVES:
@@ -127,15 +128,15 @@ class _Loosened:
         sign = np.array([-1.0 if f.upper else 1.0 for f in found])[self.owner[own]]
         self.S = csc((sign, (at[own], self.group[self.owner[own]])), (len(at), len(groups)))
 
-    def solve(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """z, s and the rows' multipliers; none if the solver gave up."""
+    def solve(self, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """z, s and the rows' multipliers; none if the solver gave up or had no more time."""
         last, n = self.solution, len(self.solution.z)
         low_z, high_z, low, high = self._bounds()
         values = np.concatenate([last.g, last.z])[self.place]
         over = np.maximum(np.maximum(low - values, values - high), 0.0)
         s, own = np.full(self.slacks, ROOM), self.owner >= 0
         np.maximum.at(s, self.group[self.owner[own]], over[own] + ROOM)
-        solver, none, endless = self._solver(), np.zeros(len(s)), np.full(len(s), np.inf)
+        solver, none, endless = self._solver(seconds), np.zeros(len(s)), np.full(len(s), np.inf)
         bounds = {"lbx": np.r_[low_z, none], "ubx": np.r_[high_z, endless], "lbg": low, "ubg": high}
         result = solver(x0=np.r_[last.z, s], p=last.p, **bounds)
         x, lam = (np.array(result[k]).ravel() for k in ("x", "lam_g"))
@@ -154,7 +155,7 @@ class _Loosened:
             low_z[where.durations] = np.maximum(low_z[where.durations], shortest[where.durations])
         return low_z, high_z, low, high
 
-    def _solver(self) -> ca.Function:
+    def _solver(self, seconds: float) -> ca.Function:
         t, near, n, m = self.solution.transcription, self.solution.z, len(self.solution.z), self.slacks
         x, p = ca.MX.sym("x", n + m), ca.MX.sym("p", t.nlp["p"].numel())
         z, s = x[:n], x[n:]
@@ -166,7 +167,8 @@ class _Loosened:
         f, rows = ca.sum1(s) + NEAR / 2 * ca.dot(away, away), Qg @ g + Qz @ z + S @ s
         gradient, jacobian = ca.vertcat(NEAR * away, ca.DM.ones(m)), ca.horzcat(Qg @ slope + Qz, S)
         bend = t.program.hess_lag()(z, p, 0, Qg.T @ lam_g) + lam_f * NEAR * ca.MX(ca.DM.eye(n))
-        hessian, more = ca.triu(ca.diagcat(bend, ca.MX(m, m))), {"ipopt.tol": 1e-7, "ipopt.max_iter": ITERATIONS}
+        hessian = ca.triu(ca.diagcat(bend, ca.MX(m, m)))
+        more = {"ipopt.tol": 1e-7, "ipopt.max_iter": ITERATIONS, "ipopt.max_wall_time": seconds}
         derivatives = {
             "grad_f": ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad"]),
             "jac_g": ca.Function("nlp_jac_g", [x, p], [rows, jacobian], ["x", "p"], ["g", "jac"]),

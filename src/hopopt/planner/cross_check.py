@@ -12,8 +12,10 @@ from dataclasses import asdict, dataclass, replace
 import casadi as ca
 import numpy as np
 
-from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver, time_given
 from hopopt.nlp.mesh import uniform
+from hopopt.nlp.mesh_refinement import OUT_OF_TIME
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
 from hopopt.nlp.tightened_refinement import refinement_of
 from hopopt.nlp.transcription import Transcription
@@ -29,7 +31,7 @@ SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which cro
 AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer
 AFFORDABLE = 6000  # variables of a program for Uno: a minute or some
 FEASIBLE = 1e-6  # scaled: what another solver may miss its constraints by
-UNO = {"preset": "filtersqp", "TR_radius": 0.1, "time_limit": 1800.0, "logger": "SILENT", "print_solution": False}
+UNO = {"preset": "filtersqp", "TR_radius": 0.1, "logger": "SILENT", "print_solution": False}
 SCHEMES = (radau(5), HERMITE_SIMPSON, radau(4))  # the first two that are not the answer's own
 LOOSE = 1e-4  # local error of schemes that collocate both ends: their controls oscillate, finer meshes take minutes
 
@@ -63,12 +65,14 @@ class CrossCheckAnswer:
     short: str = ""
 
 
-def with_cross_checks(hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = lambda text: None) -> Solution:
+def with_cross_checks(
+    hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = lambda text: None, until: Deadline = NEVER
+) -> Solution:
     """The answer, its verdict as before, with ``second_opinions`` in its summary.
 
     Exit code 3 and a note if one of them is better: such a hop is true, but not the best.
     """
-    found = cross_checks(hop, answer, say)
+    found = cross_checks(hop, answer, say, until)
     clock.mark("second opinions")
     reported = tuple(CrossCheck(**asdict(o)) for o in found)
     answer = answer.with_summary(second_opinions=reported, wall_s=clock.last - clock.begin, timings_s=clock.stages)
@@ -77,17 +81,19 @@ def with_cross_checks(hop: Hop, answer: Solution, clock: Stopwatch, say: Progres
     return answer
 
 
-def cross_checks(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> list[CrossCheckOutcome]:
-    """All cross-checks of an answer; ``answer.kkt`` holds the program that it came from."""
+def cross_checks(
+    hop: Hop, answer: Solution, say: Progress = lambda text: None, until: Deadline = NEVER
+) -> list[CrossCheckOutcome]:
+    """All cross-checks of an answer, as far as there is time; ``answer.kkt`` holds the program that it came from."""
     sign, value, own = hop.objective.sign, answer.summary.objective_value, answer.summary.scheme
     stored = stored_nlp(answer)
-    nlp = affordable(hop, stored)
+    nlp = affordable(hop, stored, until)
     which = "the same program" if nlp is stored else "the program with limits at the nodes alone"
     name = f"Uno, filter SQP, on {which} of {_sizes(nlp.transcription)} intervals"
     say(f"cross-check: {name}")
     found = [
         cross_checked(
-            name, sign, SAME_PROGRAM, nlp.objective, lambda: by_uno(nlp, hop.design.solver.seed), stored.least
+            name, sign, SAME_PROGRAM, nlp.objective, lambda: by_uno(nlp, hop.design.solver.seed, until), stored.least
         )
     ]
     for other in [s for s in SCHEMES if s.name != own][:2]:
@@ -95,12 +101,14 @@ def cross_checks(hop: Hop, answer: Solution, say: Progress = lambda text: None) 
         name = f"{other.name}, {how}"
         say(f"cross-check: {name}")
         found.append(
-            cross_checked(name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored), stored.least)
+            cross_checked(
+                name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored, until), stored.least
+            )
         )
     return found
 
 
-def affordable(hop: Hop, last: NlpSolution) -> NlpSolution:
+def affordable(hop: Hop, last: NlpSolution, until: Deadline = NEVER) -> NlpSolution:
     """Ipopt's solution on the answer's mesh or, where that is too large for Uno, on the first one; limits at the nodes
     alone: where they are enforced between them too, more of them act than there are controls, and active sets fail."""
     fits, most = len(last.z) <= AFFORDABLE, {"ipopt.max_iter": hop.design.solver.max_iterations}
@@ -108,8 +116,8 @@ def affordable(hop: Hop, last: NlpSolution) -> NlpSolution:
     if fits and np.array_equal([t.lbg, t.ubg], [last.bounds.low_g, last.bounds.high_g]):
         return last
     guess, free = t.guess_from(last.phases), t.free_from(last.parameters)
-    warm = NlpSolver(t, WARM | most)(guess, free, (last.lam_g, last.lam_x)) if fits else None
-    return warm if warm and warm.success else NlpSolver(t, most)(guess, free)
+    warm = NlpSolver(t, WARM | most, until=until)(guess, free, (last.lam_g, last.lam_x)) if fits else None
+    return warm if warm and warm.success else NlpSolver(t, most, until=until)(guess, free)
 
 
 def cross_checked(
@@ -134,11 +142,12 @@ def cross_checked(
     )
 
 
-def by_uno(ours: NlpSolution, seed: int) -> CrossCheckAnswer:
+def by_uno(ours: NlpSolution, seed: int, until: Deadline = NEVER) -> CrossCheckAnswer:
     """Uno on the program and bounds of Ipopt's solution ``ours``, from there moved away.
 
-    Values that are given (the start) are no variables of Uno's. Raises Failed if either solver did not converge.
+    Values that are given (the start) are no variables of Uno's. Raises Failed if either solver did not converge, or not in time.
     """
+    _begin(until)
     if not ours.success:
         raise Failed(f"Ipopt itself did not solve this program from the answer: {_words(ours.status)}")
     t, b, z = ours.transcription, ours.bounds, ours.z.copy()
@@ -147,7 +156,12 @@ def by_uno(ours: NlpSolution, seed: int) -> CrossCheckAnswer:
     x, given = ca.MX.sym("x", len(free)), np.where(b.low_z < b.high_z, 0.0, z)
     program = ca.Function("program", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"], t.nlp["g"]])
     f, g = program(ca.DM.eye(len(z))[:, free.tolist()] @ x + given, ours.p)
-    settings = {"print_time": False, "error_on_fail": False, "expand": True, "uno": UNO}
+    settings = {
+        "print_time": False,
+        "error_on_fail": False,
+        "expand": True,
+        "uno": UNO | {"time_limit": time_given(until)},
+    }
     solver = ca.nlpsol("second", "uno", {"x": x, "f": f, "g": g}, settings)
     result = solver(x0=z[free], lbx=b.low_z[free], ubx=b.high_z[free], lbg=b.low_g, ubg=b.high_g)
     z[free] = np.array(result["x"]).ravel()
@@ -158,26 +172,33 @@ def by_uno(ours: NlpSolution, seed: int) -> CrossCheckAnswer:
     return CrossCheckAnswer(t.problem.objective.cost(float(cost[0])))
 
 
-def by_scheme(hop: Hop, scheme: Scheme, answer: NlpSolution) -> CrossCheckAnswer:
+def by_scheme(hop: Hop, scheme: Scheme, answer: NlpSolution, until: Deadline = NEVER) -> CrossCheckAnswer:
     """The problem by another scheme from an answer, refined on its own mesh.
 
     Schemes that collocate both ends of an interval begin on twice as many, and hold limits at the nodes only. Raises
     Failed if its first mesh cannot be solved.
     """
+    _begin(until)
     both_ends = scheme.starts_at_node
     mesh = {n: uniform(m.intervals * (2 if both_ends else 1)) for n, m in first_transcription(hop).mesh.items()}
     t = Transcription(hop.problem, scheme, mesh)
-    solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
+    solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations}, until=until)
     first = solver(t.guess_from(answer.phases), t.free_from(answer.parameters))
     if not first.success:
         raise Failed(f"the first mesh was not solved: {_words(first.status)}")
-    aims, tolerance = aims_of(hop), _tolerance(hop, scheme)
+    aims, tolerance = aims_of(hop, until), _tolerance(hop, scheme)
     refinement = refinement_of(first, replace(aims, local_error=tolerance, excess=np.inf if both_ends else aims.excess))
     refinement.run()
     wrong = max(float(e.local.max()) for e in refinement.errors.values())
     return CrossCheckAnswer(
         refinement.solution.objective, f"its local error is {wrong:.0e}" if wrong > tolerance else ""
     )
+
+
+def _begin(until: Deadline) -> None:
+    """Failed if there is no time for another cross-check."""
+    if until.passed:
+        raise Failed(OUT_OF_TIME)
 
 
 def _sizes(t: Transcription) -> str:

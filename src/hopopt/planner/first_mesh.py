@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.feasibility import drives_too_weak
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import stance_guess
@@ -46,23 +47,28 @@ class FirstMesh:
 
 
 def search_first_mesh(
-    hop: Hop, count: int, processes: int | None, say: Progress, besides: Sequence[StartOutcome] = ()
-) -> FirstMesh:
+    hop: Hop, count: int, processes: int | None, say: Progress, besides: Sequence[StartOutcome] = (),
+    until: Deadline = NEVER,
+) -> FirstMesh:  # fmt: skip
     """So many starts, and those ``besides``; if more than one is asked for, also relaxed problems and motions of the
-    global method, which is at work beside the starts."""
+    global method, which is at work beside the starts; as much of it as there is time for."""
     side_by_side, weak = processes or os.cpu_count() or 1, bool(drives_too_weak(hop.design, hop.robot))
     reason = "one start was asked for" if count == 1 else _not_used(hop)
     reason = "the drives cannot hold the leg where it starts" if weak else reason
     with ThreadPoolExecutor(1) as pool:
-        overall = None if reason else pool.submit(_searched, hop, SIZE, 1)  # beside Ipopt, which has the other core
-        outcomes = [*run_starts(hop, count, side_by_side, say, besides)]
-        if count > 1 and (not weak or any(o.success for o in outcomes)):  # seldom do other starts help a weak leg
+        overall = (
+            None if reason else pool.submit(_searched, hop, SIZE, 1, until)
+        )  # beside Ipopt, which has the other core
+        outcomes = [*run_starts(hop, count, side_by_side, say, besides, until)]
+        if (
+            count > 1 and not until.passed and (not weak or any(o.success for o in outcomes))
+        ):  # seldom do other starts help a weak leg
             say("solving relaxed problems, and tightening them to what is asked")
-            outcomes += relaxed_starts(hop, QUICK, outcomes, say=say)
+            outcomes += relaxed_starts(hop, QUICK, outcomes, say=say, until=until)
         found, reason = (None, reason) if overall is None else overall.result()
     if found is not None:
         say(f"solving from {len(found.rollouts)} motions of the global method")
-        outcomes += rollout_starts(hop, found.rollouts, outcomes, say=say)
+        outcomes += rollout_starts(hop, found.rollouts, outcomes, say=say, until=until)
     return FirstMesh(tuple(outcomes), found, reason)
 
 
@@ -75,20 +81,22 @@ def _not_used(hop: Hop) -> str | None:
     return applies(hop.design)
 
 
-def looked_closer(hop: Hop, searched: FirstMesh, say: Progress) -> FirstMesh:
+def looked_closer(hop: Hop, searched: FirstMesh, say: Progress, until: Deadline) -> FirstMesh:
     """The same search with a finer grid of the global method, and what its motions lead to."""
     say(f"the global method promises more than was found: looking on a grid of {CLOSER} nodes an axis")
-    found, _ = _searched(hop, CLOSER, 2)
+    found, _ = _searched(hop, CLOSER, 2, until)
     if found is None:
         return searched
-    more = rollout_starts(hop, found.rollouts, searched.outcomes, "global method, finer grid", say)
+    more = rollout_starts(hop, found.rollouts, searched.outcomes, "global method, finer grid", say, until)
     return FirstMesh((*searched.outcomes, *more), found)
 
 
-def _searched(hop: Hop, size: int, threads: int) -> tuple[GlobalSearch | None, str | None]:
+def _searched(hop: Hop, size: int, threads: int, until: Deadline) -> tuple[GlobalSearch | None, str | None]:
     """What the global method finds on a grid of so many nodes an axis, or why it finds nothing."""
     try:
-        return search(hop.design, size=size, rollouts=ROLLOUTS, threads=threads), None
+        return search(hop.design, size=size, rollouts=ROLLOUTS, threads=threads, until=until), None
+    except TimeoutError:
+        return None, "there was no time for it"
     except (ArithmeticError, ValueError, IndexError) as error:  # no reason to lose what the starts found
         return None, f"it stopped with a {type(error).__name__}"
 
@@ -99,12 +107,16 @@ def rollout_starts(
     known: Sequence[StartOutcome] = (),
     name: str = "global method",
     say: Progress = lambda text: None,
+    until: Deadline = NEVER,
 ) -> list[StartOutcome]:
-    """What the motions of the global method lead to on the first mesh; none is followed to a hop that is known."""
+    """What the motions of the global method lead to on the first mesh, as many as there is time for; none is followed to a
+    hop that is known."""
     watch, outcomes = known_optima(hop, known), list[StartOutcome]()
-    solver = first_solver(hop, any(o.success for o in known), watch)
+    solver = first_solver(hop, any(o.success for o in known), watch, until)
     count_down = Countdown(say, f"motions of the {name}", len(rollouts))
     for k, r in enumerate(rollouts):
+        if until.passed:
+            break
         began = time.perf_counter()
         s = solver(stance_guess(hop, r.t, r.q, r.v, r.a))
         outcomes.append(noted(solver, outcome_of(f"{name} {k + 1}", s, time.perf_counter() - began)))

@@ -9,11 +9,11 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import CARRIED, GENTLE, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.known_optima import Known, KnownOptima
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
-from hopopt.nlp.time_limit import limited, seconds_left, time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.feasibility import drives_too_weak
@@ -74,10 +74,10 @@ def first_transcription(hop: Hop) -> Transcription:
     return hop.problem.once("first mesh", lambda: Transcription(hop.problem, scheme(s.scheme, s.degree), mesh))
 
 
-def first_solver(hop: Hop, known: bool = False, watch: KnownOptima | None = None) -> NlpSolver:
+def first_solver(hop: Hop, known: bool = False, watch: KnownOptima | None = None, until: Deadline = NEVER) -> NlpSolver:
     """That program, ready to be solved from any start; not for long if a hop is ``known`` already, and no further than to
     one of those that ``watch`` knows."""
-    return NlpSolver(first_transcription(hop), first_options(hop, known), watch)
+    return NlpSolver(first_transcription(hop), first_options(hop, known), watch, until)
 
 
 def known_optima(hop: Hop, outcomes: Sequence[StartOutcome] = ()) -> KnownOptima:
@@ -104,46 +104,48 @@ def first_options(hop: Hop, known: bool) -> dict[str, Any]:
 
 
 def run_starts(
-    hop: Hop, count: int, processes: int, say: Progress, besides: Sequence[StartOutcome] = ()
+    hop: Hop, count: int, processes: int, say: Progress, besides: Sequence[StartOutcome] = (), until: Deadline = NEVER
 ) -> list[StartOutcome]:
-    """Solve every start on the first mesh, in chunks side by side where that pays; in the order of the starts, then those
-    ``besides``, of which any that leads to a hop says that no start need be followed for long."""
-    return [*_run_all(hop, count, processes, say, any(o.success for o in besides)), *besides]
+    """Solve every start on the first mesh, or as many as there is time for, in chunks side by side where that pays; in the
+    order of the starts, then those ``besides``, of which any that leads to a hop says that no start need be followed for
+    long."""
+    return [*_run_all(hop, count, processes, say, any(o.success for o in besides), until), *besides]
 
 
-def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -> list[StartOutcome]:
+def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool, until: Deadline) -> list[StartOutcome]:
     weak = bool(drives_too_weak(hop.design, hop.robot))
-    if weak and (ended := _beyond_limits(hop)):
+    if weak and (ended := _beyond_limits(hop, until)):
         return [ended]
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
     began, watch, count_down = time.perf_counter(), known_optima(hop), Countdown(say, "starting points", count)
-    solver = first_solver(hop, known, watch)
+    solver = first_solver(hop, known, watch, until)
     first = run_chunk(hop, [0], solver, known, count_down.more)
     remember(watch, first[0])  # and no other, so that what starts lead to does not depend on how they are divided
     each, others = time.perf_counter() - began, range(1, count)
-    if not first[0].success and weak:  # seldom does another start help such a leg
+    if until.passed or (not first[0].success and weak):  # seldom does another start help such a leg
         return first
     processes = min(processes, len(others))
-    if processes < 2 or each * len(others) * (1 - 1 / processes) < WORKER:
+    if processes < 2 or min(each * len(others) * (1 - 1 / processes), until.seconds_left) < WORKER:
         return first + (run_chunk(hop, others, solver, known, count_down.more) if others else [])
     from joblib import Parallel, delayed
 
     data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
     more = (hop.asked, hop.free_parameters, hop.constraints)
-    jobs = (delayed(_chunk_in_worker)(data, *more, chunk, known, first[0], seconds_left()) for chunk in chunks)
+    jobs = (delayed(_chunk_in_worker)(data, *more, chunk, known, first[0], until) for chunk in chunks)
     parts = list[list[StartOutcome]]()
     for part in Parallel(n_jobs=processes, backend="loky", return_as="generator")(jobs):
         parts.append(part)  # type: ignore[arg-type]
         count_down.more(len(parts[-1]))
-    return first + [parts[k % processes][k // processes] for k in range(len(others))]
+    ended = ((parts[k % processes], k // processes) for k in range(len(others)))
+    return first + [part[place] for part, place in ended if place < len(part)]
 
 
-def _beyond_limits(hop: Hop) -> StartOutcome | None:
+def _beyond_limits(hop: Hop, until: Deadline) -> StartOutcome | None:
     """How the first start ends if limits cannot hold together near its guess: where they give least. Ipopt takes hundreds
     of slow steps of restoration to end there."""
     began, start = time.perf_counter(), starts_of(hop, 1)[0]
     glance = NlpSolver(first_transcription(hop), {"ipopt.max_iter": 0})
-    found = conflict(glance(make_guess(hop, start)))
+    found = conflict(glance(make_guess(hop, start)), until)
     if found is None or not any(part.gives for part in found.parts):
         return None
     ended = outcome_of(start.name, glance.from_vector(found.z), time.perf_counter() - began)
@@ -158,11 +160,12 @@ def _chunk_in_worker(
     chunk: Sequence[int],
     known: bool,
     first: StartOutcome,
-    seconds: float,
+    until: Deadline,
 ) -> list[StartOutcome]:
+    if until.passed:
+        return []
     hop = Hop(Design.model_validate(data), objective, free_parameters, constraints)
-    with limited(seconds):
-        return run_chunk(hop, chunk, first_solver(hop, known, known_optima(hop, [first])), known)
+    return run_chunk(hop, chunk, first_solver(hop, known, known_optima(hop, [first]), until), known)
 
 
 def run_chunk(
@@ -172,11 +175,13 @@ def run_chunk(
     known: bool = False,
     done: Callable[[], object] = lambda: None,
 ) -> list[StartOutcome]:
-    """Some of the starts, by number, on the first mesh; ``solver``: its program, if it is built already; ``done`` is called
-    after each."""
+    """Some of the starts, by number, on the first mesh: the first, and more while there is time; ``solver``: its program,
+    with its deadline, if it is built already; ``done`` is called after each."""
     solver = solver or first_solver(hop, known)
     chosen, outcomes = starts_of(hop, max(chunk) + 1), list[StartOutcome]()
     for k in chunk:
+        if outcomes and solver.until.passed:
+            break
         outcomes.append(run_start(hop, solver, chosen[k], known))
         done()
     return outcomes
@@ -188,9 +193,10 @@ def run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOu
     guess = make_guess(hop, start)
     s = solver(guess)
     if (
-        not s.success and not solver.stopped and not violations(s)
+        not s.success and not solver.stopped and not solver.until.passed and not violations(s)
     ):  # a hop, but no optimum: the adaptive barrier can lose its way to one
-        s = NlpSolver(s.transcription, first_options(hop, known) | {"ipopt.mu_strategy": "monotone"})(guess)
+        monotone = first_options(hop, known) | {"ipopt.mu_strategy": "monotone"}
+        s = NlpSolver(s.transcription, monotone, until=solver.until)(guess)
     return noted(solver, outcome_of(start.name, s, time.perf_counter() - began))
 
 
@@ -211,15 +217,15 @@ def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
     return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign)
 
 
-def solved_from(hop: Hop, outcome: StartOutcome) -> StartOutcome:
+def solved_from(hop: Hop, outcome: StartOutcome, until: Deadline = NEVER) -> StartOutcome:
     """A problem of the same form, solved on its first mesh from the hop that a start led to and its multipliers: from
     the point alone the barrier may lead to another optimum."""
     began, t = time.perf_counter(), first_transcription(hop)
     begin = outcome.vectors["lam_g"], outcome.vectors["lam_x"]
-    solver = NlpSolver(t, {**CARRIED, "ipopt.max_iter": hop.design.solver.max_iterations})
+    solver = NlpSolver(t, {**CARRIED, "ipopt.max_iter": hop.design.solver.max_iterations}, until=until)
     s = solver.from_vector(outcome.vectors["z"], begin)
-    if not s.success:
-        s = first_solver(hop).from_vector(outcome.vectors["z"])
+    if not s.success and not until.passed:
+        s = first_solver(hop, until=until).from_vector(outcome.vectors["z"])
     return outcome_of(outcome.name, s, time.perf_counter() - began)
 
 
@@ -262,26 +268,28 @@ def same(a: float, b: float) -> bool:
     return abs(a - b) <= SAME * max(abs(a), abs(b), 1e-3)
 
 
-def not_solved(hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = False) -> NotSolvedError:
+def not_solved(
+    hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = False, until: Deadline = NEVER
+) -> NotSolvedError:
     """What went wrong, from the start that came closest to meeting the constraints; ``thorough``: which of them cannot
-    hold together too, which takes seconds."""
+    hold together too, which takes seconds. Where the time was up, that is the reason."""
+    weak = drives_too_weak(hop.design, hop.robot)
+    if until.passed:
+        late = f"{hop.design.name}: the time limit was reached before there was an answer: try a larger one."
+        return NotSolvedError(late, weak)
     transcription = first_transcription(hop)
     closest = min((solution_of(o, transcription) for o in outcomes), key=infeasibility)
     statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
     worst = violations(closest)
     reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
-    reason = f"the time limit was reached, and {reason}" if time_is_up() else reason
     message = f"{hop.design.name}: {reason} ({statuses})."
-    weak = drives_too_weak(hop.design, hop.robot)
     found = [
         *weak,
         *hints(hop.design),
-        *(conflict_words(hop.design, conflict(closest)) if thorough and worst and not time_is_up() else []),
+        *(conflict_words(hop.design, conflict(closest, until)) if thorough and worst else []),
     ]
     if worst:
         return NotSolvedError(message, [*found, "Worst constraints of the closest start:", *worst])
-    if time_is_up():
-        return NotSolvedError(f"{message} Try a larger --time-limit.", found)
     return NotSolvedError(f"{message} Try a larger solver.max_iterations or more starts.", found)
 
 

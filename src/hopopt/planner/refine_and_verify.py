@@ -7,10 +7,10 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.mesh_refinement import MET, Aims, MeshStep, Refinement
 from hopopt.nlp.tightened_refinement import refinement_of
-from hopopt.nlp.time_limit import time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HEIGHTS
@@ -67,9 +67,11 @@ def refined_and_verified(
     clock: Stopwatch,
     first: Transcription | None = None,
     restarts: bool = True,
+    until: Deadline = NEVER,
 ) -> Solution:
     """Refine one start's optimum, verify it (as ``refine_and_verify``) and sum it up."""
-    return summed_up(refine_and_verify(hop, outcome, say, first, restarts, clock), outcomes, outcome, clock)
+    answer = refine_and_verify(hop, outcome, say, first, restarts, clock, until=until)
+    return summed_up(answer, outcomes, outcome, clock)
 
 
 def refine_and_verify(
@@ -80,22 +82,23 @@ def refine_and_verify(
     restarts: bool = True,
     clock: Stopwatch | None = None,
     margin: float = MARGIN,
+    until: Deadline = NEVER,
 ) -> Answer:
     """One start's optimum refined, with its verdict; with tighter tolerances if those of the problem are met and it is
     not verified. ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that is aimed at."""
-    clock, refinement = clock or Stopwatch(), refine_outcome(hop, outcome, say, first, restarts, margin)
+    clock, refinement = clock or Stopwatch(), refine_outcome(hop, outcome, say, first, restarts, margin, until)
     clock.mark("refinement")
     say("verifying")
     found = judged(hop, refinement, clock)
     sound = found.verified and found.verdict.certified
-    if time_is_up() or (closer := hop_with_tighter_tolerances(hop, refinement, sound)) is None:
+    if until.passed or (closer := hop_with_tighter_tolerances(hop, refinement, sound)) is None:
         return found
     if found.verified:  # nearly done: go on from there
         say("verified, but not certified: refining further, with tighter tolerances")
-        again = judged(closer, refinement.further(aims_of(closer)), clock)
+        again = judged(closer, refinement.further(aims_of(closer, until)), clock)
         return again if again.verified and again.verdict.certified else found
     say("not verified: refining again, with tighter tolerances")
-    again = refine_and_verify(closer, outcome, say, first, restarts, clock, SMALL_MARGIN)
+    again = refine_and_verify(closer, outcome, say, first, restarts, clock, SMALL_MARGIN, until)
     return again if again.verified else found
 
 
@@ -147,9 +150,10 @@ def refine_outcome(
     first: Transcription | None = None,
     restarts: bool = True,
     margin: float = MARGIN,
+    until: Deadline = NEVER,
 ) -> Refinement:
     """A start's optimum, refined as the problem's solver settings ask for; ``margin`` as of ``refine_and_verify``."""
-    aims = replace(aims_of(hop), excess=margin * LIMIT)
+    aims = replace(aims_of(hop, until), excess=margin * LIMIT)
     aims = aims if restarts else replace(aims, restarts=0)
     solution = solution_of(outcome, first or first_transcription(hop))
     refinement = refinement_of(solution, aims, lambda step: say(progress_line(hop, step)))
@@ -157,11 +161,13 @@ def refine_outcome(
     return refinement
 
 
-def aims_of(hop: Hop) -> Aims:
-    """What refinement is to reach."""
+def aims_of(hop: Hop, until: Deadline = NEVER) -> Aims:
+    """What refinement is to reach, and by when it is to end."""
     s = hop.design.solver
     meshes = s.max_refinements if s.refine else 0
-    return Aims(s.tolerance, s.objective_tolerance, MARGIN * LIMIT, s.price_tolerance, meshes, s.max_iterations)
+    return Aims(
+        s.tolerance, s.objective_tolerance, MARGIN * LIMIT, s.price_tolerance, meshes, s.max_iterations, until=until
+    )
 
 
 def progress_line(hop: Hop, s: MeshStep) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopopt.leg.limit_id import Kind, LimitId
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import CARRIED, Bounds, NlpSolver
 from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.hop import Hop
@@ -127,20 +128,23 @@ def relaxed_starts(
     known: Sequence[StartOutcome] = (),
     begun_from: Sequence[int] = BEGUN_FROM,
     say: Progress = lambda text: None,
+    until: Deadline = NEVER,
 ) -> list[StartOutcome]:
-    """What the relaxed problems lead to once they are tightened, on the first mesh.
+    """What the relaxed problems lead to once they are tightened, on the first mesh, as many as there is time for.
 
     chosen: the relaxations, of which those are tried that suit the problem; known: hops to which none need be followed
     again; begun_from: numbers of the starts that each relaxed problem is solved from; say: told how far it is.
     """
     watch, relaxed_watch = known_optima(hop, known), known_optima(hop)
-    asked = NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch)
-    relaxed = first_solver(hop, True, relaxed_watch)
+    asked = NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch, until)
+    relaxed = first_solver(hop, True, relaxed_watch, until)
     outcomes, suiting = [], [r for r in chosen if r.suits(asked.transcription)]
     count_down = Countdown(say, "relaxed problems, each tightened to what is asked", len(suiting) * len(begun_from))
     for relaxation in suiting:
         relaxed_watch.known.clear()  # each relaxed problem has its own optima
         for k in begun_from:
+            if until.passed:
+                return outcomes
             outcome = _tightened(hop, asked, relaxed, relaxation, k)
             if outcome is not None:
                 outcomes.append(outcome)

@@ -9,6 +9,7 @@ import time
 import casadi as ca
 
 from hopopt.errors import NotSolvedError
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import motion_guess
@@ -36,7 +37,9 @@ ANY = HopObjective(
 NEARLY = 0.01  # relative: what a finer mesh may add to the highest hop
 
 
-def from_highest(hop: Hop, starts: int, say: Progress, thorough: bool = True) -> list[StartOutcome]:
+def from_highest(
+    hop: Hop, starts: int, say: Progress, thorough: bool = True, until: Deadline = NEVER
+) -> list[StartOutcome]:
     """If the objective asks for a clearance, what the highest hop as one more start leads to on the first mesh.
 
     NotSolvedError if the highest from so many starts does not reach it; ``thorough``: with the limits that cannot hold
@@ -46,12 +49,14 @@ def from_highest(hop: Hop, starts: int, say: Progress, thorough: bool = True) ->
     if hop.objective.ends != "required clearance" or asked is None:
         return []
     say(f"looking whether a clearance of {asked:g} m is in reach")
-    maximum = maximum_clearance_hop(hop, starts)
+    maximum = maximum_clearance_hop(hop, starts, until)
     if maximum is None:
         return []
     if reaches(hop, maximum):
-        return [begun_from(hop, maximum)]
-    found = _in_the_way(hop, maximum) if thorough else None
+        return [begun_from(hop, maximum, until)]
+    if until.passed:  # more starts may reach it
+        return []
+    found = _in_the_way(hop, maximum, until) if thorough else None
     if found is not None and not found.parts:
         return []
     more = "a larger solver.stance_intervals or " if asked < (1 + NEARLY) * clearance(maximum) else ""
@@ -63,11 +68,13 @@ def from_highest(hop: Hop, starts: int, say: Progress, thorough: bool = True) ->
     )
 
 
-def maximum_clearance_hop(hop: Hop, starts: int) -> NlpSolution | None:
+def maximum_clearance_hop(hop: Hop, starts: int, until: Deadline = NEVER) -> NlpSolution | None:
     """On the first mesh: the first hop that reaches the clearance asked for or, if none does, the highest."""
     high = Hop(hop.design, "clearance", hop.free_parameters, hop.constraints)
-    solver, t, maximum = first_solver(high), first_transcription(high), None
+    solver, t, maximum = first_solver(high, until=until), first_transcription(high), None
     for k in range(starts):
+        if k and until.passed:
+            break
         (outcome,) = run_chunk(high, [k], solver)
         if outcome.success:
             found = solution_of(outcome, t)
@@ -75,7 +82,8 @@ def maximum_clearance_hop(hop: Hop, starts: int) -> NlpSolution | None:
                 maximum = found
             if reaches(hop, maximum):
                 return maximum
-    outcomes = search_first_mesh(high, starts, 1, lambda text: None).outcomes if starts > 1 else ()
+    more = starts > 1 and not until.passed
+    outcomes = search_first_mesh(high, starts, 1, lambda text: None, until=until).outcomes if more else ()
     found = [maximum, *(solution_of(o, t) for o in contenders(outcomes)[:1])]
     return max((s for s in found if s is not None), key=clearance, default=None)
 
@@ -90,18 +98,18 @@ def reaches(hop: Hop, maximum: NlpSolution) -> bool:
     return clearance(maximum) >= (hop.design.hop.clearance or 0.0)
 
 
-def begun_from(hop: Hop, maximum: NlpSolution) -> StartOutcome:
+def begun_from(hop: Hop, maximum: NlpSolution, until: Deadline) -> StartOutcome:
     """The objective's own program solved from the highest hop's motion."""
     began, t = time.perf_counter(), first_transcription(hop)
     free = t.free_from(maximum.parameters)
-    solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations})
+    solver = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations}, until=until)
     s = solver(motion_guess(hop, maximum.phases), free)
     return outcome_of(MAXIMUM_CLEARANCE, s, time.perf_counter() - began)
 
 
-def _in_the_way(hop: Hop, maximum: NlpSolution) -> Conflict | None:
+def _in_the_way(hop: Hop, maximum: NlpSolution, until: Deadline) -> Conflict | None:
     """Which limits cannot hold together with the clearance asked for, seen from the highest hop."""
     if hop.free_parameters:
         return None
     t = first_transcription(Hop(hop.design, ANY, constraints=hop.constraints))
-    return conflict(NlpSolver(t, {"ipopt.max_iter": 0})(t.guess_from(maximum.phases)))
+    return conflict(NlpSolver(t, {"ipopt.max_iter": 0})(t.guess_from(maximum.phases)), until)

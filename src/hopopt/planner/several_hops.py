@@ -9,6 +9,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.leg.kinematics import start_angles
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.mesh_refinement import MeshStep, Refinement
@@ -76,8 +77,9 @@ def at_rest(design: Design) -> JointState:
 
 
 def plan_hops(
-    design: Design, begin: Solution | None, orbit: Solution, clearances: Sequence[float], say: Callable[[str], None]
-) -> HopsPlan:
+    design: Design, begin: Solution | None, orbit: Solution, clearances: Sequence[float], say: Callable[[str], None],
+    until: Deadline = NEVER,
+) -> HopsPlan:  # fmt: skip
     """So many hops from rest (or from the orbit ``begin``) onto an orbit, of all ways the one of least effort.
 
     clearances: what each hop must clear at least [m]. Raises NotSolvedError with the worst constraints.
@@ -88,14 +90,20 @@ def plan_hops(
     intervals = dict(zip(PHASES, (s.stance_intervals, s.flight_intervals, s.flight_intervals), strict=True))
     mesh = {numbered(phase, k): uniform(intervals[phase]) for k in range(1, count + 1) for phase in PHASES}
     program = Transcription(problem, scheme(s.scheme, s.degree), mesh)
-    solver = NlpSolver(program, {"ipopt.max_iter": min(s.max_iterations, ITERATIONS)})
+    solver = NlpSolver(program, {"ipopt.max_iter": min(s.max_iterations, ITERATIONS)}, until=until)
     words, tried = in_words(count), list[NlpSolution]()
     for guess in _guesses(design, begin, orbit, count):
+        if tried and until.passed:
+            break
         found = solver(guess, {})
         if found.success:
             say(f"a way in {words} was found: refining")
-            return _refined(hop, found, count, first, last, say)
+            return _refined(hop, found, count, first, last, say, until)
         tried.append(found)
+    if until.passed:
+        raise NotSolvedError(
+            f"{design.name}: the time limit was reached before a way onto the orbit in {words} was found."
+        )
     closest = min(tried, key=infeasibility)
     message = f"{design.name}: no way onto the orbit in {words} was found ({closest.status})."
     raise NotSolvedError(message, violations(closest))
@@ -116,21 +124,22 @@ def _guesses(
 
 
 def _refined(
-    hop: Hop, found: NlpSolution, count: int, begin: JointState, end: JointState, say: Callable[[str], None]
-) -> HopsPlan:
+    hop: Hop, found: NlpSolution, count: int, begin: JointState, end: JointState, say: Callable[[str], None],
+    until: Deadline,
+) -> HopsPlan:  # fmt: skip
     """The plan on a mesh that is fine enough, verified; with tighter tolerances if it is not certified with the usual ones."""
 
     def told(step: MeshStep) -> None:
         say(f"local error {step.local_error:.0e}, limits exceeded by {step.excess:.0e}")
 
-    refinement = refinement_of(found, aims_of(hop), told)
+    refinement = refinement_of(found, aims_of(hop, until), told)
     refinement.run()
     plan = _judged(hop, refinement, count, begin, end)
     closer = hop_with_tighter_tolerances(hop, refinement, plan.verdict.verified and plan.verdict.certified)
-    if closer is None:
+    if closer is None or until.passed:
         return plan
     say("refining further, with tighter tolerances")
-    again = _judged(closer, refinement.further(aims_of(closer)), count, begin, end)
+    again = _judged(closer, refinement.further(aims_of(closer, until)), count, begin, end)
     better = again.verdict.certified or not plan.verdict.verified
     return again if again.verdict.verified and better else plan
 

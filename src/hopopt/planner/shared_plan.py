@@ -8,6 +8,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
@@ -45,7 +46,7 @@ def first_guess(plan: Solution) -> dict[str, Any]:
     return {CLEARANCE: plan.clearance, STIFFNESS: FIRST_GAINS * k_p, DAMPING: FIRST_GAINS * k_d}
 
 
-def shared_plan(legs: Sequence[TrueLeg], begin: Solution | SharedPlan) -> SharedPlan:
+def shared_plan(legs: Sequence[TrueLeg], begin: Solution | SharedPlan, until: Deadline = NEVER) -> SharedPlan:
     """The highest clearance that all these legs reach under one controller, and that controller; ``begin``: the plan of the
     believed leg alone, or one for as many other legs. Raises NotSolvedError with the worst constraints."""
     believed, s = legs[0].hop, legs[0].hop.design.solver
@@ -57,7 +58,7 @@ def shared_plan(legs: Sequence[TrueLeg], begin: Solution | SharedPlan) -> Shared
     else:
         guess = {name: AllAlike(begin.phases[name], len(legs)) for name in mesh}
         parameters = first_guess(begin)
-    solver = NlpSolver(program, {"ipopt.max_iter": s.max_iterations, "ipopt.tol": ACCURATE})
+    solver = NlpSolver(program, {"ipopt.max_iter": s.max_iterations, "ipopt.tol": ACCURATE}, until=until)
     found = solver(guess, parameters)
     if not found.success:
         message = f"{believed.design.name}: no controller for {len(legs)} legs was found ({found.status})."

@@ -6,8 +6,8 @@ from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.mesh_refinement import UNSOLVED, relative
-from hopopt.nlp.time_limit import limited, time_is_up
 from hopopt.ocp.custom import custom
 from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
@@ -30,6 +30,7 @@ from hopopt.planner.refine_and_verify import refined_and_verified, with_tighter_
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.stored_summary import LATE
 from hopopt.planner.summary_extras import FlatDirection
 from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.hints import hints
@@ -39,7 +40,6 @@ TIME_LIMIT = 600.0  # s; one random leg in ten takes over a minute from two star
 SEARCHING = (
     0.85  # share of the time limit, after which nothing more is searched for: what is found is still to be checked
 )
-LATE = "the time limit was reached: with more time (--time-limit) the search may find a better hop, or verify this one"
 CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
 
 
@@ -66,6 +66,8 @@ def solve(
     with a line of text now and then. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.
     """
+    seconds = TIME_LIMIT if time_limit is None else time_limit
+    end, until = NEVER.within(seconds), NEVER.within(SEARCHING * seconds)
     design = as_design(design)
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, with_tighter_tolerances(design) if structure else design
@@ -73,57 +75,57 @@ def solve(
     if faults := joints_without_inertia(hop.design, hop.robot):
         raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
     clock.mark("model")
-    seconds = TIME_LIMIT if time_limit is None else time_limit
-    with limited(SEARCHING * seconds):
-        hop, best = _found(hop, asked, starts, processes, structure, say, clock)
+    hop, best = _found(hop, asked, starts, processes, structure, say, clock, until)
     best = best.with_summary(time_limit_s=seconds)
-    return with_cross_checks(hop, best, clock, say) if cross_check else best
+    return with_cross_checks(hop, best, clock, say, end) if cross_check else best
 
 
 def _found(
-    hop: Hop, asked: Design, starts: int | None, processes: int | None, structure: bool, say: Progress, clock: Stopwatch
-) -> tuple[Hop, Solution]:
+    hop: Hop, asked: Design, starts: int | None, processes: int | None, structure: bool, say: Progress, clock: Stopwatch,
+    until: Deadline,
+) -> tuple[Hop, Solution]:  # fmt: skip
     """The best hop that is found in the time that is left, with its problem and what is reported of the search."""
     count = starts or hop.design.solver.starts
-    economical = from_highest(hop, count, say)
-    searched = search_first_mesh(hop, count, processes, say, economical)
+    economical = from_highest(hop, count, say, until=until)
+    searched = search_first_mesh(hop, count, processes, say, economical, until)
     outcomes = searched.outcomes
     clock.mark("starts")
-    finished = _refined(hop, contenders(outcomes), outcomes, say, clock)
+    finished = _refined(hop, contenders(outcomes), outcomes, say, clock, until)
     if not finished:
         say("looking for the limits that cannot hold together")
-        raise not_solved(hop, outcomes, thorough=True)
+        raise not_solved(hop, outcomes, thorough=True, until=until)
     if (
-        not time_is_up()
+        not until.passed
         and searched.overall is not None
         and promises_more(searched.overall, best_of(hop.objective, finished))
     ):
-        known, searched = {o.name for o in outcomes}, looked_closer(hop, searched, say)
+        known, searched = {o.name for o in outcomes}, looked_closer(hop, searched, say, until)
         outcomes = searched.outcomes
         more = [o for o in contenders(outcomes) if o.name not in known]
-        finished += _refined(hop, more, outcomes, say, clock)
-    hop, best, better = settled(hop, finished, outcomes, say, clock)
-    if structure and not time_is_up():
-        best = with_free_switches(hop, best, outcomes, say, clock)
-    found = None if time_is_up() else flat_directions(hop, best)
+        finished += _refined(hop, more, outcomes, say, clock, until)
+    hop, best, better = settled(hop, finished, outcomes, say, clock, until)
+    if structure and not until.passed:
+        best = with_free_switches(hop, best, outcomes, say, clock, until)
+    found = None if until.passed else flat_directions(hop, best)
     families, overall = search_figures(hop, searched, finished, best)
-    late = (LATE,) if time_is_up() else ()
+    late = (LATE,) if until.passed else ()
     notes = (*late, *alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
     reported = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
     return hop, best.with_summary(notes=notes, flat=reported, families=families, global_=overall)
 
 
 def _refined(
-    hop: Hop, chosen: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
-) -> list[Solution]:
+    hop: Hop, chosen: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch,
+    until: Deadline,
+) -> list[Solution]:  # fmt: skip
     """The chosen outcomes of the first mesh, the best first, refined and verified; the first of them, and more while there
     is time."""
     finished: list[Solution] = []
     for k, outcome in enumerate(chosen, 1):
-        if finished and time_is_up():
+        if finished and until.passed:
             break
         told = _one_of(say, k, len(chosen))
-        finished.append(refined_and_verified(hop, outcome, outcomes, told, clock, restarts=False))
+        finished.append(refined_and_verified(hop, outcome, outcomes, told, clock, restarts=False, until=until))
     return finished
 
 
@@ -133,13 +135,14 @@ def _one_of(say: Progress, k: int, count: int) -> Progress:
 
 
 def solve_from(
-    hop: Hop, chosen: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress = lambda text: None
-) -> Solution:
+    hop: Hop, chosen: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress = lambda text: None,
+    until: Deadline = NEVER,
+) -> Solution:  # fmt: skip
     """The best of the chosen outcomes of the first mesh, refined and verified; NotSolvedError if there is none."""
     clock = Stopwatch()
     if not chosen:
-        raise not_solved(hop, outcomes)
-    finished = [refined_and_verified(hop, outcome, outcomes, say, clock) for outcome in chosen]
+        raise not_solved(hop, outcomes, until=until)
+    finished = [refined_and_verified(hop, outcome, outcomes, say, clock, until=until) for outcome in chosen]
     return best_of(hop.objective, finished)
 
 
@@ -149,8 +152,9 @@ def best_of(goal: HopObjective, finished: Sequence[Solution]) -> Solution:
 
 
 def settled(
-    hop: Hop, finished: Sequence[Solution], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
-) -> tuple[Hop, Solution, Solution | None]:
+    hop: Hop, finished: Sequence[Solution], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch,
+    until: Deadline = NEVER,
+) -> tuple[Hop, Solution, Solution | None]:  # fmt: skip
     """The best hop with its problem, and a better one that is not verified, if any, after those that claim more than the
     best of the verified were solved again."""
 
@@ -159,41 +163,45 @@ def settled(
 
     chosen, best, better = hop, best_of(hop.objective, finished), None
     for doubtful in sorted((s for s in finished if not s.verified), key=merit, reverse=True):
-        if time_is_up() or (best.verified and merit(doubtful) <= merit(best)):
+        if until.passed or (best.verified and merit(doubtful) <= merit(best)):
             break
-        where, again = once_more(hop, doubtful, outcomes, say, clock)
+        where, again = once_more(hop, doubtful, outcomes, say, clock, until)
         if again.verified and (not best.verified or merit(again) > merit(best)):
             chosen, best = where, again
         elif not again.verified:
-            best, better = again if doubtful is best else best, better or again
+            nearer = min(again, doubtful, key=lambda s: len(s.summary.failed_checks))  # it may have run out of time
+            best, better = nearer if doubtful is best else best, better or nearer
     return chosen, best, better if best.verified and better and merit(better) > merit(best) else None
 
 
 def once_more(
-    hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+    hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch, until: Deadline
 ) -> tuple[Hop, Solution]:
     """A hop that is not verified with a larger tie-break or, if that does not help, with restarts."""
-    if again := calmer(hop, doubtful, outcomes, say, clock):
+    if again := calmer(hop, doubtful, outcomes, say, clock, until):
         return again
-    if doubtful.summary.refinement_ended != UNSOLVED:
+    if until.passed or doubtful.summary.refinement_ended != UNSOLVED:
         return hop, doubtful
     say("not verified: refining again, with restarts")
-    return hop, refined_and_verified(hop, outcomes[_chosen(doubtful, outcomes)], outcomes, say, clock)
+    return hop, refined_and_verified(hop, outcomes[_chosen(doubtful, outcomes)], outcomes, say, clock, until=until)
 
 
 def calmer(
-    hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
-) -> tuple[Hop, Solution] | None:
+    hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch,
+    until: Deadline = NEVER,
+) -> tuple[Hop, Solution] | None:  # fmt: skip
     """A hop that is not verified again with a larger tie-break, where torques that hardly matter may have chattered: with
     its problem if it is verified and as good, else nothing."""
     other = with_larger_tie_break(hop)
     if other is None:
         return None
     say(f"not verified: solving again with solver.tie_break = {other.design.solver.tie_break:g}")
-    outcome = solved_from(other, outcomes[_chosen(doubtful, outcomes)])  # a start anew may end in another optimum
+    outcome = solved_from(
+        other, outcomes[_chosen(doubtful, outcomes)], until
+    )  # a start anew may end in another optimum
     if not outcome.success:
         return None
-    again = refined_and_verified(other, outcome, outcomes, say, clock)
+    again = refined_and_verified(other, outcome, outcomes, say, clock, until=until)
     as_good = relative(again.summary.objective_value, doubtful.summary.objective_value) < CLOSE
     return (other, again) if again.verified and as_good else None
 

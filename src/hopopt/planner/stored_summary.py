@@ -39,6 +39,7 @@ from hopopt.planner.summary_parts import (
 )
 
 VERSION = 1  # of the summary's keys
+LATE = "the time limit was reached: with more time (--time-limit) the search may find a better hop, or verify this one"
 SUM = 1e-9  # m: by which the clearance may differ from the sum of its parts
 FORMER = {"tightening cost": "price of drawing in the limits"}  # names of checks in results stored earlier
 
@@ -116,6 +117,11 @@ class Summary(Measures):
     def figure(self, name: str) -> float | None:
         """A figure by its key, such as ``objective_figure`` [the figure's unit]; None where it is not stated."""
         return getattr(self, name)
+
+    @property
+    def late(self) -> bool:
+        """Whether the time limit ended the search."""
+        return LATE in self.notes
 
     @property
     def reached(self) -> float:

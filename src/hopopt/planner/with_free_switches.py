@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
+from hopopt.nlp.deadline import Deadline
 from hopopt.nlp.mesh_refinement import MeshStep, relative
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.free_switches import resolve
@@ -15,12 +16,12 @@ from hopopt.planner.stopwatch import Stopwatch
 
 
 def with_free_switches(
-    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch, until: Deadline
 ) -> Solution:
     """The best hop solved again with its drives' switches at free times, if that is verified and agrees with it."""
     say("solving again with free switching times")
     settled = MeshStep(**asdict(best.summary.mesh[-1]))
-    found = resolve(stored_nlp(best), settled, aims_of(hop), lambda step: say(progress_line(hop, step)))
+    found = resolve(stored_nlp(best), settled, aims_of(hop, until), lambda step: say(progress_line(hop, step)))
     clock.mark("structure")
     if isinstance(found, str):
         return _with_structure(best, solved_again=False, note=found)

@@ -6,7 +6,7 @@ must reach the same objective.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,8 @@ import numpy as np
 
 from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import ProblemFileError, UsageError
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.nlp.time_limit import limited, time_is_up
 from hopopt.ocp.custom import custom
 from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling
 from hopopt.ocp.hop import Hop
@@ -37,6 +37,7 @@ from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import SEARCHING, TIME_LIMIT, best_of, with_larger_tie_break
 from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.stored_summary import LATE
 from hopopt.planner.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
 from hopopt.planner.verdict_entries import verification_entries
 from hopopt.problem.load import as_design, changed
@@ -68,54 +69,68 @@ def codesign(
     The solution's ``design`` has the optimal numbers; its summary's ``codesign`` says what was free and what is at
     its bound. time_limit [s]: as in ``solve``. Raises UsageError for entries or bounds that no problem can have, NotSolvedError as ``solve`` does.
     """
+    seconds = TIME_LIMIT if time_limit is None else time_limit
+    until = NEVER.within(SEARCHING * seconds)
     design = as_design(design)
     say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
     side_by_side = processes or os.cpu_count() or 1
     free_parameters = checked(design, free, couple)
     own = tuple(custom(c) for c in constraints)
     hop = Hop(design, given(objective), free_parameters, own)
-    seconds = TIME_LIMIT if time_limit is None else time_limit
-    with limited(SEARCHING * seconds):
-        return _found(hop, count, side_by_side, clock, say).with_summary(time_limit_s=seconds)
+    found = _found(hop, count, side_by_side, clock, say, until)
+    late = (LATE,) if until.passed else ()
+    return found.with_summary(time_limit_s=seconds, notes=(*late, *found.summary.notes))
 
 
-def _found(hop: Hop, count: int, side_by_side: int, clock: Stopwatch, say: Progress) -> Solution:
+def _found(hop: Hop, count: int, side_by_side: int, clock: Stopwatch, say: Progress, until: Deadline) -> Solution:
     """The best hop with the best parameters that is found in the time that is left."""
     reported = _of_codesign(say)
     outcomes = search_first_mesh(
-        hop, count, side_by_side, reported, _begun(hop, count, side_by_side, reported)
+        hop, count, side_by_side, reported, _begun(hop, count, side_by_side, reported, until), until
     ).outcomes
-    answer = _confirmed(hop, outcomes, count, side_by_side, clock, say)
-    if answer.verified or time_is_up():
+    answer = _confirmed(hop, outcomes, count, side_by_side, clock, say, until)
+    if answer.verified or until.passed:
         return answer
     if (other := with_larger_tie_break(hop)) is not None:  # where torques that hardly matter have chattered
         reported(f"not verified: solving again with solver.tie_break = {other.design.solver.tie_break:g}")
-        calmer = [solved_from(other, o) for o in contenders(outcomes)]
+        calmer = [solved_from(other, o, until) for o in contenders(outcomes)]
         if any(o.success for o in calmer):
-            again = _confirmed(other, calmer, count, side_by_side, clock, say)
+            again = _confirmed(other, calmer, count, side_by_side, clock, say, until)
             if again.verified:
                 return again
-    return _confirmed(hop, outcomes, count, side_by_side, clock, say, restarts=True)
+    return _confirmed(hop, outcomes, count, side_by_side, clock, say, until, restarts=True)
 
 
 def _confirmed(
     hop: Hop, outcomes: Sequence[StartOutcome], count: int, side_by_side: int, clock: Stopwatch, say: Progress,
-    restarts: bool = False,
+    until: Deadline, restarts: bool = False,
 ) -> Solution:  # fmt: skip
     """The best of the co-designs of the first mesh refined, and the hop of the leg that comes out."""
-    refined = [refine_outcome(hop, o, _of_codesign(say), restarts=restarts).solution for o in contenders(outcomes)]
-    if not refined:
-        raise not_solved(hop, outcomes)
+    refined = [
+        refine_outcome(hop, o, _of_codesign(say), restarts=restarts, until=until).solution
+        for o in _in_time(contenders(outcomes), until)
+    ]
+    if not refined or until.passed:
+        raise not_solved(hop, outcomes, until=until)
     best = max(refined, key=lambda s: hop.objective.merit(s.objective))
     clock.mark("co-design")
     fixed = Hop(changed(hop.design, optimal(hop.free_parameters, best)), hop.asked, constraints=hop.constraints)
     say("solving the design that came out")
-    again = search_first_mesh(fixed, count, side_by_side, say, [from_motion(fixed, best, "co-design")]).outcomes
+    begun = from_motion(fixed, best, "co-design", until)
+    again = search_first_mesh(fixed, count, side_by_side, say, [begun], until).outcomes
     clock.mark("starts")
-    finished = [refined_and_verified(fixed, o, again, say, clock, restarts=restarts) for o in contenders(again)]
+    finished = [
+        refined_and_verified(fixed, o, again, say, clock, restarts=restarts, until=until)
+        for o in _in_time(contenders(again), until)
+    ]
     if not finished:
-        raise not_solved(fixed, again)
-    return _described(best_of(fixed.objective, finished), hop, best)
+        raise not_solved(fixed, again, until=until)
+    return _described(best_of(fixed.objective, finished), hop, best, until)
+
+
+def _in_time(outcomes: Sequence[StartOutcome], until: Deadline) -> Iterator[StartOutcome]:
+    """The first, and more while there is time."""
+    return (o for k, o in enumerate(outcomes) if not k or not until.passed)
 
 
 def _of_codesign(say: Progress) -> Progress:
@@ -123,16 +138,16 @@ def _of_codesign(say: Progress) -> Progress:
     return lambda text: say(f"co-design: {text}")
 
 
-def _begun(hop: Hop, count: int, side_by_side: int, reported: Progress) -> list[StartOutcome]:
+def _begun(hop: Hop, count: int, side_by_side: int, reported: Progress, until: Deadline) -> list[StartOutcome]:
     """Co-designs begun from what is known: the highest hop where a clearance is asked for, and the best hop of the design
     as it is given, below which the co-design's optimum cannot lie."""
-    besides = from_highest(hop, count, reported)
-    if count == 1 or any(o.success for o in besides):
+    besides = from_highest(hop, count, reported, until=until)
+    if count == 1 or until.passed or any(o.success for o in besides):
         return besides
     given_design = Hop(hop.design, hop.asked, constraints=hop.constraints)
-    found = contenders(search_first_mesh(given_design, count, side_by_side, reported).outcomes)
+    found = contenders(search_first_mesh(given_design, count, side_by_side, reported, until=until).outcomes)
     t = first_transcription(given_design)
-    return besides + [from_motion(hop, solution_of(o, t), "the design as given") for o in found[:1]]
+    return besides + [from_motion(hop, solution_of(o, t), "the design as given", until) for o in found[:1]]
 
 
 def optimal(free_parameters: FreeParameters, solution: NlpSolution) -> dict[str, float]:
@@ -145,11 +160,11 @@ def optimal(free_parameters: FreeParameters, solution: NlpSolution) -> dict[str,
     return found
 
 
-def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
+def _described(answer: Solution, hop: Hop, best: NlpSolution, until: Deadline) -> Solution:
     """The answer with what was free, and the check that the fixed design confirms the co-design."""
     found = CoDesign(
         best.objective,
-        parameters=tuple(_parameters(hop, best)),
+        parameters=tuple(_parameters(hop, best, until)),
         couplings=tuple(_coupling(c, hop, best) for c in hop.free_parameters.couplings),
         mass_laws={part: MassLawUsed(**law) for part, law in laws(hop.free_parameters).items()},
     )
@@ -162,7 +177,7 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution) -> Solution:
     return answer.noted(verdict=verdict).with_summary(**verification_entries(verdict), codesign=found, notes=reported)
 
 
-def _parameters(hop: Hop, best: NlpSolution) -> list[FreeEntry]:
+def _parameters(hop: Hop, best: NlpSolution, until: Deadline) -> list[FreeEntry]:
     """For each free entry: value before and now, bounds, whether it is at one and what moving that would gain."""
     t, by = best.transcription, slopes(best)
     entries = {row.path: row for row in rows(hop.design)}
@@ -184,7 +199,7 @@ def _parameters(hop: Hop, best: NlpSolution) -> list[FreeEntry]:
                 optimal=values[p.name],
                 at_bound=bound,
                 gain_per_unit_of_the_bound=slope,
-                between=None if bound else between(hop, best, p.name),
+                between=None if bound or until.passed else between(hop, best, p.name),
             )
         )
     return found

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.ipopt import CARRIED, NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
@@ -19,6 +20,7 @@ from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import SAME, StartOutcome, first_options, first_transcription, outcome_of, solution_of
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.solution import Motion
+from hopopt.planner.solve import TIME_LIMIT
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.render import design_hash
 
@@ -120,7 +122,7 @@ def searched(design: Design, count: int) -> list[Optimum]:
     p = _program(design)
     if joints_without_inertia(p.hop.design, p.hop.robot):
         return []
-    outcomes = search_first_mesh(p.hop, count, 1, _silent).outcomes
+    outcomes = search_first_mesh(p.hop, count, 1, _silent, until=NEVER.within(TIME_LIMIT)).outcomes
     found = list[Optimum]()
     for outcome in sorted((o for o in outcomes if o.success), key=lambda o: -o.merit):
         remember(found, _optimum(p, outcome))
@@ -200,9 +202,9 @@ def _poses(plan: Motion) -> np.ndarray:
 
 def refined(design: Design, optimum: Optimum) -> Refined:
     """The optimum on meshes fine enough for its checks."""
-    hop = _program(design).hop
+    hop, until = _program(design).hop, NEVER.within(TIME_LIMIT)
     try:
-        found = refined_and_verified(hop, optimum.outcome, [optimum.outcome], _silent, Stopwatch())
+        found = refined_and_verified(hop, optimum.outcome, [optimum.outcome], _silent, Stopwatch(), until=until)
     except STOPS as error:
         return Refined(optimum.clearance, False, (f"stopped by a {type(error).__name__}",))
     return Refined(found.clearance, found.verified, tuple(found.summary.failed_checks))

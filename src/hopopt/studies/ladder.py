@@ -17,12 +17,13 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import reach
+from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.custom import Custom, Moment, Terms
 from hopopt.ocp.hop import Hop
 from hopopt.planner.from_known import solved_from_known
 from hopopt.planner.motion_figures import NO_FRICTION
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
+from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.problem.load import changed
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.studies.compare import Comparison
@@ -218,7 +219,7 @@ class _Rungs:
         if below is not None and found.clearance < below.clearance - BELOW:
             self.say(f"ladder: once more from the hop below, {below.clearance:.4f} m")
             design, constraints = self._problem(allowed)
-            again = solved_from_known(Hop(design, constraints=constraints), below, self.say)
+            again = solved_from_known(Hop(design, constraints=constraints), below, self.say, NEVER.within(TIME_LIMIT))
             if again.verified and again.clearance > found.clearance:
                 self.known[allowed] = again
         return self.known[allowed]

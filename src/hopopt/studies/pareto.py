@@ -20,6 +20,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.files import write_whole
+from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
@@ -31,7 +32,7 @@ from hopopt.planner.multistart import Progress, StartOutcome, first_transcriptio
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.required_clearance import begun_from, maximum_clearance_hop, reaches
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
+from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.load import as_design, changed
 from hopopt.storage.folder import unused, write_json, writing
@@ -188,9 +189,10 @@ class Chain:
         self.outcomes.append(self._from_starts(hop))
 
     def _from_starts(self, hop: Hop) -> list[StartOutcome]:
-        highest = maximum_clearance_hop(hop, self.starts)
-        besides = [begun_from(hop, highest)] if highest and reaches(hop, highest) else []
-        return list(search_first_mesh(hop, self.starts, self.processes, self.say, besides).outcomes)
+        until = NEVER.within(TIME_LIMIT)
+        highest = maximum_clearance_hop(hop, self.starts, until)
+        besides = [begun_from(hop, highest, until)] if highest and reaches(hop, highest) else []
+        return list(search_first_mesh(hop, self.starts, self.processes, self.say, besides, until).outcomes)
 
     def hop(self, k: int) -> Hop:
         """The problem of point k."""
@@ -225,10 +227,10 @@ class Chain:
         begin, began, t = best(self.outcomes[neighbour]), time.perf_counter(), self.transcription(k)
         if begin is None:
             return
-        v = begin.vectors
-        s = self.warm.on(t).from_vector(v["z"], (v["lam_g"], v["lam_x"]))
+        v, until = begin.vectors, NEVER.within(TIME_LIMIT)
+        s = self.warm.on(t, until).from_vector(v["z"], (v["lam_g"], v["lam_x"]))
         if not s.success:
-            s = self.cold.on(t).from_vector(v["z"])
+            s = self.cold.on(t, until).from_vector(v["z"])
         name = f"from {self.clearances[neighbour]:.3f} m"
         self.outcomes[k].append(outcome_of(name, s, time.perf_counter() - began))
 
@@ -241,6 +243,7 @@ def best(outcomes: Sequence[StartOutcome]) -> StartOutcome | None:
 def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> Solution | None:
     """Refine, verify and keep point k, its best first-mesh optimum or, if that is not verified, the next."""
     began, hop, clock = time.perf_counter(), chain.hop(k), Stopwatch()
+    until = NEVER.within(TIME_LIMIT)
     asked, outcomes = float(chain.clearances[k]), chain.outcomes[k]
     ranked = sorted((o for o in outcomes if o.success), key=lambda o: -o.merit)
     if not ranked:
@@ -250,7 +253,7 @@ def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> So
     for outcome in _distinct(ranked)[:2]:
         try:
             solution = refined_and_verified(
-                hop, outcome, outcomes, lambda text: say(f"{kind}: {text}"), clock, chain.transcription(k)
+                hop, outcome, outcomes, lambda text: say(f"{kind}: {text}"), clock, chain.transcription(k), until=until
             )
         except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:
             say(f"{kind}: stopped by a {type(error).__name__}")

@@ -8,7 +8,6 @@ regulator follows it. By program: plan and feedback are chosen together for legs
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from time import monotonic
 
 import numpy as np
 from scipy.optimize import minimize
@@ -19,7 +18,7 @@ from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import reach, start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import weight
-from hopopt.nlp.time_limit import limited
+from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.planner.from_known import solved_from_known
 from hopopt.planner.reserve import reserved
@@ -133,8 +132,8 @@ class Search:
         reserve = Reserve(torque=torque, speed=speed, ground_force=newtons, height=height, angle=angle)
         design = asked.model_copy(update={"reserve": reserve})
         try:
-            with limited(LONGEST[BY_RESERVE]):
-                plan = solved_from_known(Hop(reserved(design)), self.bound)
+            until = NEVER.within(LONGEST[BY_RESERVE])
+            plan = solved_from_known(Hop(reserved(design)), self.bound, until=until)
         except (NotSolvedError, UsageError):
             self.trials.append(None)
             return -float(np.sum(x))  # less reserve may leave a plan
@@ -158,14 +157,12 @@ class Search:
 
     def _programs(self, design: Design) -> Iterator[tuple[list[Draw], SharedPlan]]:
         """Legs ever further apart, and their plan, within the time that all programs may take."""
-        until = monotonic() + LONGEST[BY_PROGRAM]
-        with limited(LONGEST[BY_PROGRAM]):
-            begin: Solution | SharedPlan = solved_from_known(Hop(reserved(design)), self.bound)
+        until = NEVER.within(LONGEST[BY_PROGRAM])
+        begin: Solution | SharedPlan = solved_from_known(Hop(reserved(design)), self.bound, until=until)
         for share in SHARES:
             apart = extremes(design, design.uncertainty, share)
             others = [(reserved(draw.leg), draw.torque_gain, draw.start) for draw in apart]
-            with limited(until - monotonic()):
-                begin = shared_plan(true_legs(reserved(design), others, start_angles(design)), begin)
+            begin = shared_plan(true_legs(reserved(design), others, start_angles(design)), begin, until)
             yield apart, begin
 
     def _kept_back(self) -> Design:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, basinhopping
 
 from hopopt.global_search import search
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import Start
 from hopopt.planner.first_mesh import rollout_starts
@@ -18,26 +19,32 @@ Say = Callable[[str], None]
 BEGUN_FROM = (0, 3)  # starts that relaxed problems begin from: an upright push, and a swing
 LOW, HIGH = np.array([-0.5, -0.3, 0.0, 0.2]), np.array([0.6, 0.4, 0.4, 1.0])  # sway, lean, dip, duration of a start
 STEP = 0.3  # of that range, by which basin hopping moves at most
+LONGEST = 3600.0  # s of one grid
 TEMPERATURE = 0.01  # relative: by so much a worse hop is accepted now and then
 NOTHING = 0.0  # merit of a start that leads to no hop
 
 
-def relaxed(hop: Hop, known: Sequence[StartOutcome], say: Say) -> list[StartOutcome]:
-    """All relaxed problems, each from two starts, tightened to what is asked."""
+def relaxed(hop: Hop, known: Sequence[StartOutcome], say: Say, until: Deadline = NEVER) -> list[StartOutcome]:
+    """All relaxed problems that there is time for, each from two starts, tightened to what is asked."""
     say(f"solving {len(THOROUGH)} relaxed problems from {len(BEGUN_FROM)} starts each, and tightening them")
-    return relaxed_starts(hop, THOROUGH, known, BEGUN_FROM)
+    return relaxed_starts(hop, THOROUGH, known, BEGUN_FROM, until=until)
 
 
 def on_grids(
     hop: Hop, sizes: Sequence[int], known: Sequence[StartOutcome], say: Say
 ) -> tuple[list[dict[str, Any]], list[StartOutcome]]:
     """The global method on growing grids: for each the value, the best motion's clearance [m], the hop on the first mesh
-    that its motions lead to [m] and the time [s]; and all that they led to."""
+    that its motions lead to [m] and the time [s]; and all that they led to. A grid that takes too long is the last."""
     rows, outcomes = list[dict[str, Any]](), list[StartOutcome]()
     for size in sizes:
         say(f"dynamic programming on {size} nodes along each of the states' axes")
-        found = search(hop.design, size=size, progress=say)
-        ended = rollout_starts(hop, found.rollouts, [*known, *outcomes])
+        until = NEVER.within(LONGEST)
+        try:
+            found = search(hop.design, size=size, progress=say, until=until)
+        except TimeoutError:
+            say(f"{size} nodes: no end after {LONGEST:g} s")
+            break
+        ended = rollout_starts(hop, found.rollouts, [*known, *outcomes], until=until)
         solved = [o for o in ended if o.success]
         outcomes += ended
         rows.append({
@@ -49,9 +56,12 @@ def on_grids(
     return rows, outcomes
 
 
-def hopped(hop: Hop, count: int, known: Sequence[StartOutcome], say: Say) -> list[StartOutcome]:
-    """What so many steps of basin hopping over the starts lead to; drawn by the problem's seed."""
-    solver, outcomes = first_solver(hop, True, known_optima(hop, known)), list[StartOutcome]()
+def hopped(
+    hop: Hop, count: int, known: Sequence[StartOutcome], say: Say, until: Deadline = NEVER
+) -> list[StartOutcome]:
+    """What so many steps of basin hopping over the starts lead to, or as many as there is time for; drawn by the problem's
+    seed."""
+    solver, outcomes = first_solver(hop, True, known_optima(hop, known), until), list[StartOutcome]()
     best = max((o.merit for o in known if o.success), default=1.0)
 
     def height(x: np.ndarray) -> float:
@@ -70,6 +80,6 @@ def hopped(hop: Hop, count: int, known: Sequence[StartOutcome], say: Say) -> lis
 
     basinhopping(
         height, rng.uniform(LOW, HIGH), niter=count, T=TEMPERATURE * abs(best), take_step=step,
-        minimizer_kwargs={"method": as_it_is}, rng=rng,
+        minimizer_kwargs={"method": as_it_is}, rng=rng, callback=lambda *_: until.passed,
     )  # fmt: skip
     return outcomes

@@ -8,7 +8,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
-from hopopt.nlp.time_limit import limited
+from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.several_hops import in_words
 from hopopt.planner.several_hops import HopsPlan, plan_hops
 from hopopt.planner.solution import Solution
@@ -125,8 +125,7 @@ def _looked_for(
     design: Design, begin: Solution | None, orbit: Solution, clearances: Sequence[float], say: Callable[[str], None]
 ) -> HopsPlan:
     say(f"looking for a way onto the orbit in {in_words(len(clearances))}")
-    with limited(TIME_LIMIT):
-        return plan_hops(design, begin, orbit, clearances, say)
+    return plan_hops(design, begin, orbit, clearances, say, NEVER.within(TIME_LIMIT))
 
 
 def _suits(design: Design, known: Solution, words: str) -> None:

@@ -44,6 +44,11 @@ def print_answer(solution: "Solution") -> None:
     )
 
 
+def print_late(solution: "Solution") -> None:
+    """That the time was up before an answer was verified."""
+    print_parts(solution.shown, results=_results(solution.shown))
+
+
 def print_parts(s: "Summary", **parts: Sequence[str]) -> None:
     """Title and headline, and below them each part's lines under its name."""
     head, out, changed = _headline(s), console(), " and ".join(s.overrides or ())
@@ -55,6 +60,11 @@ def print_parts(s: "Summary", **parts: Sequence[str]) -> None:
 
 
 def _headline(s: "Summary") -> str:
+    if s.late and not s.verified:
+        return (
+            f"[bold red]Solved, but NOT verified[/bold red]: the time limit of {s.time_limit_s:g} s was reached; a larger one "
+            "(--time-limit) may lead to an answer. The attempt is kept for inspection."
+        )
     if not s.verified:
         return (
             "[bold red]Solved, but NOT verified[/bold red]: no answer is stated. "

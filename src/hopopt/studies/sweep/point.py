@@ -18,10 +18,10 @@ import numpy as np
 from hopopt.design import Leg, physical_parameters
 from hopopt.errors import NotSolvedError, ProblemFileError, one_line
 from hopopt.nlp.compiled import compiling
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.mesh_refinement import UNSOLVED, relative
 from hopopt.nlp.reuse import with_numbers_of
-from hopopt.nlp.time_limit import limited, time_is_up
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
@@ -72,12 +72,13 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
     """Solve point k from the sources or, if none leads to a verified hop, from the starts."""
     began = time.perf_counter()
     point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
-    with _one_at_a_time, limited(TIME_LIMIT), _compiling(definition):
+    with _one_at_a_time, _compiling(definition):
+        until = NEVER.within(TIME_LIMIT)
         try:
             hop = Hop(definition.design_at(k), definition.objective)
             if faults := joints_without_inertia(hop.design, hop.robot):
                 raise NotSolvedError(f"{definition.design.name}: the leg cannot hop from its start.", faults)
-            for source, found in _answers(definition, hop, point.values, sources):
+            for source, found in _answers(definition, hop, point.values, sources, until):
                 if not point.solved or _preferred(hop, found[0], point):
                     point, begin = _described(point, found[0], source), dict(found[1])
         except (NotSolvedError, *STOPS) as error:  # one point does not end a study
@@ -92,10 +93,11 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
     """Solve a finished point from other neighbours; the better, and that they were tried."""
     began = time.perf_counter()
     best, begin = old, dict[str, np.ndarray]()
-    with _one_at_a_time, limited(TIME_LIMIT), _compiling(definition):
+    with _one_at_a_time, _compiling(definition):
+        until = NEVER.within(TIME_LIMIT)
         hop = Hop(definition.design_at(old.index), definition.objective)
         known = own if old.verified else None
-        for source, found, its in _other_answers(definition, hop, old.values, sources, known):
+        for source, found, its in _other_answers(definition, hop, old.values, sources, known, until):
             if _better(hop, found.objective_value, best):
                 best, begin = replace(_described(old, found, source), solved_in=after_pass), its
     seconds = old.seconds + time.perf_counter() - began
@@ -106,11 +108,12 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
 
 def again(definition: Definition, point: Point, begin: Begin) -> Point:
     """A point as it comes out when its optimum on the first mesh, ``begin``, is refined and verified once more."""
-    with _one_at_a_time, limited(TIME_LIMIT), _compiling(definition):
+    with _one_at_a_time, _compiling(definition):
+        until = NEVER.within(TIME_LIMIT)
         hop = Hop(definition.design_at(point.index), definition.objective)
         own = point.begun_from is None  # from starts, on a program of its own
-        t = first_transcription(hop) if own else _first_program(definition, hop, point.values)[0]
-        found = _refined(hop, _stored_outcome(hop, t, begin), t)
+        t = first_transcription(hop) if own else _first_program(definition, hop, point.values, until)[0]
+        found = _refined(hop, _stored_outcome(hop, t, begin), t, until)
     return replace(_described(point, found, None), begun_from=point.begun_from)
 
 
@@ -149,17 +152,20 @@ def _error(found: Answer) -> float | None:
 
 
 def _answers(
-    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source]
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source], until: Deadline
 ) -> Iterator[tuple[Source | None, tuple[Answer, Begin]]]:
     """The refined and verified best of what the sources and the search of a single solve lead to on the first mesh, and
     what is close to it but unlike."""
     verified, refined = False, list[Begin]()
-    from_sources = _on_the_first_mesh(definition, hop, values, sources)
-    searched = _searched(hop, definition.starts or hop.design.solver.starts, [each[1] for each in from_sources])
+    from_sources = _on_the_first_mesh(definition, hop, values, sources, until)
+    count, known = definition.starts or hop.design.solver.starts, [each[1] for each in from_sources]
+    searched = _searched(hop, count, known, until)
     for source, outcome, begin, t in sorted([*from_sources, *searched], key=lambda each: -each[1].merit):
+        if refined and until.passed:
+            return
         if not refined or not verified or _another(hop, begin, refined):
             try:
-                got = _refined(hop, outcome, t)
+                got = _refined(hop, outcome, t, until)
             except STOPS:
                 continue
             verified |= got.verified
@@ -167,14 +173,14 @@ def _answers(
             yield source, (got, begin)
 
 
-def _searched(hop: Hop, count: int, known: Sequence[StartOutcome]) -> list[Found]:
+def _searched(hop: Hop, count: int, known: Sequence[StartOutcome], until: Deadline) -> list[Found]:
     """The distinct hops that the search of a single solve finds beside those that are ``known``."""
     t = first_transcription(hop)
     try:
-        besides = from_highest(hop, count, _silent, thorough=False)
-        outcomes = search_first_mesh(hop, count, 1, _silent, besides).outcomes
+        besides = from_highest(hop, count, _silent, thorough=False, until=until)
+        outcomes = search_first_mesh(hop, count, 1, _silent, besides, until).outcomes
         if not known and not any(o.success for o in outcomes):
-            raise not_solved(hop, outcomes)
+            raise not_solved(hop, outcomes, until=until)
     except NotSolvedError:
         if not known:
             raise
@@ -183,18 +189,23 @@ def _searched(hop: Hop, count: int, known: Sequence[StartOutcome]) -> list[Found
 
 
 def _other_answers(
-    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source], own: Begin | None
+    definition: Definition,
+    hop: Hop,
+    values: Mapping[str, float],
+    sources: Sequence[Source],
+    own: Begin | None,
+    until: Deadline,
 ) -> Iterator[tuple[Source, Answer, Begin]]:
     """What is verified of the sources' optima that may be better than the ``own``, and than each other: the best on the
     first mesh first, and none that is like one before."""
     verified: list[Begin] = []
-    for source, outcome, begin, t in _on_the_first_mesh(definition, hop, values, sources):
+    for source, outcome, begin, t in _on_the_first_mesh(definition, hop, values, sources, until):
         known = [*verified[:1], *([] if own is None else [own])]
         again = any(not unlike(begin["shape"], other["shape"]) for other in verified)
-        if again or not all(_promising(hop, begin, other) for other in known):
+        if again or until.passed or not all(_promising(hop, begin, other) for other in known):
             continue
         try:
-            got = _refined(hop, outcome, t)
+            got = _refined(hop, outcome, t, until)
         except STOPS:
             continue
         if got.verified:
@@ -203,13 +214,15 @@ def _other_answers(
 
 
 def _on_the_first_mesh(
-    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source]
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source], until: Deadline
 ) -> list[FromSource]:
     """What the sources lead to on the first mesh, the best first."""
     found = []
     for source in sources:
+        if found and until.passed:
+            break
         try:
-            t, solver = _first_program(definition, hop, values)
+            t, solver = _first_program(definition, hop, values, until)
             outcome = _from_neighbour(hop, t, solver, source)
         except STOPS:
             continue
@@ -234,19 +247,21 @@ def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:
     return gain > CORRECTED or (gain > -CLOSE and unlike(begin["shape"], own["shape"]))
 
 
-def _refined(hop: Hop, outcome: StartOutcome, t: Transcription) -> Answer:
+def _refined(hop: Hop, outcome: StartOutcome, t: Transcription, until: Deadline) -> Answer:
     """An optimum of the first mesh refined and verified, as a single solve is: with a larger tie-break where torques that
     hardly matter chatter (a slider that waits), and with restarts, which take minutes there, only if that does not help."""
-    found = refine_and_verify(hop, outcome, _silent, t, restarts=False)
-    if found.verified or time_is_up():
+    found = refine_and_verify(hop, outcome, _silent, t, restarts=False, until=until)
+    if found.verified or until.passed:
         return found
     if (other := with_larger_tie_break(hop)) is not None:
-        calmer = solved_from(other, outcome)
+        calmer = solved_from(other, outcome, until)
         if calmer.success:
-            again = refine_and_verify(other, calmer, _silent)
+            again = refine_and_verify(other, calmer, _silent, until=until)
             if again.verified and relative(again.objective_value, found.objective_value) < CLOSE:
                 return again
-    return refine_and_verify(hop, outcome, _silent, t) if found.refined.ended == UNSOLVED else found
+    if found.refined.ended != UNSOLVED or until.passed:
+        return found
+    return refine_and_verify(hop, outcome, _silent, t, until=until)
 
 
 def _begin(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:
@@ -274,11 +289,13 @@ def _from_neighbour(hop: Hop, t: Transcription, solver: NlpSolver, source: Sourc
     z = begin["x"] / t.scale
     s = solver.from_vector(z, (begin["lam_g"], begin["lam_x"]))
     if not s.success:
-        s = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations}).from_vector(z)
+        s = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations}, until=solver.until).from_vector(z)
     return outcome_of(name, s, time.perf_counter() - began)
 
 
-def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]) -> tuple[Transcription, NlpSolver]:
+def _first_program(
+    definition: Definition, hop: Hop, values: Mapping[str, float], until: Deadline
+) -> tuple[Transcription, NlpSolver]:
     """The first mesh's program of a point, compiled once for all points that differ in numbers of leg and start.
 
     It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
@@ -292,12 +309,12 @@ def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]
             common = common if common.dependent == hop.dependent else hop
         except ProblemFileError:  # only its points are possible
             t = first_transcription(hop)
-            return t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
+            return t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE}, until=until)
         t = first_transcription(common)
         _compiled[key] = t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
     t, solver = _compiled[key]
     t = with_numbers_of(t, hop.problem)
-    return t, solver.on(t)
+    return t, solver.on(t, until)
 
 
 def _compiling(definition: Definition) -> AbstractContextManager[None]:
