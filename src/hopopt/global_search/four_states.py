@@ -12,7 +12,6 @@ from hopopt.global_search.paths import Search
 from hopopt.global_search.posture import tuck_height
 from hopopt.global_search.result import GlobalSearch
 from hopopt.global_search.value import is_compiled, value_function
-from hopopt.leg.actuator import operating_region
 from hopopt.leg.robot import build_robot
 from hopopt.nlp.deadline import Deadline
 

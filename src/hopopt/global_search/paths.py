@@ -16,7 +16,6 @@ from hopopt.global_search.motions import KEEPS, between, extreme_motions, last_k
 from hopopt.global_search.result import Rollout, different
 from hopopt.global_search.value import ValueFunction
 from hopopt.nlp.deadline import Deadline
-from hopopt.sim.compiled import kernel, packed
 
 STEPS = 48  # of the longest stance
 WIDTH = (

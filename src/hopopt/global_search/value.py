@@ -12,13 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from hopopt.compiled.kernel import kernel, packed
+from hopopt.compiled.kernel import kept, kernel, packed
 from hopopt.global_search.constants import StanceConstants
 from hopopt.global_search.dynamics import apex_height
 from hopopt.global_search.grid import NOWHERE, Grid, interpolate, joint_heights, second_differences
 from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, leaving_apex, workspace
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.sim.compiled import kept, kernel, packed
 
 CHUNKS = 16  # pieces of the grid for each thread: some hold few states that matter
 Progress = Callable[[str], None]
