@@ -133,11 +133,11 @@ class Track:
 
     def _regulated(self, now: Measurement, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
         k = round(now.since / self.period)
-        A, B, _, L = self.gains[now.contact].at(k)
-        before = self.state
+        before, L = self.state, self.gains[now.contact].at(k)[3]
         if before is None or (now.contact and not before.contact):  # no filter knows what speeds an impact leaves
             error = np.concatenate([now.q - q, np.zeros_like(q)])
         elif before.contact == now.contact:
+            A, B = self.gains[now.contact].at(max(k - 1, 0))[:2]  # of the period that led here
             error = A @ before.error + B @ before.extra
         else:  # another reference
             ahead = before.q + self.period * before.v
