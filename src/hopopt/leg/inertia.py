@@ -1,9 +1,11 @@
 """Moments of inertia as problem files write them: xx, yy, zz and the products xy, xz, yz [kg m^2]."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
+from hopopt.design import LEAST_INERTIA
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx, yy, zz, xy, xz, yz
 SLACK = 1e-3  # by which moments may miss what they have to be: figures in files are rounded
@@ -23,3 +25,16 @@ def principal_moments(inertia: Sequence[float]) -> np.ndarray:
 def obeys_triangle(low: float, middle: float, high: float) -> bool:
     """Whether the largest principal moment is at most the sum of the others, as for every body."""
     return bool(high <= (low + middle) * (1 + SLACK))
+
+
+def of_other_mass(part: Mapping[str, Any], ratio: float) -> dict[str, Any]:
+    """Entries of a link or the body that change with its material: mass [kg], and inertia where it is given [kg m^2].
+
+    part: the entries it has. ratio: the new mass over the old; the shape stays.
+    """
+    found: dict[str, Any] = {"mass": part["mass"] * ratio}
+    if (about := part.get("inertia")) is not None:
+        found["inertia"] = max(about * ratio, LEAST_INERTIA)  # a point mass may be written as the least
+    if (moments := part.get("inertia_tensor")) is not None:
+        found["inertia_tensor"] = tuple(x * ratio for x in moments)
+    return found

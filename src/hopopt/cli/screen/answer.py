@@ -162,7 +162,7 @@ def _had_lines(s: "Summary") -> list[str]:
     more = ["the plan's [reserve] is too small for such legs: hopopt robust finds a better one"] if behind else []
     return [
         f"what can be had: {found.share:.0%} of all legs within [uncertainty] reach {' and '.join(ways)} "
-        f"(simulated, {found.draws} draws, confidence {found.confidence:.0%}){ideal}",
+        f"(simulated, {found.draws} draws, each with confidence {found.confidence:.0%}){ideal}",
         *more,
     ]
 
