@@ -70,7 +70,7 @@ class LeansOn(Strict):
 
 @dataclass(frozen=True)
 class UpperBound(Strict):
-    """What no controller can pass; None for what nothing bounds."""
+    """What no hop within the drives' limits and the longest stance can pass; None for what nothing bounds."""
 
     clearance_m: float | None = stated("clearance [m]")
     by_energy_m: float | None = stated("height of the centre of mass by energy [m]")

@@ -294,7 +294,8 @@ def bound_line(bound: float | None, objective: str) -> list[str]:
     if bound is None or objective not in ("clearance", "apex"):
         return []
     return [
-        f"no controller can pass {bound:.2f} m: a crude bound, by the drives' speed and power alone (docs/bound.md)"
+        f"no hop that keeps the drives' limits and the longest stance can pass {bound:.2f} m: a crude bound, by speed and "
+        "power alone (docs/bound.md)"
     ]
 
 
