@@ -17,6 +17,17 @@ def force_range(model: pin.Model) -> float:
     return FORCE_RANGE * weight(model)
 
 
+def friction_needed(along: np.ndarray, up: np.ndarray, given: float | None, allowed: float) -> float:
+    """The coefficient of the narrowest friction cone around contact forces, ``along`` and ``up`` (k,) [N].
+
+    given: the ground's coefficient, None where it grips without limit. Where its cone holds all of them but for ``allowed``
+    [N], no more than it is needed: the ratio of two forces that are nearly nothing says nothing.
+    """
+    steepest = float((along / up).max(initial=0.0))
+    kept = given is not None and bool(np.all(along - given * up <= allowed))
+    return min(steepest, given) if kept and given is not None else steepest
+
+
 def joint_inertias(model: pin.Model, angles: np.ndarray) -> np.ndarray:
     """The inertia (n) [kg m^2] that each joint shows at these joint angles (n) [rad] while all others are free."""
     q = np.concatenate([np.zeros(model.nq - len(angles)), angles])

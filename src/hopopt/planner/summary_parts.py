@@ -203,6 +203,11 @@ class Error(Strict):
     relaxed: Relaxed = stated("what enforcing limits between the nodes costs")
     could_be_beaten_by: float | None = stated("neighbouring hops may be better by this; null if not certified")
 
+    @property
+    def either_way(self) -> float:
+        """What the objective may be too good by, and neighbouring hops better by, together [its unit]."""
+        return self.too_high_by + (self.could_be_beaten_by or 0.0)
+
 
 @dataclass(frozen=True)
 class Mesh(Strict):
