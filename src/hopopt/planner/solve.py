@@ -28,6 +28,7 @@ from hopopt.planner.multistart import (
 from hopopt.planner.notes import flat_directions, notes_on
 from hopopt.planner.refine_and_verify import refined_and_verified, with_tighter_tolerances
 from hopopt.planner.required_clearance import from_highest
+from hopopt.planner.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary_extras import FlatDirection
@@ -103,6 +104,7 @@ def _found(
         more = [o for o in contenders(outcomes) if o.name not in known]
         finished += _refined(hop, more, outcomes, say, clock)
     hop, best, better = settled(hop, finished, outcomes, say, clock)
+    best = with_shortest_stance(hop, best, outcomes, say, clock)
     if structure and not time_is_up():
         best = with_free_switches(hop, best, outcomes, say, clock)
     found = None if time_is_up() else flat_directions(hop, best)
