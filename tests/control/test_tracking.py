@@ -265,6 +265,7 @@ def test_unusable_options_are_said_in_a_sentence(solution: Solution, plan: PlanR
     for options, says in (
         ({"feedback": "lqq"}, "strategy track: feedback = 'lqq': choose one of lqr, pd, none"),
         ({"anlge": 1.0}, "strategy track: there is no option 'anlge': choose one of feedback, angle, speed"),
+        ({"effort": 0.0}, "strategy track: effort = 0: it must be greater than 0"),
         ({"effort": "much"}, "strategy track: effort = 'much': a number is needed"),
     ):
         with pytest.raises(UsageError) as error:

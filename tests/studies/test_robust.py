@@ -112,6 +112,20 @@ def test_inertias_that_are_given_go_with_the_mass(given: str) -> None:
         np.testing.assert_allclose(by_mass(draw.leg), by_mass(believed), rtol=1e-12)
 
 
+def test_a_rod_that_is_written_out_is_drawn_as_one_that_is_not() -> None:
+    """Mass, length, centre of mass and inertia of every drawn link are the same."""
+    rod = {"leg.thigh.com": 0.19, "leg.thigh.inertia": 1.87 * 0.38**2 / 12}
+    rod["leg.shank.com_position"], moment = [0.0, 0.0, -0.1805], 0.8 * 0.361**2 / 12
+    rod["leg.shank.inertia_tensor"] = [moment, moment, 0.0, 0.0, 0.0, 0.0]
+    spread = Uncertainty(length=0.1)
+    for plain, written in zip(drawn(load("paper"), spread, 5, 1), drawn(load("paper", rod), spread, 5, 1), strict=True):
+        one, other = (link_bodies(d.leg.leg, build_robot(d.leg.leg).parameters)[2:] for d in (plain, written))
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_allclose(
+                [*a.com, a.mass, a.inertia[1]], [*b.com, b.mass, b.inertia[1]], rtol=1e-12, atol=1e-15
+            )
+
+
 @pytest.mark.parametrize("legs", [lambda d: drawn(d, d.uncertainty, 20, 0), lambda d: extremes(d, d.uncertainty, 1.0)])
 def test_a_leg_that_no_problem_may_have_is_said(legs: Callable[[Design], object]) -> None:
     with pytest.raises(UsageError, match=r"paper: \[uncertainty\] leads to leg.body.mass = 10\d\d.*: give less of it"):

@@ -42,6 +42,11 @@ class TrackingOptions:
     k_p: float = 1000.0
     k_d: float = 20.0
 
+    def __post_init__(self) -> None:
+        for name in ("angle", "speed", "effort"):
+            if getattr(self, name) <= 0:
+                raise UsageError(f"{name} = {getattr(self, name):g}: it must be greater than 0")
+
     def costs(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Q (2 n, 2 n) and R (n, n): what errors and added torques of one control period cost."""
         return np.diag([self.angle**-2] * n + [self.speed**-2] * n), np.eye(n) / self.effort**2

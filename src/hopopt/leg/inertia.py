@@ -27,14 +27,24 @@ def obeys_triangle(low: float, middle: float, high: float) -> bool:
     return bool(high <= (low + middle) * (1 + SLACK))
 
 
-def of_other_mass(part: Mapping[str, Any], ratio: float) -> dict[str, Any]:
-    """Entries of a link or the body that change with its material: mass [kg], and inertia where it is given [kg m^2].
+def scaled(part: Mapping[str, Any], mass: float = 1.0, length: float = 1.0) -> dict[str, Any]:
+    """Entries of a link or the body that change with its mass and length: of what is given, all that a rod's would.
 
-    part: the entries it has. ratio: the new mass over the old; the shape stays.
+    part: the entries it has. mass, length: the new over the old; what the link is like stays.
     """
-    found: dict[str, Any] = {"mass": part["mass"] * ratio}
-    if (about := part.get("inertia")) is not None:
-        found["inertia"] = max(about * ratio, LEAST_INERTIA)  # a point mass may be written as the least
-    if (moments := part.get("inertia_tensor")) is not None:
-        found["inertia_tensor"] = tuple(x * ratio for x in moments)
+    powers = {
+        "mass": (1, 0),
+        "length": (0, 1),
+        "com": (0, 1),
+        "com_position": (0, 1),
+        "inertia": (1, 2),
+        "inertia_tensor": (1, 2),
+    }
+    found: dict[str, Any] = {}
+    for entry, (by_mass, by_length) in powers.items():
+        given, factor = part.get(entry), mass**by_mass * length**by_length
+        if given is not None and factor != 1.0:
+            found[entry] = tuple(x * factor for x in given) if isinstance(given, Sequence) else given * factor
+    if "inertia" in found:
+        found["inertia"] = max(found["inertia"], LEAST_INERTIA)  # a point mass may be written as the least
     return found

@@ -201,7 +201,8 @@ class HopFigures:
         f, heavy = self.trace.f[self.stance], weight(self.trace.robot.model)
         along, up = np.abs(f[:, 0]), f[:, 1]
         pressed = up > LOADED * heavy
-        return friction_needed(along[pressed], up[pressed], self.design.contact.friction, SLACK * heavy)
+        allowed = SLACK * np.maximum(heavy, up[pressed])
+        return friction_needed(along[pressed], up[pressed], self.design.contact.friction, allowed)
 
     @property
     def slip_distance(self) -> float:

@@ -19,7 +19,7 @@ from scipy import stats
 
 from hopopt.design import Design
 from hopopt.errors import ResultError, UsageError
-from hopopt.leg.inertia import of_other_mass
+from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import planar
 from hopopt.leg.robot import build_robot
 from hopopt.problem.load import changed
@@ -172,7 +172,7 @@ def _changed_by(design: Design, u: Unknown, value: float) -> Iterator[tuple[str,
         return
     if u.kind == "mass":
         part = u.key.split(".")[1]
-        for entry, changed_to in of_other_mass(leg.model_dump()[part], ratio).items():
+        for entry, changed_to in {**scaled(leg.model_dump()[part], mass=ratio), "mass": value}.items():
             yield f"leg.{part}.{entry}", changed_to
         return
     yield u.key, value

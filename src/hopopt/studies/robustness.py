@@ -13,7 +13,7 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
 from hopopt.design import Design, Uncertainty, as_changed
 from hopopt.errors import UsageError
-from hopopt.leg.inertia import of_other_mass
+from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.solution import Solution
 from hopopt.planner.summary_extras import Attained, CanBeHad
@@ -51,7 +51,7 @@ class Drawing:
 def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: bool = False) -> list[Draw]:
     """So many true legs, every quantity uniform within its spread, independently; or with ``corners`` at one of its ends.
 
-    Where a link's inertia is given, it goes with its mass: the leg has the believed shape, of another material. What later entries draw comes from a sequence of its own: a spread that is added leaves masses and torques as they were.
+    Where a link's centre of mass and inertia are given, they go with its mass and length, as a rod's do that are not. What later entries draw comes from a sequence of its own: a spread that is added leaves masses and torques as they were.
     """
     rng, more, last = (Drawing(np.random.default_rng(s), corners) for s in (seed, (seed, 1), (seed, 2)))
     found = list[Draw]()
@@ -59,10 +59,10 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
     for _ in range(draws):
         data = design.model_dump(exclude_none=True)
         for name in ("body", *design.leg.links):
-            data["leg"][name] |= of_other_mass(data["leg"][name], 1 + spread.mass * rng.uniform(-1, 1))
+            data["leg"][name] |= scaled(data["leg"][name], mass=1 + spread.mass * rng.uniform(-1, 1))
         gain = 1 + spread.torque_constant * rng.uniform(-1, 1, n)
         for name in design.leg.links:
-            data["leg"][name]["length"] *= 1 + spread.length * more.uniform(-1, 1)
+            data["leg"][name] |= scaled(data["leg"][name], length=1 + spread.length * more.uniform(-1, 1))
         if design.contact.friction is not None:
             data["contact"]["friction"] *= 1 + spread.friction * more.uniform(-1, 1)
         start = start_angles(design) + spread.start_angle * more.uniform(-1, 1, n)
@@ -86,7 +86,7 @@ def extremes(design: Design, spread: Uncertainty, share: float) -> list[Draw]:
     for heavier, stronger in [(1.0, -np.ones(n)), (-1.0, np.ones(n)), *alone]:
         data = design.model_dump(exclude_none=True)
         for name in ("body", *design.leg.links):
-            data["leg"][name] |= of_other_mass(data["leg"][name], 1 + heavier * mass)
+            data["leg"][name] |= scaled(data["leg"][name], mass=1 + heavier * mass)
         if design.contact.friction is not None:
             data["contact"]["friction"] *= 1 - share * spread.friction
         found.append(Draw(_true_leg(data), 1 + torque * stronger, start_angles(design)))
