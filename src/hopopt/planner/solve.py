@@ -104,7 +104,8 @@ def _found(
         more = [o for o in contenders(outcomes) if o.name not in known]
         finished += _refined(hop, more, outcomes, say, clock)
     hop, best, better = settled(hop, finished, outcomes, say, clock)
-    best = with_shortest_stance(hop, best, outcomes, say, clock)
+    if (shorter := with_shortest_stance(hop, best, outcomes, say, clock)) is not best:
+        finished.append(best := shorter)
     if structure and not time_is_up():
         best = with_free_switches(hop, best, outcomes, say, clock)
     found = None if time_is_up() else flat_directions(hop, best)
