@@ -17,7 +17,7 @@ ROBUST: dict[str, Any] = {
     "median_m": 0.65, "lowest_m": 0.61, "bound_m": 0.7654321, "ideal_bound_m": 0.8, "plan_m": 0.7, "plan_verified": True,
     "tracker": "track", "reserve": {"torque": 0.05, "speed": 0.03, "ground_force": 12.0, "height": 0.005, "angle": 0.02},
     "way": "program", "lowest_by_way_m": {"reserve": 0.6, "program": 0.62},
-    "feedback": {"k_p": [9685.0, 1579.0], "k_d": [387.4, 242.0]}, "evaluations": 3, "pd": {"force_tuck": 0.51, "position_tuck": 0.5}, "pd_fell": {"force_tuck": 0, "position_tuck": 1},
+    "feedback": {"k_p": [9685.0, 1579.0], "k_d": [387.4, 242.0]}, "evaluations": 3, "pd_best": "force_tuck", "pd": {"force_tuck": 0.51, "position_tuck": 0.5}, "pd_fell": {"force_tuck": 0, "position_tuck": 1},
     "clearances_m": {name: RNG.uniform(0.5, 0.7, 60).tolist() for name in ("track", "force_tuck", "position_tuck")},
     "exit_code": 0, "wall_s": 12.3, "seed": 4, "hopopt": "0.1.0",
 }  # fmt: skip

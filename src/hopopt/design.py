@@ -25,6 +25,8 @@ from hopopt.fields import (
     quantity,
 )
 
+LEAST_INERTIA = 1e-8  # [kg m^2] of a link: what a point mass is given
+
 
 class Body(Section):
     mass: float = quantity("mass of the body with both motors", "kg", 0.01, 1000, physical=True)
@@ -38,7 +40,7 @@ class Link(Section):
     )
     inertia: float | None = quantity(
         "moment of inertia about its centre of mass (default: slender rod, mass length^2 / 12)",
-        "kg m^2", 1e-8, 50, None, physical=True,
+        "kg m^2", LEAST_INERTIA, 50, None, physical=True,
     )  # fmt: skip
     direction: Vector = choice("which way the link points from its joint, all joint angles zero (x, y, z)", DOWN)
     com_position: Vector | None = choice(

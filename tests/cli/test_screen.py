@@ -151,15 +151,20 @@ def test_checks_that_are_left_out_are_counted_apart_with_the_reason(
 
 
 def test_one_line_says_what_a_hop_is_worth_and_leans_on(hop: Solution) -> None:
-    (line,) = in_short(hop.summary, hop.design)
+    line, leans = in_short(replace(hop.summary, result_dir=None), hop.design)
     lengths = hop.clearance / sum(hop.design.leg.link[name].length for name in hop.design.leg.links)
     assert line.startswith(
-        f"the foot clears {lengths:.2f} leg lengths; this leans on ground that holds the foot sideways"
+        f"the foot clears {lengths:.2f} leg lengths; this motion needs ground that holds the foot sideways"
     )
     assert "of stance without load" in line
-    assert line.endswith("the longest stance allowed, 0.4 s")
+    lost = 100 * hop.summary.gains["longest stance"]
+    assert leans == f"it leans on the longest stance (1 % less of it costs {lost:.2g} cm)"
     gripping = replace(hop.summary, leans_on=LeansOn(0.55, 0.0, None))
-    assert in_short(gripping, hop.design)[0].endswith("leans on friction of at least 0.55")
+    assert in_short(gripping, hop.design)[0].endswith("needs friction of at least 0.55")
+    noise = {**hop.summary.gains, "longest stance": 0.5 * hop.summary.objective_error.either_way}
+    for_nothing = replace(hop.summary, gain_per_percent_m=noise, result_dir="there")
+    last = "what the best motion without these loses: hopopt diagnose there --worth"
+    assert in_short(for_nothing, hop.design)[1:] == [last]
     assert in_short(replace(hop.summary, verified=False), hop.design) == []
 
 
@@ -167,7 +172,7 @@ def test_a_certified_answer_has_no_crude_bound_beside_it(hop: Solution) -> None:
     for certified in (True, False):
         with redirect_stdout(io.StringIO()) as screen:
             print_details(hop.with_summary(certified=certified))
-        assert ("no controller can pass" in screen.getvalue()) is not certified
+        assert ("a crude bound" in screen.getvalue()) is not certified
 
 
 def test_progress_that_is_piped_is_a_line_now_and_then(

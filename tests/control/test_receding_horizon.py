@@ -124,9 +124,18 @@ def test_legs_that_the_regulator_lets_fall_hop() -> None:
     assert within.clearances.min() > 0.5
 
 
-@pytest.mark.parametrize("options", [{"blocks": 0}, {"block": 1.5}, {"feedback": "pd"}, {"hold": 9}])
-def test_what_is_no_horizon_is_refused(solution: Solution, plan: PlanReference, options: dict[str, object]) -> None:
-    with pytest.raises(
-        UsageError, match="strategy track_mpc: feedback stays lqr; blocks, block and hold are whole numbers"
-    ):
+WHOLE = "feedback stays lqr; blocks, block and hold are whole numbers"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"blocks": 0}, WHOLE), ({"block": 1.5}, WHOLE), ({"feedback": "pd"}, WHOLE), ({"hold": 9}, WHOLE),
+        ({"blocks": 1e5}, "blocks is at most 100"), ({"block": 1e9}, "block at most 10000"),
+    ],
+)  # fmt: skip
+def test_what_is_no_horizon_is_refused(
+    solution: Solution, plan: PlanReference, options: dict[str, object], words: str
+) -> None:
+    with pytest.raises(UsageError, match=f"strategy track_mpc: .*{words}"):
         make_controller(solution.design, BUILT_IN["track_mpc"], plan, options)

@@ -436,6 +436,13 @@ def test_the_papers_strategies_need_two_joints() -> None:
         Force(Setting(Design.model_validate(tables), 1 / 4000))
 
 
+@pytest.mark.parametrize("k_p", [0.0, -5.0])
+def test_a_gain_that_holds_nothing_is_refused(k_p: float) -> None:
+    """Its critical damping would be no number in flight."""
+    with pytest.raises(UsageError, match=f"strategy force: k_p = {k_p:g}: it must be greater than 0"):
+        simulate(load("paper"), BUILT_IN["force"], options={"k_p": k_p})
+
+
 @pytest.mark.parametrize(
     ("body", "words"),
     [

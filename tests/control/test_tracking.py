@@ -241,6 +241,24 @@ def test_feedback_gains_make_the_stance_contract(solution: Solution, plan: PlanR
     assert shrunk < 0.1
 
 
+def test_the_filter_predicts_with_the_matrices_that_lead_to_the_next_step(
+    solution: Solution, plan: PlanReference
+) -> None:
+    """Errors that move by matrices of their own in every period, measured without noise: the filter is right throughout."""
+    track, rng = Track(Setting(solution.design, PERIOD, plan)), np.random.default_rng(0)
+    usual = track.gains[True]
+    A = usual.A + rng.normal(0, 0.05, usual.A.shape)
+    B = usual.B * rng.uniform(0.5, 1.5, (len(usual.B), 1, 1))
+    track.gains = {True: replace(usual, A=A, B=B, K=rng.normal(0, 10, usual.K.shape))}
+    x = np.array([1e-3, -1e-3, 0.0, 0.0])  # the filter begins with the measured angles and the planned speeds
+    for k in range(8):
+        q, v, tau = track.planned(Measurement(k * PERIOD, x[:2], x[2:], True, k * PERIOD, 0))
+        command = track.torque(Measurement(k * PERIOD, q + x[:2], v + x[2:], True, k * PERIOD, 0))
+        assert track.state is not None
+        np.testing.assert_allclose(track.state.error, x, rtol=1e-9, atol=1e-12)
+        x = A[k] @ x + B[k] @ (command - tau)
+
+
 # ---- what a user asks for ------------------------------------------------------------------------------------------
 
 
@@ -248,6 +266,7 @@ def test_unusable_options_are_said_in_a_sentence(solution: Solution, plan: PlanR
     for options, says in (
         ({"feedback": "lqq"}, "strategy track: feedback = 'lqq': choose one of lqr, pd, none"),
         ({"anlge": 1.0}, "strategy track: there is no option 'anlge': choose one of feedback, angle, speed"),
+        ({"effort": 0.0}, "strategy track: effort = 0: it must be greater than 0"),
         ({"effort": "much"}, "strategy track: effort = 'much': a number is needed"),
     ):
         with pytest.raises(UsageError) as error:

@@ -9,6 +9,9 @@ from hopopt.leg.scales import force_range
 from hopopt.ocp.phases import STANCE
 from hopopt.planner.motion_figures import FINE, leans_on
 from hopopt.planner.solution import Solution
+from hopopt.problem.load import changed
+from hopopt.sim.hop_metrics import HopFigures
+from hopopt.studies.compare import planned_trace
 
 
 def test_the_papers_hop_leans_on_ground_that_no_friction_is(hop: Solution) -> None:
@@ -32,3 +35,24 @@ def test_friction_needed_is_the_steepest_force(hop: Solution, slope: float) -> N
     found = leans_on(hop, replace(stance, f=np.stack([leaning, up], axis=1)))
     assert found.friction_needed == pytest.approx(abs(slope))
     assert found.load_free_share == 0.0
+
+
+def test_a_hop_within_its_friction_needs_no_more_of_it(hop: Solution) -> None:
+    """Two forces that are nearly nothing pass the cone by less than verification tells: their ratio is no need. Where a
+    force passes it by more, the need is said. The figures of a simulated hop do the same."""
+    rough = replace(hop, design=changed(hop.design, {"contact.friction": 0.8}))
+    stance, size = hop.everywhere(STANCE, FINE), force_range(hop.robot.model)
+    for share, loaded, needed in ((0.9e-4, 1.1e-3, 0.8), (0.2, 1.0, 1.0)):
+        up = np.full(len(stance.t), size)
+        along = 0.8 * up
+        up[7] = loaded * size
+        along[7] = 0.8 * up[7] + share * size
+        found = leans_on(rough, replace(stance, f=np.stack([along, up], axis=1)))
+        assert found.friction_needed == pytest.approx(needed, rel=1e-12)
+    trace = planned_trace(hop)
+    up = np.full(len(trace.t), size)
+    along = 0.8 * up
+    up[5], along[5] = 0.025 * size, 0.8 * 0.025 * size + 1e-4 * size  # an eighth of the weight
+    figures = HopFigures(rough.design, replace(trace, f=np.stack([along, up], axis=1)))
+    assert figures.slip_ratio == 0.8
+    assert not [words for words in figures.limits_exceeded if "friction" in words]

@@ -9,12 +9,14 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
+from hopopt.control.closed_loop import in_mujoco, make_plant
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
-from hopopt.leg.kinematics import foot_offset
+from hopopt.leg.kinematics import foot_offset, start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
+from hopopt.sim.controller import Measurement
 from hopopt.sim.machine import Machine
 from hopopt.sim.mujoco import GRIP, MujocoTrace, replay, simulate
 
@@ -243,3 +245,27 @@ def test_stance_that_begins_elsewhere_is_refused(robot: Robot) -> None:
 def test_a_motion_that_runs_away_is_said_to(robot: Robot) -> None:
     with pytest.raises(HopoptError, match=r"ran away at 0\.\d+ s"):
         simulate(robot, standing(robot), np.zeros(4), lambda t, q, v, contact: 1e5 * v[BASE:] + 1.0, 1.0)
+
+
+@pytest.mark.parametrize("periods", [0.0, 2.0, 1.25])
+def test_a_command_acts_its_delay_later_there_too(periods: float) -> None:
+    """The k-th call's torque acts from k period + delay to (k + 1) period + delay; before that there is none."""
+
+    class Counting:
+        calls = 0
+
+        def torque(self, now: Measurement) -> np.ndarray:
+            assert now.t == pytest.approx(self.calls / 1000, abs=1e-12)
+            self.calls += 1
+            return np.full(2, 0.1 * self.calls)
+
+    entries = {
+        "simulation.control_rate": 1000.0,
+        "simulation.torque_delay": periods / 1000,
+        "hop.stance_duration": [0.03, 0.05],
+    }
+    design = load("paper", entries)
+    run = in_mujoco(design, Counting(), make_plant(design).stance_start(start_angles(design)))
+    early = run.t < 0.1  # before the drives' limits
+    called = np.floor(1000 * run.t[early] - periods + 1e-6) + 1
+    np.testing.assert_allclose(run.tau[early], 0.1 * np.clip(called, 0, None)[:, None] * np.ones(2), rtol=1e-12)

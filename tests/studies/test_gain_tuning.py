@@ -50,6 +50,12 @@ def test_the_same_seed_gives_the_same_answer(tuned: Tuned) -> None:
     assert tune(DESIGN, "position", evaluations=24, seed=3, processes=1) == tuned
 
 
+def test_a_gain_of_zero_has_no_factors() -> None:
+    """Its logarithm is no number, and the search would have no bounds."""
+    with pytest.raises(UsageError, match=r"control\.k_d = 0: gains are tuned by factors, so give more than 0"):
+        tune(load("paper", {"control.k_d": 0.0}), "force", evaluations=24, processes=1)
+
+
 @pytest.mark.parametrize("strategy", KINDS)
 def test_the_first_generation_holds_the_untuned_gains_in_every_form(strategy: str) -> None:
     search = Search(DESIGN.model_dump(exclude_none=True), strategy)

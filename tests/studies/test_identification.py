@@ -19,7 +19,7 @@ from hopopt.leg.robot import BASE
 from hopopt.problem.load import changed, load
 from hopopt.studies.identification import Estimate, Identification, identify
 from hopopt.studies.identification_rows import LegMomenta, LogRows, places
-from hopopt.studies.robot_log import RobotLog
+from hopopt.studies.robot_log import RobotLog, same_run
 from refusals import refusal
 
 GAIN = 0.94  # true torque constants over the believed ones
@@ -360,6 +360,19 @@ def test_a_log_with_too_little_motion_is_refused(
     file.write_text("\n".join([lines[0], *lines[left - 79 : left + 80]]))
     assert cli.run(["identify", str(file)]) == 2
     assert "too little motion" in capsys.readouterr().err
+
+
+def test_a_run_that_is_given_twice_is_refused(
+    written: Callable[..., Path], believed: Design, recording: Recording, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It would narrow the intervals with nothing new; cut differently it is the same run. Another run is another."""
+    file = written()
+    lines = file.read_text(encoding="utf-8").splitlines()
+    cut = file.with_name("cut.csv")
+    cut.write_text("\n".join([lines[0], *lines[21:]]), encoding="utf-8")
+    for other in (file, cut):
+        assert "logs 1 and 2 are of one run" in refusal(["identify", str(file), str(other)], capsys)
+    assert not same_run(recording.log(0), recording.log(1))
 
 
 def test_an_unknown_parameter_is_refused(written: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:

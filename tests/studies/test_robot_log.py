@@ -94,6 +94,37 @@ def test_units_in_the_header_and_names_of_a_map_are_understood(
     np.testing.assert_allclose(other.q, plain.q, atol=1e-12)
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_tables_of_other_countries_are_read(
+    design: Design, written: Callable[..., Path], separator: str, decimal: str
+) -> None:
+    """The same table with semicolons or tabs, and with decimal commas."""
+    plain = read_log(file := written(), design)
+    text = file.read_text(encoding="utf-8").replace(",", separator).replace(".", decimal)
+    file.write_text(text, encoding="utf-8")
+    other = read_log(file, design)
+    for name in ("t", "q", "v", "tau", "contact", "force"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(plain, name))
+
+
+def test_what_is_no_table_is_named(tmp_path: Path, written: Callable[..., Path], capsys: pytest.CaptureFixture) -> None:
+    """An empty file, a folder, a column twice, and commas of thousands, which are no decimal commas."""
+    empty, folder = tmp_path / "empty.csv", tmp_path / "logs.mcap"
+    empty.write_text("\n", encoding="utf-8")
+    folder.mkdir()
+    assert "the file is empty: it needs a header" in refusal(["log", str(empty)], capsys)
+    for command in ("log", "identify"):
+        for path in (tmp_path, folder):
+            assert "this is a folder: name the file of one log in it" in refusal([command, str(path)], capsys)
+    twice = written({"v_hip": "q_hip [deg]"})
+    assert "there are two columns q_hip" in refusal(["log", str(twice)], capsys)
+    table = written().read_text(encoding="utf-8").replace(",", ";").splitlines()
+    table[5] = "1,234" + table[5][table[5].index(";") :]
+    twice.write_text("\n".join(table), encoding="utf-8")
+    assert "row 6, t: '1,234' is not a number" in refusal(["log", str(twice)], capsys)
+
+
 def test_a_torque_that_no_drive_gives_is_named(design: Design, written: Callable[..., Path], columns: Columns) -> None:
     too_much = np.where(np.arange(len(columns["t"])) == 30, 400.0, columns["tau_knee"])
     found = account(design, read_log(written(tau_knee=too_much), design), None)["limits_exceeded"]
@@ -116,6 +147,7 @@ def broken(columns: Columns) -> dict[str, tuple[dict[str, Any], str]]:
         "milliseconds": ({"t": 1000 * t}, "is t in ms?"),
         "degrees": ({"q_knee": np.rad2deg(columns["q_knee"])}, "is it in degrees"),
         "swapped": ({"v_hip": columns["v_knee"], "v_knee": columns["v_hip"]}, "are columns swapped"),
+        "no speed": ({"v_knee": np.zeros(n)}, "v_knee is not the rate of q_knee"),
         "sign": ({"v_knee": -columns["v_knee"]}, "its sign the other way round"),
         "no number": ({"tau_hip": np.where(np.arange(n) == 7, "stall", columns["tau_hip"])}, "row 9, tau_hip: 'stall'"),
         "no phase": ({"contact": None, "force_z": None}, "nothing says when the foot stands"),
@@ -127,7 +159,7 @@ def broken(columns: Columns) -> dict[str, tuple[dict[str, Any], str]]:
 
 @pytest.mark.parametrize(
     "fault",
-    ["gap", "backwards", "milliseconds", "degrees", "swapped", "sign", "no number", "no phase", "no flight", "in the air", "missing"],
+    ["gap", "backwards", "milliseconds", "degrees", "swapped", "no speed", "sign", "no number", "no phase", "no flight", "in the air", "missing"],
 )  # fmt: skip
 def test_a_broken_log_is_refused_in_a_sentence(
     fault: str, written: Callable[..., Path], columns: Columns, capsys: pytest.CaptureFixture

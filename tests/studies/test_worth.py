@@ -52,11 +52,25 @@ def test_what_each_is_worth_is_the_difference_of_two_verified_hops(
         assert w["worth"] > -1e-5  # a limit more cannot help
     assert found["hop.least_height"]["value"] == pytest.approx(0.753, abs=1e-3)
     assert found["contact.friction"]["value"] == pytest.approx(0.7236, abs=3e-4)
-    assert any(line.startswith("leans on a friction above 1, worth 0.07") for line in answer["words"])
+    assert any(line.startswith("leans on a friction above 1, worth 7.") for line in answer["words"])
 
 
 def test_a_hop_that_was_not_found_is_said() -> None:
-    gone = Worth("a friction above 1", {"contact.friction": 1.0}, None, None, False)
+    gone = Worth("a friction above 1", {"contact.friction": 1.0}, None, None, 0.0, False)
     assert gone.words("m") == "leans on a friction above 1: with contact.friction = 1 no hop was found"
-    doubtful = Worth("a friction above 1", {"contact.friction": 1.0}, 0.5, 0.1, False)
-    assert doubtful.words("m").endswith("worth 0.100 m: with contact.friction = 1 the best is 0.500 m, not verified")
+    doubtful = Worth("a friction above 1", {"contact.friction": 1.0}, 0.5, 0.1, 1e-5, False)
+    assert doubtful.words("m").endswith("worth 10 cm: with contact.friction = 1 the best is 0.5000 m, not verified")
+
+
+def test_what_costs_less_than_the_numbers_can_tell_is_not_leaned_on() -> None:
+    """A stance as long as it may last, halved for nothing: said, and not called worth anything. A loss is stated in cm."""
+    halved = Worth("a stance as long as it may last", {"hop.stance_duration": [0.03, 0.4]}, 0.48890, 8e-7, 3e-5, True)
+    assert not halved.leans
+    assert halved.words("m").startswith(
+        "has a stance as long as it may last, and would lose nothing without: with hop."
+    )
+    gripping = Worth("a friction above 1", {"contact.friction": 1.0}, 0.4887, 2e-4, 3e-5, True)
+    assert (
+        gripping.words("m")
+        == "leans on a friction above 1, worth 0.02 cm: with contact.friction = 1 the best is 0.4887 m"
+    )

@@ -8,6 +8,9 @@ from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
 from hopopt import load, solve
+from hopopt.cli.screen.answer import bound_line
+from hopopt.control.closed_loop import simulate
+from hopopt.control.strategies import BUILT_IN
 from hopopt.design import Design, physical_parameters
 from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
 from hopopt.drivetrain.region import operating_region
@@ -131,3 +134,15 @@ def test_the_steps_of_the_proof_hold_along_a_verified_hop() -> None:
     of_com = machine.mass * (9.81 * com[1] + 0.5 * speed**2)
     assert of_com <= energy[-1] + 1e-6
     assert speed <= bound.speed
+
+
+@pytest.mark.parametrize("name", ["force", "position"])
+def test_a_controller_that_pushes_longer_passes_the_bound_and_is_said_to(name: str) -> None:
+    """The bound speaks of hops within the limits: the words beside it say so, and the run's own say what it did not keep."""
+    design = load("paper", {"hop.stance_duration": [0.01, 0.015]})
+    bound = upper_bound(design).clearance
+    run = simulate(design, BUILT_IN[name]).figures
+    assert run.clearance > bound
+    assert [words for words in run.limits_exceeded if words.startswith("stance of 0.1")]
+    said = " ".join(bound_line(bound, "clearance"))
+    assert said.startswith("no hop that keeps the drives' limits and the longest stance can pass 0.47 m")

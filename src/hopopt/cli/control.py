@@ -186,7 +186,7 @@ def compare(
     from hopopt.storage.recheck import reverified
     from hopopt.storage.solution import read, save
     from hopopt.studies import compare as comparing
-    from hopopt.studies.robustness import four_numbers, spread
+    from hopopt.studies.robustness import chosen, four_numbers, spread
 
     given = reverified(read(bound)) if bound else None
     set_ = [*(set_ or ()), *([f'hop.kind="{hop}"'] if hop else ()), *(f"{entry}={x}" for entry, x in spreads.items())]
@@ -202,8 +202,10 @@ def compare(
         found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()
         if draws:
-            data["mismatch"] = spread(found, draws, seed, design.uncertainty, os.cpu_count() or 1, say)
-            numbers = four_numbers(found, data["mismatch"], comparing.on_ideal_ground(found.solution, say))
+            of_legs = seed, design.uncertainty, os.cpu_count() or 1, say
+            data["mismatch"] = spread(found, draws, *of_legs)
+            best, ideal = chosen(found, *of_legs), comparing.on_ideal_ground(found.solution, say)
+            numbers = four_numbers(found, data["mismatch"], best, ideal)
             data["four_numbers"] = as_data(numbers)
         steps = ladder_of(found, data, say) if why else None
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing

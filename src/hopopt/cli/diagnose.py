@@ -41,7 +41,9 @@ def diagnose(
 
             leaning, unit = worths(solution, say), solution.summary.objective_unit
             found["leans_on"] = [w.as_dict() for w in leaning]
-            found["words"] += [w.words(unit) for w in leaning] or ["leans on nothing that a robot does not have"]
+            found["words"] += [w.words(unit) for w in leaning]
+            if not any(w.leans for w in leaning):
+                found["words"].append("leans on nothing that a robot does not have")
     if json_:
         print(as_json(found))
         return 0

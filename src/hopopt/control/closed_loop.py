@@ -1,10 +1,12 @@
 """A strategy on the simulated leg: the plant that the problem file describes, and what the run amounts to."""
 
+from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from functools import cached_property
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -32,6 +34,7 @@ from hopopt.sim.trace import Trace
 
 BALANCED = 1e-4  # of the energy turned over: a greater error is none of rounding, and 0.1 mm of a clearance of 1 m
 FINER = (1, 4, 16)  # parts of every step, tried in turn until the energy balances
+PARTS = 4  # of a control period, to which MuJoCo takes a delay
 LONGEST = 1.0  # [s] of a hop beyond its longest stance
 PAST_APEX = 1.0  # [m/s] of fall, 5 cm below the apex: no leg rises as fast any more
 
@@ -162,27 +165,33 @@ def clearance_in_mujoco(
 def in_mujoco(
     design: Design, controller: Controller, start: State, landings: int = 1, bounce: float = BOUNCE
 ) -> mujoco.MujocoTrace:
-    """A controller's run in MuJoCo from a state to so many landings after flights of at least ``bounce`` [s]."""
+    """A controller's run in MuJoCo from a state to so many landings after flights of at least ``bounce`` [s]; its commands act
+    later by the problem's delay, to a quarter of a control period."""
     plant, period, s = make_plant(design), 1 / design.simulation.control_rate, design.simulation
     if plant.drive.states:
         raise UsageError("drives with states of their own are not simulated in MuJoCo")
     encoder = Encoder(s.encoder_bits, s.speed_window, period, s.speed_error)
-    now = start
+    late = s.torque_delay / period
+    parts = next((n for n in range(1, PARTS) if abs(n * late - round(n * late)) < 1e-6), PARTS)
+    now, asked = start, deque([np.zeros(plant.n)] * (1 + round(parts * late)), maxlen=1 + round(parts * late))
+    instants, command = count(), np.zeros(plant.n)
 
     def torque(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
-        nonlocal now
+        nonlocal now, command
         if contact and not now.contact:  # a bounce is no hop: its stance goes on
             hopped = t - now.since >= BOUNCE
             now = replace(now, contact=True, since=t if hopped else now.before, landings=now.landings + hopped)
         elif now.contact and not contact:
             now = replace(now, contact=False, since=t, before=now.since)
-        measured = encoder.read(q[BASE:], v[BASE:])
-        asked = controller.torque(Measurement(t, *measured, contact, t - now.since, now.landings))
-        return plant.drive.torque(v[BASE:], asked)[1]
+        if next(instants) % parts == 0:
+            measured = encoder.read(q[BASE:], v[BASE:])
+            command = controller.torque(Measurement(t, *measured, contact, t - now.since, now.landings))
+        asked.append(command)
+        return plant.drive.torque(v[BASE:], asked[0])[1]
 
     duration = landings * (design.hop.stance_duration[1] + LONGEST)
     return mujoco.simulate(
-        plant.robot, start.q, start.v, torque, duration, control_period=period, contact=start.contact,
+        plant.robot, start.q, start.v, torque, duration, control_period=period / parts, contact=start.contact,
         friction=design.contact.friction, landings=landings, bounce=bounce,
     )  # fmt: skip
 

@@ -91,6 +91,10 @@ class PaperStrategy:
             )
         self.geometry = TwoJoints.of(self.leg)
         self.options = replace(PaperOptions.of(setting.design, gains), **chosen(PaperOptions, setting.options))
+        if self.options.k_p <= 0:
+            raise UsageError(
+                f"k_p = {self.options.k_p:g}: it must be greater than 0, or nothing holds the leg in flight"
+            )
         self.two_mass = self.options.two_mass(setting)
         self.machine, self.drive = setting.machine(), setting.drive()
         self.side = np.sign(self.geometry.bend(setting.start[1])) or 1.0

@@ -22,6 +22,7 @@ from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
 
 PENALTY = (1e4, 1e3)  # linear and quadratic cost of an excess, in shares of a limit: beyond the price of any limit
+MOST_BLOCKS, LONGEST_BLOCK = 100, 10_000  # memory of a program grows with the square of the blocks, time with both
 SOLVER = "daqp"  # CasADi's interface to it; an active-set method, exact and quick for programs this small
 
 
@@ -182,6 +183,10 @@ class TrackWithinLimits(Track):
         super().__init__(setting)
         o = self.options
         whole = (o.blocks, o.block, o.hold)
+        if o.blocks > MOST_BLOCKS or o.block > LONGEST_BLOCK:
+            raise UsageError(
+                f"blocks is at most {MOST_BLOCKS}, block at most {LONGEST_BLOCK}: each program is solved at once"
+            )
         if o.feedback != "lqr" or any(x != int(x) or x < 1 for x in whole) or o.hold > o.block:
             raise UsageError("feedback stays lqr; blocks, block and hold are whole numbers from 1, hold at most block")
         self.options = o = replace(o, blocks=int(o.blocks), block=int(o.block), hold=int(o.hold))

@@ -42,6 +42,11 @@ class TrackingOptions:
     k_p: float = 1000.0
     k_d: float = 20.0
 
+    def __post_init__(self) -> None:
+        for name in ("angle", "speed", "effort"):
+            if getattr(self, name) <= 0:
+                raise UsageError(f"{name} = {getattr(self, name):g}: it must be greater than 0")
+
     def costs(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Q (2 n, 2 n) and R (n, n): what errors and added torques of one control period cost."""
         return np.diag([self.angle**-2] * n + [self.speed**-2] * n), np.eye(n) / self.effort**2
@@ -133,11 +138,11 @@ class Track:
 
     def _regulated(self, now: Measurement, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
         k = round(now.since / self.period)
-        A, B, _, L = self.gains[now.contact].at(k)
-        before = self.state
+        before, L = self.state, self.gains[now.contact].at(k)[3]
         if before is None or (now.contact and not before.contact):  # no filter knows what speeds an impact leaves
             error = np.concatenate([now.q - q, np.zeros_like(q)])
         elif before.contact == now.contact:
+            A, B = self.gains[now.contact].at(max(k - 1, 0))[:2]  # of the period that led here
             error = A @ before.error + B @ before.extra
         else:  # another reference
             ahead = before.q + self.period * before.v

@@ -136,13 +136,14 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
     const hopopt_phase *p = contact ? &hopopt_stance : &hopopt_flight;
     hopopt_planned(p, since, planned_q, planned_v, planned_tau);
     const double nearest = nearbyint(since / HOPOPT_PERIOD);
-    const int period = nearest < p->periods - 1 ? (int)nearest : p->periods - 1;
+    const int last = p->periods - 1, period = nearest < last ? (int)nearest : last;
+    const int ago = nearest < 1 ? 0 : nearest - 1 < last ? (int)nearest - 1 : last; /* the period that led here */
     double error[HOPOPT_STATES] = {0}, miss[HOPOPT_JOINTS];
     if (!s->known) {
         for (int j = 0; j < n; j++) error[j] = q[j] - planned_q[j];
     } else if (s->contact == contact) {
-        hopopt_add(error, 1.0, p->A + period * m * m, m, m, s->error);
-        hopopt_add(error, 1.0, p->B + period * m * n, m, n, s->extra);
+        hopopt_add(error, 1.0, p->A + ago * m * m, m, m, s->error);
+        hopopt_add(error, 1.0, p->B + ago * m * n, m, n, s->extra);
     } else { /* another reference */
         for (int j = 0; j < n; j++) {
             error[j] = s->q[j] + HOPOPT_PERIOD * s->v[j] - planned_q[j];

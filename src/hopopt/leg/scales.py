@@ -1,5 +1,7 @@
 """What counts as the whole range of a limit that has no other end: the same for planner and verification."""
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 
@@ -15,6 +17,17 @@ def weight(model: pin.Model) -> float:
 def force_range(model: pin.Model) -> float:
     """Ground force [N] by which excess is measured."""
     return FORCE_RANGE * weight(model)
+
+
+def friction_needed(along: np.ndarray, up: np.ndarray, given: float | None, allowed: Any) -> float:
+    """The coefficient of the narrowest friction cone around contact forces, ``along`` and ``up`` (k,) [N].
+
+    given: the ground's coefficient, None where it grips without limit. Where its cone holds all of them but for ``allowed``
+    [N, one number or (k,)], no more than it is needed: the ratio of two forces that are nearly nothing says nothing.
+    """
+    steepest = float((along / up).max(initial=0.0))
+    kept = given is not None and bool(np.all(along - given * up <= allowed))
+    return min(steepest, given) if kept and given is not None else steepest
 
 
 def joint_inertias(model: pin.Model, angles: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ def families(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solu
 
 
 def _family(hop: Hop, group: Sequence[StartOutcome], known: Solution | None) -> HopFamily:
-    plan = Motion(hop.design, hop.objective.name, solution_of(group[0], first_transcription(hop)).phases)
+    plan = known or Motion(hop.design, hop.objective.name, solution_of(group[0], first_transcription(hop)).phases)
     return HopFamily(
         clearance_m=known.clearance if known else float(plan.claims()["clearance_m"]),
         objective_value=known.summary.objective_value if known else group[0].objective,

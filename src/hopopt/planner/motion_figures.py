@@ -8,13 +8,14 @@ import numpy as np
 from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
-from hopopt.leg.scales import DESCENT_RANGE, force_range
+from hopopt.leg.scales import DESCENT_RANGE, force_range, friction_needed
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.limit_use import LOADED, as_dict, idle_uses
 from hopopt.planner.solution import Motion, Samples
 from hopopt.planner.summary_parts import IdleLimit, LeansOn, LiftOff, Parts, PhaseFigures, UpperBound
 from hopopt.planner.touchdown import landing, obstacle, orbit
+from hopopt.verify.check import LIMIT
 from hopopt.verify.upper_bound import upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -141,13 +142,13 @@ def _active_at_the_ground(plan: Motion, stance: Samples) -> dict[str, np.ndarray
 
 def leans_on(plan: Motion, stance: Samples) -> LeansOn:
     """What the hop needs of the ground and of the time that it is allowed."""
-    size = LOADED * force_range(plan.robot.model)
+    size, friction = force_range(plan.robot.model), plan.design.contact.friction
     up, along = stance.f[:, -1], np.linalg.norm(stance.f[:, :-1], axis=1)
-    loaded = up >= size
-    held = along[~loaded].max(initial=0.0) > NO_FRICTION * size
-    needed = np.inf if held else (along[loaded] / up[loaded]).max(initial=0.0)
+    loaded = up >= LOADED * size
+    held = along[~loaded].max(initial=0.0) > NO_FRICTION * LOADED * size
+    needed = np.inf if held else friction_needed(along[loaded], up[loaded], friction, LIMIT * size)
     share = _time_mean(stance, ~loaded + 0.0)
-    return LeansOn(float(needed), share, next(iter(_ends_of_stance_time(plan)), None))
+    return LeansOn(needed, share, next(iter(_ends_of_stance_time(plan)), None))
 
 
 def _ends_of_stance_time(plan: Motion) -> list[str]:

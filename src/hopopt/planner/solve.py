@@ -28,6 +28,7 @@ from hopopt.planner.multistart import (
 from hopopt.planner.notes import flat_directions, notes_on
 from hopopt.planner.refine_and_verify import refined_and_verified, with_tighter_tolerances
 from hopopt.planner.required_clearance import from_highest
+from hopopt.planner.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import LATE
@@ -104,6 +105,8 @@ def _found(
         more = [o for o in contenders(outcomes) if o.name not in known]
         finished += _refined(hop, more, outcomes, say, clock, until)
     hop, best, better = settled(hop, finished, outcomes, say, clock, until)
+    if (shorter := with_shortest_stance(hop, best, outcomes, say, clock, until)) is not best:
+        finished.append(best := shorter)
     if structure and not until.passed:
         best = with_free_switches(hop, best, outcomes, say, clock, until)
     found = None if until.passed else flat_directions(hop, best)

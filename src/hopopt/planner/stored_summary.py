@@ -68,7 +68,7 @@ class Summary(Measures):
     objective_error: Error = stated("how far the objective may be off")
     objective_value: float = stated("of the nonlinear program, the tie-break counted in [its unit]")
     tie_break_weighs: float = stated("what the tie-break weighs in it [its unit]")
-    upper_bound: UpperBound = stated("what no controller can pass")
+    upper_bound: UpperBound = stated("what no hop within the drives' limits and the longest stance can pass")
     parts: Parts = stated("what the clearance is the sum of")
     lowest_point: str = stated("foot or joint that the clearance is of")
     phases: Mapping[str, PhaseFigures] = stated("each phase")

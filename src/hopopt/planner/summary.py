@@ -125,6 +125,12 @@ def by_friction(solution: NlpSolution, phase: str) -> np.ndarray:
     return np.outer(force, np.full(len(sides), steepness(1 + len(sides) // 2)))
 
 
+def by_longest(solution: NlpSolution, phase: str) -> float:
+    """What one second more for a phase of one arc would gain [objective's unit/s], from the multiplier of its longest duration."""
+    where = solution.transcription.variables[phase].durations
+    return float(np.maximum(solution.lam_x[where], 0).sum() / solution.transcription.scale[where][0])
+
+
 def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, float]:
     """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers: more
     of what is maximised, less of what is minimised. The friction cone's range is its coefficient."""
@@ -145,12 +151,7 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
             gains[reported] = gains.get(reported, 0.0) + gain
     for name, where in t.variables.items():
         phase = t.problem.phase(name)
-        gains[f"longest {name}"] = (
-            0.01
-            * phase.duration[1]
-            / t.scale[where.durations][0]
-            * float(np.maximum(solution.lam_x[where.durations], 0).sum())
-        )
+        gains[f"longest {name}"] = 0.01 * phase.duration[1] * by_longest(solution, name)
         q = next(s for s in phase.states if s.name == "q")
         at = sum(s.size for s in phase.states[: phase.states.index(q)])
         size = sum(s.size for s in phase.states)

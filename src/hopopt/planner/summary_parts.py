@@ -70,7 +70,7 @@ class LeansOn(Strict):
 
 @dataclass(frozen=True)
 class UpperBound(Strict):
-    """What no controller can pass; None for what nothing bounds."""
+    """What no hop within the drives' limits and the longest stance can pass; None for what nothing bounds."""
 
     clearance_m: float | None = stated("clearance [m]")
     by_energy_m: float | None = stated("height of the centre of mass by energy [m]")
@@ -202,6 +202,11 @@ class Error(Strict):
     simulated: Simulated = stated("from the hop simulated in one piece")
     relaxed: Relaxed = stated("what enforcing limits between the nodes costs")
     could_be_beaten_by: float | None = stated("neighbouring hops may be better by this; null if not certified")
+
+    @property
+    def either_way(self) -> float:
+        """What the objective may be too good by, and neighbouring hops better by, together [its unit]."""
+        return self.too_high_by + (self.could_be_beaten_by or 0.0)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import BASE
-from hopopt.leg.scales import weight
+from hopopt.leg.scales import friction_needed, weight
 from hopopt.sim.state import BOUNCE
 from hopopt.sim.trace import Trace
 
@@ -198,9 +198,11 @@ class HopFigures:
     def slip_ratio(self) -> float:
         """Largest |f_x| / f_z in stance where at least LOADED of the weight presses on the foot: the friction
         coefficient that the hop needs there; 0 if there is none."""
-        f = self.trace.f[self.stance]
-        pressed = f[:, 1] > LOADED * weight(self.trace.robot.model)
-        return float((np.abs(f[pressed, 0]) / f[pressed, 1]).max(initial=0.0))
+        f, heavy = self.trace.f[self.stance], weight(self.trace.robot.model)
+        along, up = np.abs(f[:, 0]), f[:, 1]
+        pressed = up > LOADED * heavy
+        allowed = SLACK * np.maximum(heavy, up[pressed])
+        return friction_needed(along[pressed], up[pressed], self.design.contact.friction, allowed)
 
     @property
     def slip_distance(self) -> float:
@@ -224,8 +226,8 @@ class HopFigures:
                 found.append(f"{joint} at {np.abs(w[use.argmax()]):.1f} rad/s, faster than its drive may turn")
         found += self._wrong_durations()
         friction = self.design.contact.friction
-        if friction is not None and self.slip_ratio > friction + SLACK:
-            found.append(f"needs friction {self.slip_ratio:.2f}, the ground has {friction:g}")
+        if friction is not None and self.slip_ratio > friction:
+            found.append(f"needs friction {self.slip_ratio:.4g}, the ground has {friction:g}")
         if self.slip_distance > SLACK:
             found.append(f"the foot slips {1e3 * self.slip_distance:.0f} mm in stance")
         if (pull := -float(trace.f[self.stance, 1].min())) > PULL:

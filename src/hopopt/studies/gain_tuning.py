@@ -101,6 +101,8 @@ def tune(
         raise UsageError(f"tuning takes at least {2 * POPULATION} evaluations")
     make_controller(design, BUILT_IN[strategy])  # a leg that it does not suit is said before the search
     search, say = Search(design.model_dump(exclude_none=True), strategy), progress or (lambda line: None)
+    if nothing := [name for name, gain in search.gains.items() if gain <= 0]:
+        raise UsageError(f"control.{nothing[0]} = 0: gains are tuned by factors, so give more than 0, or leave it out")
     with Parallel(n_jobs=processes or os.cpu_count() or 1, backend="loky") as run:
 
         def side_by_side(function: Any, places: Any) -> Any:

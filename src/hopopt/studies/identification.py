@@ -11,6 +11,7 @@ no-load speed. And by the interval: a parameter whose interval is wider than ``T
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,14 @@ from scipy import stats
 
 from hopopt.design import Design
 from hopopt.errors import ResultError, UsageError
+from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import planar
 from hopopt.leg.robot import build_robot
 from hopopt.problem.load import changed
 from hopopt.problem.render import printable, resolved_toml
 from hopopt.studies.identification_fit import NOT_THIS_LEG, TOO_LITTLE, Fit, Regression
 from hopopt.studies.identification_rows import LegMomenta, LogRows, places
-from hopopt.studies.robot_log import RobotLog
+from hopopt.studies.robot_log import RobotLog, same_run
 
 CONFIDENCE = 0.95  # of the intervals
 TOLD = 0.1  # of a parameter by which its interval may reach to either side
@@ -168,12 +170,12 @@ def _changed_by(design: Design, u: Unknown, value: float) -> Iterator[tuple[str,
                 if old is not None:
                     yield path, old * ratio
         return
+    if u.kind == "mass":
+        part = u.key.split(".")[1]
+        for entry, changed_to in {**scaled(leg.model_dump()[part], mass=ratio), "mass": value}.items():
+            yield f"leg.{part}.{entry}", changed_to
+        return
     yield u.key, value
-    link = leg.link.get(u.key.split(".")[1]) if u.kind == "mass" else None
-    if link is not None and link.inertia is not None:
-        yield u.key.replace("mass", "inertia"), link.inertia * ratio
-    if link is not None and link.inertia_tensor is not None:
-        yield u.key.replace("mass", "inertia_tensor"), [x * ratio for x in link.inertia_tensor]
 
 
 # ---- what the logs tell -------------------------------------------------------------------------------------------
@@ -187,7 +189,7 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
     known: keys of parameters that are taken from the problem
 
     Raises UsageError for a leg that is not on x and z guides in their plane, and an unknown key; ResultError for logs that are
-    not of this leg.
+    not of this leg, and for a run that is given twice.
     """
     if not planar(design.leg) or "x" not in design.leg.guides:
         raise UsageError(
@@ -197,6 +199,9 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
     wrong = [key for key in known if key not in [u.key for u in unknowns]]
     if wrong:
         raise UsageError(f"--known {wrong[0]}: it is none of {', '.join(u.key for u in unknowns)}")
+    for (a, one), (b, other) in combinations(enumerate(logs, 1), 2):
+        if same_run(one, other):
+            raise ResultError(f"logs {a} and {b} are of one run, which would count twice: give it once")
     momenta = LegMomenta(design)
     rows = [r for r in (LogRows(design, momenta, log) for log in logs) if r.count]
     if not rows:

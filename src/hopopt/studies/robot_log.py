@@ -1,6 +1,7 @@
 """The log of a real robot: a CSV or MCAP file whose columns, units and faults are recognised."""
 
 import csv
+import io
 import re
 import tomllib
 from collections.abc import Mapping, Sequence, Set
@@ -27,6 +28,7 @@ UNITS = {  # of a column by the beginning of its name: unit -> factor to SI
     "contact": {"": 1.0, "1": 1.0},
 }
 PRESSED = 0.05  # of the weight: a foot with more vertical force stands
+SEPARATORS = ",;\t"  # of the cells of a table: the first of those that a header has most of
 FEWEST = 50  # rows of a log
 GAP = 3.0  # usual periods between two rows that follow each other
 SLOWEST = 0.02  # [s] period of a log that shows a hop
@@ -50,6 +52,12 @@ class RobotLog:
     command: np.ndarray | None = None
 
 
+def same_run(one: RobotLog, other: RobotLog) -> bool:
+    """Whether two logs are of one run, perhaps cut differently: most rows of the shorter are the other's too."""
+    rows = [{row.tobytes() for row in np.hstack([log.q, log.v, log.tau])} for log in (one, other)]
+    return len(rows[0] & rows[1]) > 0.5 * min(map(len, rows))
+
+
 def read_map(file: Path | None) -> dict[str, str]:
     """hopopt's column names -> the log's, from a TOML file; UsageError if it is none."""
     if file is None:
@@ -68,6 +76,8 @@ def read_map(file: Path | None) -> dict[str, str]:
 
 def read_log(file: Path, design: Design, names: Mapping[str, str] | None = None) -> RobotLog:
     """A CSV file with a header, or an MCAP file (``studies/log_mcap.py``), as a log in SI units.
+
+    Semicolons or tabs may stand for the commas, decimal commas for points then.
 
     Its columns: t, and q_JOINT, v_JOINT, tau_JOINT of every joint; contact or force_z; force_x and command_JOINT if
     measured.
@@ -118,31 +128,46 @@ Table = dict[str, tuple[str, Sequence[str | float]]]  # name -> unit, cells
 
 def _table(file: Path, wanted: Set[str]) -> Table:
     """What a CSV or an MCAP file holds; the columns that are wanted say which topics of an MCAP file count."""
-    columns = mcap_table(file, wanted) if file.suffix.lower() == ".mcap" else _csv(file)
-    rows = len(next(iter(columns.values()), ()))
+    if file.is_dir():
+        raise ResultError(f"{file}: this is a folder: name the file of one log in it")
+    columns = mcap_table(file, wanted).items() if file.suffix.lower() == ".mcap" else _csv(file)
+    rows = next((len(cells) for _, cells in columns), 0)
     if rows < FEWEST:
         raise ResultError(f"{file}: {rows} rows show no hop: {FEWEST} or more are needed")
     found = Table()
-    for name, cells in columns.items():
-        parts = re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", name, re.DOTALL)
+    for head, cells in columns:
+        parts = re.fullmatch(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", head, re.DOTALL)
         assert parts
-        found[parts[1]] = (parts[2] or "", cells)
+        if (name := parts[1]) in found and name in wanted:
+            raise ResultError(f"{file}: there are two columns {name}: leave one out, or give them other names")
+        found[name] = (parts[2] or "", cells)
     return found
 
 
-def _csv(file: Path) -> dict[str, tuple[str, ...]]:
-    """The columns of a CSV file with a header."""
+def _csv(file: Path) -> list[tuple[str, Sequence[str]]]:
+    """Header and cells of every column of a table whose cells commas, semicolons or tabs separate, with a decimal point; or
+    with a decimal comma, where commas do not separate and no number has a point."""
     try:
         with file.open(encoding="utf-8-sig", newline="") as stream:
-            head, *lines = [line for line in csv.reader(stream) if line]
+            text = stream.read()
+        first = next((line for line in io.StringIO(text) if line.strip()), "")
+        separator = max(SEPARATORS, key=first.count)
+        found = [line for line in csv.reader(io.StringIO(text, newline=""), delimiter=separator) if line]
     except FileNotFoundError:
         raise ResultError(f"{file}: there is no such file") from None
     except (OSError, ValueError, csv.Error) as error:
         raise ResultError(f"{file}: it is no CSV file with a header ({error})") from None
+    if not first:
+        raise ResultError(
+            f"{file}: the file is empty: it needs a header with the columns' names, and a row for each instant"
+        )
+    head, *lines = found
     short = next((k for k, line in enumerate(lines) if len(line) != len(head)), None)
     if short is not None:
         raise ResultError(f"{file}: row {short + 2} has {len(lines[short])} cells, the header {len(head)}")
-    return dict(zip(head, zip(*lines, strict=True), strict=True)) if lines else dict.fromkeys(head, ())
+    if separator != "," and not any("." in cell and _is_number(cell) for line in lines for cell in line):
+        lines = [[cell.replace(",", ".") if cell.count(",") == 1 else cell for cell in line] for line in lines]
+    return list(zip(head, zip(*lines, strict=True), strict=True)) if lines else [(name, ()) for name in head]
 
 
 def _in_si(file: Path, table: Table, name: str, column: str) -> np.ndarray:
@@ -195,7 +220,8 @@ def _sensible(file: Path, design: Design, log: RobotLog) -> None:
                 f"{limits.upper:g}: is it in degrees (write q_{joint} [deg]), another joint's, or counted from elsewhere?"
             )
         rate = np.gradient(angle, log.t)
-        if rate.std() > STILL and np.corrcoef(rate, speed)[0, 1] < RATE:
+        alike = np.mean((rate - rate.mean()) * (speed - speed.mean()))
+        if rate.std() > STILL and alike <= RATE * rate.std() * speed.std():  # a speed that never changes is none
             raise ResultError(
                 f"{file}: v_{joint} is not the rate of q_{joint}: are columns swapped, or is its sign the other way round?"
             )

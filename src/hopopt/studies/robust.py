@@ -18,7 +18,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.studies.compare import on_ideal_ground
 from hopopt.studies.robust_search import BY_PROGRAM, BY_RESERVE, TRACKER, TUNING_DRAWS, Search, Trial
-from hopopt.studies.robustness import Reached, drawn, rank, reached
+from hopopt.studies.robustness import OTHER_LEGS, Reached, drawn, rank, reached, surest
 
 PD = ("force_tuck", "position_tuck")  # the paper's strategies where they clear most
 
@@ -29,7 +29,8 @@ class RobustHop:
 
     best: the plan that is tracked, and the problem with its reserve. lowest: by way, the best that its plans reached on the
     draws of the search [m]. bound, ideal_bound: verified optima on this ground and on ground that grips without limit.
-    tracked, pd: runs on the fresh draws, of the tracker and by PD strategy.
+    tracked, pd: runs on the fresh draws, of the tracker and by PD strategy. pd_best: the surest of those, chosen on the
+    draws of the search; None without PD.
     """
 
     best: Trial
@@ -38,6 +39,7 @@ class RobustHop:
     ideal_bound: Solution
     tracked: Reached
     pd: dict[str, Reached]
+    pd_best: str | None
     share: float
     confidence: float
     evaluations: int
@@ -85,6 +87,7 @@ class RobustHop:
             "feedback": self.feedback,
             "evaluations": self.evaluations,
             "pd": {name: found.promised(self.share, self.confidence) for name, found in self.pd.items()},
+            "pd_best": self.pd_best,
             "pd_fell": {name: found.fell for name, found in self.pd.items()},
             "clearances_m": {name: found.clearances.tolist() for name, found in self.reached.items()},
             "exit_code": self.exit_code,
@@ -128,10 +131,11 @@ def robust(
     search.by_reserve(evaluations)
     best, lowest = search.best, {way: search.best_by(way) for way in (BY_RESERVE, BY_PROGRAM)}
     say(f"judging the better one on {draws} fresh legs")
-    fresh = draw(draws, seed + 1_000_003)
+    fresh = draw(draws, seed + OTHER_LEGS)
     tracked = reached(best.design, TRACKER, best.reference, fresh, processes)
-    pd = {}
+    pd, on_search = dict[str, Reached](), dict[str, Reached]()
     for name in PD if two_joints(design.leg) else ():
         say(f"simulating {name} on the same legs")
-        pd[name] = reached(design, name, None, fresh, processes)
-    return RobustHop(best, lowest, bound, ideal_bound, tracked, pd, share, confidence, len(search.trials))
+        pd[name], on_search[name] = (reached(design, name, None, legs, processes) for legs in (fresh, search.draws))
+    pd_best = surest(on_search) if pd else None
+    return RobustHop(best, lowest, bound, ideal_bound, tracked, pd, pd_best, share, confidence, len(search.trials))

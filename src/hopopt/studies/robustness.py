@@ -1,6 +1,6 @@
 """Strategies on legs that differ from the believed one: seeded draws, and what a share of them reaches."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +13,7 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
 from hopopt.design import Design, Uncertainty, as_changed
 from hopopt.errors import UsageError
+from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.solution import Solution
 from hopopt.planner.summary_extras import Attained, CanBeHad
@@ -20,6 +21,8 @@ from hopopt.sim.plant import PAST_APEX
 from hopopt.studies.compare import TUNED_PD, Comparison, chosen_names, compare, on_ideal_ground, reference_of
 
 FAILED = 0.5  # of the clearance on the believed leg, below which a leg has failed
+CHOOSING_DRAWS = 16  # legs on which one of several strategies is chosen: a promise is made on others
+OTHER_LEGS = 1_000_003  # added to a seed for legs that have nothing in common with its own
 SHARE, SURE = 0.95, 0.95  # of the legs that a comparison speaks of, and how surely if the draws are enough
 
 
@@ -48,7 +51,7 @@ class Drawing:
 def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: bool = False) -> list[Draw]:
     """So many true legs, every quantity uniform within its spread, independently; or with ``corners`` at one of its ends.
 
-    What later entries draw comes from a sequence of its own: a spread that is added leaves masses and torques as they were.
+    Where a link's centre of mass and inertia are given, they go with its mass and length, as a rod's do that are not. What later entries draw comes from a sequence of its own: a spread that is added leaves masses and torques as they were.
     """
     rng, more, last = (Drawing(np.random.default_rng(s), corners) for s in (seed, (seed, 1), (seed, 2)))
     found = list[Draw]()
@@ -56,10 +59,10 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
     for _ in range(draws):
         data = design.model_dump(exclude_none=True)
         for name in ("body", *design.leg.links):
-            data["leg"][name]["mass"] *= 1 + spread.mass * rng.uniform(-1, 1)
+            data["leg"][name] |= scaled(data["leg"][name], mass=1 + spread.mass * rng.uniform(-1, 1))
         gain = 1 + spread.torque_constant * rng.uniform(-1, 1, n)
         for name in design.leg.links:
-            data["leg"][name]["length"] *= 1 + spread.length * more.uniform(-1, 1)
+            data["leg"][name] |= scaled(data["leg"][name], length=1 + spread.length * more.uniform(-1, 1))
         if design.contact.friction is not None:
             data["contact"]["friction"] *= 1 + spread.friction * more.uniform(-1, 1)
         start = start_angles(design) + spread.start_angle * more.uniform(-1, 1, n)
@@ -83,7 +86,7 @@ def extremes(design: Design, spread: Uncertainty, share: float) -> list[Draw]:
     for heavier, stronger in [(1.0, -np.ones(n)), (-1.0, np.ones(n)), *alone]:
         data = design.model_dump(exclude_none=True)
         for name in ("body", *design.leg.links):
-            data["leg"][name]["mass"] *= 1 + heavier * mass
+            data["leg"][name] |= scaled(data["leg"][name], mass=1 + heavier * mass)
         if design.contact.friction is not None:
             data["contact"]["friction"] *= 1 - share * spread.friction
         found.append(Draw(_true_leg(data), 1 + torque * stronger, start_angles(design)))
@@ -184,20 +187,21 @@ def spread(
     uncertainty: Uncertainty,
     processes: int,
     say: Callable[[str], None] = lambda text: None,
+    names: Collection[str] | None = None,
 ) -> dict[str, dict[str, Any]]:
-    """How every compared strategy fares on the same drawn legs; failed is below half of what it clears on the believed one.
+    """How the compared strategies, or the named ones, fare on the same drawn legs; failed is below half of what one clears on
+    the believed leg.
 
-    ``reached_m``: what SHARE of all legs reach, with ``confidence``.
+    ``reached_m``: what SHARE of all legs reach, with ``confidence``, of each strategy by itself.
     """
-    design, found = comparison.solution.design, {}
-    legs = drawn(design, uncertainty, draws, seed)
+    found = dict[str, dict[str, Any]]()
+    legs = drawn(comparison.solution.design, uncertainty, draws, seed)
     place, confidence = _lowest_that_counts(draws)
-    for name, run in comparison.runs.items():
-        plan = comparison.plan if run.strategy.needs_plan else None
+    for name in comparison.runs if names is None else names:
+        run = comparison.runs[name]
         say(f"{name} on {draws} drawn legs")
-        reference = None if plan is None else reference_of(plan)
-        each = reached(design, run.strategy.name, reference, legs, processes, run.strategy.options)
-        heights = each.clearances
+        each = _run_on(comparison, name, legs, processes)
+        heights, plan = each.clearances, comparison.plan if run.strategy.needs_plan else None
         levels = {"lowest_m": 0, "p05_m": 5, "median_m": 50, "p95_m": 95, "highest_m": 100}
         usual = run.figures.clearance if plan is None else plan.clearance
         found[name] = {
@@ -224,19 +228,51 @@ def _lowest_that_counts(draws: int) -> tuple[int, float]:
     return place, float(bdtrc(place - 1, draws, 1 - SHARE))
 
 
-def four_numbers(comparison: Comparison, mismatch: Mapping[str, Mapping[str, Any]], ideal: Solution) -> CanBeHad:
-    """What can be had: the bounds on ideal ground and on this one, and what SHARE of the drawn legs reach on this ground
-    with the best tracker and with the best PD strategy; mismatch as ``spread`` finds it."""
+def _run_on(comparison: Comparison, name: str, legs: list[Draw], processes: int) -> Reached:
+    """A compared strategy on legs."""
+    strategy = comparison.runs[name].strategy
+    reference = reference_of(comparison.plan) if strategy.needs_plan and comparison.plan else None
+    return reached(comparison.solution.design, strategy.name, reference, legs, processes, strategy.options)
 
-    def best(tracking: bool) -> Attained | None:
-        own = {n: m["reached_m"] for n, m in mismatch.items() if comparison.runs[n].strategy.needs_plan == tracking}
-        name = max(own, key=lambda name: own[name], default=None)
-        return None if name is None else Attained(name, own[name])
+
+def surest(found: Mapping[str, Reached]) -> str:
+    """The strategy whose lowest leg clears most. What it promises must be stated on other legs: on these it was chosen."""
+    return max(found, key=lambda name: found[name].clearances.min())
+
+
+def chosen(
+    comparison: Comparison,
+    seed: int,
+    uncertainty: Uncertainty,
+    processes: int,
+    say: Callable[[str], None] = lambda text: None,
+) -> list[str]:
+    """The compared strategy that tracks a plan and the one that tracks none that are the surest, on legs drawn for this alone."""
+    found = list[str]()
+    for tracking in (True, False):
+        names = [name for name, run in comparison.runs.items() if run.strategy.needs_plan == tracking]
+        if len(names) > 1:
+            say(f"choosing from {', '.join(names)} on {CHOOSING_DRAWS} other legs")
+            legs = drawn(comparison.solution.design, uncertainty, CHOOSING_DRAWS, seed + OTHER_LEGS)
+            names = [surest({name: _run_on(comparison, name, legs, processes) for name in names})]
+        found += names
+    return found
+
+
+def four_numbers(
+    comparison: Comparison, mismatch: Mapping[str, Mapping[str, Any]], names: Sequence[str], ideal: Solution
+) -> CanBeHad:
+    """What can be had: the bounds on ideal ground and on this one, and what SHARE of the drawn legs reach on this ground
+    with the named tracker and PD strategy, as ``chosen`` finds them; mismatch as ``spread`` finds it."""
+
+    def attained(tracking: bool) -> Attained | None:
+        name = next((n for n in names if comparison.runs[n].strategy.needs_plan == tracking), None)
+        return None if name is None else Attained(name, mismatch[name]["reached_m"])
 
     any_of = next(iter(mismatch.values()))
     on_ideal, here = (s.clearance if s.verified else None for s in (ideal, comparison.solution))
     of_legs = SHARE, any_of["confidence"], any_of["draws"], any_of["seed"]
-    return CanBeHad(on_ideal, here, *of_legs, tracked=best(True), pd=best(False))
+    return CanBeHad(on_ideal, here, *of_legs, tracked=attained(True), pd=attained(False))
 
 
 def can_be_had(
@@ -252,5 +288,6 @@ def can_be_had(
     names = [name for name in wanted if name in ("track", *TUNED_PD)]
     names.insert(1, "track_mpc")
     found = compare(solution.design, names, bound=solution, progress=say)
-    mismatch = spread(found, draws, seed, solution.design.uncertainty, processes, say)
-    return four_numbers(found, mismatch, on_ideal_ground(solution, say))
+    names = chosen(found, seed, solution.design.uncertainty, processes, say)
+    mismatch = spread(found, draws, seed, solution.design.uncertainty, processes, say, names)
+    return four_numbers(found, mismatch, names, on_ideal_ground(solution, say))

@@ -33,26 +33,35 @@ class Worth:
     """One thing that a hop leans on.
 
     what: in words. without: entries of the problem that take it away. value: the objective then [its unit], None where
-    no hop was found. worth: by how much that is worse. verified: whether the hop without it is.
+    no hop was found. worth: by how much that is worse. error: what both values together may be off by. verified: whether the
+    hop without it is.
     """
 
     what: str
     without: Mapping[str, Any]
     value: float | None
     worth: float | None
+    error: float
     verified: bool
+
+    @property
+    def leans(self) -> bool:
+        """Whether the hop loses anything without it that its numbers can tell."""
+        return self.worth is None or self.worth > self.error
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {**vars(self), "without": dict(self.without)}
+        return {**vars(self), "without": dict(self.without), "leans": self.leans}
 
     def words(self, unit: str) -> str:
         """In a sentence."""
         entries = ", ".join(f"{name} = {_shown(value)}" for name, value in self.without.items())
         if self.value is None or self.worth is None:
             return f"leans on {self.what}: with {entries} no hop was found"
-        doubt = "" if self.verified else ", not verified"
-        return f"leans on {self.what}, worth {self.worth:.3f} {unit}: with {entries} the best is {self.value:.3f} {unit}{doubt}"
+        best = f"with {entries} the best is {self.value:.4f} {unit}{'' if self.verified else ', not verified'}"
+        if not self.leans:
+            return f"has {self.what}, and would lose nothing without: {best}"
+        return f"leans on {self.what}, worth {100 * self.worth:.2g} c{unit}: {best}"
 
 
 def _shown(value: Any) -> str:
@@ -107,6 +116,7 @@ def _without(solution: Solution, what: str, entries: dict[str, Any], say: Callab
     try:
         again = solve(changed(solution.design, entries), objective, starts=STARTS)
     except NotSolvedError:
-        return Worth(what, entries, None, None, False)
+        return Worth(what, entries, None, None, 0.0, False)
     value, goal = again.summary.objective_value, find(objective)
-    return Worth(what, entries, value, goal.merit(before) - goal.merit(value), again.verified)
+    error = sum(s.summary.objective_error.either_way for s in (solution, again))
+    return Worth(what, entries, value, goal.merit(before) - goal.merit(value), error, again.verified)

@@ -1,4 +1,4 @@
-"""What no controller can pass: the motors' power over the longest stance, and their speeds at lift-off.
+"""What no hop can pass that keeps the drives' limits and the longest stance: by power over it, by speeds at lift-off.
 
 docs/bound.md proves both; numbers of the problem alone, without a solver.
 """

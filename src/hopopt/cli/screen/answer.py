@@ -88,19 +88,31 @@ def _stated(s: "Summary") -> str:
 
 
 def in_short(s: "Summary", design: "Design") -> list[str]:
-    """What the hop is worth, and what it leans on, in one line."""
+    """What the hop is worth in lengths of the leg; what its motion needs of the ground, which another may not; and what it
+    leans on: what it would lose by less of it."""
     found, lengths = s.leans_on, s.clearance_m / reach(design.leg)
     if not s.verified:
         return []
     grip = f"friction of at least {found.friction_needed:.2f}"
     if not isfinite(found.friction_needed):
         grip = "ground that holds the foot sideways without load, which no friction does"
-    lean = [grip]
-    if found.load_free_share > LITTLE:
-        lean.append(f"{found.load_free_share:.0%} of stance without load on the foot")
-    if found.stance_at_its_limit:
-        lean.append(f"the {found.stance_at_its_limit} stance allowed, {s.phases['stance'].duration_s:.3g} s")
-    return [f"the {s.lowest_point} clears {lengths:.2f} leg lengths; this leans on {'; '.join(lean)}"]
+    free = f"{found.load_free_share:.0%} of stance without load on the foot"
+    needs = [grip, *([free] if found.load_free_share > LITTLE else [])]
+    cleared = f"the {s.lowest_point} clears {lengths:.2f} leg lengths; this motion needs {'; '.join(needs)}"
+    costs = {
+        name: s.gains[name]
+        for name in ("longest stance", "friction cone")
+        if s.gains.get(name, 0.0) > s.objective_error.either_way
+    }
+    lean = ", ".join(f"the {name} (1 % less of it costs {loss(s, cost)})" for name, cost in costs.items())
+    asked = s.result_dir and bound_line(0.0, s.objective)  # heights alone
+    more = [f"what the best motion without these loses: hopopt diagnose {s.result_dir} --worth"] if asked else []
+    return [cleared, *([f"it leans on {lean}"] if lean else []), *more]
+
+
+def loss(s: "Summary", amount: float) -> str:
+    """What is lost of the objective: lengths in cm."""
+    return f"{100 * amount:.2g} cm" if s.objective_unit == "m" else measure(s, amount, ".2g")
 
 
 def hop_lines(s: "Summary") -> list[str]:
@@ -172,7 +184,7 @@ def _had_lines(s: "Summary") -> list[str]:
     more = ["the plan's [reserve] is too small for such legs: hopopt robust finds a better one"] if behind else []
     return [
         f"what can be had: {found.share:.0%} of all legs within [uncertainty] reach {' and '.join(ways)} "
-        f"(simulated, {found.draws} draws, confidence {found.confidence:.0%}){ideal}",
+        f"(simulated, {found.draws} draws, each with confidence {found.confidence:.0%}){ideal}",
         *more,
     ]
 
@@ -304,7 +316,8 @@ def bound_line(bound: float | None, objective: str) -> list[str]:
     if bound is None or objective not in ("clearance", "apex"):
         return []
     return [
-        f"no controller can pass {bound:.2f} m: a crude bound, by the drives' speed and power alone (docs/bound.md)"
+        f"no hop that keeps the drives' limits and the longest stance can pass {bound:.2f} m: a crude bound, by speed and "
+        "power alone (docs/bound.md)"
     ]
 
 

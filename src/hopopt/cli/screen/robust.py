@@ -41,11 +41,7 @@ def print_robust(found: Mapping[str, Any], where: str) -> None:
     out.print(f"lowest of the legs that it was chosen on, by way: {', '.join(each) or 'no way led to a verified plan'}")
     for name, gains in (found["feedback"] or {}).items():
         out.print(f"its feedback {name} = {', '.join(f'{gain:.4g}' for gain in gains)} {UNITS[name]}, joint by joint")
-    if (
-        found["pd"]
-        and (best := max(found["pd"], key=found["pd"].__getitem__))
-        and found["pd"][best] > found["clearance_m"]
-    ):
+    if (best := found["pd_best"]) and found["pd"][best] > found["clearance_m"]:
         out.print(
             f"{best} reaches more than any plan that was tracked: of those that were tried, none suits these legs"
         )
