@@ -67,11 +67,12 @@ class StartOutcome:
 
 
 def first_transcription(hop: Hop) -> Transcription:
-    """The program that every start is solved on, built once for a hop."""
+    """The program that every start is solved on, built once for a hop's problem and these meshes."""
     s = hop.design.solver
     counts = {p.name: s.stance_intervals if p.name in ON_GROUND else s.flight_intervals for p in hop.problem.phases}
-    mesh = {name: uniform(count) for name, count in counts.items()}
-    return hop.problem.once("first mesh", lambda: Transcription(hop.problem, scheme(s.scheme, s.degree), mesh))
+    mesh, method = {name: uniform(count) for name, count in counts.items()}, scheme(s.scheme, s.degree)
+    key = f"first mesh of {method.name}, {counts}"  # a text: a problem with another objective takes none of it over
+    return hop.problem.once(key, lambda: Transcription(hop.problem, method, mesh))
 
 
 def first_solver(hop: Hop, known: bool = False, watch: KnownOptima | None = None) -> NlpSolver:

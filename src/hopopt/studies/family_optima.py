@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from hopopt.planner.multistart import SAME, StartOutcome, first_options, first_t
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.solution import Motion
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.problem.render import design_hash
 
 OBJECTIVE = "clearance"
 PROGRAMS = 8  # that a process keeps: some tens of megabytes each
@@ -100,19 +100,13 @@ class _Program:
     cold: NlpSolver
 
 
-_programs: dict[str, _Program] = {}  # of this process, by the problem's hash
-
-
+@lru_cache(maxsize=PROGRAMS)
 def _program(design: Design) -> _Program:
-    key = design_hash(design)
-    if key not in _programs:
-        if len(_programs) >= PROGRAMS:
-            del _programs[next(iter(_programs))]
-        hop = Hop(design, OBJECTIVE)
-        t, options = first_transcription(hop), first_options(hop, True)
-        warm = NlpSolver(t, options | CARRIED | {"ipopt.max_iter": PATIENCE})
-        _programs[key] = _Program(hop, t, warm, NlpSolver(t, options))
-    return _programs[key]
+    """The programs of a problem, built once in each process."""
+    hop = Hop(design, OBJECTIVE)
+    t, options = first_transcription(hop), first_options(hop, True)
+    warm = NlpSolver(t, options | CARRIED | {"ipopt.max_iter": PATIENCE})
+    return _Program(hop, t, warm, NlpSolver(t, options))
 
 
 def searched(design: Design, count: int) -> list[Optimum]:

@@ -12,7 +12,7 @@ body moves over the foot. The best family's optimum is refined and verified like
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +106,7 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
     done = {e.index: e for e in finished(folder)}
     missing = [k for k in range(count) if k not in done]
     say(f"{len(done)} of {count} starts")
-    for ended in _each(folder, missing, processes):
+    for ended in _each(*reopen_study(folder), missing, processes):
         done[ended.index] = ended
         with writing(f"{folder}: start {ended.index + 1}", "what has ended is kept: make room, then --resume goes on"):
             write_whole(folder / "starts" / f"{ended.index:04d}.json", as_json(asdict(ended)).encode())
@@ -115,25 +115,25 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
     return [done[k] for k in sorted(done) if k < count]
 
 
-def _each(folder: Path, indices: Sequence[int], processes: int) -> Iterator[Ended]:
+def _each(design: Design, objective: str, indices: Sequence[int], processes: int) -> Iterator[Ended]:
     if processes == 1 or len(indices) < 2:
-        yield from (_ended(folder.absolute(), k) for k in indices)
+        yield from (_ended(design, objective, k) for k in indices)
         return
     from joblib import Parallel, delayed
 
-    jobs = (delayed(_ended)(folder.absolute(), k) for k in indices)
+    jobs = (delayed(_ended)(design, objective, k) for k in indices)
     yield from Parallel(n_jobs=processes, backend="loky", return_as="generator_unordered")(jobs)  # type: ignore[misc]
 
 
-@cache
-def _program(folder: Path) -> tuple[Hop, NlpSolver]:
+@lru_cache(maxsize=1)
+def _program(design: Design, objective: str) -> tuple[Hop, NlpSolver]:
     """The program of the first mesh, built once in each process."""
-    hop = Hop(*reopen_study(folder))
+    hop = Hop(design, objective)
     return hop, first_solver(hop)
 
 
-def _ended(folder: Path, index: int) -> Ended:
-    hop, solver = _program(folder)
+def _ended(design: Design, objective: str, index: int) -> Ended:
+    hop, solver = _program(design, objective)
     (outcome,) = run_chunk(hop, [index], solver)
     figures = motion(hop, Motion(hop.design, hop.objective.name, solution_of(outcome, solver.transcription).phases))
     return Ended(

@@ -55,7 +55,7 @@ Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
 Kept = tuple[Point, Begin]
 Found = tuple["Source | None", StartOutcome, Begin, Transcription]  # on the first mesh
 FromSource = tuple["Source", StartOutcome, Begin, Transcription]
-_compiled: dict[str, tuple[Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
+_compiled: dict[str, tuple[Hop, Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
 _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several threads, a compiled program may not
 
 
@@ -284,20 +284,24 @@ def _first_program(definition: Definition, hop: Hop, values: Mapping[str, float]
     It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
     """
     form = {entry: values[entry] for entry in _formative(hop.leg, values)}
-    key = repr((definition.as_dict(), form, hop.dependent))  # which joints a closed loop moves is form too
+    key = repr((definition.as_dict(), form))
     if key not in _compiled:
         _compiled.clear()
         try:
-            common = Hop(definition.design_with(form), definition.objective)
-            common = common if common.dependent == hop.dependent else hop
+            _compiled[key] = _ready(Hop(definition.design_with(form), definition.objective))
         except ProblemFileError:  # only its points are possible
-            t = first_transcription(hop)
-            return t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
-        t = first_transcription(common)
-        _compiled[key] = t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
-    t, solver = _compiled[key]
+            return _ready(hop)[1:]
+    common, t, solver = _compiled[key]
+    if common.dependent != hop.dependent:  # which joints a closed loop moves is form too
+        return _ready(hop)[1:]
     t = with_numbers_of(t, hop.problem)
     return t, solver.on(t)
+
+
+def _ready(hop: Hop) -> tuple[Hop, Transcription, NlpSolver]:
+    """A problem with its first mesh's program, to be solved from a neighbour's multipliers."""
+    t = first_transcription(hop)
+    return hop, t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
 
 
 def _compiling(definition: Definition) -> AbstractContextManager[None]:
