@@ -21,7 +21,7 @@ import numpy as np
 from hopopt.errors import UsageError
 from hopopt.files import write_whole
 from hopopt.problem.render import design_hash, resolved_toml
-from hopopt.storage.folder import as_json, unused, writing
+from hopopt.storage.folder import as_json, new_folder, writing
 from hopopt.studies.consistency import contradicted
 from hopopt.studies.family_chains import Node, Step, chains, letter
 from hopopt.studies.family_optima import Optimum, Refined
@@ -159,8 +159,7 @@ def open_folder(definition: Definition, results: Path) -> Path:
     """A new folder with the problem; ResultError if it cannot be written."""
     design = definition.design
     with writing(f"{results}: the study", "choose another folder"):
-        folder = unused(results / f"{design.name}-families-{design_hash(design)}")
-        folder.mkdir(parents=True)
+        folder = new_folder(results / f"{design.name}-families-{design_hash(design)}")
         write_whole(folder / "problem.toml", resolved_toml(design).encode())
     return folder
 

@@ -26,7 +26,7 @@ from hopopt.planner.families import motion, words
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
-from hopopt.storage.folder import as_json, unused, write_json, writing
+from hopopt.storage.folder import as_json, new_folder, write_json, writing
 
 Say = Callable[[str], None]
 
@@ -63,8 +63,8 @@ class Family:
 def open_study(design: Design, objective: str, results: Path) -> Path:
     """A new folder for a study of a problem's starts."""
     with writing(f"{results}: the study", "choose another folder"):
-        folder = unused(results / f"{design.name}-evidence-{design_hash(design)}")
-        (folder / "starts").mkdir(parents=True)
+        folder = new_folder(results / f"{design.name}-evidence-{design_hash(design)}")
+        (folder / "starts").mkdir()
         write_whole(folder / "problem.toml", resolved_toml(design).encode())
         write_json({"objective": objective, "hash": design_hash(design)}, folder / "evidence.json")
     return folder

@@ -34,7 +34,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.load import as_design, changed
-from hopopt.storage.folder import unused, write_json, writing
+from hopopt.storage.folder import new_folder, write_json, writing
 from hopopt.storage.solution import save
 from hopopt.verify.measures import MEASURES
 
@@ -170,8 +170,9 @@ def _goal(design: Design, against: str, points: int) -> HopObjective:
 def _folder(design: Design, against: str, results: Path | None) -> Path | None:
     if results is None:
         return None
-    folder = unused(results / f"{design.name}-pareto-{against}")
-    (folder / "points").mkdir(parents=True)
+    with writing(f"{results}: the front", "choose another folder"):
+        folder = new_folder(results / f"{design.name}-pareto-{against}")
+        (folder / "points").mkdir()
     return folder
 
 

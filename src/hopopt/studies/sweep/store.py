@@ -24,7 +24,7 @@ from hopopt.files import write_whole
 from hopopt.ocp.objectives import find
 from hopopt.problem.load import load, resolved_toml
 from hopopt.storage.digests import digest, seal
-from hopopt.storage.folder import as_json, reason_of, unused, writing
+from hopopt.storage.folder import as_json, new_folder, reason_of, writing
 from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point
 
@@ -37,9 +37,8 @@ def open_folder(definition: Definition, results: Path) -> Path:
     key = json.dumps(stamp(definition), sort_keys=True)
     name = f"{definition.design.name}-sweep-{hashlib.sha256(key.encode()).hexdigest()[:8]}"
     with writing(f"{results}: the study", "choose another folder"):
-        results.mkdir(parents=True, exist_ok=True)
-        folder = unused(results / name)
-        (folder / "points").mkdir(parents=True)
+        folder = new_folder(results / name)
+        (folder / "points").mkdir()
         write_whole(folder / "problem.toml", resolved_toml(definition.design).encode())
         write_whole(folder / "sweep.json", json.dumps(stamp(definition), indent=2).encode())
     return folder
