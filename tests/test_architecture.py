@@ -202,7 +202,3 @@ def test_what_every_solve_needs_imports_nothing_slow(modules: str) -> None:
     words = f"import sys, {modules}; print([name for name in {SLOW} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_what_is_imported_on_first_use_is_listed() -> None:
-    assert set(hopopt.__all__) <= set(dir(hopopt))
