@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hopopt.errors import SolverError, one_line
 from hopopt.nlp.known_optima import KnownOptima
 from hopopt.nlp.time_limit import seconds_left
 from hopopt.nlp.trajectory import PhaseTrajectory
@@ -51,6 +52,7 @@ UNDAMPED = {"ipopt.tol": 1e-8, "ipopt.perturb_always_cd": "yes"}
 GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
 
 
+REASON = 200  # characters
 LEAST = 1e-2  # of the objective's scale
 SHORTEST = 1e-3  # s that Ipopt is given
 PUNCTUAL = 0.9  # share of the time that a solver was made with, beyond which, or its inverse, it is made again
@@ -164,7 +166,10 @@ class NlpSolver:
             self.known.begin()
         if not PUNCTUAL * self._allowed <= max(seconds_left(), SHORTEST) <= self._allowed / PUNCTUAL:
             self.solver = self._built()
-        result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
+        try:
+            result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
+        except RuntimeError as error:  # CasADi's, at length, with the reason in its last line
+            raise SolverError(f"Ipopt cannot work on the program: {one_line(error)[-REASON:]}") from error
         stats = self.solver.stats()
         if stats["return_status"] in STOPPED and not self.stopped:
             raise KeyboardInterrupt

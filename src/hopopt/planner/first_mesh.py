@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+from hopopt.errors import one_line
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
 from hopopt.ocp.feasibility import drives_too_weak
 from hopopt.ocp.hop import Hop
@@ -90,7 +91,7 @@ def _searched(hop: Hop, size: int, threads: int) -> tuple[GlobalSearch | None, s
     try:
         return search(hop.design, size=size, rollouts=ROLLOUTS, threads=threads), None
     except (ArithmeticError, ValueError, IndexError) as error:  # no reason to lose what the starts found
-        return None, f"it stopped with a {type(error).__name__}"
+        return None, f"it stopped with a {type(error).__name__} ({one_line(error)})"
 
 
 def rollout_starts(

@@ -7,6 +7,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.ipopt import CARRIED, GENTLE, Bounds, NlpSolution, NlpSolver
@@ -113,6 +114,7 @@ def run_starts(
 
 
 def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool) -> list[StartOutcome]:
+    check("starts", count)
     weak = bool(drives_too_weak(hop.design, hop.robot))
     if weak and (ended := _beyond_limits(hop)):
         return [ended]

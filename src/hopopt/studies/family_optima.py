@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.errors import SolverError, one_line
 from hopopt.nlp.ipopt import CARRIED, NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
@@ -27,7 +28,6 @@ PROGRAMS = 8  # that a process keeps: some tens of megabytes each
 PATIENCE = 60  # iterations from a neighbour's multipliers
 LIFT_OFF = 0.1  # of the scaled states at lift-off: closer than this, and as high, it is the same push
 NOISE = 1e-4  # relative
-STOPS = (ArithmeticError, RuntimeError, ValueError)  # what one solve may stop with, without the others'
 BEFORE = np.linspace(0.0, 1.0, 13)  # of the longest stance, counted back from lift-off, where a motion's shape is taken
 KIND = 0.7  # of the scaled states: hops of one kind differ by at most 0.6 on the paper's leg, others by 1.1 and more
 CLOSE = 2e-2  # relative: hops of one kind count as one optimum if they are as close in height
@@ -157,7 +157,7 @@ def _step(design: Design, before: Design, optimum: Optimum, name: str) -> Optimu
         p = _program(design)
         s = _from_neighbour(p, before, optimum)
         return _optimum(p, outcome_of(name, s, time.perf_counter() - began)) if s.success else None
-    except STOPS:
+    except SolverError:
         return None
 
 
@@ -197,8 +197,8 @@ def refined(design: Design, optimum: Optimum) -> Refined:
     hop = _program(design).hop
     try:
         found = refined_and_verified(hop, optimum.outcome, [optimum.outcome], _silent, Stopwatch())
-    except STOPS as error:
-        return Refined(optimum.clearance, False, (f"stopped by a {type(error).__name__}",))
+    except SolverError as error:
+        return Refined(optimum.clearance, False, (one_line(error),))
     return Refined(found.clearance, found.verified, tuple(found.summary.failed_checks))
 
 

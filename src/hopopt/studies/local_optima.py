@@ -5,7 +5,7 @@ body moves over the foot. The best family's optimum is refined and verified like
 
 <results>/<problem>-evidence-<hash8>/
     evidence.json, problem.toml     what is asked for, written first
-    starts/NNNN.json                how start N ended
+    starts/NNNN.json                how start N ended; NNNN.traceback.txt: where a fault of hopopt ended it
     summary.json                    everything together, at the end
 """
 
@@ -27,6 +27,9 @@ from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution
 from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, new_folder, write_json, writing
+from hopopt.studies.faults import Fault, guarded
+
+GO_ON = "what has ended is kept: make room, then --resume goes on"
 
 Say = Callable[[str], None]
 
@@ -106,22 +109,29 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
     done = {e.index: e for e in finished(folder)}
     missing = [k for k in range(count) if k not in done]
     say(f"{len(done)} of {count} starts")
-    for ended in _each(*reopen_study(folder), missing, processes):
+    for k, ended in _each(*reopen_study(folder), missing, processes):
+        if isinstance(ended, Fault):
+            with writing(f"{folder}: start {k + 1}", GO_ON):
+                ended.keep(folder / "starts", f"{k:04d}")
+            say(f"start {k + 1}: {ended.sentence}")
+            continue
         done[ended.index] = ended
-        with writing(f"{folder}: start {ended.index + 1}", "what has ended is kept: make room, then --resume goes on"):
+        with writing(f"{folder}: start {ended.index + 1}", GO_ON):
             write_whole(folder / "starts" / f"{ended.index:04d}.json", as_json(asdict(ended)).encode())
         best = max((e.objective for e in done.values() if e.success), default=float("nan"))
         say(f"{len(done)} of {count} starts, best {best:.4f}")
     return [done[k] for k in sorted(done) if k < count]
 
 
-def _each(design: Design, objective: str, indices: Sequence[int], processes: int) -> Iterator[Ended]:
+def _each(
+    design: Design, objective: str, indices: Sequence[int], processes: int
+) -> Iterator[tuple[int, Ended | Fault]]:
     if processes == 1 or len(indices) < 2:
-        yield from (_ended(design, objective, k) for k in indices)
+        yield from (_numbered(design, objective, k) for k in indices)
         return
     from joblib import Parallel, delayed
 
-    jobs = (delayed(_ended)(design, objective, k) for k in indices)
+    jobs = (delayed(_numbered)(design, objective, k) for k in indices)
     yield from Parallel(n_jobs=processes, backend="loky", return_as="generator_unordered")(jobs)  # type: ignore[misc]
 
 
@@ -130,6 +140,10 @@ def _program(design: Design, objective: str) -> tuple[Hop, NlpSolver]:
     """The program of the first mesh, built once in each process."""
     hop = Hop(design, objective)
     return hop, first_solver(hop)
+
+
+def _numbered(design: Design, objective: str, index: int) -> tuple[int, Ended | Fault]:
+    return index, guarded(_ended, design, objective, index)
 
 
 def _ended(design: Design, objective: str, index: int) -> Ended:
