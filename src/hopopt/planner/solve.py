@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.mesh_refinement import UNSOLVED, relative
@@ -67,6 +68,7 @@ def solve(
     returned with ``verified`` False. UsageError for what is no problem.
     """
     design = as_design(design)
+    check("starts", starts)
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, with_tighter_tolerances(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.amounts import check
 from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.nlp.ipopt import NlpSolution
@@ -69,6 +70,7 @@ def codesign(
     its bound. time_limit [s]: as in ``solve``. Raises UsageError for entries or bounds that no problem can have, NotSolvedError as ``solve`` does.
     """
     design = as_design(design)
+    check("starts", starts)
     say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
     side_by_side = processes or os.cpu_count() or 1
     free_parameters = checked(design, free, couple)

@@ -22,6 +22,7 @@ from hopopt.files import remove_abandoned, write_whole
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.direction import Directed
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.objectives import find
 from hopopt.planner.families import motion, words
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Motion
@@ -92,12 +93,13 @@ def finished(folder: Path) -> list[Ended]:
     found = []
     for path in sorted((folder / "starts").glob("*.json")):
         try:
-            ended = Ended(**json.loads(path.read_text(encoding="utf-8")))
+            told = json.loads(path.read_text(encoding="utf-8"))
+            ended = Ended(**{name: float("nan") if value is None else value for name, value in told.items()})
             kinds: dict[Any, tuple[type, ...]] = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
             whole = all(isinstance(getattr(ended, f.name), kinds[f.type]) for f in fields(Ended))
             if not whole or ended.index != int(path.stem):
                 raise ValueError
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, AttributeError):
             raise ResultError(f"{path} is not what hopopt wrote: remove it, and it is computed again") from None
         found.append(ended)
     return found
@@ -109,7 +111,9 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
     done = {e.index: e for e in finished(folder)}
     missing = [k for k in range(count) if k not in done]
     say(f"{len(done)} of {count} starts")
-    for k, ended in _each(*reopen_study(folder), missing, processes):
+    design, objective = reopen_study(folder)
+    goal = find(objective)
+    for k, ended in _each(design, objective, missing, processes):
         if isinstance(ended, Fault):
             with writing(f"{folder}: start {k + 1}", GO_ON):
                 ended.keep(folder / "starts", f"{k:04d}")
@@ -118,8 +122,8 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
         done[ended.index] = ended
         with writing(f"{folder}: start {ended.index + 1}", GO_ON):
             write_whole(folder / "starts" / f"{ended.index:04d}.json", as_json(asdict(ended)).encode())
-        best = max((e.objective for e in done.values() if e.success), default=float("nan"))
-        say(f"{len(done)} of {count} starts, best {best:.4f}")
+        best = max((e.objective for e in done.values() if e.success), key=goal.merit, default=None)
+        say(f"{len(done)} of {count} starts" + ("" if best is None else f", best {best:.4f}"))
     return [done[k] for k in sorted(done) if k < count]
 
 

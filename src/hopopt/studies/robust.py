@@ -118,6 +118,7 @@ def robust(
     if design.uncertainty.known:
         raise UsageError(f"{design.name}: [uncertainty] is zero throughout, so there is nothing to be robust against")
     check("draws", draws)
+    check("starts", starts)
     check("evaluations", evaluations, 0)
     if evaluations < 1:
         raise UsageError(f"{evaluations} evaluations: at least 1 reserve must be tried")
