@@ -93,8 +93,11 @@ def finished(folder: Path) -> list[Ended]:
     found = []
     for path in sorted((folder / "starts").glob("*.json")):
         try:
-            told = json.loads(path.read_text(encoding="utf-8"))
-            ended = Ended(**{name: float("nan") if value is None else value for name, value in told.items()})
+            told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            told |= {
+                name: float("nan") for name, value in told.items() if value is None
+            }  # of no number, as JSON has it
+            ended = Ended(**told)
             kinds: dict[Any, tuple[type, ...]] = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
             whole = all(isinstance(getattr(ended, f.name), kinds[f.type]) for f in fields(Ended))
             if not whole or ended.index != int(path.stem):
