@@ -17,6 +17,7 @@ TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FIL
 
 PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, besides itself
     "errors": (),
+    "amounts": ("errors",),
     "files": (),
     "fields": (),
     "user_code": ("errors",),
@@ -30,17 +31,17 @@ PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, 
     "nlp": ("files", "errors", "ocp.problem", "ocp.guess"),
     "control": ("errors", "compiled", "user_code", "design", "drivetrain", "leg", "problem.load", "sim"),
     "verify": ("errors", "design", "drivetrain", "leg", "sim.machine"),
-    "global_search": ("errors", "compiled", "design", "drivetrain", "leg", "sim", "ocp.guess", "nlp.deadline"),
+    "global_search": ("amounts", "errors", "compiled", "design", "drivetrain", "leg", "sim", "ocp.guess", "nlp.deadline"),
     "optimality": ("errors", "design", "drivetrain", "leg", "ocp", "nlp", "verify"),
     "planner": (
-        "errors", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
+        "amounts", "errors", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
         "optimality",
     ),
     "storage": (
         "files", "errors", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "optimality", "planner",
     ),
     "studies": (
-        "files", "errors", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
+        "files", "amounts", "errors", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
         "optimality", "planner", "storage",
     ),
     "export": ("errors", "design", "drivetrain", "leg", "ocp.phases", "control", "verify", "planner"),
@@ -53,7 +54,7 @@ PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, 
         "errors", "design", "problem", "ocp", "planner", "storage", "studies", "plots",
     ),
     "cli": (
-        "errors", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
+        "amounts", "errors", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
         "optimality", "planner", "storage", "studies", "export", "report", "plots",
     ),
     "__main__": ("cli",),
@@ -68,7 +69,7 @@ LATE = {  # where hopopt is imported inside functions, so that commands start at
     "global_search/search.py": "the compiler of its loops takes a third of a second",
     "problem/urdf.py": "only a problem with a URDF needs Pinocchio",
 }
-MOST = 8  # files that lie in hopopt itself
+MOST = 9  # files that lie in hopopt itself
 ONLY = {  # libraries with one home
     "matplotlib": ("plots/", "api.py"),
     "xarray": ("storage/runs.py", "studies/sweep/store.py", "studies/notebook_views.py"),
@@ -204,7 +205,3 @@ def test_what_every_solve_needs_imports_nothing_slow(modules: str) -> None:
     words = f"import sys, {modules}; print([name for name in {SLOW} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_what_is_imported_on_first_use_is_listed() -> None:
-    assert set(hopopt.__all__) <= set(dir(hopopt))

@@ -360,6 +360,10 @@ class Design(Section):
     control: Control = Control()
     uncertainty: Uncertainty = Uncertainty()
 
+    def __hash__(self) -> int:
+        """Of every entry, so that what is made of a problem can be kept for it."""
+        return hash(repr(self))
+
     def of_kind(self, kind: str) -> "Design":
         """The same problem of another kind of hop (``hop.kind``)."""
         return self.model_copy(update={"hop": self.hop.model_copy(update={"kind": kind})})

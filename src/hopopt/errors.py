@@ -37,6 +37,10 @@ class NotSolvedError(HopoptError):
         super().__init__("\n".join([message, *self.diagnosis]))
 
 
+class SolverError(NotSolvedError):
+    """A solver that cannot work on a program: limits that cross, numbers that are none."""
+
+
 class ResultError(UsageError):
     """A results folder that cannot be read."""
 

@@ -12,7 +12,9 @@ from hopopt.cli import main as cli
 from hopopt.errors import ResultError
 from hopopt.ocp.objectives import OBJECTIVES
 from hopopt.planner.families import words
+from hopopt.problem.load import load
 from hopopt.studies import dynamic_programming as upright
+from hopopt.studies import local_optima
 from hopopt.studies.local_optima import Ended, families, finished
 
 COARSE = ("solver.refine=false", "solver.stance_intervals=12", "solver.flight_intervals=5")
@@ -29,6 +31,18 @@ def test_families_gather_what_ends_alike_best_first() -> None:
     assert [(f.best.index, f.count) for f in found] == [(4, 2), (2, 2)]
     least = families([ended(0, 7.0), ended(1, 5.0)], OBJECTIVES["time"])
     assert [f.best.index for f in least] == [1, 0]
+
+
+def test_a_start_that_ended_without_a_number_is_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where Ipopt met no number: it is kept, and --resume goes on."""
+    lost = ended(0, float("nan"), success=False)
+    folder, said = local_optima.open_study(load("paper"), "clearance", tmp_path), list[str]()
+    with monkeypatch.context() as patch:
+        patch.setattr(local_optima, "_ended", lambda design, objective, index: lost)
+        local_optima.run_starts(folder, 1, 1, said.append)
+    (again,) = local_optima.run_starts(folder, 1, 1, said.append)
+    assert (again.index, again.success, str(again.objective)) == (0, False, "nan")
+    assert said[1] == "1 of 1 starts"
 
 
 @pytest.mark.parametrize(

@@ -61,16 +61,6 @@ def test_every_link_leads_somewhere(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids)
-def test_every_module_that_is_named_can_be_found(page: Path) -> None:
-    for name in set(re.findall(r"\bhopopt((?:\.[a-z_]+)+)", text_of(page))) - {".strategies"}:  # of an entry point
-        home, *parts = ROOT / "src" / "hopopt", *name.strip(".").split(".")
-        while parts and (home / parts[0]).is_dir():
-            home /= parts.pop(0)
-        found = not parts or (home / f"{parts[0]}.py").is_file()
-        assert found or re.search(rf"\b{parts[0]}\b", text_of(home / "__init__.py")), name
-
-
-@pytest.mark.parametrize("page", PAGES, ids=ids)
 def test_sentences_are_short(page: Path) -> None:
     assert not [s for s in sentences(text_of(page)) if len(s.split()) > LONGEST]
 

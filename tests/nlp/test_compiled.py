@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hopopt.errors import NotSolvedError
+from hopopt.nlp import compiled as module
 from hopopt.nlp.compiled import FOLDER, WORTH_IT, compiled, compiling
 from hopopt.ocp.hop import Hop
 from hopopt.planner.multistart import run_chunk
@@ -59,6 +60,20 @@ def test_libraries_are_made_only_within_compiling_and_used_everywhere(cache: Pat
     assert not library.stat().st_mode & 0o077
     assert is_library(compiled(f))
     assert not is_library(compiled(long_function(2 * WORTH_IT)))  # another function has no library
+
+
+def test_the_folder_holds_no_more_than_is_allowed(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was not used for longest goes first; what is used stays."""
+    used, unused, new = (long_function(k * WORTH_IT) for k in (1, 3, 2))
+    with compiling():
+        compiled(used)
+        compiled(unused)
+        for library in cache.iterdir():
+            os.utime(library, (0, 0))
+        compiled(used)
+        monkeypatch.setattr(module, "MOST", sum(path.stat().st_size for path in cache.iterdir()))
+        compiled(new)
+    assert [is_library(compiled(f)) for f in (used, unused, new)] == [True, False, True]
 
 
 def test_short_functions_stay(cache: Path) -> None:

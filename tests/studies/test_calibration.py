@@ -164,6 +164,12 @@ def test_what_cannot_be_freed_is_refused(words: str, reason: str) -> None:
         present(Experiment(design().model_dump(exclude_none=True), (parse_free(words),), SIMULATION))
 
 
+def test_what_is_free_twice_is_refused() -> None:
+    twice = (parse_free("k_p=100:200"), parse_free("k_p=150:300"))
+    with pytest.raises(UsageError, match="k_p is free already"):
+        present(Experiment(design().model_dump(exclude_none=True), twice, SIMULATION))
+
+
 # ---- what exact tracking asks for ---------------------------------------------------------------------------------
 
 

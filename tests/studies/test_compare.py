@@ -359,7 +359,7 @@ def test_the_command_speaks_plainly(comparison, solution, tmp_path, capsys):
     ("arguments", "sentence"),
     [
         (["compare", "--strategies", "forse"], "there is no strategy 'forse': choose one of force, "),
-        (["compare", "--draws", "-1"], "--draws must be 0 or more"),
+        (["compare", "--draws", "-1"], "--draws must be at least 0 and at most 10000"),
         (["simulate", "--strategy", "no.such:Thing"], "cannot be imported"),
         (["simulate", "--option", "k_p"], "write it as name=value"),
         (["simulate", "--option", "k_q=3"], "k_q"),

@@ -182,7 +182,7 @@ def test_what_is_known_is_kept_when_interrupted(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--starts", "0"], "--starts and --processes must be at least 1"),
+        (["--starts", "0"], "--starts must be at least 1"),
         (["--vary", "contact.friction"], "write lower:upper:count"),
         (["--vary", "leg.gear.ratio=80,90", "--vary", "contact.friction=0.5,0.6"], "give --vary once"),
         (["--vary", "no.such=1,2"], "--vary"),

@@ -91,3 +91,9 @@ def test_completion_offers_public_names_alone() -> None:
     code = "import hopopt; hopopt.load('paper'); print(*dir(hopopt))"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert shown.stdout.split() == sorted(ho.__all__)
+
+
+def test_points_that_differ_in_the_last_digits_each_have_a_row(tmp_path: Path) -> None:
+    definition = define(ho.load("paper"), {"leg.gear.ratio": [100.0, 100.00001, 100.00002]})
+    points = tuple(Point(k, definition.values(k), NOT_SOLVED, "no start led to a hop") for k in range(3))
+    assert Study(definition, points, tmp_path, 1.0)._repr_html_().count("<tr>") == 3

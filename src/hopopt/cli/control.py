@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from hopopt import amounts
 from hopopt.cli.options import AsJson, Overrides, progress, repeated
 from hopopt.cli.why import ladder_of
 from hopopt.errors import UsageError
@@ -71,8 +72,7 @@ def simulate(
     from hopopt.problem.load import load
 
     design = load(problem, set_ or ())
-    if hops < 1:
-        raise UsageError("--hops must be at least 1")
+    amounts.check("hops", hops)
     truth, options = load(problem, [*(set_ or ()), *plant]) if plant else None, _options(option or ())
     from hopopt.control import closed_loop
     from hopopt.control.strategies import find
@@ -175,8 +175,8 @@ def compare(
         raise UsageError("--strategies names none: give one or more, such as --strategies track --strategies force")
     if tune and tune < 24:
         raise UsageError("--tune must be 0 or at least 24")
-    if draws < 0:
-        raise UsageError("--draws must be 0 or more")
+    amounts.check("tune", tune, 0)
+    amounts.check("draws", draws, 0)
     spreads = {"uncertainty.mass": mass, "uncertainty.torque_constant": torque}
     spreads = {entry: share for entry, share in spreads.items() if share is not None}
     if not all(0 <= share <= 0.5 for share in spreads.values()):

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from hopopt import amounts
 from hopopt.cli.options import AsJson, Overrides, progress
 from hopopt.errors import NotSolvedError, UsageError
 
@@ -71,12 +72,17 @@ def evidence(
     results
         Folder for the results; each run gets a new folder inside it.
     """
-    if not 1 <= starts <= MOST_STARTS or (processes is not None and processes < 1):
-        raise UsageError(f"--starts takes 1 to {MOST_STARTS}, --processes at least 1")
+    if not 1 <= starts <= MOST_STARTS:
+        raise UsageError(f"--starts takes 1 to {MOST_STARTS}")
+    amounts.check_processes(processes)
     if any(not 8 <= size <= MOST_ROWS for size in grids):
         raise UsageError(f"--grids takes sizes from 8 to {MOST_ROWS}")
     if any(not FEWEST_NODES <= size <= MOST_NODES for size in nodes):
         raise UsageError(f"--nodes takes sizes from {FEWEST_NODES} to {MOST_NODES}")
+    if global_:
+        from hopopt.global_search.search import check_size
+
+        check_size(max(nodes, default=FEWEST_NODES))
     if resume is not None and (problem is not None or set_):
         raise UsageError("--resume goes on with what was begun: leave out the problem and --set")
     from hopopt.problem.load import load

@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from hopopt import amounts
 from hopopt.cli.options import AsJson, Overrides, progress, repeated
-from hopopt.errors import NotSolvedError, UsageError
+from hopopt.errors import NotSolvedError
 
 if TYPE_CHECKING:
     from hopopt.studies.families import Study
@@ -52,8 +53,8 @@ def families(
     results
         Folder for the results; each run gets a new folder inside it.
     """
-    if (starts is not None and starts < 1) or (processes is not None and processes < 1):
-        raise UsageError("--starts and --processes must be at least 1")
+    amounts.check("starts", starts)
+    amounts.check_processes(processes)
     definition = _definition(problem, vary, set_, starts)
     from hopopt.storage.folder import as_json, prepare
     from hopopt.studies.families import open_folder, save
@@ -70,7 +71,8 @@ def families(
             say("drawing")
             _draw(study, folder)
     except NotSolvedError:
-        shutil.rmtree(folder)
+        if not any(folder.glob("*.traceback.txt")):
+            shutil.rmtree(folder)
         raise
     except KeyboardInterrupt:
         print(f"hopopt: interrupted; what is known is kept in {folder}", file=sys.stderr)

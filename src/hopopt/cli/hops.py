@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hopopt import amounts
 from hopopt.cli.options import progress
 from hopopt.cli.why import ladder_of
-from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
     from hopopt.design import Design
@@ -31,8 +31,7 @@ def compare_hops(
 ) -> int:
     """Solve, hop on, save and print; the exit code."""
     began = time.perf_counter()
-    if hops < 2:
-        raise UsageError("--hops must be at least 2")
+    amounts.check("hops", hops, 2)
     from hopopt.plots.hops import save_all
     from hopopt.storage.folder import as_json
     from hopopt.storage.runs import save_runs

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from cyclopts import CycloptsError
 
+from hopopt import amounts
 from hopopt.cli import animate as cli_animate
 from hopopt.cli import catalogue as cli_actuators
 from hopopt.cli import control as cli_runs
@@ -113,8 +114,8 @@ def solve(
 
     set_ = [*(set_ or ()), *([f'hop.kind="{hop}"'] if hop else ())]
     design = load(problem, set_)
-    if (starts is not None and starts < 1) or (processes is not None and processes < 1):
-        raise UsageError("--starts and --processes must be at least 1")
+    amounts.check("starts", starts)
+    amounts.check_processes(processes)
     if time_limit is not None and not time_limit >= 1:
         raise UsageError("--time-limit must be at least 1 s")
     if couple and not free:
@@ -194,8 +195,7 @@ def _beside(solution: "Solution") -> "Solution":
 
 def _check_draws(draws: int, objective: str, constraints: Sequence[str], design: "Design") -> None:
     """UsageError where legs are drawn for a hop that is no bound of theirs."""
-    if draws < 0:
-        raise UsageError("--draws must be 0 or more")
+    amounts.check("draws", draws, 0)
     if draws:
         from hopopt.control.closed_loop import make_plant
         from hopopt.design import refuse_landed

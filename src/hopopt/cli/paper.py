@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
+from hopopt import amounts
 from hopopt.cli.options import AsJson, Overrides, progress, repeated
 from hopopt.errors import UsageError
 
@@ -38,6 +39,7 @@ def calibrate(
     from hopopt.problem.load import load
 
     design = load(problem, set_ or ())
+    amounts.check_processes(processes)
     if write and not Path(problem).is_file():
         raise UsageError(f"--write changes a problem file: give its path, not the name {problem}")
     if write and set_:
@@ -87,6 +89,8 @@ def tune(
     from hopopt.problem.load import load
 
     design = load(problem, set_ or ())
+    amounts.check("evaluations", evaluations)
+    amounts.check_processes(processes)
     from hopopt.storage.folder import as_json
     from hopopt.studies import gain_tuning as gain_study
 

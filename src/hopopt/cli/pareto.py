@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from hopopt import amounts
 from hopopt.cli.options import AsJson, Overrides, progress
 from hopopt.errors import UsageError
 
@@ -53,8 +54,8 @@ def pareto(
     figures
         Draw the figure.
     """
-    if (starts is not None and starts < 1) or (processes is not None and processes < 1):
-        raise UsageError("--starts and --processes must be at least 1")
+    amounts.check("starts", starts)
+    amounts.check_processes(processes)
     if not 0 <= lowest < 20:
         raise UsageError(f"--from {lowest}: a clearance from 0 to 20 m is needed")
     from hopopt.problem.load import load

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from hopopt import amounts
 from hopopt.cli.options import AsJson, Overrides, progress
 from hopopt.errors import UsageError
 
@@ -60,8 +61,7 @@ def sensitivity(
         raise UsageError("--result names an optimum that is there: leave out the problem, --set, --objective, --starts")
     if problem is not None and (Path(problem) / "summary.json").is_file():
         raise UsageError(f"{problem} is a result, not a problem: hopopt sensitivity --result {problem}")
-    if starts is not None and starts < 1:
-        raise UsageError("--starts must be at least 1")
+    amounts.check("starts", starts)
     from hopopt.storage.folder import as_json, fitting, prepare
     from hopopt.studies import sensitivity as study
 

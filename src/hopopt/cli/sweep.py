@@ -4,8 +4,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from hopopt import amounts
 from hopopt.cli.options import AsJson, Overrides, progress, repeated
-from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
     from hopopt.studies.sweep.definition import Definition
@@ -63,8 +63,7 @@ def sweep(
         Draw the figures.
     """
     definition = _definition(problem, vary, sample, seed, objective, set_, starts, resume)
-    if processes is not None and processes < 1:
-        raise UsageError("--processes must be at least 1")
+    amounts.check_processes(processes)
     from hopopt.studies.sweep.run import run
 
     folders = [] if resume is None else [resume]

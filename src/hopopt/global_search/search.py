@@ -4,13 +4,15 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from hopopt.amounts import check_memory
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.global_search.applicability import applies
 from hopopt.global_search.result import GlobalSearch
 from hopopt.nlp.deadline import NEVER, Deadline
 
-SMALLEST, LARGEST = 7, 99  # nodes on an axis
+SMALLEST, LARGEST = 7, 81  # nodes on an axis
+NODE = 110  # bytes of a node: its value in every layer, its second differences, whether it matters
 
 
 def search(
@@ -22,8 +24,7 @@ def search(
     threads."""
     if reason := applies(design):
         raise UsageError(f"{design.name}: no global search: {reason}")
-    if not SMALLEST <= size <= LARGEST:
-        raise UsageError(f"a grid of {size} nodes on each axis: a size from {SMALLEST} to {LARGEST} is needed")
+    check_size(size)
     if until.passed:
         raise TimeoutError
     began = time.perf_counter()
@@ -33,3 +34,10 @@ def search(
         from hopopt.global_search.slider import search_slider as on_grid
     found = on_grid(design, size, rollouts, max(threads, 1), progress, until)
     return replace(found, seconds=time.perf_counter() - began)
+
+
+def check_size(size: int) -> None:
+    """UsageError if a grid of so many nodes on each of the four axes cannot be, or does not fit into memory."""
+    if not SMALLEST <= size <= LARGEST:
+        raise UsageError(f"a grid of {size} nodes on each axis: a size from {SMALLEST} to {LARGEST} is needed")
+    check_memory(f"a grid of {size} nodes on each axis", NODE * size**4, "choose fewer")

@@ -12,6 +12,7 @@ from scipy.linalg import qr
 from scipy.optimize import minimize
 
 from hopopt.design import Design, Leg, unit
+from hopopt.errors import UsageError
 
 PLANE, SPACE = (0, 2), (0, 1, 2)  # world axes
 POSES = 1024  # among which the tucked pose is looked for
@@ -165,7 +166,7 @@ def within_limits(leg: Leg, q_j: np.ndarray, margin: float = 0.0) -> bool:
 
 
 def start_angles(design: Design) -> np.ndarray:
-    """Joint angles [rad] at the start; ValueError in a sentence if there are none within the limits."""
+    """Joint angles [rad] at the start; UsageError in a sentence if there are none within the limits."""
     start, leg = design.start, design.leg
     if start.joint_angles is not None:
         return np.array(start.joint_angles)
@@ -174,7 +175,7 @@ def start_angles(design: Design) -> np.ndarray:
     solutions = TwoJoints.of(leg).angles(np.array([start.foot_x, -height]))
     allowed = [q for q in solutions if within_limits(leg, q)]
     if not allowed:
-        raise ValueError(start_fault(design, solutions))
+        raise UsageError(start_fault(design, solutions))
     return allowed[0]
 
 

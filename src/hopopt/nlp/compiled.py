@@ -4,7 +4,8 @@ A library has the name of what it was made from, so it serves every problem of t
 name holds the digest of its content too: one that is damaged would end the process, so it is not loaded but made again.
 Within ``compiling()`` libraries that are missing are made, which takes seconds; everywhere those that exist are used.
 Digits do not depend on it: the operations and their order are CasADi's own, and none are contracted. Without a
-compiler, or where anything fails, functions stay as they are.
+compiler, or where anything fails, functions stay as they are. The folder holds no more than MOST bytes: what was not
+used for longest is removed.
 """
 
 import hashlib
@@ -12,9 +13,10 @@ import os
 import platform
 import shutil
 import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import casadi as ca
@@ -23,6 +25,7 @@ from hopopt.files import remove_abandoned, write_whole
 
 FOLDER = "HOPOPT_CACHE"  # environment variable: a folder in place of the user's cache, or "off"
 FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
+MOST = 100_000_000  # bytes of all libraries; those of a problem have about 200_000
 LONGEST = 120  # s of the compiler; the largest leg takes 10
 WORTH_IT = 400  # steps of a function, below which calling it costs as much as computing it
 _making = False  # by this process; whoever makes libraries solves one problem at a time (studies/sweep/point.py)
@@ -56,7 +59,7 @@ def compiled(function: ca.Function) -> ca.Function:
 
 def _key(function: ca.Function) -> str:
     """A name for all that a library depends on, but the compiler."""
-    parts = (function.serialize(), ca.__version__, platform.machine(), *FLAGS)
+    parts = (function.serialize(), ca.__version__, sys.platform, platform.machine(), *FLAGS)
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 
@@ -84,6 +87,8 @@ def _kept(folder: Path, key: str) -> Path | None:
     """The library of that key, if it is as it was written; what is damaged is removed where libraries are made."""
     for library in folder.glob(f"{key}-*.so"):
         if library.is_file() and _ours(library) and library.name == _name(key, library.read_bytes()):
+            with suppress(OSError):  # a folder that may only be read
+                os.utime(library)  # used: the last to be removed
             return library
         if _making:
             library.unlink()
@@ -111,5 +116,17 @@ def _made(function: ca.Function, folder: Path) -> Path | None:
     library = folder / _name(key, content)
     write_whole(library, content)
     library.chmod(0o700)
+    with suppress(OSError):  # another process makes room too
+        _make_room(folder)
     _failed.discard(key)
     return library
+
+
+def _make_room(folder: Path) -> None:
+    """Remove the libraries that were not used for longest, so that the others have MOST bytes; whoever has loaded one keeps
+    it."""
+    states, held = {library: library.stat() for library in folder.glob("*.so")}, 0
+    for library, state in sorted(states.items(), key=lambda each: -each[1].st_mtime_ns):
+        held += state.st_size
+        if held > MOST:
+            library.unlink(missing_ok=True)

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hopopt.errors import SolverError, one_line
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.known_optima import KnownOptima
 from hopopt.nlp.trajectory import PhaseTrajectory
@@ -50,6 +51,7 @@ UNDAMPED = {"ipopt.tol": 1e-8, "ipopt.perturb_always_cd": "yes"}
 GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
 
 
+REASON = 200  # characters
 LEAST = 1e-2  # of the objective's scale
 SHORTEST, LONGEST = 1e-3, 600.0  # s that one solve is given, whatever the deadline
 PUNCTUAL = 0.9  # share of the time that a solver was made with, beyond which, or its inverse, it is made again
@@ -171,7 +173,10 @@ class NlpSolver:
             self.known.begin()
         if not PUNCTUAL * self._given <= time_given(self.until) <= self._given / PUNCTUAL:
             self.solver = self._built()
-        result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
+        try:
+            result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
+        except RuntimeError as error:  # CasADi's, at length, with the reason in its last line
+            raise SolverError(f"Ipopt cannot work on the program: {one_line(error)[-REASON:]}") from error
         stats = self.solver.stats()
         if stats["return_status"] in STOPPED and not self.stopped:
             raise KeyboardInterrupt

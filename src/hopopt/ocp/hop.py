@@ -50,9 +50,12 @@ class Hop(MovingLeg):
             checked(c, self, c is self.objective.custom)
 
     def with_solver_of(self, design: Design) -> "Hop":
-        """The same question, to be answered with the solver settings of a problem that differs in nothing else."""
+        """The same question, to be answered with the solver settings of another design; of them the tie-break alone is
+        part of ``problem``."""
         other = copy(self)
-        other.design = design
+        other.design = self.design.model_copy(update={"solver": design.solver})
+        if other.tie_break != self.tie_break:
+            other.__dict__.pop("problem", None)
         return other
 
     @cached_property

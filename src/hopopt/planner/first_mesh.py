@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+from hopopt.errors import one_line
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.feasibility import drives_too_weak
@@ -98,7 +99,7 @@ def _searched(hop: Hop, size: int, threads: int, until: Deadline) -> tuple[Globa
     except TimeoutError:
         return None, "there was no time for it"
     except (ArithmeticError, ValueError, IndexError) as error:  # no reason to lose what the starts found
-        return None, f"it stopped with a {type(error).__name__}"
+        return None, f"it stopped with a {type(error).__name__} ({one_line(error)})"
 
 
 def rollout_starts(

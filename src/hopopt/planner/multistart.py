@@ -7,6 +7,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
@@ -67,11 +68,12 @@ class StartOutcome:
 
 
 def first_transcription(hop: Hop) -> Transcription:
-    """The program that every start is solved on, built once for a hop."""
+    """The program that every start is solved on, built once for a hop's problem and these meshes."""
     s = hop.design.solver
     counts = {p.name: s.stance_intervals if p.name in ON_GROUND else s.flight_intervals for p in hop.problem.phases}
-    mesh = {name: uniform(count) for name, count in counts.items()}
-    return hop.problem.once("first mesh", lambda: Transcription(hop.problem, scheme(s.scheme, s.degree), mesh))
+    mesh, method = {name: uniform(count) for name, count in counts.items()}, scheme(s.scheme, s.degree)
+    key = f"first mesh of {method.name}, {counts}"  # a text: a problem with another objective takes none of it over
+    return hop.problem.once(key, lambda: Transcription(hop.problem, method, mesh))
 
 
 def first_solver(hop: Hop, known: bool = False, watch: KnownOptima | None = None, until: Deadline = NEVER) -> NlpSolver:
@@ -113,6 +115,7 @@ def run_starts(
 
 
 def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool, until: Deadline) -> list[StartOutcome]:
+    check("starts", count)
     weak = bool(drives_too_weak(hop.design, hop.robot))
     if weak and (ended := _beyond_limits(hop, until)):
         return [ended]

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
@@ -70,6 +71,7 @@ def solve(
     seconds = TIME_LIMIT if time_limit is None else time_limit
     end, until = NEVER.within(seconds), NEVER.within(SEARCHING * seconds)
     design = as_design(design)
+    check("starts", starts)
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, with_tighter_tolerances(design) if structure else design
     hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))

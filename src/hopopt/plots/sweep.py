@@ -28,7 +28,7 @@ from hopopt.plots.style import (
     legend,
     new_figure,
 )
-from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
+from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 
 if TYPE_CHECKING:
     from hopopt.studies.sweep.run import Study
@@ -37,7 +37,10 @@ ORANGE = COLOR["flight"]
 LIMITS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#999999")  # in turn
 NO_LIMIT = "no limit"
 WRITTEN = 120  # cells of a map that have room for their values
-FAILED = {NOT_VERIFIED: (ORANGE, "x", "///"), NOT_SOLVED: (GREY, "x", "xxx"), IMPOSSIBLE: (BLACK, "+", "...")}
+FAILED = {
+    NOT_VERIFIED: (ORANGE, "x", "///"), NOT_SOLVED: (GREY, "x", "xxx"), IMPOSSIBLE: (BLACK, "+", "..."),
+    ENDED: (BLACK, "x", "+++"),
+}  # fmt: skip
 
 
 def figures(study: "Study") -> dict[str, Figure]:

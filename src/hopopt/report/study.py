@@ -15,13 +15,13 @@ from hopopt.problem.render import rows
 from hopopt.report.chart import Chart, round_numbers, span
 from hopopt.report.html import render
 from hopopt.storage.digests import changed, manifest_of
-from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED, Point
+from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED, Point
 from hopopt.studies.sweep.run import Study
 from hopopt.studies.sweep.store import FILES, load_points, read_definition
 
 LIMITS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#999999")  # in turn
 NO_LIMIT = "no limit"
-MARKS = {NOT_VERIFIED: "×", NOT_SOLVED: "✕", IMPOSSIBLE: "+"}  # of points without a verified hop
+MARKS = {NOT_VERIFIED: "×", NOT_SOLVED: "✕", IMPOSSIBLE: "+", ENDED: "!"}  # of points without a verified hop
 LISTED, DRAWN, TITLED = (
     500,
     5000,

@@ -1,9 +1,10 @@
 """Folders of results and the JSON in them: what every kind of result has in common."""
 
 import json
+import os
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,12 @@ from hopopt.problem.render import printable
 
 
 def prepare(results: Path) -> None:
-    """Make sure that results can be written, before the work; ResultError if not."""
+    """Make sure that results can be written, before the work and without a trace; ResultError if not."""
     try:
-        new = not results.exists()
-        results.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=results):
+        whole = results.absolute()
+        there = next(path for path in (whole, *whole.parents) if path.exists() or path.is_symlink())
+        with tempfile.TemporaryFile(dir=there):
             pass
-        if new:
-            results.rmdir()  # nothing is left behind if nothing is solved
     except OSError as error:
         raise ResultError(
             f"{results}: results cannot be written ({reason_of(error)}): choose another folder"
@@ -42,10 +41,34 @@ def new_work_folder(results: Path) -> Path:
     return Path(tempfile.mkdtemp(prefix=".writing-", suffix=mark(), dir=results))
 
 
-def unused(folder: Path) -> Path:
-    """The folder, or the first of folder-2, folder-3, … that does not exist."""
+def new_folder(wanted: Path) -> Path:
+    """A new folder of the wanted name or, if that is taken, of the first of name-2, name-3, … that is not; of several
+    processes each gets its own."""
+    wanted.parent.mkdir(parents=True, exist_ok=True)
+    while True:
+        folder = _unused(wanted)
+        with suppress(FileExistsError):  # another process may have taken the name meanwhile
+            folder.mkdir()
+            return folder
+
+
+def published(work: Path, wanted: Path, named: Callable[[Path], object] = lambda folder: None) -> Path:
+    """A filled work folder renamed to the wanted name or, if that is taken, to the first of name-2, name-3, … that is
+    not; ``named`` is told the name before, to note it in the work folder."""
+    os.chmod(work, 0o755)  # mkdtemp makes it private
+    while True:
+        folder = _unused(wanted)
+        named(folder)
+        try:
+            return work.rename(folder)
+        except OSError:
+            if not os.path.lexists(folder):  # another process has not taken the name meanwhile
+                raise
+
+
+def _unused(folder: Path) -> Path:
     candidate, number = folder, 2
-    while candidate.exists():
+    while os.path.lexists(candidate):
         candidate, number = folder.with_name(f"{folder.name}-{number}"), number + 1
     return candidate
 

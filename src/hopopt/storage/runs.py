@@ -8,7 +8,6 @@ results/<problem>-<what>-<hash8>/
 import hashlib
 import json
 import logging
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -24,7 +23,7 @@ from hopopt.errors import ResultError
 from hopopt.leg.robot import Robot, build_robot
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.sim.trace import Event, Trace
-from hopopt.storage.folder import new_work_folder, reason_of, unused, write_json
+from hopopt.storage.folder import new_work_folder, published, reason_of, write_json
 from hopopt.storage.netcdf import Group
 from hopopt.storage.netcdf import read as read_netcdf
 
@@ -64,9 +63,8 @@ def _save_data(what: str, design: Design, data: Mapping[str, Any], traces: Mappi
         (work / "problem.toml").write_text(resolved_toml(design), encoding="utf-8")
         if traces:  # a study of the optimum itself has none
             (work / "runs.nc").write_bytes(_netcdf(design, traces))
-        os.chmod(work, 0o755)
         key = hashlib.sha256(f"{design_hash(design)} {sorted(traces)}".encode()).hexdigest()[:8]
-        return work.rename(unused(results / f"{design.name}-{what}-{key}"))
+        return published(work, results / f"{design.name}-{what}-{key}")
     except BaseException as error:
         if work is not None:
             shutil.rmtree(work, ignore_errors=True)

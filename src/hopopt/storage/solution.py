@@ -11,7 +11,6 @@ Figures come last, when the data are safe: one that fails leaves a note in the s
 
 import hashlib
 import logging
-import os
 import platform
 import shutil
 import tempfile
@@ -29,7 +28,7 @@ from hopopt.planner.stored_summary import Summary
 from hopopt.planner.summary_entry import as_data
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.digests import changed, digest, seal
-from hopopt.storage.folder import new_work_folder, reason_of, unused, write_json
+from hopopt.storage.folder import new_work_folder, published, reason_of, write_json
 from hopopt.storage.multipliers import groups, multipliers
 from hopopt.storage.netcdf import Group, to_bytes
 from hopopt.storage.netcdf import read as read_netcdf
@@ -75,16 +74,16 @@ def save(solution: Solution, results: str | Path = "results", figures: Figures |
 
 def _save_data(solution: Solution, results: Path) -> Solution:
     work = new_work_folder(results)
-    constraints = solution.summary.functions.constraints
-    target = unused(results / folder_name(solution.design, solution.objective, constraints))
-    solution = _placed(solution, target)
+    name = folder_name(solution.design, solution.objective, solution.summary.functions.constraints)
+
+    def write_summary(folder: Path) -> None:
+        write_json(as_data(_placed(solution, folder).summary), work / "summary.json")
+        seal(work, more=_manifest(solution))
+
     try:
         (work / "solution.nc").write_bytes(_netcdf(solution))
         (work / "problem.toml").write_text(resolved_toml(solution.design), encoding="utf-8")
-        write_json(as_data(solution.summary), work / "summary.json")
-        seal(work, more=_manifest(solution))
-        os.chmod(work, 0o755)  # mkdtemp makes it private
-        return _publish(solution, work, target)
+        return _placed(solution, published(work, results / name, write_summary))
     except BaseException:
         shutil.rmtree(work, ignore_errors=True)
         raise
@@ -127,21 +126,6 @@ def with_more(solution: Solution, **entries: Any) -> Solution:
         write_json(as_data(solution.summary), folder / "summary.json")
         seal(folder)
     return solution
-
-
-def _publish(solution: Solution, work: Path, target: Path) -> Solution:
-    """Rename into place; another process may have taken the name meanwhile."""
-    while True:
-        try:
-            work.rename(target)
-            return solution
-        except OSError:
-            if not target.exists():
-                raise
-            target = unused(target)
-            solution = _placed(solution, target)
-            write_json(as_data(solution.summary), work / "summary.json")
-            seal(work)
 
 
 def _manifest(solution: Solution) -> dict[str, Any]:

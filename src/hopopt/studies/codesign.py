@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.amounts import check
 from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.nlp.deadline import NEVER, Deadline
@@ -72,6 +73,7 @@ def codesign(
     seconds = TIME_LIMIT if time_limit is None else time_limit
     until = NEVER.within(SEARCHING * seconds)
     design = as_design(design)
+    check("starts", starts)
     say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
     side_by_side = processes or os.cpu_count() or 1
     free_parameters = checked(design, free, couple)

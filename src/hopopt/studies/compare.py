@@ -229,7 +229,7 @@ def paper_strategy(solution: Solution) -> PaperStrategy | None:
     try:
         run = simulate(solution.design, find(PAPERS), past_apex=True)
         f = run.figures
-    except (UsageError, ArithmeticError, ValueError):  # nothing that the answer needs
+    except (UsageError, ArithmeticError, np.linalg.LinAlgError):  # nothing that the answer needs
         return None
     fault = "" if f.trace.outcome == PAST_APEX else f.trace.outcome
     fault = f.no_hop or "; ".join(f.limits_exceeded) or fault

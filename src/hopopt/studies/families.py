@@ -7,6 +7,7 @@ the best family at each value, and what is too close to it to tell, is refined a
 <results>/<problem>-families-<hash8>/
     problem.toml     the problem, written first
     families.json    what is known so far; whole at the end
+    *.traceback.txt  where a fault of hopopt ended a part
     families.png     the picture
 """
 
@@ -21,10 +22,11 @@ import numpy as np
 from hopopt.errors import UsageError
 from hopopt.files import write_whole
 from hopopt.problem.render import design_hash, resolved_toml
-from hopopt.storage.folder import as_json, unused, writing
+from hopopt.storage.folder import as_json, new_folder, writing
 from hopopt.studies.consistency import contradicted
 from hopopt.studies.family_chains import Node, Step, chains, letter
 from hopopt.studies.family_optima import Optimum, Refined
+from hopopt.studies.faults import Fault
 from hopopt.studies.sweep.definition import Definition
 
 
@@ -54,12 +56,14 @@ class Study:
 
     definition: the problem, and the entry with its values in rising order, or no entry
     optima: at each value; steps: where followed optima end; refined: optima after refinement
+    faults: of hopopt, that ended a part, by what that was
     """
 
     definition: Definition
     optima: list[list[Optimum]]
     steps: set[Step] = field(default_factory=set)
     refined: dict[Node, Refined] = field(default_factory=dict)
+    faults: dict[str, Fault] = field(default_factory=dict)
 
     @property
     def entry(self) -> str | None:
@@ -120,7 +124,8 @@ class Study:
                  "verified": list(f.verified)} for f in families
             ],
             "best": best, "crossings": crossings(self.values, best), "contradictions": wrong,
-            "exit_code": 3 if wrong or False in verified else 0,
+            "faults": {where: fault.sentence for where, fault in self.faults.items()},
+            "exit_code": 3 if wrong or False in verified or self.faults else 0,
         }  # fmt: skip
 
     def contradictions(self) -> list[dict[str, Any]]:
@@ -159,8 +164,7 @@ def open_folder(definition: Definition, results: Path) -> Path:
     """A new folder with the problem; ResultError if it cannot be written."""
     design = definition.design
     with writing(f"{results}: the study", "choose another folder"):
-        folder = unused(results / f"{design.name}-families-{design_hash(design)}")
-        folder.mkdir(parents=True)
+        folder = new_folder(results / f"{design.name}-families-{design_hash(design)}")
         write_whole(folder / "problem.toml", resolved_toml(design).encode())
     return folder
 
@@ -169,5 +173,7 @@ def save(study: Study, folder: Path, finished: bool) -> dict[str, Any]:
     """What is known, written to families.json whole, and returned."""
     data = {**study.as_dict(), "result_dir": str(folder), "finished": finished}
     with writing(f"{folder}: families.json", "what it holds is whole, of before: make room and run again"):
+        for where, fault in study.faults.items():
+            fault.keep(folder, where.replace(" ", "-"))
         write_whole(folder / "families.json", as_json(data).encode())
     return data

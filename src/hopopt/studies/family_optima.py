@@ -3,10 +3,12 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.errors import SolverError, one_line
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.ipopt import CARRIED, NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
@@ -22,14 +24,12 @@ from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.solution import Motion
 from hopopt.planner.solve import TIME_LIMIT
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.problem.render import design_hash
 
 OBJECTIVE = "clearance"
 PROGRAMS = 8  # that a process keeps: some tens of megabytes each
 PATIENCE = 60  # iterations from a neighbour's multipliers
 LIFT_OFF = 0.1  # of the scaled states at lift-off: closer than this, and as high, it is the same push
 NOISE = 1e-4  # relative
-STOPS = (ArithmeticError, RuntimeError, ValueError)  # what one solve may stop with, without the others'
 BEFORE = np.linspace(0.0, 1.0, 13)  # of the longest stance, counted back from lift-off, where a motion's shape is taken
 KIND = 0.7  # of the scaled states: hops of one kind differ by at most 0.6 on the paper's leg, others by 1.1 and more
 CLOSE = 2e-2  # relative: hops of one kind count as one optimum if they are as close in height
@@ -102,19 +102,13 @@ class _Program:
     cold: NlpSolver
 
 
-_programs: dict[str, _Program] = {}  # of this process, by the problem's hash
-
-
+@lru_cache(maxsize=PROGRAMS)
 def _program(design: Design) -> _Program:
-    key = design_hash(design)
-    if key not in _programs:
-        if len(_programs) >= PROGRAMS:
-            del _programs[next(iter(_programs))]
-        hop = Hop(design, OBJECTIVE)
-        t, options = first_transcription(hop), first_options(hop, True)
-        warm = NlpSolver(t, options | CARRIED | {"ipopt.max_iter": PATIENCE})
-        _programs[key] = _Program(hop, t, warm, NlpSolver(t, options))
-    return _programs[key]
+    """The programs of a problem, built once in each process."""
+    hop = Hop(design, OBJECTIVE)
+    t, options = first_transcription(hop), first_options(hop, True)
+    warm = NlpSolver(t, options | CARRIED | {"ipopt.max_iter": PATIENCE})
+    return _Program(hop, t, warm, NlpSolver(t, options))
 
 
 def searched(design: Design, count: int) -> list[Optimum]:
@@ -165,7 +159,7 @@ def _step(design: Design, before: Design, optimum: Optimum, name: str) -> Optimu
         p = _program(design)
         s = _from_neighbour(p, before, optimum)
         return _optimum(p, outcome_of(name, s, time.perf_counter() - began)) if s.success else None
-    except STOPS:
+    except SolverError:
         return None
 
 
@@ -205,8 +199,8 @@ def refined(design: Design, optimum: Optimum) -> Refined:
     hop, until = _program(design).hop, NEVER.within(TIME_LIMIT)
     try:
         found = refined_and_verified(hop, optimum.outcome, [optimum.outcome], _silent, Stopwatch(), until=until)
-    except STOPS as error:
-        return Refined(optimum.clearance, False, (f"stopped by a {type(error).__name__}",))
+    except SolverError as error:
+        return Refined(optimum.clearance, False, (one_line(error),))
     return Refined(found.clearance, found.verified, tuple(found.summary.failed_checks))
 
 

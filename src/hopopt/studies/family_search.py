@@ -9,6 +9,7 @@ from hopopt.problem.hints import hints
 from hopopt.studies.families import Study
 from hopopt.studies.family_chains import Node
 from hopopt.studies.family_optima import Optimum, Source, followed, refined, remember, searched
+from hopopt.studies.faults import Fault, guarded
 from hopopt.studies.sweep.definition import Definition
 
 FOLLOWED = 8  # of the best optima at each value, that are followed
@@ -28,7 +29,10 @@ def find_families(definition: Definition, processes: int, verify: bool, say: Say
     study = Study(definition, [[] for _ in designs])
     _search(study, designs, processes, say, keep)
     if not any(study.optima):
-        raise NotSolvedError(f"{definition.design.name}: no hop was found at any value.", hints(definition.design))
+        reasons = [f"{where}: {fault.sentence}" for where, fault in study.faults.items()]
+        raise NotSolvedError(
+            f"{definition.design.name}: no hop was found at any value.", reasons or hints(definition.design)
+        )
     _follow(study, designs, processes, say, keep)
     if verify:
         _refine(study, designs, processes, say, keep)
@@ -39,8 +43,8 @@ def _search(study: Study, designs: Sequence[Design], processes: int, say: Say, k
     count = study.definition.starts or study.definition.design.solver.starts
     say(f"searching at {_values(len(designs))}")
     jobs = {k: (design, count) for k, design in enumerate(designs)}
-    for done, (k, found) in enumerate(_each(searched, jobs, processes), 1):
-        study.optima[k] = found
+    for done, (k, found) in enumerate(_each(study, "search", searched, jobs, processes), 1):
+        study.optima[k] = found or []
         say(f"searched at {done} of {_values(len(designs))}: {sum(map(len, study.optima))} local optima")
         keep(study)
 
@@ -57,8 +61,8 @@ def _follow(study: Study, designs: Sequence[Design], processes: int, say: Say, k
             if each
         }
         new = set()
-        for k, ends in _each(followed, jobs, processes):
-            for source, end in zip(sources[k], ends, strict=True):
+        for k, ends in _each(study, "following", followed, jobs, processes):
+            for source, end in zip(sources[k], ends or (), strict=ends is not None):
                 if end is not None:
                     new |= _linked(study, source, k, end)
             keep(study)
@@ -87,8 +91,9 @@ def _refine(study: Study, designs: Sequence[Design], processes: int, say: Say, k
         for i, o in enumerate(found)
         if o.clearance >= (1 - CLOSE) * max(other.clearance for other in found)
     }
-    for done, (node, result) in enumerate(_each(refined, jobs, processes), 1):
-        study.refined[node] = result
+    for done, (node, result) in enumerate(_each(study, "refinement", refined, jobs, processes), 1):
+        if result is not None:
+            study.refined[node] = result
         say(f"refined and verified {done} of {len(jobs)}")
         keep(study)
 
@@ -97,10 +102,20 @@ def _values(count: int) -> str:
     return f"{count} value{'s' if count > 1 else ''}"
 
 
-def _each(run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes: int) -> Iterator[tuple[Any, Any]]:
-    """The result of every job with its key, as they end, side by side where more than one process is allowed."""
+def _each(
+    study: Study, what: str, run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes: int
+) -> Iterator[tuple[Any, Any]]:
+    """The result of every job with its key, as they end; None and a note in the study for one that a fault ended."""
+    for key, result in _ended(run, jobs, processes):
+        if isinstance(result, Fault):
+            study.faults[f"{what} at value {(key[0] if isinstance(key, tuple) else key) + 1}"] = result
+        yield key, None if isinstance(result, Fault) else result
+
+
+def _ended(run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes: int) -> Iterator[tuple[Any, Any]]:
+    """The result of every job, or the fault that ended it, side by side where more than one process is allowed."""
     if processes == 1 or len(jobs) < 2:
-        yield from ((key, run(*job)) for key, job in jobs.items())
+        yield from (_keyed(key, run, job) for key, job in jobs.items())
         return
     from joblib import Parallel, delayed
 
@@ -109,4 +124,4 @@ def _each(run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes: 
 
 
 def _keyed(key: Any, run: Callable[..., Any], job: tuple[Any, ...]) -> tuple[Any, Any]:
-    return key, run(*job)
+    return key, guarded(run, *job)

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from hopopt.design import Design
-from hopopt.errors import UsageError, one_line
+from hopopt.errors import SolverError, UsageError, one_line
 from hopopt.nlp.continuous_limits import held_between, held_in, holds
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
@@ -77,7 +77,7 @@ def _over(solution: Solution, nlp: NlpSolution, i: Influence, h: float, noise: f
             again = solve_again(nlp, with_entry(solution.design, i.name, value), solution.objective)
         except ValidationError:
             return Difference(step, fault=f"not solved again: {value:g} is more or less than it may be")
-        except ValueError as error:  # no start pose
+        except (UsageError, SolverError) as error:  # no start pose, or limits that cross
             return Difference(step, fault=f"not solved again at {value:g}: {one_line(error)}")
         if not again.success:
             return Difference(step, fault=f"not solved again at {value:g}: {again.status}")

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hopopt.amounts import check
 from hopopt.control.closed_loop import Run, highest_in, in_mujoco, make_controller, make_plant, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
@@ -411,8 +412,7 @@ def compare_hops(
     """
     if not design.hop.periodic:
         raise UsageError('hop after hop needs hop.kind = "periodic"')
-    if hops < 2:
-        raise UsageError("at least 2 hops are needed")
+    check("hops", hops, 2)
     say, (names, notes) = progress or (lambda text: None), chosen_names(design, strategies)
     chosen = [find(name) for name in names]
     make_plant(design)  # what cannot be simulated is said before the work

@@ -5,14 +5,14 @@ body moves over the foot. The best family's optimum is refined and verified like
 
 <results>/<problem>-evidence-<hash8>/
     evidence.json, problem.toml     what is asked for, written first
-    starts/NNNN.json                how start N ended
+    starts/NNNN.json                how start N ended; NNNN.traceback.txt: where a fault of hopopt ended it
     summary.json                    everything together, at the end
 """
 
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +22,15 @@ from hopopt.files import remove_abandoned, write_whole
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.ocp.direction import Directed
 from hopopt.ocp.hop import Hop
+from hopopt.ocp.objectives import find
 from hopopt.planner.families import motion, words
 from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution_of
 from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
-from hopopt.storage.folder import as_json, unused, write_json, writing
+from hopopt.storage.folder import as_json, new_folder, write_json, writing
+from hopopt.studies.faults import Fault, guarded
+
+GO_ON = "what has ended is kept: make room, then --resume goes on"
 
 Say = Callable[[str], None]
 
@@ -63,8 +67,8 @@ class Family:
 def open_study(design: Design, objective: str, results: Path) -> Path:
     """A new folder for a study of a problem's starts."""
     with writing(f"{results}: the study", "choose another folder"):
-        folder = unused(results / f"{design.name}-evidence-{design_hash(design)}")
-        (folder / "starts").mkdir(parents=True)
+        folder = new_folder(results / f"{design.name}-evidence-{design_hash(design)}")
+        (folder / "starts").mkdir()
         write_whole(folder / "problem.toml", resolved_toml(design).encode())
         write_json({"objective": objective, "hash": design_hash(design)}, folder / "evidence.json")
     return folder
@@ -89,12 +93,16 @@ def finished(folder: Path) -> list[Ended]:
     found = []
     for path in sorted((folder / "starts").glob("*.json")):
         try:
-            ended = Ended(**json.loads(path.read_text(encoding="utf-8")))
+            told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            told |= {
+                name: float("nan") for name, value in told.items() if value is None
+            }  # of no number, as JSON has it
+            ended = Ended(**told)
             kinds: dict[Any, tuple[type, ...]] = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
             whole = all(isinstance(getattr(ended, f.name), kinds[f.type]) for f in fields(Ended))
             if not whole or ended.index != int(path.stem):
                 raise ValueError
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, AttributeError):
             raise ResultError(f"{path} is not what hopopt wrote: remove it, and it is computed again") from None
         found.append(ended)
     return found
@@ -106,34 +114,47 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
     done = {e.index: e for e in finished(folder)}
     missing = [k for k in range(count) if k not in done]
     say(f"{len(done)} of {count} starts")
-    for ended in _each(folder, missing, processes):
+    design, objective = reopen_study(folder)
+    goal = find(objective)
+    for k, ended in _each(design, objective, missing, processes):
+        if isinstance(ended, Fault):
+            with writing(f"{folder}: start {k + 1}", GO_ON):
+                ended.keep(folder / "starts", f"{k:04d}")
+            say(f"start {k + 1}: {ended.sentence}")
+            continue
         done[ended.index] = ended
-        with writing(f"{folder}: start {ended.index + 1}", "what has ended is kept: make room, then --resume goes on"):
+        with writing(f"{folder}: start {ended.index + 1}", GO_ON):
             write_whole(folder / "starts" / f"{ended.index:04d}.json", as_json(asdict(ended)).encode())
-        best = max((e.objective for e in done.values() if e.success), default=float("nan"))
-        say(f"{len(done)} of {count} starts, best {best:.4f}")
+        best = max((e.objective for e in done.values() if e.success), key=goal.merit, default=None)
+        say(f"{len(done)} of {count} starts" + ("" if best is None else f", best {best:.4f}"))
     return [done[k] for k in sorted(done) if k < count]
 
 
-def _each(folder: Path, indices: Sequence[int], processes: int) -> Iterator[Ended]:
+def _each(
+    design: Design, objective: str, indices: Sequence[int], processes: int
+) -> Iterator[tuple[int, Ended | Fault]]:
     if processes == 1 or len(indices) < 2:
-        yield from (_ended(folder.absolute(), k) for k in indices)
+        yield from (_numbered(design, objective, k) for k in indices)
         return
     from joblib import Parallel, delayed
 
-    jobs = (delayed(_ended)(folder.absolute(), k) for k in indices)
+    jobs = (delayed(_numbered)(design, objective, k) for k in indices)
     yield from Parallel(n_jobs=processes, backend="loky", return_as="generator_unordered")(jobs)  # type: ignore[misc]
 
 
-@cache
-def _program(folder: Path) -> tuple[Hop, NlpSolver]:
+@lru_cache(maxsize=1)
+def _program(design: Design, objective: str) -> tuple[Hop, NlpSolver]:
     """The program of the first mesh, built once in each process."""
-    hop = Hop(*reopen_study(folder))
+    hop = Hop(design, objective)
     return hop, first_solver(hop)
 
 
-def _ended(folder: Path, index: int) -> Ended:
-    hop, solver = _program(folder)
+def _numbered(design: Design, objective: str, index: int) -> tuple[int, Ended | Fault]:
+    return index, guarded(_ended, design, objective, index)
+
+
+def _ended(design: Design, objective: str, index: int) -> Ended:
+    hop, solver = _program(design, objective)
     (outcome,) = run_chunk(hop, [index], solver)
     figures = motion(hop, Motion(hop.design, hop.objective.name, solution_of(outcome, solver.transcription).phases))
     return Ended(

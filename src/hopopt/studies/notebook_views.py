@@ -127,7 +127,7 @@ def study_html(study: Study) -> str:
     """What a notebook shows of a study: its points, the last left out where there are many."""
     rows: dict[str, Any] = {}
     for p in study.points[:ROWS]:
-        where = ", ".join(f"{entry} = {value:g}" for entry, value in p.values.items())
+        where = ", ".join(f"{entry} = {value:.12g}" for entry, value in p.values.items())
         rows[where] = f"{p.clearance_m:.4f} m" if p.clearance_m is not None else p.outcome
     if len(study.points) > ROWS:
         rows[f"{len(study.points) - ROWS} more"] = "to_dataframe() has them"

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.errors import NotSolvedError, UsageError
+from hopopt.errors import NotSolvedError, SolverError, UsageError, one_line
 from hopopt.files import write_whole
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
@@ -35,8 +35,9 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.load import as_design, changed
-from hopopt.storage.folder import unused, write_json, writing
+from hopopt.storage.folder import new_folder, write_json, writing
 from hopopt.storage.solution import save
+from hopopt.studies.faults import Fault, guarded
 from hopopt.verify.measures import MEASURES
 
 CLOSER = 1.5  # exponent that brings points closer to the highest hop
@@ -97,6 +98,13 @@ class Front:
         self.points.append(point)
         self.solutions.append(solution)
         self.write()
+
+    def note(self, fault: Fault, k: int) -> str:
+        """Keep the traceback of a fault that ended point k; what is said of it."""
+        if self.folder is not None:
+            with writing(f"{self.folder}: a traceback", "the points of before are kept there"):
+                fault.keep(self.folder / "points", f"{k:04d}")
+        return fault.sentence
 
     def write(self) -> None:
         """front.json and table.csv as they are now."""
@@ -171,8 +179,9 @@ def _goal(design: Design, against: str, points: int) -> HopObjective:
 def _folder(design: Design, against: str, results: Path | None) -> Path | None:
     if results is None:
         return None
-    folder = unused(results / f"{design.name}-pareto-{against}")
-    (folder / "points").mkdir(parents=True)
+    with writing(f"{results}: the front", "choose another folder"):
+        folder = new_folder(results / f"{design.name}-pareto-{against}")
+        (folder / "points").mkdir()
     return folder
 
 
@@ -228,9 +237,13 @@ class Chain:
         if begin is None:
             return
         v, until = begin.vectors, NEVER.within(TIME_LIMIT)
-        s = self.warm.on(t, until).from_vector(v["z"], (v["lam_g"], v["lam_x"]))
-        if not s.success:
-            s = self.cold.on(t, until).from_vector(v["z"])
+        try:
+            s = self.warm.on(t, until).from_vector(v["z"], (v["lam_g"], v["lam_x"]))
+            if not s.success:
+                s = self.cold.on(t, until).from_vector(v["z"])
+        except SolverError as error:
+            self.say(f"clearance {self.clearances[k]:.3f} m: {one_line(error)}")
+            return
         name = f"from {self.clearances[neighbour]:.3f} m"
         self.outcomes[k].append(outcome_of(name, s, time.perf_counter() - began))
 
@@ -249,18 +262,23 @@ def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> So
     if not ranked:
         found.add(FrontPoint(kind, asked, None, None, False, "not solved: no start led to a hop"), None)
         return None
-    solution: Solution | None = None
+    solution, why = None, ""
     for outcome in _distinct(ranked)[:2]:
+        told, first = lambda text: say(f"{kind}: {text}"), chain.transcription(k)
         try:
-            solution = refined_and_verified(
-                hop, outcome, outcomes, lambda text: say(f"{kind}: {text}"), clock, chain.transcription(k), until=until
-            )
-        except (NotSolvedError, ArithmeticError, RuntimeError, ValueError) as error:
-            say(f"{kind}: stopped by a {type(error).__name__}")
-        if solution is not None and solution.verified:
+            ended = guarded(refined_and_verified, hop, outcome, outcomes, told, clock, first, until=until)
+        except NotSolvedError as error:
+            why = f"refinement stopped: {one_line(error)}"
+            continue
+        if isinstance(ended, Fault):
+            why = found.note(ended, k)
+            say(f"{kind}: {why}")
+            continue
+        solution = ended
+        if solution.verified:
             break
     if solution is None:
-        found.add(FrontPoint(kind, asked, None, None, False, "refinement stopped"), None)
+        found.add(FrontPoint(kind, asked, None, None, False, why), None)
         return None
     value = float(solution.summary.figure(found.against.figure) or 0.0)
     return _keep(found, kind, solution, asked, value, time.perf_counter() - began)

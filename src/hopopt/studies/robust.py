@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hopopt.amounts import check
 from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
@@ -119,6 +120,9 @@ def robust(
     rank(draws, share, confidence)
     if design.uncertainty.known:
         raise UsageError(f"{design.name}: [uncertainty] is zero throughout, so there is nothing to be robust against")
+    check("draws", draws)
+    check("starts", starts)
+    check("evaluations", evaluations, 0)
     if evaluations < 1:
         raise UsageError(f"{evaluations} evaluations: at least 1 reserve must be tried")
     if bound is None:

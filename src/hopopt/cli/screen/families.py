@@ -83,6 +83,7 @@ def _crossings(data: Mapping[str, Any]) -> list[str]:
 def _faults(data: Mapping[str, Any]) -> list[str]:
     entry, rows = data["entry"], {f["name"]: f for f in data["families"]}
     places = data["values"] or [None]
+    ended = [f"{where}: {sentence}" for where, sentence in data.get("faults", {}).items()]
     missing = (
         [f"{entry} = {v:g}: no hop was found" for v, name in zip(data["values"], data["best"], strict=True) if not name]
         if entry
@@ -98,4 +99,4 @@ def _faults(data: Mapping[str, Any]) -> list[str]:
         f"{c['better_clearance_m']:.4f} m, not {c['clearance_m']:.4f} m"
         for c in data["contradictions"]
     ]
-    return [*missing, *failed, *wrong]
+    return [*ended, *missing, *failed, *wrong]

@@ -128,7 +128,9 @@ def present(experiment: Experiment) -> list[float]:
         for owner in ("", *(f"{strategy}." for strategy in experiment.strategies))
         for name, value in (asdict(PaperOptions()) | experiment.gains | dict(experiment.options)).items()
     }
-    for free in experiment.free:
+    for place, free in enumerate(experiment.free):
+        if free.path in (other.path for other in experiment.free[:place]):
+            raise UsageError(f"{free.path} is free already: leave it out")
         if not isinstance(known.get(free.path), int | float):
             raise UsageError(f"{free.path} is no number of the problem or of a strategy, so it cannot be freed")
         if not free.lower < free.upper:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.objectives import OBJECTIVES
@@ -131,8 +132,9 @@ def define(
         raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
     if not vary:
         raise UsageError(f"nothing is varied: {HOW}")
-    if seed < 0 or (starts is not None and starts < 1):
-        raise UsageError("the seed must be at least 0, the number of starts at least 1")
+    if seed < 0:
+        raise UsageError("the seed must be at least 0")
+    check("starts", starts)
     count = sampling(sample)[1] if sample else 1
     axes = tuple(axis(entry, given, bool(sample)) for entry, given in vary.items())
     for a in axes:

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Leg, physical_parameters
-from hopopt.errors import NotSolvedError, ProblemFileError, one_line
+from hopopt.errors import NotSolvedError, ProblemFileError, SolverError, one_line
 from hopopt.nlp.compiled import compiling
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import CARRIED, NlpSolver
@@ -40,22 +40,23 @@ from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solve import TIME_LIMIT, with_larger_tie_break
 from hopopt.planner.summary import limit_gains
 from hopopt.planner.summary_entry import as_data
+from hopopt.studies.faults import Fault, guarded
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import unlike
-from hopopt.studies.sweep.point_file import NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
+from hopopt.studies.sweep.point_file import ENDED, NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
 
 PATIENCE = 60  # iterations from a neighbour's multipliers
 BETTER = 1e-5  # relative: less is noise of the tolerances
 CORRECTED = 1e-4  # relative: more than the same optimum on other meshes can differ
 CLOSE = 3e-3  # relative: what the first mesh may be wrong by between two different optima
-STOPS = (ArithmeticError, RuntimeError, ValueError)  # what one neighbour's optimum may stop with, without the others'
+STOPPED = "refinement stopped: no start's or neighbour's optimum could be refined"
 FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
 
 Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
 Kept = tuple[Point, Begin]
 Found = tuple["Source | None", StartOutcome, Begin, Transcription]  # on the first mesh
 FromSource = tuple["Source", StartOutcome, Begin, Transcription]
-_compiled: dict[str, tuple[Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
+_compiled: dict[str, tuple[Hop, Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
 _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several threads, a compiled program may not
 
 
@@ -71,6 +72,15 @@ class Source:
 def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Kept:
     """Solve point k from the sources or, if none leads to a verified hop, from the starts."""
     began = time.perf_counter()
+    found = guarded(_solved, definition, k, sources)
+    if isinstance(found, Fault):
+        found = Point(k, definition.values(k), ENDED, found.sentence, traceback=found.traceback), {}
+    point, begin = found
+    tried = tuple(sorted((s.index, s.solved_in) for s in sources))
+    return replace(point, tried=tried, seconds=time.perf_counter() - began), begin
+
+
+def _solved(definition: Definition, k: int, sources: Sequence[Source]) -> Kept:
     point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
     with _one_at_a_time, _compiling(definition):
         until = NEVER.within(TIME_LIMIT)
@@ -81,18 +91,26 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
             for source, found in _answers(definition, hop, point.values, sources, until):
                 if not point.solved or _preferred(hop, found[0], point):
                     point, begin = _described(point, found[0], source), dict(found[1])
-        except (NotSolvedError, *STOPS) as error:  # one point does not end a study
+        except NotSolvedError as error:  # one point does not end a study
             if not point.solved:
-                what = "" if isinstance(error, NotSolvedError) else f"stopped by a {type(error).__name__}: "
-                point = replace(point, sentence=what + one_line(error))
-    tried = tuple(sorted((s.index, s.solved_in) for s in sources))
-    return replace(point, tried=tried, seconds=time.perf_counter() - began), begin
+                point = replace(point, sentence=one_line(error))
+    return (point if point.solved or point.sentence else replace(point, sentence=STOPPED)), begin
 
 
 def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Source], after_pass: int) -> Kept:
     """Solve a finished point from other neighbours; the better, and that they were tried."""
     began = time.perf_counter()
-    best, begin = old, dict[str, np.ndarray]()
+    found = guarded(_solved_again, definition, old, own, sources, after_pass)
+    if isinstance(found, Fault):
+        found = replace(old, sentence=found.sentence, traceback=found.traceback), {}
+    best, begin = found
+    seconds = old.seconds + time.perf_counter() - began
+    tried = tuple(sorted({*old.tried, *((s.index, s.solved_in) for s in sources)}))
+    return replace(best, tried=tried, seconds=seconds, after_pass=after_pass), begin
+
+
+def _solved_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Source], after_pass: int) -> Kept:
+    best, begin = (old := replace(old, traceback="")), dict[str, np.ndarray]()
     with _one_at_a_time, _compiling(definition):
         until = NEVER.within(TIME_LIMIT)
         hop = Hop(definition.design_at(old.index), definition.objective)
@@ -100,10 +118,8 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
         for source, found, its in _other_answers(definition, hop, old.values, sources, known, until):
             if _better(hop, found.objective_value, best):
                 best, begin = replace(_described(old, found, source), solved_in=after_pass), its
-    seconds = old.seconds + time.perf_counter() - began
-    tried = tuple(sorted({*old.tried, *((s.index, s.solved_in) for s in sources)}))
-    corrected = old.corrected or (best is not old and _better(hop, best.objective_value or 0.0, old, CORRECTED))
-    return replace(best, tried=tried, seconds=seconds, corrected=corrected, after_pass=after_pass), begin
+    improved = best is not old and _better(hop, best.objective_value or 0.0, old, CORRECTED)
+    return replace(best, corrected=old.corrected or improved), begin
 
 
 def again(definition: Definition, point: Point, begin: Begin) -> Point:
@@ -166,7 +182,7 @@ def _answers(
         if not refined or not verified or _another(hop, begin, refined):
             try:
                 got = _refined(hop, outcome, t, until)
-            except STOPS:
+            except SolverError:
                 continue
             verified |= got.verified
             refined.append(begin)
@@ -206,7 +222,7 @@ def _other_answers(
             continue
         try:
             got = _refined(hop, outcome, t, until)
-        except STOPS:
+        except SolverError:
             continue
         if got.verified:
             verified.append(begin)
@@ -224,7 +240,7 @@ def _on_the_first_mesh(
         try:
             t, solver = _first_program(definition, hop, values, until)
             outcome = _from_neighbour(hop, t, solver, source)
-        except STOPS:
+        except SolverError:
             continue
         if outcome.success:
             found.append((source, outcome, _begin(outcome, t), t))
@@ -301,20 +317,24 @@ def _first_program(
     It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
     """
     form = {entry: values[entry] for entry in _formative(hop.leg, values)}
-    key = repr((definition.as_dict(), form, hop.dependent))  # which joints a closed loop moves is form too
+    key = repr((definition.as_dict(), form))
     if key not in _compiled:
         _compiled.clear()
         try:
-            common = Hop(definition.design_with(form), definition.objective)
-            common = common if common.dependent == hop.dependent else hop
+            _compiled[key] = _ready(Hop(definition.design_with(form), definition.objective))
         except ProblemFileError:  # only its points are possible
-            t = first_transcription(hop)
-            return t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE}, until=until)
-        t = first_transcription(common)
-        _compiled[key] = t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE})
-    t, solver = _compiled[key]
+            return _ready(hop, until)[1:]
+    common, t, solver = _compiled[key]
+    if common.dependent != hop.dependent:  # which joints a closed loop moves is form too
+        return _ready(hop, until)[1:]
     t = with_numbers_of(t, hop.problem)
     return t, solver.on(t, until)
+
+
+def _ready(hop: Hop, until: Deadline = NEVER) -> tuple[Hop, Transcription, NlpSolver]:
+    """A problem with its first mesh's program, to be solved from a neighbour's multipliers."""
+    t = first_transcription(hop)
+    return hop, t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE}, until=until)
 
 
 def _compiling(definition: Definition) -> AbstractContextManager[None]:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,8 @@ from hopopt.studies.sweep.definition import Definition
 
 SUM = 1e-9  # m: by which a clearance may differ from the sum of its parts
 VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE = "verified", "not verified", "not solved", "impossible problem"
-OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE)
+ENDED = "ended by a fault"  # of hopopt itself: such a point is not finished, and --resume solves it
+OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE, ENDED)
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Point:
     corrected: whether another neighbour helped
     after_pass: how far the study was; solved_in: the pass of its solution
     seconds: how long it took [s]
+    traceback: of a fault of hopopt that ended its last solve; kept in a file of its own
     """
 
     index: int
@@ -58,6 +60,7 @@ class Point:
     after_pass: int = 0
     solved_in: int = 0
     seconds: float = 0.0
+    traceback: str = field(default="", repr=False)
 
     @property
     def verified(self) -> bool:
@@ -70,7 +73,7 @@ class Point:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return asdict(self)
+        return {name: value for name, value in asdict(self).items() if name != "traceback"}
 
 
 def write_point(path: Path, point: Point, begin_digest: str | None) -> None:
@@ -91,7 +94,7 @@ def read_point(path: Path, definition: Definition) -> tuple[Point, str]:
         data = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(data, dict):
             raise TypeError("it is no JSON object")
-        kept = {f.name: data[f.name] for f in fields(Point)}
+        kept = {f.name: data[f.name] for f in fields(Point) if f.name != "traceback"}
         point = _points().validate_json(json.dumps(kept), strict=True)
         wrong = point.values != definition.values(point.index) or point.outcome not in OUTCOMES
     except ValidationError as error:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hopopt.errors import ResultError
+from hopopt.errors import HopoptError, ResultError, one_line
 from hopopt.storage.digests import changed, digest
 from hopopt.storage.stated_figures import difference
 from hopopt.studies.sweep.definition import Definition
@@ -66,8 +66,14 @@ def _rechecked(folder: Path, definition: Definition, path: Path, point: Point, d
     try:
         found = again(definition, point, load_begin(folder, point))
     except (ResultError, ArithmeticError, RuntimeError, ValueError) as error:
-        return Rechecked(path, point, replace(point, clearance_m=None), doubt, f"it cannot be computed again: {error}")
+        return Rechecked(
+            path, point, replace(point, clearance_m=None), doubt, f"it cannot be computed again: {_words(error)}"
+        )
     return Rechecked(path, point, found, doubt, _fault(point, found))
+
+
+def _words(error: Exception) -> str:
+    return one_line(error) if isinstance(error, HopoptError) else f"{type(error).__name__}: {one_line(error)}"
 
 
 def _fault(stated: Point, found: Point) -> str:

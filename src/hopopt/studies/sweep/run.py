@@ -22,7 +22,7 @@ from hopopt.studies.sweep.crew import Workers
 from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.order import doubtful, sources
 from hopopt.studies.sweep.point import Source, solve_again, solve_point
-from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_VERIFIED, Point
+from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_VERIFIED, Point
 from hopopt.studies.sweep.store import (
     check_same,
     dataset,
@@ -83,8 +83,9 @@ class Study:
 
     @property
     def exit_code(self) -> int:
-        """0 every point decided and one verified, 1 none verified, 3 points that are solved but not verified."""
-        if any(p.outcome == NOT_VERIFIED for p in self.points):
+        """0 every point decided and one verified, 1 none verified, 3 points that are solved but not verified, or that a fault
+        of hopopt ended."""
+        if any(p.outcome in (NOT_VERIFIED, ENDED) for p in self.points):
             return 3
         return 0 if any(p.verified for p in self.points) else 1
 

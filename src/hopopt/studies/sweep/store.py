@@ -24,9 +24,10 @@ from hopopt.files import write_whole
 from hopopt.ocp.objectives import find
 from hopopt.problem.load import load, resolved_toml
 from hopopt.storage.digests import digest, seal
-from hopopt.storage.folder import as_json, reason_of, unused, writing
+from hopopt.storage.folder import as_json, new_folder, reason_of, writing
+from hopopt.studies.faults import Fault
 from hopopt.studies.sweep.definition import Definition, define
-from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point
+from hopopt.studies.sweep.point_file import ENDED, Point, point_files, read_point, write_point
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,9 +38,8 @@ def open_folder(definition: Definition, results: Path) -> Path:
     key = json.dumps(stamp(definition), sort_keys=True)
     name = f"{definition.design.name}-sweep-{hashlib.sha256(key.encode()).hexdigest()[:8]}"
     with writing(f"{results}: the study", "choose another folder"):
-        results.mkdir(parents=True, exist_ok=True)
-        folder = unused(results / name)
-        (folder / "points").mkdir(parents=True)
+        folder = new_folder(results / name)
+        (folder / "points").mkdir()
         write_whole(folder / "problem.toml", resolved_toml(definition.design).encode())
         write_whole(folder / "sweep.json", json.dumps(stamp(definition), indent=2).encode())
     return folder
@@ -79,12 +79,17 @@ def _same(folder: Path, data: Mapping[str, Any], definition: Definition) -> None
 
 
 def save_point(folder: Path, point: Point, begin: Mapping[str, np.ndarray]) -> None:
-    """Keep a point; ``begin`` is what a neighbour's warm start needs. The JSON comes last: it says finished.
+    """Keep a point; ``begin`` is what a neighbour's warm start needs. The JSON comes last: it says finished. Of one that a
+    fault of hopopt ended there is the traceback alone, so that it is solved again when the study is resumed.
 
     Nothing is ever written over: what a pass gives depends on the passes before it alone, whenever the study stopped.
     """
     name, begin_digest = f"{point.index:04d}-{point.after_pass}", None
     with writing(f"{folder}: point {point.index + 1}", _go_on(folder)):
+        if point.traceback:
+            Fault(point.sentence, point.traceback).keep(folder / "points", name)
+        if point.traceback or point.outcome == ENDED:
+            return
         if begin:
             buffer = io.BytesIO()
             np.savez(buffer, **begin)  # type: ignore[arg-type]
