@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from hopopt.errors import NotSolvedError
+from hopopt.nlp.casadi_solver import CasadiSolver
 from hopopt.nlp.known_optima import KnownOptima
 from hopopt.nlp.time_limit import seconds_left
 from hopopt.nlp.trajectory import PhaseTrajectory
@@ -54,8 +55,11 @@ GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
 LEAST = 1e-2  # of the objective's scale
 SHORTEST = 1e-3  # s that Ipopt is given
 PUNCTUAL = 0.9  # share of the time that a solver was made with, beyond which, or its inverse, it is made again
-# How Ipopt ends where the user has pressed Ctrl-C, which CasADi swallows (other errors of a function only cut a step short).
-STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown")
+FOREIGN = "NonIpopt_Exception_Thrown"  # how Ipopt ends at an error that is not its own
+ENDED_BY_ANOTHER = (
+    "Ipopt was ended by an error in what it calls, of which CasADi tells no more: it may be a function of the problem's, or "
+    "too little memory. Try fewer intervals and, if you gave functions of your own, the problem without them."
+)
 
 
 @dataclass(frozen=True)
@@ -110,16 +114,14 @@ class NlpSolver:
         undamped = UNDAMPED if transcription.scheme.starts_at_node else {}
         scaled = {"ipopt.obj_scaling_factor": 1.0 / transcription.problem.objective.scale}
         settings = OPTIONS | undamped | scaled | transcription.program.options | dict(options or {})
-        if known is not None:
-            settings["iteration_callback"] = known
         self._settings, self._allowed = settings, inf
         self.solver = self._built()
 
-    def _built(self) -> ca.Function:
+    def _built(self) -> CasadiSolver:
         """Ipopt with the time that is left; a little if none is, so that every solve ends with an account of its guess."""
         self._allowed = max(seconds_left(), SHORTEST)
         limit = {} if self._allowed == inf else {"ipopt.max_wall_time": self._allowed}
-        return ca.nlpsol("hopopt", "ipopt", self.transcription.nlp, self._settings | limit)
+        return CasadiSolver("ipopt", self.transcription.nlp, self._settings | limit, self.known)
 
     def __call__(
         self,
@@ -131,7 +133,7 @@ class NlpSolver:
         """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters.
 
         With the options WARM or CARRIED, ``multipliers`` (lam_g, lam_x) are where those begin; ``bounds``: others than the
-        program's own. Raises KeyboardInterrupt if the user stops Ipopt.
+        program's own. Raises KeyboardInterrupt if the user stops Ipopt, NotSolvedError if an error that is not Ipopt's does.
         """
         t = self.transcription
         bounds = bounds or Bounds(*t.bounds(guess), t.lbg, t.ubg)
@@ -166,8 +168,8 @@ class NlpSolver:
             self.solver = self._built()
         result = self.solver(x0=z0, p=p, lbx=b.low_z, ubx=b.high_z, lbg=b.low_g, ubg=b.high_g, **begin)
         stats = self.solver.stats()
-        if stats["return_status"] in STOPPED and not self.stopped:
-            raise KeyboardInterrupt
+        if stats["return_status"] == FOREIGN:
+            raise NotSolvedError(ENDED_BY_ANOTHER)
         z, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         phases, values = t.unpack(z, p)
         return NlpSolution(

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 import casadi as ca
 import numpy as np
 
+from hopopt.nlp.casadi_solver import CasadiSolver
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
@@ -148,7 +149,7 @@ def by_uno(ours: NlpSolution, seed: int) -> CrossCheckAnswer:
     program = ca.Function("program", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"], t.nlp["g"]])
     f, g = program(ca.DM.eye(len(z))[:, free.tolist()] @ x + given, ours.p)
     settings = {"print_time": False, "error_on_fail": False, "expand": True, "uno": UNO}
-    solver = ca.nlpsol("second", "uno", {"x": x, "f": f, "g": g}, settings)
+    solver = CasadiSolver("uno", {"x": x, "f": f, "g": g}, settings)
     result = solver(x0=z[free], lbx=b.low_z[free], ubx=b.high_z[free], lbg=b.low_g, ubg=b.high_g)
     z[free] = np.array(result["x"]).ravel()
     cost, rows = (np.array(value).ravel() for value in program(z, ours.p))
