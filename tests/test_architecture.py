@@ -206,3 +206,14 @@ def test_what_every_solve_needs_imports_nothing_slow(modules: str) -> None:
 
 def test_what_is_imported_on_first_use_is_listed() -> None:
     assert set(hopopt.__all__) <= set(dir(hopopt))
+
+
+def test_solvers_are_made_in_one_place_which_heeds_ctrl_c() -> None:
+    makers = ("ca.nlpsol", "ca.rootfinder", "ca.integrator")  # of CasADi's, those that let signal handlers run
+    callers = {
+        name
+        for name, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in makers
+    }
+    assert callers == {"nlp/casadi_solver.py"}
