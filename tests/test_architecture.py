@@ -205,3 +205,14 @@ def test_what_every_solve_needs_imports_nothing_slow(modules: str) -> None:
     words = f"import sys, {modules}; print([name for name in {SLOW} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_solvers_are_made_in_one_place_which_heeds_ctrl_c() -> None:
+    makers = ("ca.nlpsol", "ca.rootfinder", "ca.integrator")  # of CasADi's, those that let signal handlers run
+    callers = {
+        name
+        for name, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in makers
+    }
+    assert callers == {"nlp/casadi_solver.py"}

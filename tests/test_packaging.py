@@ -10,8 +10,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.version import Version
 
 import hopopt as ho
+from hopopt.studies.versions import PYTHON, TESTED
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -30,6 +33,21 @@ def test_the_source_distribution_has_documents_and_problems() -> None:
     included = PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
     assert {"src", "problems", "docs", "notebooks", "CITATION.cff", "LICENSE"} <= set(included)
     assert all((ROOT / name).exists() for name in included)
+
+
+def test_every_dependency_is_tested_in_a_version_that_is_allowed() -> None:
+    extras = PROJECT["project"]["optional-dependencies"]
+    needs = PROJECT["project"]["dependencies"] + [
+        n for e in ("dask", "mcap", "mujoco", "robots", "view") for n in extras[e]
+    ]
+    needed = [Requirement(line) for line in needs]
+    assert {need.name for need in needed} == TESTED.keys()
+    assert all(need.specifier.contains(TESTED[need.name]) for need in needed)
+
+
+def test_the_pythons_that_are_tested_begin_with_the_first_that_is_allowed() -> None:
+    said = [line.removeprefix(PYTHON) for line in PROJECT["project"]["classifiers"] if line.startswith(PYTHON)]
+    assert PROJECT["project"]["requires-python"] == f">={min(said, key=Version)}"
 
 
 # ---- the wheel alone ----------------------------------------------------------------------------------------

@@ -271,6 +271,21 @@ def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest
 
 
 @pytest.mark.parametrize("kind", [Refinement, TighteningRefinement])
+def test_one_that_goes_further_leaves_its_origin_as_it_was(kind: type[Refinement]) -> None:
+    """And so another that goes on from the same origin comes to the same."""
+    origin = kind(solve(bryson_denham(), radau(3), uniform(5)), Aims(1e-3, 1e-2, 1e-2, 1e-2, 20, 300))
+    origin.run()
+    before = {name: dict(value) for name, value in vars(origin).items() if isinstance(value, dict)}
+    length = len(origin.history)
+    aims = Aims(1e-6, 1e-4, 1e-6, 1e-5, 20, 300)
+    steps = [[(s.intervals, s.objective) for s in origin.further(aims).history] for _ in range(2)]
+    assert steps[0] == steps[1]
+    assert len(origin.history) == length < len(steps[0])
+    for name, values in before.items():
+        assert all(value is values[phase] for phase, value in vars(origin)[name].items()), name
+
+
+@pytest.mark.parametrize("kind", [Refinement, TighteningRefinement])
 def test_meshes_that_bring_it_no_nearer_end_it(kind: type[Refinement], monkeypatch: pytest.MonkeyPatch) -> None:
     """An error about the middle that no cut lessens, as that of an impulse."""
 

@@ -1,6 +1,7 @@
 """hopopt doctor: what there is, what is missing, and a self-test that finds an installation that computes wrongly."""
 
 import json
+import re
 from importlib.metadata import version
 
 import casadi as ca
@@ -9,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from hopopt.cli import main as cli
-from hopopt.studies import installation
+from hopopt.studies import installation, versions
 from hopopt.studies.installation import SELF_TESTS, Finding, findings
 
 
@@ -50,6 +51,31 @@ def test_missing_things_are_named_with_what_to_do(
     monkeypatch.setattr(ca, "has_nlpsol", lambda name: name != "ipopt")
     assert cli.run(["doctor"]) == 1
     assert "ipopt: install casadi from its wheel" in capsys.readouterr().out
+
+
+def test_versions_that_do_not_work_or_are_not_tested_are_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """One that is too old is a fault, of an optional package none; one that is newer than any that is tested is none."""
+    monkeypatch.setattr(installation, "SELF_TESTS", {})
+    there = {"python": "3.99.1", "numpy": "99.1.0"}
+    monkeypatch.setattr(installation, "installed", lambda name: there.get(name) or versions.TESTED.get(name, "1.0"))
+    assert cli.run(["doctor"]) == 0
+    printed = capsys.readouterr().out
+    assert f"numpy: 99.1.0 is newer than {versions.TESTED['numpy']}, the last that hopopt is tested with" in printed
+    assert re.search(
+        r"^python: 3\.99\.1 is newer than 3\.\d+, the last that hopopt is tested with$", printed, re.MULTILINE
+    )
+    there |= {"mujoco": "0.1"}
+    assert cli.run(["doctor"]) == 0
+    assert re.search(
+        r"^mujoco: 0\.1 is older than .*: pip install --upgrade mujoco$", capsys.readouterr().out, re.MULTILINE
+    )
+    there |= {"casadi": "0.1"}
+    assert cli.run(["doctor", "--json"]) == 1
+    wrong = [f for f in json.loads(capsys.readouterr().out)["findings"] if f["needed"] and not f["ok"]]
+    assert [f["name"] for f in wrong] == ["casadi"]
+    assert wrong[0]["advice"].startswith("0.1 is older than ")
 
 
 def test_an_error_in_a_self_test_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:

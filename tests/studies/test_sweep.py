@@ -21,7 +21,7 @@ from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point import Source, solve_again, solve_point
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED
-from waiting import wait_for
+from waiting import beside_progress, wait_for
 
 HOPOPT = [sys.executable, "-m", "hopopt.cli.main"]
 SHORT = "hop.stance_duration=[0.03, 0.2]"
@@ -158,12 +158,15 @@ def test_killed_at_any_instant_it_goes_on(tmp_path: Path) -> None:
     assert {p.name for p in folder.iterdir()} >= {"study.json", "table.csv", "sweep.nc", "figures"}
 
 
-def test_interrupted_it_says_how_to_go_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_it_says_how_to_go_on(number: signal.Signals, tmp_path: Path) -> None:
+    """And its processes end with it, which would hold its output open, and complain."""
     with begun(tmp_path) as (running, folder):
-        running.send_signal(signal.SIGINT)
+        running.send_signal(number)
         words = running.communicate()[1].decode()
     assert running.returncode == 130, words
-    assert words.strip().splitlines()[-1].endswith(f"hopopt sweep --resume {folder.relative_to(tmp_path)}")
+    assert beside_progress(words)[-1].endswith(f"hopopt sweep --resume {folder.relative_to(tmp_path)}")
+    assert len(beside_progress(words)) == 1, words
     assert len(times(folder)) >= 1
 
 

@@ -3,6 +3,7 @@
 import gc
 import json
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -397,10 +398,18 @@ for each in app.subapps:
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: runs a command and exits with its code; every expected fault is a sentence on standard error."""
+    _ended_as_by_ctrl_c(signal.SIGTERM, signal.SIGHUP)
     gc.set_threshold(100_000)  # imports leave no garbage in cycles: less search for it is a tenth of a cold answer
     code = run(arguments)
     gc.freeze()  # nor is there any to look for on the way out
     sys.exit(code)
+
+
+def _ended_as_by_ctrl_c(*signals: signal.Signals) -> None:
+    """So that what is known is kept, and the processes of a search end too; nohup ignores SIGHUP, and so do we then."""
+    for each in signals:
+        if signal.getsignal(each) is signal.SIG_DFL:
+            signal.signal(each, signal.default_int_handler)
 
 
 def run(arguments: list[str] | None = None) -> int:

@@ -5,10 +5,10 @@ from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from hopopt.errors import SolverError, one_line
+from hopopt.nlp.casadi_solver import CasadiSolver
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.known_optima import KnownOptima
 from hopopt.nlp.trajectory import PhaseTrajectory
@@ -55,8 +55,11 @@ REASON = 200  # characters
 LEAST = 1e-2  # of the objective's scale
 SHORTEST, LONGEST = 1e-3, 600.0  # s that one solve is given, whatever the deadline
 PUNCTUAL = 0.9  # share of the time that a solver was made with, beyond which, or its inverse, it is made again
-# How Ipopt ends where the user has pressed Ctrl-C, which CasADi swallows (other errors of a function only cut a step short).
-STOPPED = ("User_Requested_Stop", "NonIpopt_Exception_Thrown")
+FOREIGN = "NonIpopt_Exception_Thrown"  # how Ipopt ends at an error that is not its own
+ENDED_BY_ANOTHER = (
+    "Ipopt was ended by an error in what it calls, of which CasADi tells no more: it may be a function of the problem's, or "
+    "too little memory. Try fewer intervals and, if you gave functions of your own, the problem without them."
+)
 
 
 @dataclass(frozen=True)
@@ -118,17 +121,14 @@ class NlpSolver:
         undamped = UNDAMPED if transcription.scheme.starts_at_node else {}
         scaled = {"ipopt.obj_scaling_factor": 1.0 / transcription.problem.objective.scale}
         settings = OPTIONS | undamped | scaled | transcription.program.options | dict(options or {})
-        if known is not None:
-            settings["iteration_callback"] = known
         self._settings = settings
         self.solver = self._built()
 
-    def _built(self) -> ca.Function:
-        """Ipopt with the time that is left."""
+    def _built(self) -> CasadiSolver:
+        """Ipopt with the time that is left; a little if none is, so that every solve ends with an account of its guess."""
         self._given = time_given(self.until)
-        return ca.nlpsol(
-            "hopopt", "ipopt", self.transcription.nlp, self._settings | {"ipopt.max_wall_time": self._given}
-        )
+        settings = self._settings | {"ipopt.max_wall_time": self._given}
+        return CasadiSolver("ipopt", self.transcription.nlp, settings, self.known)
 
     def __call__(
         self,
@@ -140,7 +140,7 @@ class NlpSolver:
         """Solve from ``guess`` (phase name -> anything with duration and sample) at the given parameters.
 
         With the options WARM or CARRIED, ``multipliers`` (lam_g, lam_x) are where those begin; ``bounds``: others than the
-        program's own. Raises KeyboardInterrupt if the user stops Ipopt.
+        program's own. Raises KeyboardInterrupt if the user stops Ipopt, SolverError if an error that is not Ipopt's does.
         """
         t = self.transcription
         bounds = bounds or Bounds(*t.bounds(guess), t.lbg, t.ubg)
@@ -178,8 +178,8 @@ class NlpSolver:
         except RuntimeError as error:  # CasADi's, at length, with the reason in its last line
             raise SolverError(f"Ipopt cannot work on the program: {one_line(error)[-REASON:]}") from error
         stats = self.solver.stats()
-        if stats["return_status"] in STOPPED and not self.stopped:
-            raise KeyboardInterrupt
+        if stats["return_status"] == FOREIGN:
+            raise SolverError(ENDED_BY_ANOTHER)
         z, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         phases, values = t.unpack(z, p)
         return NlpSolution(

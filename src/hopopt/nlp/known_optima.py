@@ -1,11 +1,12 @@
 """Ends a solve that runs into an optimum which is known already."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
+
+from hopopt.nlp.casadi_solver import IterationCallback
 
 NEAR = 0.2  # of the scaled states: closer than this throughout, an iterate is on its way to the known optimum
 ALIKE = 5e-4  # relative: as close as this in the objective; with 2e-3 other hops than the known one were lost
@@ -25,20 +26,19 @@ class Known:
     origin: Any = None
 
 
-class KnownOptima(ca.Callback):
-    """Ipopt's iteration callback: stops where an iterate is close to one of the known optima.
+class KnownOptima(IterationCallback):
+    """Stops where an iterate is close to one of the known optima.
 
     watched: indices of the scaled variables that are compared; found: index of the optimum that the last solve ran into,
     or None. The list ``known`` may grow between solves.
     """
 
     def __init__(self, nz: int, low_g: np.ndarray, high_g: np.ndarray, watched: np.ndarray):
-        ca.Callback.__init__(self)
-        self.nz, self.low_g, self.high_g, self.watched = nz, low_g, high_g, watched
+        super().__init__(nz, len(low_g))
+        self.low_g, self.high_g, self.watched = low_g, high_g, watched
         self.known: list[Known] = []
         self.found: int | None = None
         self._iteration = 0
-        self.construct("known_optima", {})
 
     @property
     def met(self) -> Any:
@@ -49,28 +49,12 @@ class KnownOptima(ca.Callback):
         """Forget what the last solve ran into."""
         self.found, self._iteration = None, 0
 
-    def get_n_in(self) -> int:
-        """CasADi: as many inputs as a solver has outputs."""
-        return ca.nlpsol_n_out()
-
-    def get_n_out(self) -> int:
-        """CasADi: one output, whether to stop."""
-        return 1
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        """CasADi: shapes of a solver's outputs."""
-        name = ca.nlpsol_out(i)
-        sizes = {"f": 1, "x": self.nz, "lam_x": self.nz, "g": len(self.low_g), "lam_g": len(self.low_g)}
-        return ca.Sparsity.dense(sizes[name]) if name in sizes else ca.Sparsity(0, 0)
-
-    def eval(self, arg: Sequence[Any]) -> list[int]:
-        """CasADi: [1] to stop, [0] to go on."""
+    def stops(self, values: Mapping[str, Any]) -> bool:
+        """Whether this is an iteration to look at, and near a known optimum."""
         self._iteration += 1
-        if not self.known or self._iteration % EVERY:
-            return [0]
-        values = dict(zip((ca.nlpsol_out(i) for i in range(len(arg))), arg, strict=True))
-        self.found = self.near(np.array(values["x"]).ravel(), float(values["f"]), np.array(values["g"]).ravel())
-        return [0 if self.found is None else 1]
+        if self.known and not self._iteration % EVERY:
+            self.found = self.near(np.array(values["x"]).ravel(), float(values["f"]), np.array(values["g"]).ravel())
+        return self.found is not None
 
     def near(self, z: np.ndarray, f: float, g: np.ndarray) -> int | None:
         """Index of the known optimum that an iterate (scaled variables, objective, rows) is close to."""

@@ -142,7 +142,7 @@ class Refinement:
             solved = self._solve(cuts)
 
     def further(self, aims: Aims) -> Self:
-        """Another one that went on from where this ended, towards other aims."""
+        """Another one that went on from where this ended, towards other aims; this stays as it is."""
         other = copy(self)
         other.aims, other.ended, other.history = aims, USED_UP, list(self.history)
         other.run()
@@ -228,10 +228,11 @@ class Refinement:
             free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
             free[:, : held.shape[1]] = ~held & self.solution.transcription.layouts[name].stage.smooth
             whole = (n == 1)[:, None] & ~free
-            self._tightened[name] = np.repeat(np.where(whole, self._tightened[name] + over, 0.0), n, axis=1)
+            drawn_in = np.repeat(np.where(whole, self._tightened[name] + over, 0.0), n, axis=1)
             answers = (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
             answers &= not finer  # on a finer mesh the excess is another
-            self._before[name] = np.repeat(np.where(answers, e.excess, np.inf), n)
+            before = np.repeat(np.where(answers, e.excess, np.inf), n)
+            self._tightened, self._before = {**self._tightened, name: drawn_in}, {**self._before, name: before}
             self._held = {**self._held, name: np.repeat(held | close[name], n, axis=0)}
 
     def _fitting(self, pieces: Parts) -> Parts | None:

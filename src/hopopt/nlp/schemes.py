@@ -73,7 +73,7 @@ def radau(degree: int) -> Scheme:
     """Flipped Legendre-Gauss-Radau (Radau IIA) with ``degree`` points, order 2 degree - 1."""
     series = np.zeros(degree + 1)
     series[[degree - 1, degree]] = 1.0  # P_{d-1} + P_d vanishes at -1 and at the other Radau points
-    roots = np.sort(legendre.legroots(series))
+    roots = legendre.legroots(series).real  # they are real, and complex numbers from numpy 2.5 on
     roots = np.sort(-roots)  # flip: the right end is a node
     roots[-1] = 1.0
     c = tuple(float(x) for x in (roots + 1) / 2)

@@ -14,6 +14,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from hopopt.nlp.casadi_solver import CasadiSolver
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import OPTIONS, NlpSolution, time_given
 from hopopt.nlp.terms import csc, to_dm
@@ -155,7 +156,7 @@ class _Loosened:
             low_z[where.durations] = np.maximum(low_z[where.durations], shortest[where.durations])
         return low_z, high_z, low, high
 
-    def _solver(self, seconds: float) -> ca.Function:
+    def _solver(self, seconds: float) -> CasadiSolver:
         t, near, n, m = self.solution.transcription, self.solution.z, len(self.solution.z), self.slacks
         x, p = ca.MX.sym("x", n + m), ca.MX.sym("p", t.nlp["p"].numel())
         z, s = x[:n], x[n:]
@@ -177,4 +178,4 @@ class _Loosened:
             ),
         }
         options = OPTIONS | more | {"expand": False} | derivatives
-        return ca.nlpsol("loosened", "ipopt", {"x": x, "p": p, "f": f, "g": rows}, options)
+        return CasadiSolver("ipopt", {"x": x, "p": p, "f": f, "g": rows}, options)

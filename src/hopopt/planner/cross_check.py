@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 import casadi as ca
 import numpy as np
 
+from hopopt.nlp.casadi_solver import CasadiSolver
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver, time_given
 from hopopt.nlp.mesh import uniform
@@ -162,7 +163,7 @@ def by_uno(ours: NlpSolution, seed: int, until: Deadline = NEVER) -> CrossCheckA
         "expand": True,
         "uno": UNO | {"time_limit": time_given(until)},
     }
-    solver = ca.nlpsol("second", "uno", {"x": x, "f": f, "g": g}, settings)
+    solver = CasadiSolver("uno", {"x": x, "f": f, "g": g}, settings)
     result = solver(x0=z[free], lbx=b.low_z[free], ubx=b.high_z[free], lbg=b.low_g, ubg=b.high_g)
     z[free] = np.array(result["x"]).ravel()
     cost, rows = (np.array(value).ravel() for value in program(z, ours.p))

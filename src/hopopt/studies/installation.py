@@ -6,7 +6,6 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 
 import casadi as ca
 import numpy as np
@@ -25,13 +24,14 @@ from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import Control, Objective, Phase, Problem, State
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from hopopt.storage.solution import PACKAGES
+from hopopt.studies.versions import TESTED, installed, not_tested, too_old
 
 SOLVERS = {"ipopt": True, "uno": False}  # NLP solvers of CasADi, and whether hopopt needs them
 EXTRAS = {
-    "dask": "dask", "mujoco": "mujoco", "example-robot-data": "robots", "jupyterlab": "notebooks", "mcap": "mcap",
-    "viser": "view",
+    "dask": "dask", "distributed": "dask", "example-robot-data": "robots", "jupyterlab": "notebooks", "mcap": "mcap",
+    "mcap-ros2-support": "mcap", "mujoco": "mujoco", "pycollada": "view", "viser": "view",
 }  # fmt: skip
+PACKAGES = ("hopopt", *(name for name in TESTED if name not in EXTRAS))
 COARSE = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
 AGREE = 1e-9  # relative: within which two ways of computing the same number agree
 LEAST_EFFORT = 12.0  # closed form: 1 m in 1 s from rest to rest, u = 6 - 12 t, integral of u^2
@@ -46,7 +46,7 @@ class Finding:
     found: what there is, in words
     ok: whether it is as it should be
     needed: whether hopopt does without it
-    advice: what to do if it is not; may be empty
+    advice: what to do if it is not, or what else is to be known; may be empty
     """
 
     group: str
@@ -59,9 +59,9 @@ class Finding:
 
 def findings() -> Iterator[Finding]:
     """Everything that is looked at, one by one; the self-test comes last and takes some seconds."""
-    yield Finding("versions", "python", f"{platform.python_version()} on {platform.system()} {platform.machine()}")
-    yield from (Finding("versions", name, version(name)) for name in PACKAGES)
-    yield from (_extra(package, extra) for package, extra in EXTRAS.items())
+    yield Finding("versions", "system", f"{platform.system()} {platform.machine()}")
+    yield from (_version(name) for name in ("python", *PACKAGES))
+    yield from (_version(package, extra) for package, extra in EXTRAS.items())
     yield from (_solver(name, needed) for name, needed in SOLVERS.items())
     yield _compiler()
     yield _cache()
@@ -69,12 +69,17 @@ def findings() -> Iterator[Finding]:
         yield _tested(name, test)
 
 
-def _extra(package: str, extra: str) -> Finding:
-    try:
-        return Finding("versions", package, version(package), needed=False)
-    except PackageNotFoundError:
-        advice = f"optional: pip install 'hopopt[{extra}]'"
-        return Finding("versions", package, "not installed", ok=False, needed=False, advice=advice)
+def _version(name: str, extra: str | None = None) -> Finding:
+    """Which version there is; ``extra``: the one that brings it, if hopopt does without."""
+    found, needed = installed(name), extra is None
+    if found is None:
+        advice = f"optional: pip install 'hopopt[{extra}]'" if extra else f"pip install {name}"
+        return Finding("versions", name, "not installed", ok=False, needed=needed, advice=advice)
+    if old := too_old(name, found):
+        advice = f"{found} is {old}: pip install --upgrade {name}"
+        return Finding("versions", name, found, ok=False, needed=needed, advice=advice)
+    new = not_tested(name, found)
+    return Finding("versions", name, found, needed=needed, advice=f"{found} is {new}" if new else "")
 
 
 def _solver(name: str, needed: bool) -> Finding:

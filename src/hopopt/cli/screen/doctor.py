@@ -18,7 +18,7 @@ def print_findings(findings: "Sequence[Finding]") -> None:
         table.add_column(column, overflow="fold")
     before = ""
     for f in findings:
-        state = "ok" if f.ok else "FAILED" if f.needed else "absent"
+        state = "ok" if f.ok else "FAILED" if f.needed else "unusable"
         table.add_row(f.group if f.group != before else "", f.name, f.found, state)
         before = f.group
     print_table(out, table)
