@@ -14,6 +14,7 @@ import numpy as np
 
 G = 9.81
 COARSE = (20, 8)  # steps of stance and of flight
+TRIES = 3  # of the best hops on coarse steps, until one is found on the finest
 FINER = ((40, 16), (80, 32), (160, 64))  # on the last, hops are 0.4 % too high, for drives keep their law halfway alone
 QUIET = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": 250, "ipopt.tol": 1e-7}
 
@@ -206,11 +207,11 @@ def refined(program: Program, z: np.ndarray) -> float:
 
 
 def best_hop(leg: Leg, starts: int, seed: int) -> float:
-    """The highest hop [m] from so many random starts, on the finest steps; the next best where that is lost; -inf if there
-    is none."""
+    """The highest hop [m] from so many random starts, on the finest steps; where that is lost, one of the next best; -inf
+    if there is none."""
     coarse, rng = Program(leg, COARSE), np.random.default_rng(seed)
     found = [end for _ in range(starts) if (end := coarse.solve(coarse.drawn(rng)))]
-    for _, z in sorted(found, key=lambda end: -end[0]):
+    for _, z in sorted(found, key=lambda end: -end[0])[:TRIES]:
         if (height := refined(coarse, z)) > -np.inf:
             return height
     return -np.inf

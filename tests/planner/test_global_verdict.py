@@ -6,9 +6,8 @@ import pytest
 import hopopt as ho
 from hopopt.cli.screen.search import global_line, starts_lines
 from hopopt.global_search import search
-from hopopt.planner.global_verdict import COARSE, LESS, MAY_EXIST, NOTHING, highest, verdict
+from hopopt.planner.global_verdict import COARSE, LESS, MAY_EXIST, NOTHING, followed, highest, verdict
 from hopopt.planner.multistart import STOPPED
-from hopopt.planner.summary_extras import GlobalMethod
 from second_program import Leg, best_hop
 
 # Entry, the answer [m], what the grid promises and its best motion reaches with flights that fold the leg in no time [m].
@@ -23,36 +22,34 @@ RECORDED = [
 SLOW = 3  # legs at the beginning of that list whose drives fold slowly
 
 
-def found(value: float, motion: float | None, solved: float | None) -> GlobalMethod:
-    return GlobalMethod("some", (15,), value, False, motion_m=motion, solved_m=solved)
-
-
 @pytest.mark.parametrize(
     ("value", "motion", "solved", "said"),
     [
         (-0.2, 0.7, 0.8, NOTHING),
         (0.807, 0.7, 0.7, NOTHING),
         (0.7, 0.81, 0.8, MAY_EXIST),
-        (0.81, None, None, MAY_EXIST),
+        (0.7, None, 0.81, MAY_EXIST),
+        (0.81, 0.79, 0.8, COARSE),
+        (0.81, None, None, COARSE),
         (0.7, 0.79, 0.79, COARSE),
         (-0.2, None, None, COARSE),
     ],
 )
-def test_three_verdicts_by_the_highest_number(value: float, motion: float | None, solved: float, said: str) -> None:
-    assert verdict(highest(found(value, motion, solved)), 0.8) == said
+def test_three_verdicts(value: float, motion: float | None, solved: float | None, said: str) -> None:
+    assert verdict(value, highest(motion, solved), 0.8) == said
 
 
 def test_an_answer_below_zero_is_compared_as_well() -> None:
-    assert verdict(-0.1, -0.1) == NOTHING
-    assert verdict(-0.05, -0.1) == MAY_EXIST
-    assert verdict(-0.2, -0.1) == COARSE
-    assert verdict(None, 0.8) is None
+    assert verdict(-0.3, -0.1, -0.1) == NOTHING
+    assert verdict(-0.3, -0.05, -0.1) == MAY_EXIST
+    assert verdict(-0.3, -0.2, -0.1) == COARSE
+    assert verdict(None, None, 0.8) is None
 
 
 @pytest.mark.parametrize(("entry", "answer", "value", "motion"), RECORDED)
 def test_numbers_below_a_known_hop_are_no_evidence(entry: str, answer: float, value: float, motion: float) -> None:
     """What was said of these legs without the hops that motions lead to: never that nothing is better for less."""
-    said = verdict(max(value, motion), answer)
+    said = verdict(value, motion, answer)
     assert (said == NOTHING) <= (max(value, motion) >= (1 - LESS) * answer), entry
 
 
@@ -72,7 +69,7 @@ def test_nothing_better_on_all_these_legs(entry: str, answer: float) -> None:
     assert line.endswith(NOTHING)
     assert s.summary.global_ is not None
     assert s.summary.global_.verdict == NOTHING
-    assert f"reaches {highest(s.summary.global_):.3f} m" in line
+    assert f"reaches {highest(s.summary.global_.value_m, followed(s.summary.global_)):.3f} m" in line
 
 
 @pytest.mark.slow
@@ -131,4 +128,4 @@ def test_a_second_program_finds_nothing_better(leg: int) -> None:
     said = s.summary.global_
     assert said is not None
     assert said.verdict != MAY_EXIST
-    assert said.verdict == COARSE or (highest(said) or 0.0) >= (1 - LESS) * s.clearance
+    assert said.verdict == COARSE or (highest(said.value_m, followed(said)) or 0.0) >= (1 - LESS) * s.clearance

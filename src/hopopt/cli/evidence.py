@@ -114,7 +114,7 @@ def _gathered(
     from hopopt.ocp.hop import Hop
     from hopopt.ocp.objectives import find
     from hopopt.planner.families import families
-    from hopopt.planner.global_verdict import MAY_EXIST, led_to, verdict
+    from hopopt.planner.global_verdict import MAY_EXIST, highest, led_to, verdict
     from hopopt.planner.multistart import contenders, run_chunk
     from hopopt.planner.solve import solve_from
     from hopopt.planner.summary_entry import as_data
@@ -136,9 +136,8 @@ def _gathered(
     finest = (simple.get("grids") or [{"size": 0}])[-1]
     contradicted = finest["size"] >= TELLING and finest["difference"] > CONTRADICTED
     known_as = families(hop, outcomes, [best])
-    reached = [g[name] for g in overall.get("grids", ())[-1:] for name in ("value_m", "rollout_m")]
-    highest = max((x for x in (*reached, led_to(known_as)) if x is not None), default=None)
-    said = verdict(highest, best.clearance) if reached else None
+    on_finest = (overall.get("grids") or [{"value_m": None, "rollout_m": None}])[-1]
+    said = verdict(on_finest["value_m"], highest(on_finest["rollout_m"], led_to(known_as)), best.clearance)
     overall |= {"verdict": said, "alarm": said == MAY_EXIST}
     return {
         "problem": design.name, "objective": objective, "upper_bound": bound.figures(),

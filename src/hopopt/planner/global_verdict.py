@@ -13,20 +13,29 @@ MORE = 0.01  # relative: what the method finds may pass the answer by so much, f
 LESS = 1e-3  # relative: by so much it may stay below and still have found the answer
 
 
-def highest(found: GlobalMethod) -> float | None:
-    """The greatest clearance [m] that the method promises, follows or leads to; None if it states none."""
-    stated = [x for x in (found.value_m, found.motion_m, found.solved_m) if x is not None]
-    return max(stated, default=None)
+def highest(*clearances: float | None) -> float | None:
+    """The greatest of those that are stated [m]; None if none is."""
+    return max((x for x in clearances if x is not None), default=None)
 
 
-def verdict(most: float | None, clearance: float) -> str | None:
-    """What that clearance says of an answer's [m]; None if there is none. Less than a hop that is known is no evidence:
-    then the method has not found even that hop."""
-    if most is None:
+def followed(found: GlobalMethod) -> float | None:
+    """The greatest clearance [m] that motions of the method reach, or hops that were solved from them."""
+    return highest(found.motion_m, found.solved_m)
+
+
+def verdict(promised: float | None, followed: float | None, clearance: float) -> str | None:
+    """What a promise of the grid and what was followed from the start say of an answer's clearance [m]; None without a promise.
+
+    Less than a hop that is known is no evidence: then the method has not found even that hop. Nor is a promise of more that
+    no motion follows up: then the grid has errors that large.
+    """
+    if promised is None:
         return None
-    if most > clearance + MORE * abs(clearance):
+    most = clearance + MORE * abs(clearance)
+    if followed is not None and followed > most:
         return MAY_EXIST
-    return NOTHING if most >= clearance - LESS * abs(clearance) else COARSE
+    found = max(promised, promised if followed is None else followed)
+    return NOTHING if clearance - LESS * abs(clearance) <= found <= most else COARSE
 
 
 def global_figures(searched: FirstMesh, best: Solution, families: Sequence[HopFamily]) -> GlobalMethod:
@@ -39,7 +48,7 @@ def global_figures(searched: FirstMesh, best: Solution, families: Sequence[HopFa
         motion_m=max((float(r.clearance) for r in found.rollouts), default=None), solved_m=led_to(families),
         seconds=found.seconds,
     )  # fmt: skip
-    said = verdict(highest(stated), best.clearance) if best.objective == "clearance" else None
+    said = verdict(stated.value_m, followed(stated), best.clearance) if best.objective == "clearance" else None
     return replace(stated, verdict=said, alarm=said == MAY_EXIST)
 
 
@@ -54,6 +63,6 @@ def alarm_note(figures: GlobalMethod) -> list[str]:
     if not figures.alarm or figures.grid is None:
         return []
     return [
-        f"not called the best: a global method on a grid of {figures.grid[0]} nodes an axis promises {highest(figures):.3f} m, "
-        "over 1 % more, and no hop that high was solved from its motions; hopopt evidence --global looks closer"
+        f"not called the best: a global method on a grid of {figures.grid[0]} nodes an axis reaches {followed(figures):.3f} m, "
+        "over 1 % more, and no verified hop that high was solved from its motions; hopopt evidence --global looks closer"
     ]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from hopopt.planner.global_verdict import highest, verdict
+from hopopt.planner.global_verdict import followed, highest, verdict
 from hopopt.planner.multistart import STOPPED
 
 if TYPE_CHECKING:
@@ -55,10 +55,11 @@ def _found_by(names: Sequence[str]) -> str:
 def global_line(s: "Summary") -> list[str]:
     """What the global method says of the answer, where it was used: the number, its parts, the verdict."""
     found = s.global_
-    if found is None or found.grid is None or (most := highest(found)) is None:
+    if found is None or found.grid is None or (most := highest(found.value_m, followed(found))) is None:
         return []
     parts = {"promised": found.value_m, "by its motions": found.motion_m, "by hops solved from them": found.solved_m}
     told = ", ".join(f"{x:.3f} {name}" for name, x in parts.items() if x is not None)
-    said = verdict(most, s.clearance_m) if s.objective == "clearance" else "no verdict, for it knows clearances alone"
+    judged = verdict(found.value_m, followed(found), s.clearance_m) if s.objective == "clearance" else None
+    said = judged or "no verdict, for it knows clearances alone"
     grid = " x ".join(map(str, found.grid))
     return [f"a global method ({found.method}) on {grid} states reaches {most:.3f} m ({told}): {said}"]
