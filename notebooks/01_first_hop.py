@@ -151,8 +151,8 @@ pd.DataFrame(s.summary.starts.optima)
 # Any entry can be changed without touching the file. Half the time for the push, and no counter-movement:
 
 # %%
-quick = ho.solve(ho.load("paper", ["hop.stance_duration=[0.03, 0.2]"]), starts=1)
-straight = ho.solve(ho.load("paper_no_countermovement"), starts=1)
+quick = ho.solve(ho.load("paper", ["hop.stance_duration=[0.03, 0.2]"]), starts=2)
+straight = ho.solve(ho.load("paper_no_countermovement"), starts=2)
 for name, hop in {"stance up to 0.4 s": s, "up to 0.2 s": quick, "no counter-movement": straight}.items():
     print(f"{name:20s} {hop.clearance:.3f} m, verified: {hop.verified}")
 

@@ -1,6 +1,7 @@
 """The stance in closed form against Pinocchio, on random legs and states."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hopopt import load
@@ -10,9 +11,10 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.global_search.accelerations import VERTICES, polygon
 from hopopt.global_search.constants import stance_constants, to_joint_angles, to_link_angles
 from hopopt.global_search.dynamics import apex_height, stance_terms
+from hopopt.global_search.flight import _accelerations, flight_of, fold_loss
 from hopopt.global_search.posture import tuck_height
 from hopopt.leg.kinematics import joint_positions, start_angles
-from hopopt.leg.robot import build_robot
+from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim.machine import Machine
 
 
@@ -101,3 +103,36 @@ def test_tuck_is_the_best_of_many_poses(rng: np.random.Generator) -> None:
     assert tuck <= least + 1e-9
     assert tuck > least - 0.1
     assert np.isfinite(start_angles(design)).all()
+
+
+def test_flight_is_that_of_a_free_leg(rng: np.random.Generator) -> None:
+    """Joint accelerations with both drives at their most, and with one joint held, as Pinocchio's on free guides."""
+    design = random_leg(rng)
+    c, robot = stance_constants(design), build_robot(design.leg)
+    packed_c, flight = packed(c), packed(flight_of(c, design.hop.foot_window, np.array([9.0, 9.0])))
+    regions = [operating_region(design.leg, name, robot.parameters) for name in design.leg.joints]
+    for way in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (0.0, 1.0), (-1.0, 0.0)):
+        q, v = rng.uniform(-1.5, 1.5, 2), rng.uniform(-3, 3, 2)
+        found = np.array(_accelerations(packed_c, flight, *q, *v, *way))
+        tau = [r.torque_bounds(w)[side > 0] for r, w, side in zip(regions, v, way, strict=True)]
+        state, rate = np.concatenate([[0, 0], q]), np.concatenate([[0, 0], v])
+        data = robot.model.createData()
+        M = pin.crba(robot.model, data, state)
+        M = np.triu(M) + np.triu(M, 1).T
+        left = np.concatenate([[0, 0], tau]) - pin.rnea(robot.model, data, state, rate, np.zeros(4))
+        free = [0, 1, *(BASE + k for k in range(2) if way[k])]  # a joint that is held takes what torque that needs
+        expected = np.zeros(4)
+        expected[free] = np.linalg.solve(M[np.ix_(free, free)], left[free])
+        np.testing.assert_allclose(found, expected[BASE:], rtol=1e-9, atol=1e-8)
+
+
+def test_quick_drives_lose_nothing_in_flight_and_slow_ones_do() -> None:
+    """The same lift-off, straight and fast: the slower the drives, the less of its apex is cleared."""
+    lost = []
+    for speed in (1256.637, 500, 250, 120):
+        c = stance_constants(load("paper", [f"leg.motor.max_speed={speed}"]))
+        flight = packed(flight_of(c, 0.1, np.full(2, speed / 100)))
+        lost.append(fold_loss(packed(c), flight, *to_link_angles(c, np.array([0.3, -0.6])), -12.0, 12.0))
+    assert lost[0] == 0
+    assert sorted(lost) == lost
+    assert lost[-1] > 0.1

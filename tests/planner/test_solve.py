@@ -6,6 +6,8 @@ from typing import Any, cast
 
 import pytest
 
+from hopopt.cli.screen.answer import _headline
+from hopopt.cli.screen.search import global_line
 from hopopt.errors import UsageError
 from hopopt.nlp import mesh_refinement as refine
 from hopopt.ocp.hop import Hop
@@ -14,6 +16,7 @@ from hopopt.planner import multistart
 from hopopt.planner import refine_and_verify as finishing
 from hopopt.planner import solve as planner
 from hopopt.planner.first_mesh import search_first_mesh
+from hopopt.planner.global_verdict import COARSE
 from hopopt.planner.multistart import distinct, run_starts, solved_from
 from hopopt.planner.notes import notes_on
 from hopopt.planner.refine_and_verify import (
@@ -26,6 +29,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, calmer, solve, with_larger_tie_break
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import Summary
+from hopopt.planner.summary_extras import GlobalMethod
 from hopopt.problem.load import load
 from hopopt.verify.check import Check
 
@@ -169,6 +173,17 @@ def test_a_solution_is_shown_on_one_line(one_push: Solution) -> None:
 
 def silent(text: str) -> None:
     pass
+
+
+def test_one_start_is_no_search_and_the_first_line_says_so(one_push: Solution) -> None:
+    assert one_push.summary.searched is False
+    assert "not searched" in _headline(one_push.summary)
+    assert "not searched" not in _headline(one_push.with_summary(searched=True).summary)
+
+
+def test_a_result_that_states_no_verdict_is_judged_by_its_numbers(one_push: Solution) -> None:
+    promised = GlobalMethod("some", (15,), 0.5 * one_push.clearance, False, motion_m=0.6 * one_push.clearance)
+    assert global_line(one_push.with_summary(global_=promised).summary)[0].endswith(COARSE)
 
 
 def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_so() -> None:

@@ -121,6 +121,7 @@ def _gathered(
     from hopopt.ocp.hop import Hop
     from hopopt.ocp.objectives import find
     from hopopt.planner.families import families
+    from hopopt.planner.global_verdict import MAY_EXIST, highest, led_to, verdict
     from hopopt.planner.multistart import contenders, run_chunk
     from hopopt.planner.solve import TIME_LIMIT, solve_from
     from hopopt.planner.summary_entry import as_data
@@ -142,13 +143,15 @@ def _gathered(
     passed, simple = best.clearance > bound.clearance, _reduced(design, grids, say)
     finest = (simple.get("grids") or [{"size": 0}])[-1]
     contradicted = finest["size"] >= TELLING and finest["difference"] > CONTRADICTED
-    highest = max((g["rollout_m"] or 0.0 for g in overall.get("grids", ())), default=0.0)
-    overall["alarm"] = highest > (1 + CONTRADICTED) * best.clearance
+    known_as = families(hop, outcomes, [best])
+    on_finest = (overall.get("grids") or [{"value_m": None, "rollout_m": None}])[-1]
+    said = verdict(on_finest["value_m"], highest(on_finest["rollout_m"], led_to(known_as)), best.clearance)
+    overall |= {"verdict": said, "alarm": said == MAY_EXIST}
     return {
         "problem": design.name, "objective": objective, "upper_bound": bound.figures(),
         "reduced": simple, "global": overall,
         "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": study.as_dicts(found)},
-        "families": as_data(families(hop, outcomes, [best])),
+        "families": as_data(known_as),
         "best": {
             "clearance_m": best.clearance, "verified": best.verified, "failed_checks": list(best.summary.failed_checks),
             "start": best.summary.starts.chosen,

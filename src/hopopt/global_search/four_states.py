@@ -7,9 +7,9 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
 from hopopt.global_search.constants import stance_constants, start_state
+from hopopt.global_search.flight import flight_of
 from hopopt.global_search.grid import MANY, make_grid, ranges
 from hopopt.global_search.paths import Search
-from hopopt.global_search.posture import tuck_height
 from hopopt.global_search.result import GlobalSearch
 from hopopt.global_search.value import is_compiled, value_function
 from hopopt.leg.robot import build_robot
@@ -28,12 +28,12 @@ def search_stance(
     if until.seconds_left < COMPILING and not is_compiled():
         raise TimeoutError
     c = stance_constants(design)
-    tuck, start = tuck_height(c, design.hop.foot_window), start_state(c, design)
-    grid = make_grid((size,) * 4, *ranges(c, fastest_joints(design)))
+    start, fastest = start_state(c, design), fastest_joints(design)
+    flight, grid = flight_of(c, design.hop.foot_window, fastest), make_grid((size,) * 4, *ranges(c, fastest))
     duration, steps = design.hop.stance_duration, STEPS_OF_MANY if size >= MANY else STEPS
-    value = value_function(c, grid, duration, steps, SUBSTEPS, threads, progress, until=until)
-    found = Search(c, value, start, duration, until).rollouts(tuck, rollouts)
-    return GlobalSearch(METHOD, (size,) * 4, steps, value.at(start, steps) - tuck, found, 0.0, tuck)
+    value = value_function(c, flight, grid, duration, steps, SUBSTEPS, threads, progress, until=until)
+    found = Search(c, value, start, duration, until).rollouts(flight, rollouts)
+    return GlobalSearch(METHOD, (size,) * 4, steps, value.at(start, steps) - flight.tuck, found, 0.0)
 
 
 def fastest_joints(design: Design) -> np.ndarray:

@@ -10,13 +10,14 @@ import numpy as np
 
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.global_search.accelerations import VERTICES, polygon, possible, with_limits
-from hopopt.global_search.dynamics import MARGINS, apex_height, state_margins
+from hopopt.global_search.dynamics import MARGINS, state_margins
+from hopopt.global_search.flight import after_flight
 from hopopt.global_search.grid import on_grid
 
 HALVINGS = 8  # of an edge, to find where a state limit is just kept
 NONE, PASSES, KEEPS = 0, 1, 2  # what a motion is: the leg cannot go on; it passes a state limit; it keeps them all
 CUTS = 5  # halvings of the time of a motion that ends in lift-off within a step
-LOST = -1e3  # m: apex of a motion that cannot begin
+LOST = -1e3  # m: height of a motion that cannot begin
 KEPT = 1e-9  # rad, m, m/s: by which a state limit may be passed
 
 
@@ -122,16 +123,17 @@ def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
 
 
 @kernel
-def leaving_apex(c, w, i, phi1, phi2, r1, r2, dt):
-    """Greatest apex height [m] of the centre of mass if motion i, which passes a limit within dt [s], ends in lift-off
-    just before; LOST if it cannot even begin."""
+def leaving(c, w, grid, loss, none, i, phi1, phi2, r1, r2, dt):
+    """Greatest clearance and tuck [m] if motion i, which passes a limit within dt [s], ends in lift-off just before; LOST
+    if it cannot even begin. ``loss``: of the flight, at the nodes."""
     one, two = w.edge[i - 1 if i > 0 else w.corners[0] - 1], w.edge[i]
     low, high, apex = 0.0, 1.0, LOST
     for _ in range(CUTS):
         t = 0.5 * (low + high)
         kept = _move(c, w, i, one, two, phi1, phi2, r1, r2, t * dt, 1)
         if kept and keeps_limits(c, w, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]):
-            low, apex = t, max(apex, apex_height(c, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]))
+            low = t
+            apex = max(apex, after_flight(c, grid, loss, none, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]))
         else:
             high = t
     return apex

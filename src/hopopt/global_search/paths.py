@@ -11,6 +11,7 @@ import numpy as np
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.global_search.constants import StanceConstants, to_joint_angles
 from hopopt.global_search.dynamics import apex_height
+from hopopt.global_search.flight import Flight, highest
 from hopopt.global_search.grid import interpolate, joint_heights, place
 from hopopt.global_search.motions import KEEPS, between, extreme_motions, last_kept, workspace
 from hopopt.global_search.result import Rollout, different
@@ -142,7 +143,7 @@ class Search:
         sways = np.where(dips, np.sign(front.sway) * (np.abs(front.sway) > SWAYING * self.reach), 0).astype(int)
         return (front.knee < GROUNDED * self.reach) * 6 + dips * 3 + sways + 1
 
-    def rollouts(self, tuck: float, count: int) -> tuple[Rollout, ...]:
+    def rollouts(self, flight: Flight, count: int) -> tuple[Rollout, ...]:
         """The best stance of each kind and third of the duration, best first, without those that are alike."""
         best: dict[tuple[int, int], tuple[float, int, int]] = {}
         for k, front in enumerate(self.fronts[1:], start=1):
@@ -150,11 +151,13 @@ class Search:
                 continue
             kinds = self.kinds(front)
             for kind in np.unique(kinds):
-                index = int(np.argmax(np.where(kinds == kind, front.apex, -np.inf)))
-                key, found = (int(kind), (k - 1) * THIRDS // STEPS), (float(front.apex[index]), k, index)
-                best[key] = max(best.get(key, found), found)
+                mine, key = np.flatnonzero(kinds == kind), (int(kind), (k - 1) * THIRDS // STEPS)
+                known = best[key][0] if key in best else -np.inf
+                clearance, index = highest(self.c, flight, front.states[mine], front.apex[mine], known)
+                if clearance > known:
+                    best[key] = clearance, k, int(mine[index])
         ranked = sorted(best.values(), reverse=True)
-        return tuple(different([self._rollout(k, index, apex - tuck) for apex, k, index in ranked])[:count])
+        return tuple(different([self._rollout(k, index, clearance) for clearance, k, index in ranked])[:count])
 
     def _rollout(self, k: int, index: int, clearance: float) -> Rollout:
         states, accelerations = [], []

@@ -14,18 +14,24 @@ OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond t
 
 
 def tuck_height(c: StanceConstants, window: float) -> float:
-    """Least height of the centre of mass above the lowest of joints and foot [m], within joint limits and foot window
-    [m]: the best poses of a grid, refined by sequential quadratic programming."""
+    """Least height of the centre of mass above the lowest of joints and foot [m], within joint limits and foot window [m]."""
+    return best_tuck(c, window)[0]
+
+
+def best_tuck(c: StanceConstants, window: float) -> tuple[float, np.ndarray]:
+    """That height, and the joint angles (2,) [rad] of it: the best poses of a grid, refined by sequential quadratic
+    programming."""
     first, second = np.linspace(c.lower1, c.upper1, POSES), np.linspace(c.lower2, c.upper2, POSES)
     poses = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     heights, offset = _above_points(c, poses)
     merit = heights.max(axis=-1) + OUTSIDE * np.maximum(np.abs(offset) - window, 0.0)
     best = poses[np.argsort(merit, kind="stable")[:REFINED]]
-    return float(min([merit.min(), *(_refined(c, window, q) for q in best)]))
+    found = [(float(merit.min()), best[0]), *(_refined(c, window, q) for q in best)]
+    return min(found, key=lambda height_and_pose: height_and_pose[0])
 
 
-def _refined(c: StanceConstants, window: float, pose: np.ndarray) -> float:
-    """The height [m] at the nearest optimum, inf if none is found; unknowns are the joint angles and the height."""
+def _refined(c: StanceConstants, window: float, pose: np.ndarray) -> tuple[float, np.ndarray]:
+    """The nearest optimum: its height [m], inf if none is found, and its pose; unknowns are joint angles and height."""
 
     def room(x: np.ndarray) -> np.ndarray:
         heights, offset = _above_points(c, x[:2])
@@ -37,7 +43,7 @@ def _refined(c: StanceConstants, window: float, pose: np.ndarray) -> float:
         lambda x: x[2], begin, method="SLSQP", bounds=bounds, constraints={"type": "ineq", "fun": room},
         options={"ftol": 1e-9},
     )  # fmt: skip
-    return float(result.x[2]) if room(result.x).min() > -1e-7 else np.inf
+    return float(result.x[2]) if room(result.x).min() > -1e-7 else np.inf, result.x[:2]
 
 
 def _above_points(c: StanceConstants, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,7 @@ class Rollout:
     q: joint angles (m, 2) [rad]
     v: joint speeds (m, 2) [rad/s]
     a: joint accelerations (m, 2) [rad/s^2], the last one repeated
-    clearance: estimate from the centre of mass at lift-off and the best tuck [m]
+    clearance: estimate from the lift-off and what its flight makes of it [m]
     """
 
     t: np.ndarray
@@ -39,7 +39,6 @@ class GlobalSearch:
     value: clearance that the grid promises at the start [m]
     rollouts: stances that differ, best first
     seconds: time taken [s]
-    tuck: centre of mass above the leg's lowest point where it is tucked best [m]; clearances count on it
     """
 
     method: str
@@ -48,7 +47,6 @@ class GlobalSearch:
     value: float
     rollouts: tuple[Rollout, ...]
     seconds: float
-    tuck: float
 
 
 def different(ranked: Sequence[Rollout]) -> list[Rollout]:

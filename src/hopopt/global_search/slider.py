@@ -34,7 +34,7 @@ def search_slider(
     made = [found.rollout(layers, start, share) for share in SHARES]
     best = different(sorted((r for r in made if r is not None), key=lambda r: -r.clearance))
     value = float(found.look_up(np.array(start), np.array(0.0))(layers[-1])) - found.tuck
-    return GlobalSearch(METHOD, found.apex.shape, len(layers) - 1, value, tuple(best[:rollouts]), 0.0, found.tuck)
+    return GlobalSearch(METHOD, found.apex.shape, len(layers) - 1, value, tuple(best[:rollouts]), 0.0)
 
 
 @dataclass(frozen=True)

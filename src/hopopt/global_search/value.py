@@ -1,4 +1,4 @@
-"""The best apex of the centre of mass that is left at every state of a grid: semi-Lagrangian dynamic programming.
+"""The best clearance, counted from the tuck, that is left at every state of a grid: semi-Lagrangian dynamic programming.
 
 From each node the extreme motions are followed for one step of time, and the value is read where they end. The best of
 these and of lifting off at once is kept (Bellman 1957; Falcone and Ferretti, Semi-Lagrangian Approximation Schemes, 2013).
@@ -15,8 +15,9 @@ import numpy as np
 from hopopt.compiled.kernel import kept, kernel, packed
 from hopopt.global_search.constants import StanceConstants
 from hopopt.global_search.dynamics import apex_height
+from hopopt.global_search.flight import Flight, losses
 from hopopt.global_search.grid import NOWHERE, Grid, interpolate, joint_heights, second_differences
-from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, leaving_apex, workspace
+from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, leaving, workspace
 from hopopt.nlp.deadline import NEVER, Deadline
 
 CHUNKS = 16  # pieces of the grid for each thread: some hold few states that matter
@@ -29,14 +30,16 @@ class ValueFunction:
 
     grid: its nodes
     step: time between layers [s]
-    layers: greatest apex height of the centre of mass, by the number of steps left, (grid.size,) each [m]
+    layers: greatest clearance and tuck, by the number of steps left, (grid.size,) each [m]
     substeps: of a motion in one step
+    loss: ``fold_loss`` at the nodes (grid.size,) [m]
     """
 
     grid: Grid
     step: float
     layers: tuple[np.ndarray, ...]
     substeps: int
+    loss: np.ndarray
 
     def at(self, state: np.ndarray, left: int) -> float:
         """Value [m] at a state (4,) with ``left`` steps left."""
@@ -44,7 +47,7 @@ class ValueFunction:
 
 
 @kernel
-def best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps, lift_off):
+def best_successor(c, w, grid, values, bends, loss, phi1, phi2, r1, r2, dt, substeps, lift_off):
     """Greatest value [m] one step ahead, NOWHERE if there is none: over the extreme motions, the ones halfway between two
     neighbours or the last one before a state limit, and lift-off where a motion meets a limit within the step."""
     count = extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps)
@@ -67,12 +70,12 @@ def best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps, 
     if lift_off:
         for i in range(count):
             if w.kind[i] != KEEPS and apex_height(c, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]) > top:
-                top = max(top, leaving_apex(c, w, i, phi1, phi2, r1, r2, dt))
+                top = max(top, leaving(c, w, grid, loss, bends[:0], i, phi1, phi2, r1, r2, dt))
     return top
 
 
 @kernel
-def _improve(c, w, grid, axes, values, bends, apex, active, lift_off, dt, substeps, new, first, last):
+def _improve(c, w, grid, axes, values, bends, loss, apex, active, lift_off, dt, substeps, new, first, last):
     """One step back in time at nodes first to last."""
     n = grid.n
     angles1, angles2, rates1, rates2 = axes
@@ -83,7 +86,7 @@ def _improve(c, w, grid, axes, values, bends, apex, active, lift_off, dt, subste
         if active[k]:
             i0, i1, i2, i3 = k // s0, (k % s0) // s1, (k % s1) // s2, k % s2
             phi1, phi2, r1, r2 = angles1[i0], angles2[i1], rates1[i2], rates2[i3]
-            value = best_successor(c, w, grid, values, bends, phi1, phi2, r1, r2, dt, substeps, lift_off)
+            value = best_successor(c, w, grid, values, bends, loss, phi1, phi2, r1, r2, dt, substeps, lift_off)
             new[k] = max(value, apex[k]) if lift_off else max(value, 0.0)
 
 
@@ -119,7 +122,7 @@ def states_within_limits(c: StanceConstants, grid: Grid) -> np.ndarray:
 
 
 def value_function(
-    c: StanceConstants, grid: Grid, duration: tuple[float, float], steps: int, substeps: int, threads: int,
+    c: StanceConstants, flight: Flight, grid: Grid, duration: tuple[float, float], steps: int, substeps: int, threads: int,
     progress: Progress | None = None, active: np.ndarray | None = None, until: Deadline = NEVER,
 ) -> ValueFunction:  # fmt: skip
     """The value for a stance of at least and at most ``duration`` [s]; ``active``: the nodes that matter, (size,).
@@ -128,7 +131,9 @@ def value_function(
     axes, dt = tuple(grid.axes()), duration[1] / steps
     apex = np.zeros(grid.size, dtype=np.float32)
     packed_c, packed_grid = packed(c), packed(grid)
+    loss = losses(c, flight, grid, active)
     _apexes(packed_c, packed_grid, axes, active, apex)
+    apex -= loss
     bends, layers = np.zeros((grid.size, 4), dtype=np.float32), [apex]
     bounds = np.linspace(0, grid.size, CHUNKS * threads + 1).astype(int)
     pieces = list(pairwise(bounds))
@@ -152,6 +157,7 @@ def value_function(
                     axes,
                     old,
                     bends,
+                    loss,
                     apex,
                     active,
                     lift_off,
@@ -166,4 +172,4 @@ def value_function(
             layers.append(new)
             if progress:
                 progress(f"global search: {k} of {steps} steps")
-    return ValueFunction(grid, dt, tuple(layers), substeps)
+    return ValueFunction(grid, dt, tuple(layers), substeps, loss)

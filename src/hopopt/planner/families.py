@@ -1,86 +1,49 @@
-"""Families of hops: the different local optima that a search found, what found them, and whether a better one is feared."""
+"""Families of hops: the different local optima that a search found, what found them, and what such hops do."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hopopt.global_search import GlobalSearch
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
-from hopopt.planner.first_mesh import FirstMesh
-from hopopt.planner.multistart import StartOutcome, first_transcription, grouped, solution_of
+from hopopt.planner.multistart import SAME, StartOutcome, first_transcription, grouped, solution_of
 from hopopt.planner.solution import Motion, Solution
-from hopopt.planner.summary_extras import GlobalMethod, HopFamily
+from hopopt.planner.summary_extras import HopFamily
 
 LEANING, DIPPING, SWINGING = 0.05, 0.03, 0.1  # share of the reach from which a lean, a dip or a swing is worth a word
 DOWN = 0.02  # share of the reach below which a joint is on the ground
 FAST = 0.3  # m/s along the ground from which a hop drifts
-ALARM = 0.01  # relative: by so much the global method's value may pass the answer
-
-
-def search_figures(
-    hop: Hop, searched: FirstMesh, finished: Sequence[Solution], best: Solution
-) -> tuple[tuple[HopFamily, ...], GlobalMethod]:
-    """``families`` and ``global`` of the summary."""
-    return families(hop, searched.outcomes, finished), global_figures(searched, best)
+PRECISE = 1e-6  # relative: to which the program of a mesh is solved, and more
 
 
 def families(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solution] = ()) -> tuple[HopFamily, ...]:
     """The different local optima, best first, by the figures of those that are ``finished``, else of the first mesh."""
     refined = {s.summary.starts.chosen: s for s in finished if s.verified}
-    groups = grouped(sorted(outcomes, key=lambda o: -o.merit))
-    return tuple(
-        _family(hop, group, next((refined[o.name] for o in group if o.name in refined), None)) for group in groups
-    )
+    groups = grouped(sorted(outcomes, key=lambda o: -o.merit), told_apart(hop, outcomes, finished))
+    found = [_family(hop, group, next((refined[o.name] for o in group if o.name in refined), None)) for group in groups]
+    return tuple(sorted(found, key=lambda f: -hop.objective.merit(f.objective_value)))
+
+
+def told_apart(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solution]) -> float:
+    """The distance [the objective's unit] below which two objectives of the first mesh count as one hop: what refinement
+    has changed where it is known, for that is their error, between PRECISE and SAME of the objective."""
+    first = {o.name: o.objective for o in outcomes}
+    pairs = [(first[s.summary.starts.chosen], s.summary.objective_value) for s in finished if s.verified]
+    size = max((abs(o.objective) for o in outcomes if o.success), default=0.0)
+    error = max((abs(a - b) for a, b in pairs), default=np.inf)
+    return float(np.clip(error, PRECISE * size, SAME * size))
 
 
 def _family(hop: Hop, group: Sequence[StartOutcome], known: Solution | None) -> HopFamily:
     plan = known or Motion(hop.design, hop.objective.name, solution_of(group[0], first_transcription(hop)).phases)
+    ended = tuple(o.name for o in group if o.near is None)
     return HopFamily(
         clearance_m=known.clearance if known else float(plan.claims()["clearance_m"]),
         objective_value=known.summary.objective_value if known else group[0].objective,
-        refined=known is not None, found_by=tuple(o.name for o in group), count=len(group),
-        words=words(motion(hop, plan)),
+        refined=known is not None, found_by=ended, count=len(ended), words=words(motion(hop, plan)),
+        stopped=tuple(o.name for o in group if o.near is not None),
     )  # fmt: skip
-
-
-def global_figures(searched: FirstMesh, best: Solution) -> GlobalMethod:
-    """What the global method says of the answer: what its grid promises from the start, and what the best motion followed
-    from there reaches by its centre of mass at lift-off; an alarm: a better hop than the answer is likely."""
-    found = searched.overall
-    if found is None:
-        return GlobalMethod(None, None, None, False, reason=searched.reason)
-    motion = max((r.clearance for r in found.rollouts), default=None)
-    grid = tuple(int(n) for n in found.grid)
-    return GlobalMethod(
-        found.method,
-        grid,
-        float(found.value),
-        promises_more(found, best),
-        steps=found.steps,
-        motion_m=motion,
-        seconds=found.seconds,
-    )
-
-
-def promises_more(found: GlobalSearch, best: Solution) -> bool:
-    """Whether a global search promises over 1 % more than the answer: than its clearance, and than what its own lift-off
-    would reach if flight limited nothing, as the search has it."""
-    highest, parts = max([float(found.value), *(r.clearance for r in found.rollouts)]), best.summary.parts
-    by_lift_off = parts.com_height_at_lift_off_m + parts.ballistic_rise_m - found.tuck
-    return bool(best.objective == "clearance" and highest > (1 + ALARM) * max(best.clearance, by_lift_off))
-
-
-def alarm_note(figures: GlobalMethod) -> list[str]:
-    """A sentence beside the answer where the global method doubts that it is the best."""
-    if not figures.alarm or figures.grid is None or figures.value_m is None:
-        return []
-    highest = max(figures.value_m, figures.motion_m or 0.0)
-    return [
-        f"not called the best: a global method on a grid of {figures.grid[0]} nodes an axis promises {highest:.3f} m, over "
-        "1 % more, and no hop that high was solved from its motions; hopopt evidence --global looks closer"
-    ]
 
 
 def motion(hop: Hop, plan: Motion) -> dict[str, float]:

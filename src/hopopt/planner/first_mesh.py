@@ -29,9 +29,11 @@ from hopopt.planner.multistart import (
 from hopopt.planner.relaxations import QUICK, relaxed_starts
 from hopopt.planner.stopwatch import Countdown
 
+SEARCH = 2  # starting points from which on relaxed problems and the global method are tried too
 SIZE = 15  # nodes along each axis of the global method's grid in a plain solve
-CLOSER = 21  # where the first grid promises more than the answer
+CLOSER = 21  # where the first grid has not found the answer, or promises more
 ROLLOUTS = 6  # of its motions, that are solved from
+GLOBAL = "global method"  # begins the names of its motions
 HEIGHTS = ("clearance", "apex")  # objectives that its motions suit
 
 
@@ -51,19 +53,18 @@ def search_first_mesh(
     hop: Hop, count: int, processes: int | None, say: Progress, besides: Sequence[StartOutcome] = (),
     until: Deadline = NEVER,
 ) -> FirstMesh:  # fmt: skip
-    """So many starts, and those ``besides``; if more than one is asked for, also relaxed problems and motions of the
+    """So many starts, and those ``besides``; if SEARCH or more are asked for, also relaxed problems and motions of the
     global method, which is at work beside the starts; as much of it as there is time for."""
     side_by_side, weak = processes or os.cpu_count() or 1, bool(drives_too_weak(hop.design, hop.robot))
-    reason = "one start was asked for" if count == 1 else _not_used(hop)
+    reason = "one start was asked for" if count < SEARCH else _not_used(hop)
     reason = "the drives cannot hold the leg where it starts" if weak else reason
     with ThreadPoolExecutor(1) as pool:
         overall = (
             None if reason else pool.submit(_searched, hop, SIZE, 1, until)
-        )  # beside Ipopt, which has the other core
+        )  # beside Ipopt: the other core is free
         outcomes = [*run_starts(hop, count, side_by_side, say, besides, until)]
-        if (
-            count > 1 and not until.passed and (not weak or any(o.success for o in outcomes))
-        ):  # seldom do other starts help a weak leg
+        helps = not weak or any(o.success for o in outcomes)  # seldom do other starts help a weak leg
+        if count >= SEARCH and not until.passed and helps:
             say("solving relaxed problems, and tightening them to what is asked")
             outcomes += relaxed_starts(hop, QUICK, outcomes, say=say, until=until)
         found, reason = (None, reason) if overall is None else overall.result()
@@ -84,11 +85,11 @@ def _not_used(hop: Hop) -> str | None:
 
 def looked_closer(hop: Hop, searched: FirstMesh, say: Progress, until: Deadline) -> FirstMesh:
     """The same search with a finer grid of the global method, and what its motions lead to."""
-    say(f"the global method promises more than was found: looking on a grid of {CLOSER} nodes an axis")
+    say(f"the global method does not agree with what was found: looking on a grid of {CLOSER} nodes an axis")
     found, _ = _searched(hop, CLOSER, 2, until)
     if found is None:
         return searched
-    more = rollout_starts(hop, found.rollouts, searched.outcomes, "global method, finer grid", say, until)
+    more = rollout_starts(hop, found.rollouts, searched.outcomes, f"{GLOBAL}, finer grid", say, until)
     return FirstMesh((*searched.outcomes, *more), found)
 
 
@@ -106,7 +107,7 @@ def rollout_starts(
     hop: Hop,
     rollouts: Sequence[Rollout],
     known: Sequence[StartOutcome] = (),
-    name: str = "global method",
+    name: str = GLOBAL,
     say: Progress = lambda text: None,
     until: Deadline = NEVER,
 ) -> list[StartOutcome]:

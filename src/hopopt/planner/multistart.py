@@ -60,6 +60,7 @@ class StartOutcome:
     seconds: float
     vectors: dict[str, np.ndarray] = field(repr=False)
     sign: float = 1.0  # of the objective in the merit
+    near: str | None = None  # the start whose hop it was stopped near: objective and vectors are that hop's
 
     @property
     def merit(self) -> float:
@@ -209,7 +210,8 @@ def noted(solver: NlpSolver, outcome: StartOutcome) -> StartOutcome:
     if watch is None:
         return outcome
     if (met := watch.met) is not None:
-        return replace(met, name=outcome.name, status=STOPPED, iterations=outcome.iterations, seconds=outcome.seconds)
+        mine = {"name": outcome.name, "iterations": outcome.iterations, "seconds": outcome.seconds}
+        return replace(met, **mine, status=STOPPED, near=met.near or met.name)
     return outcome
 
 
@@ -247,12 +249,13 @@ def distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
     return [group[0] for group in grouped(sorted(outcomes, key=lambda o: -o.merit))]
 
 
-def grouped(ranked: Sequence[Ended]) -> list[list[Ended]]:
-    """The successful ones of ``ranked``, best first, gathered by the local optimum that they ended in."""
+def grouped(ranked: Sequence[Ended], apart: float | None = None) -> list[list[Ended]]:
+    """The successful ones of ``ranked``, best first, gathered by the local optimum that they ended in: objectives closer
+    than ``apart`` [its unit], or SAME of themselves, are one."""
     groups: list[list[Ended]] = []
     for outcome in ranked:
         if outcome.success:
-            group = next((g for g in groups if same(g[0].objective, outcome.objective)), None)
+            group = next((g for g in groups if same(g[0].objective, outcome.objective, apart)), None)
             if group is None:
                 groups.append([outcome])
             else:
@@ -266,9 +269,9 @@ def contenders(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
     return [o for o in found if abs(o.objective - found[0].objective) <= CLOSE * abs(found[0].objective)]
 
 
-def same(a: float, b: float) -> bool:
-    """Whether two coarse objectives belong to the same local optimum."""
-    return abs(a - b) <= SAME * max(abs(a), abs(b), 1e-3)
+def same(a: float, b: float, apart: float | None = None) -> bool:
+    """Whether two coarse objectives belong to the same local optimum: closer than ``apart``, or SAME of themselves."""
+    return abs(a - b) <= (SAME * max(abs(a), abs(b), 1e-3) if apart is None else apart)
 
 
 def not_solved(

@@ -15,8 +15,9 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
 from hopopt.planner.cross_check import with_cross_checks
-from hopopt.planner.families import alarm_note, promises_more, search_figures
-from hopopt.planner.first_mesh import looked_closer, search_first_mesh
+from hopopt.planner.families import families, told_apart
+from hopopt.planner.first_mesh import SEARCH, FirstMesh, looked_closer, search_first_mesh
+from hopopt.planner.global_verdict import NOTHING, alarm_note, global_figures
 from hopopt.planner.limit_names import flat_words
 from hopopt.planner.multistart import (
     CLOSE,
@@ -33,6 +34,7 @@ from hopopt.planner.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import LATE
+from hopopt.planner.summary import start_figures
 from hopopt.planner.summary_extras import FlatDirection
 from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.hints import hints
@@ -97,11 +99,7 @@ def _found(
     if not finished:
         say("looking for the limits that cannot hold together")
         raise not_solved(hop, outcomes, thorough=True, until=until)
-    if (
-        not until.passed
-        and searched.overall is not None
-        and promises_more(searched.overall, best_of(hop.objective, finished))
-    ):
+    if not until.passed and doubted(hop, searched, finished):
         known, searched = {o.name for o in outcomes}, looked_closer(hop, searched, say, until)
         outcomes = searched.outcomes
         more = [o for o in contenders(outcomes) if o.name not in known]
@@ -112,11 +110,23 @@ def _found(
     if structure and not until.passed:
         best = with_free_switches(hop, best, outcomes, say, clock, until)
     found = None if until.passed else flat_directions(hop, best)
-    families, overall = search_figures(hop, searched, finished, best)
+    known_as = families(hop, outcomes, [*finished, best])
+    overall = global_figures(searched, best, known_as)
     late = (LATE,) if until.passed else ()
     notes = (*late, *alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
     reported = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
-    return hop, best.with_summary(notes=notes, flat=reported, families=families, global_=overall)
+    ended = start_figures(
+        outcomes, outcomes[_chosen(best, outcomes)], count, told_apart(hop, outcomes, [*finished, best])
+    )
+    return hop, best.with_summary(
+        notes=notes, flat=reported, starts=ended, searched=count >= SEARCH, families=known_as, global_=overall
+    )
+
+
+def doubted(hop: Hop, searched: FirstMesh, finished: Sequence[Solution]) -> bool:
+    """Whether the global method, as far as it has looked, has not found the best of the finished hops, or promises more."""
+    found = global_figures(searched, best_of(hop.objective, finished), families(hop, searched.outcomes, finished))
+    return found.verdict not in (None, NOTHING)
 
 
 def _refined(

@@ -111,6 +111,7 @@ class Summary(Measures):
     can_be_had: CanBeHad | None = if_any("what controllers make of it on drawn legs")
     second_opinions: tuple[CrossCheck, ...] = if_any("cross-checks by other solvers and schemes", default=())
     codesign: CoDesign | None = if_any("what was free in a co-design")
+    searched: bool | None = if_any("whether enough starts were asked for to search for the best hop (two or more)")
     families: tuple[HopFamily, ...] | None = if_any("kinds of hops that were found")
     global_: GlobalMethod | None = if_any("what a global method says", alias="global")
 

@@ -17,7 +17,7 @@ from hopopt.ocp.phases import STANCE
 from hopopt.optimality import switching_structure as structure
 from hopopt.optimality.free_switches import Resolved
 from hopopt.planner.motion_figures import ACTIVE, FINE, active_limits, most_first, motion_figures
-from hopopt.planner.multistart import StartOutcome, distinct, same
+from hopopt.planner.multistart import StartOutcome, grouped, same
 from hopopt.planner.solution import Motion, Solution
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import VERSION, Summary
@@ -165,18 +165,25 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
     return most_first({name: gain for name, gain in gains.items() if gain > 1e-6})
 
 
-def start_figures(outcomes: Sequence[StartOutcome], chosen: StartOutcome) -> Starts:
-    """How many starts ended where, on the first mesh."""
+def start_figures(
+    outcomes: Sequence[StartOutcome], chosen: StartOutcome, asked: int | None = None, apart: float | None = None
+) -> Starts:
+    """How many starts ended where, on the first mesh; ``asked``: the starting points among them; ``apart``: as of ``grouped``."""
 
-    def optimum(best: StartOutcome) -> Optimum:
-        members = tuple(o.name for o in outcomes if o.success and same(o.objective, best.objective))
-        return Optimum(best.objective, len(members), members)
+    def optimum(group: Sequence[StartOutcome]) -> Optimum:
+        return Optimum(group[0].objective, len(group), tuple(o.name for o in group))
+
+    ranked = sorted(outcomes, key=lambda o: -o.merit)
 
     return Starts(
         count=len(outcomes),
-        agreeing=sum(o.success and same(o.objective, chosen.objective) for o in outcomes),
+        agreeing=sum(o.success and same(o.objective, chosen.objective, apart) for o in outcomes),
         failed=tuple(o.name for o in outcomes if not o.success),
         chosen=chosen.name,
-        optima=tuple(optimum(best) for best in distinct(outcomes)),
-        each=tuple(StartEnded(o.name, o.status, o.objective, o.iterations, o.seconds) for o in outcomes),
+        optima=tuple(optimum(group) for group in grouped(ranked, apart)),
+        each=tuple(StartEnded(o.name, o.status, o.objective, o.iterations, o.seconds, near=o.near) for o in outcomes),
+        ended=sum(o.success and o.near is None for o in outcomes),
+        stopped=tuple(o.name for o in outcomes if o.near is not None),
+        asked=asked,
+        apart=apart,
     )

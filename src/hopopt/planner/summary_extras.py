@@ -176,6 +176,7 @@ class HopFamily(Strict):
     found_by: tuple[str, ...] = stated("the starts, relaxed problems or motions that led to it, the best first")
     count: int = stated("how many those are")
     words: str = stated("what such a hop does")
+    stopped: tuple[str, ...] = if_any("those that were stopped near it, as it was known", default=())
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,9 @@ class GlobalMethod(Strict):
     grid: tuple[int, ...] | None = stated("nodes along each axis of the states")
     value_m: float | None = stated("clearance that the grid promises at the start [m]")
     alarm: bool = stated("whether it finds over 1 % more than the answer, which then is not called the best")
+    verdict: str | None = if_any("what the highest of its clearances says of the answer")
+    solved_m: float | None = if_any("clearance of the best hop that its motions led to [m]")
     steps: int | None = if_any("steps of time")
-    motion_m: float | None = if_any("clearance that its best motion from the start reaches, by its lift-off [m]")
+    motion_m: float | None = if_any("clearance that its best motion from the start reaches, its flight counted [m]")
     seconds: float | None = if_any("[s]")
     reason: str | None = if_any("why no global method was used")

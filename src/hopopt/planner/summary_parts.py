@@ -243,15 +243,20 @@ class StartEnded(Strict):
     objective: Real = stated("[its unit]")
     iterations: int = stated("of Ipopt")
     seconds: float = stated("[s]")
+    near: str | None = if_any("the start whose hop it was stopped near, and whose objective this is")
 
 
 @dataclass(frozen=True)
 class Starts(Strict):
     """Where the starts ended on the first mesh."""
 
-    count: int = stated("how many there were")
-    agreeing: int = stated("those that ended where the chosen one did")
+    count: int = stated("how many were tried: they ended at a hop, were stopped near one, or failed")
+    agreeing: int = stated("those that ended where the chosen one did, or were stopped near it")
     failed: tuple[str, ...] = stated("names of those without a hop")
     chosen: str = stated("the one whose hop this is")
     optima: tuple[Optimum, ...] = stated("the local optima, best first")
     each: tuple[StartEnded, ...] = stated("every start")
+    asked: int | None = if_any("starting points among them; the others are relaxed problems, motions and known hops")
+    ended: int | None = if_any("how many ended at a hop")
+    stopped: tuple[str, ...] | None = if_any("names of those that were stopped near a hop that was known")
+    apart: Real | None = if_any("two objectives closer than this count as one hop [its unit]")

@@ -13,6 +13,7 @@ from rich.markup import escape
 from hopopt.cli.screen.certificate import certified_words, structure_lines
 from hopopt.cli.screen.console import console, print_lines
 from hopopt.cli.screen.runs import OVERSHOOT
+from hopopt.cli.screen.search import global_line, measure, starts_lines
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.direction import sign
 from hopopt.planner.solution import at_apex
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 MOST = 4  # limits that are named
 LITTLE = 0.005  # share of stance that is no word worth
-FAMILIES = 3  # different hops that are listed
 
 
 def print_answer(solution: "Solution") -> None:
@@ -74,6 +74,9 @@ def _headline(s: "Summary") -> str:
     reported = f"[bold green]clearance {s.clearance_m:.4f} m[/bold green], verified"
     if s.objective != "clearance":
         reported = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s.clearance_m:.4f} m"
+    reported += (
+        "" if s.searched is not False else ", [bold]not searched[/bold]: one start, and other hops may be higher"
+    )
     return reported + (
         ", on ground where the foot cannot slip" if s.friction is None else f", with friction {s.friction:g}"
     )
@@ -224,7 +227,7 @@ def _evidence(s: "Summary") -> list[str]:
     return [
         checks_line(s),
         f"{error_line(s)}{simulated_words(s)}",
-        f"{starts_line(s)}{certified_words(s)}",
+        *starts_lines(s, certified_words(s)),
         *global_line(s),
     ]
 
@@ -244,11 +247,6 @@ def _gain(s: "Summary", gain: float) -> str:
     return measure(s, sign(s.maximized) * gain, "+.2g")
 
 
-def measure(s: "Summary", value: float, form: str) -> str:
-    """A value of the objective with its unit."""
-    return f"{value:{form}} {s.objective_unit.replace('1', '')}".strip()
-
-
 def checks_line(s: "Summary") -> str:
     """How many checks passed, and the two that matter most."""
     replay = max(s.check(f"{phase} replay").residual for phase in s.phases)
@@ -258,38 +256,6 @@ def checks_line(s: "Summary") -> str:
         f"{sum(made)} of {len(made)} checks passed{left_out}; replay in Pinocchio within "
         f"{replay:.0e}, limits between nodes within {s.mesh[-1].excess:.0e} of their range"
     )
-
-
-def starts_line(s: "Summary") -> str:
-    """How many different hops were found on the first mesh, and by what."""
-    starts = s.starts
-    if s.families is None:  # a result of one start
-        ends = ", ".join(f"{o.count} at {measure(s, o.objective, '.3f')}" for o in starts.optima)
-        return f"{_starts(starts.count)} on the first mesh: {ends}"
-    found = [f"{measure(s, f.objective_value, '.3f')} (by {_found_by(f.found_by)})" for f in s.families]
-    shown = ", ".join(found[:FAMILIES]) + (f" and {len(found) - FAMILIES} lower" if len(found) > FAMILIES else "")
-    gentle = ", what prefers gentle torques counted in" if s.tie_break_weighs > 1e-3 * abs(s.objective_value) else ""
-    failed = f", {len(starts.failed)} led nowhere" if starts.failed else ""
-    different = f"{len(found)} different hop{'' if len(found) == 1 else 's'}"
-    return f"{_starts(starts.count)} found {different}: {shown}{gentle}{failed}"
-
-
-def _starts(count: int) -> str:
-    return f"{count} start{'' if count == 1 else 's'}"
-
-
-def _found_by(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
-
-
-def global_line(s: "Summary") -> list[str]:
-    """What the global method says of the answer, where it was used."""
-    found = s.global_
-    if found is None or found.value_m is None or found.grid is None:
-        return []
-    grid = " x ".join(map(str, found.grid))
-    verdict = "over 1 % more than the answer: a better hop is likely" if found.alarm else "no better hop"
-    return [f"a global method ({found.method}) on {grid} states promises about {found.value_m:.3f} m: {verdict}"]
 
 
 def error_line(s: "Summary") -> str:

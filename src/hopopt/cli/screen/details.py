@@ -8,16 +8,14 @@ from hopopt.cli.screen.answer import (
     control_lines,
     error_line,
     gains,
-    global_line,
     hop_lines,
     in_short,
-    measure,
     print_parts,
     simulated_words,
-    starts_line,
     upwards,
 )
 from hopopt.cli.screen.certificate import certificate_line, structure_lines
+from hopopt.cli.screen.search import global_line, measure, starts_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -92,7 +90,7 @@ def _evidence(s: "Summary") -> list[str]:
         )
     return [
         *([f"{error_line(s)}{simulated_words(s)}{_beaten(s)}"] if s.verified else []),
-        starts_line(s),
+        *starts_lines(s),
         *global_line(s),
         f"{len(s.mesh)} mesh{'es' if len(s.mesh) > 1 else ''}, last {sizes} intervals ({s.scheme}); {settled}, {bias}",
         checks_line(s),

@@ -43,9 +43,9 @@ def print_evidence(data: Mapping[str, Any]) -> None:
 
 
 def _count(data: Mapping[str, Any], family: Mapping[str, Any]) -> int:
-    """How many starts, relaxed problems and motions of a global method ended in a family."""
+    """How many starts, relaxed problems and motions of a global method ended in a family, or were stopped near it."""
     drawn = {f["name"]: f["count"] for f in data["starts"]["families"]}
-    return sum(drawn.get(name, 1) for name in family["found_by"])
+    return sum(drawn.get(name, 1) for name in (*family["found_by"], *family.get("stopped", ())))
 
 
 def _overall(overall: Mapping[str, Any], best: float) -> list[str]:
@@ -65,7 +65,7 @@ def _overall(overall: Mapping[str, Any], best: float) -> list[str]:
             f"{g['size']}^4 states: value {g['value_m']:.4f} m ({g['value_m'] / best - 1:+.1%}), {motion}, "
             f"solved from there {solved}, {g['seconds']:.0f} s"
         )
-    return lines
+    return [*lines, f"verdict: {overall['verdict']}"]
 
 
 def _reduced(reduced: Mapping[str, Any]) -> list[str]:

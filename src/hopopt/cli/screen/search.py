@@ -1,0 +1,65 @@
+"""What the command line shows of the search: how what was tried ended, which hops it found, what a global method says."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from hopopt.planner.global_verdict import followed, highest, verdict
+from hopopt.planner.multistart import STOPPED
+
+if TYPE_CHECKING:
+    from hopopt.planner.stored_summary import Summary
+    from hopopt.planner.summary_extras import HopFamily
+
+FAMILIES = 3  # different hops that are listed
+
+
+def measure(s: "Summary", value: float, form: str) -> str:
+    """A value of the objective with its unit."""
+    return f"{value:{form}} {s.objective_unit.replace('1', '')}".strip()
+
+
+def starts_lines(s: "Summary", more: str = "") -> list[str]:
+    """How all that was tried on the first mesh ended; the different hops that were found, with what found them, and ``more``."""
+    starts = s.starts
+    if s.families is None:  # a result of one start
+        ends = ", ".join(f"{o.count} at {measure(s, o.objective, '.3f')}" for o in starts.optima)
+        return [f"{_starts(starts.count)} on the first mesh: {ends}{more}"]
+    stopped = sum(o.status == STOPPED for o in starts.each)
+    ended, asked = starts.count - stopped - len(starts.failed), starts.count if starts.asked is None else starts.asked
+    tried = f"{starts.count} tried" + (f", {asked} of them starts" if asked < starts.count else "")
+    ends = f"{ended} ended at a hop, {stopped} stopped near one, {len(starts.failed)} failed"
+    found = [_family(s, f) for f in s.families]
+    shown = ", ".join(found[:FAMILIES]) + (f" and {len(found) - FAMILIES} lower" if len(found) > FAMILIES else "")
+    gentle = ", what prefers gentle torques counted in" if s.tie_break_weighs > 1e-3 * abs(s.objective_value) else ""
+    apart = "" if starts.apart is None else f", over {measure(s, starts.apart, '.0e')} apart"
+    return [
+        f"{tried}: {ends}",
+        f"{len(found)} different hop{'' if len(found) == 1 else 's'}{apart}: {shown}{gentle}{more}",
+    ]
+
+
+def _family(s: "Summary", f: "HopFamily") -> str:
+    """The value of a kind of hop, marked where only the first mesh tells it, and what found it."""
+    rough = "" if f.refined else "first mesh, "
+    return f"{measure(s, f.objective_value, '.4f')} ({rough}by {_found_by(f.found_by)})"
+
+
+def _starts(count: int) -> str:
+    return f"{count} start{'' if count == 1 else 's'}"
+
+
+def _found_by(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+
+
+def global_line(s: "Summary") -> list[str]:
+    """What the global method says of the answer, where it was used: the number, its parts, the verdict."""
+    found = s.global_
+    if found is None or found.grid is None or (most := highest(found.value_m, followed(found))) is None:
+        return []
+    parts = {"promised": found.value_m, "by its motions": found.motion_m, "by hops solved from them": found.solved_m}
+    told = ", ".join(f"{x:.3f} {name}" for name, x in parts.items() if x is not None)
+    judged = verdict(found.value_m, followed(found), s.clearance_m) if s.objective == "clearance" else None
+    said = judged or "no verdict, for it knows clearances alone"
+    grid = " x ".join(map(str, found.grid))
+    return [f"a global method ({found.method}) on {grid} states reaches {most:.3f} m ({told}): {said}"]
