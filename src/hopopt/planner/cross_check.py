@@ -79,8 +79,7 @@ def with_cross_checks(hop: Hop, answer: Solution, clock: Stopwatch, say: Progres
 
 def cross_checks(hop: Hop, answer: Solution, say: Progress = lambda text: None) -> list[CrossCheckOutcome]:
     """All cross-checks of an answer; ``answer.kkt`` holds the program that it came from."""
-    sign, value, own = hop.objective.sign, answer.summary.objective_value, answer.summary.scheme
-    stored = stored_nlp(answer)
+    sign, own, stored = hop.objective.sign, answer.summary.scheme, stored_nlp(answer)
     nlp = affordable(hop, stored)
     which = "the same program" if nlp is stored else "the program with limits at the nodes alone"
     name = f"Uno, filter SQP, on {which} of {_sizes(nlp.transcription)} intervals"
@@ -95,9 +94,17 @@ def cross_checks(hop: Hop, answer: Solution, say: Progress = lambda text: None) 
         name = f"{other.name}, {how}"
         say(f"cross-check: {name}")
         found.append(
-            cross_checked(name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored), stored.least)
+            cross_checked(
+                name, sign, SAME_PROBLEM, stored.objective, lambda s=other: by_scheme(hop, s, stored), stored.least
+            )
         )
-    return found
+    return [_without_tie_break(o, stored.value - stored.objective) for o in found]
+
+
+def _without_tie_break(o: CrossCheckOutcome, more: float) -> CrossCheckOutcome:
+    """What was compared with the tie-break of the answer, without it on both sides: the value that the answer states."""
+    found = None if o.objective is None else o.objective + more
+    return replace(o, objective=found, compared_with=o.compared_with + more)
 
 
 def affordable(hop: Hop, last: NlpSolution) -> NlpSolution:

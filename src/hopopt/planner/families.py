@@ -39,7 +39,7 @@ def _family(hop: Hop, group: Sequence[StartOutcome], known: Solution | None) -> 
     plan = Motion(hop.design, hop.objective.name, solution_of(group[0], first_transcription(hop)).phases)
     return HopFamily(
         clearance_m=known.clearance if known else float(plan.claims()["clearance_m"]),
-        objective_value=known.summary.objective_value if known else group[0].objective,
+        objective_value=known.summary.objective_value if known else group[0].value,
         refined=known is not None, found_by=tuple(o.name for o in group), count=len(group),
         words=words(motion(hop, plan)),
     )  # fmt: skip

@@ -49,7 +49,8 @@ Ended = TypeVar("Ended", bound=_Ended)
 
 @dataclass(frozen=True)
 class StartOutcome:
-    """How one start ended on the first mesh: in words and figures, and the NLP's vectors (as in ``NlpSolution``)."""
+    """How one start ended on the first mesh: in words and figures, and the NLP's vectors (as in ``NlpSolution``);
+    ``objective``: the program's, in which the tie-break weighs ``tie_break`` [its unit]."""
 
     name: str
     status: str
@@ -59,11 +60,17 @@ class StartOutcome:
     seconds: float
     vectors: dict[str, np.ndarray] = field(repr=False)
     sign: float = 1.0  # of the objective in the merit
+    tie_break: float = 0.0
 
     @property
     def merit(self) -> float:
         """More is better."""
         return self.sign * self.objective
+
+    @property
+    def value(self) -> float:
+        """The objective without its tie-break [its unit]."""
+        return self.objective + self.sign * self.tie_break
 
 
 def first_transcription(hop: Hop) -> Transcription:
@@ -208,7 +215,7 @@ def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
     """How a solve on the first mesh ended; ``name`` says from where it began."""
     vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
     sign = s.transcription.problem.objective.sign
-    return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign)
+    return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign, s.tie_break)
 
 
 def solved_from(hop: Hop, outcome: StartOutcome) -> StartOutcome:

@@ -13,6 +13,7 @@ from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
+from hopopt.planner.calm_first import least_first
 from hopopt.planner.cross_check import with_cross_checks
 from hopopt.planner.families import alarm_note, promises_more, search_figures
 from hopopt.planner.first_mesh import looked_closer, search_first_mesh
@@ -22,11 +23,12 @@ from hopopt.planner.multistart import (
     Progress,
     StartOutcome,
     contenders,
+    distinct,
     not_solved,
     solved_from,
 )
 from hopopt.planner.notes import flat_directions, notes_on
-from hopopt.planner.refine_and_verify import refined_and_verified, with_tighter_tolerances
+from hopopt.planner.refine_and_verify import calmed_outcomes, refined_and_verified, with_tighter_tolerances
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
@@ -118,6 +120,8 @@ def _refined(
 ) -> list[Solution]:
     """The chosen outcomes of the first mesh, the best first, refined and verified; the first of them, and more while there
     is time."""
+    if hop.objective.calm_first and len(chosen) > 0:
+        return [_least(hop, distinct(outcomes), outcomes, say, clock)]
     finished: list[Solution] = []
     for k, outcome in enumerate(chosen, 1):
         if finished and time_is_up():
@@ -125,6 +129,17 @@ def _refined(
         told = _one_of(say, k, len(chosen))
         finished.append(refined_and_verified(hop, outcome, outcomes, told, clock, restarts=False))
     return finished
+
+
+def _least(
+    hop: Hop, found: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch
+) -> Solution:
+    """The best of what was found on the first mesh, where its values tell little, refined and verified: the best where they
+    can be compared."""
+    calmed = calmed_outcomes(hop, found, say)
+    clock.mark("refinement")
+    best = next(iter(least_first(hop, calmed)), 0)
+    return refined_and_verified(hop, found[best], outcomes, say, clock, calmed=calmed[best])
 
 
 def _one_of(say: Progress, k: int, count: int) -> Progress:

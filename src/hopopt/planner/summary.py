@@ -79,8 +79,8 @@ def figures(hop: Hop, plan: Motion, solution: NlpSolution, verdict: Verdict) -> 
         **plan.stated,
         **motion_figures(plan, fine),
         "objective_error": error_entry(verdict.error),
-        "objective_value": solution.objective,
-        "tie_break_weighs": abs(solution.objective - plan.stated.get(goal.figure, solution.objective)),
+        "objective_value": solution.value,
+        "tie_break_weighs": solution.tie_break,
         "active_limits": most_first({**active_limits(plan, fine[STANCE]), **own_active(solution)}),
         **in_the_objectives_unit(goal.unit, hop.tie_break_bias, limit_gains(solution, design.contact.friction)),
         "scheme": solution.transcription.scheme.name,
@@ -169,7 +169,7 @@ def start_figures(outcomes: Sequence[StartOutcome], chosen: StartOutcome) -> Sta
 
     def optimum(best: StartOutcome) -> Optimum:
         members = tuple(o.name for o in outcomes if o.success and same(o.objective, best.objective))
-        return Optimum(best.objective, len(members), members)
+        return Optimum(best.value, len(members), members)
 
     return Starts(
         count=len(outcomes),
@@ -177,5 +177,5 @@ def start_figures(outcomes: Sequence[StartOutcome], chosen: StartOutcome) -> Sta
         failed=tuple(o.name for o in outcomes if not o.success),
         chosen=chosen.name,
         optima=tuple(optimum(best) for best in distinct(outcomes)),
-        each=tuple(StartEnded(o.name, o.status, o.objective, o.iterations, o.seconds) for o in outcomes),
+        each=tuple(StartEnded(o.name, o.status, o.value, o.iterations, o.seconds) for o in outcomes),
     )

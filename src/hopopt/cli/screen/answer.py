@@ -72,7 +72,7 @@ def _headline(s: "Summary") -> str:
 def _stated(s: "Summary") -> str:
     """What the hop was made for, and what came of it."""
     name = "body apex" if s.objective == "apex" else s.objective.replace("_", " ")
-    value = measure(s, s.reached, ".4f")
+    value = measured(s, s.reached, 4)
     asked = s.clearance_asked_for_m
     return f"{name} {value}" if asked is None else f"least {name} {value} to clear {asked:g} m"
 
@@ -227,6 +227,11 @@ def measure(s: "Summary", value: float, form: str) -> str:
     return f"{value:{form}} {s.objective_unit.replace('1', '')}".strip()
 
 
+def measured(s: "Summary", value: float, digits: int) -> str:
+    """A value of the objective with its unit to so many places, or to as many digits where those would be zeros."""
+    return measure(s, value, f".{digits}f" if abs(value) >= 10.0**-digits else f".{digits}g")
+
+
 def checks_line(s: "Summary") -> str:
     """How many checks passed, and the two that matter most."""
     replay = max(s.check(f"{phase} replay").residual for phase in s.phases)
@@ -242,14 +247,13 @@ def starts_line(s: "Summary") -> str:
     """How many different hops were found on the first mesh, and by what."""
     starts = s.starts
     if s.families is None:  # a result of one start
-        ends = ", ".join(f"{o.count} at {measure(s, o.objective, '.3f')}" for o in starts.optima)
+        ends = ", ".join(f"{o.count} at {measured(s, o.objective, 3)}" for o in starts.optima)
         return f"{_starts(starts.count)} on the first mesh: {ends}"
-    found = [f"{measure(s, f.objective_value, '.3f')} (by {_found_by(f.found_by)})" for f in s.families]
+    found = [f"{measured(s, f.objective_value, 3)} (by {_found_by(f.found_by)})" for f in s.families]
     shown = ", ".join(found[:FAMILIES]) + (f" and {len(found) - FAMILIES} lower" if len(found) > FAMILIES else "")
-    gentle = ", what prefers gentle torques counted in" if s.tie_break_weighs > 1e-3 * abs(s.objective_value) else ""
     failed = f", {len(starts.failed)} led nowhere" if starts.failed else ""
     different = f"{len(found)} different hop{'' if len(found) == 1 else 's'}"
-    return f"{_starts(starts.count)} found {different}: {shown}{gentle}{failed}"
+    return f"{_starts(starts.count)} found {different}: {shown}{failed}"
 
 
 def _starts(count: int) -> str:
@@ -276,7 +280,17 @@ def error_line(s: "Summary") -> str:
         return "its error could not be computed"
     most = measure(s, upwards(e.too_high_by), ".0e")
     side = "above" if sign(s.maximized) > 0 else "below"
-    return f"{measure(s, s.reached, '.6g')}, by estimate at most {most} {side} the optimum"
+    return f"{measure(s, s.reached, '.6g')}, by estimate at most {most} {side} the optimum{_gentle(s)}"
+
+
+def _gentle(s: "Summary") -> str:
+    """What the preference of gentle torques may have cost, where that is more than a thousandth."""
+    if s.tie_break_weighs <= 1e-3 * abs(s.objective_value):
+        return ""
+    side = "below" if sign(s.maximized) > 0 else "above"
+    whole = s.maximized or s.functions.objective is not None  # else nothing is less than 0
+    most = s.tie_break_weighs if whole else min(s.tie_break_weighs, s.reached)
+    return f" and, as gentle torques are preferred, at most {measure(s, upwards(most), '.0e')} {side} it"
 
 
 def simulated_words(s: "Summary") -> str:
