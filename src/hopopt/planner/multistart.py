@@ -89,12 +89,16 @@ def first_solver(hop: Hop, known: bool = False, watch: KnownOptima | None = None
 
 def known_optima(hop: Hop, outcomes: Sequence[StartOutcome] = ()) -> KnownOptima:
     """A watch for hops of the first mesh that are known: the stances of these outcomes, and of all that it is told."""
-    t = first_transcription(hop)
-    where, every = t.variables[STANCE], np.arange(len(t.scale))
-    watch = KnownOptima(len(t.scale), t.lbg, t.ubg, np.concatenate([every[where.x], every[where.durations]]))
+    watch = watch_on(first_transcription(hop))
     for outcome in outcomes:
         remember(watch, outcome)
     return watch
+
+
+def watch_on(t: Transcription) -> KnownOptima:
+    """A watch for hops of a program, by their stances; none is known yet."""
+    where, every = t.variables[STANCE], np.arange(len(t.scale))
+    return KnownOptima(len(t.scale), t.lbg, t.ubg, np.concatenate([every[where.x], every[where.durations]]))
 
 
 def remember(watch: KnownOptima, outcome: StartOutcome) -> None:

@@ -12,7 +12,7 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HEIGHTS
 from hopopt.optimality.free_switches import Resolved
-from hopopt.planner.calm_first import calm, uncalmed
+from hopopt.planner.calm_first import calmest, uncalmed
 from hopopt.planner.judge import judge
 from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, solution_of
 from hopopt.planner.solution import Motion, Solution
@@ -64,7 +64,7 @@ def refined_and_verified(
     clock: Stopwatch,
     first: Transcription | None = None,
     restarts: bool = True,
-    calmed: Refinement | None = None,
+    calmed: NlpSolution | None = None,
 ) -> Solution:
     """Refine one start's optimum, verify it (as ``refine_and_verify``) and sum it up."""
     answer = refine_and_verify(hop, outcome, say, first, restarts, clock, calmed=calmed)
@@ -79,7 +79,7 @@ def refine_and_verify(
     restarts: bool = True,
     clock: Stopwatch | None = None,
     margin: float = MARGIN,
-    calmed: Refinement | None = None,
+    calmed: NlpSolution | None = None,
 ) -> Answer:
     """One start's optimum refined, with its verdict; with tighter tolerances if those of the problem are met and it is
     not verified. ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that is aimed at;
@@ -144,7 +144,7 @@ def refine_outcome(
     first: Transcription | None = None,
     restarts: bool = True,
     margin: float = MARGIN,
-    calmed: Refinement | None = None,
+    calmed: NlpSolution | None = None,
 ) -> Refinement:
     """A start's optimum, refined as the problem's solver settings ask for; ``margin`` and ``calmed`` as of
     ``refine_and_verify``."""
@@ -152,21 +152,20 @@ def refine_outcome(
     aims = aims if restarts else replace(aims, restarts=0)
     solution = solution_of(outcome, first or first_transcription(hop))
     if hop.objective.calm_first and aims.meshes:
-        calmed = calmed or calm(hop, solution, aims, _told(hop, say, "with a larger tie-break: "))
-        solution = uncalmed(hop, calmed, aims) or solution
+        calmed = calmed or (calmest(hop, [solution], aims, told_of_calm(hop, say)) or (0, None))[1]
+        solution = (uncalmed(hop, calmed, aims) if calmed else None) or solution
     refinement = refinement_of(solution, aims, _told(hop, say))
     refinement.run()
     return refinement
 
 
-def calmed_outcomes(hop: Hop, outcomes: Sequence[StartOutcome], say: Progress) -> list[Refinement | None]:
-    """What each start leads to with a larger tie-break, where values can be compared (planner/calm_first.py)."""
-    t, told = first_transcription(hop), _told(hop, say, "with a larger tie-break: ")
-    return [None if time_is_up() else calm(hop, solution_of(o, t), aims_of(hop), told) for o in outcomes]
+def told_of_calm(hop: Hop, say: Progress) -> Report:
+    """Progress of a program with a larger tie-break."""
+    return _told(hop, lambda text: say(f"with a larger tie-break: {text}"))
 
 
-def _told(hop: Hop, say: Progress, how: str = "") -> Report:
-    return lambda step: say(how + progress_line(hop, step))
+def _told(hop: Hop, say: Progress) -> Report:
+    return lambda step: say(progress_line(hop, step))
 
 
 def aims_of(hop: Hop) -> Aims:

@@ -13,7 +13,7 @@ from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
-from hopopt.planner.calm_first import least_first
+from hopopt.planner.calm_first import calmest
 from hopopt.planner.cross_check import with_cross_checks
 from hopopt.planner.families import alarm_note, promises_more, search_figures
 from hopopt.planner.first_mesh import looked_closer, search_first_mesh
@@ -24,11 +24,13 @@ from hopopt.planner.multistart import (
     StartOutcome,
     contenders,
     distinct,
+    first_transcription,
     not_solved,
+    solution_of,
     solved_from,
 )
 from hopopt.planner.notes import flat_directions, notes_on
-from hopopt.planner.refine_and_verify import calmed_outcomes, refined_and_verified, with_tighter_tolerances
+from hopopt.planner.refine_and_verify import aims_of, refined_and_verified, told_of_calm, with_tighter_tolerances
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
@@ -136,10 +138,11 @@ def _least(
 ) -> Solution:
     """The best of what was found on the first mesh, where its values tell little, refined and verified: the best where they
     can be compared."""
-    calmed = calmed_outcomes(hop, found, say)
+    t = first_transcription(hop)
+    least = calmest(hop, [solution_of(o, t) for o in found], aims_of(hop), told_of_calm(hop, say))
     clock.mark("refinement")
-    best = next(iter(least_first(hop, calmed)), 0)
-    return refined_and_verified(hop, found[best], outcomes, say, clock, calmed=calmed[best])
+    best, calmed = least or (0, None)
+    return refined_and_verified(hop, found[best], outcomes, say, clock, calmed=calmed)
 
 
 def _one_of(say: Progress, k: int, count: int) -> Progress:
