@@ -216,3 +216,15 @@ def test_an_unverified_figure_is_not_stated(tmp_path: Path, capfd: pytest.Captur
     s = json.loads(capfd.readouterr().out)
     assert s["peak_torque_Nm"] is None
     assert s["unverified_peak_torque_Nm"] > 0
+
+
+@pytest.mark.parametrize("objective", ["peak_force", "impact"])
+def test_one_value_is_stated_of_a_hop(objective: str) -> None:
+    """By the headline, objective_value, the starts and the error's line, the tie-break in none of them."""
+    s = best(objective).summary
+    assert s.objective_value == s.reached
+    (start,) = s.starts.optima
+    coarse = 2e-2 * abs(s.reached) + 1e-4 * s.tie_break_weighs
+    assert start.objective == pytest.approx(s.reached, abs=coarse)  # on the first mesh
+    assert s.objective_error.could_be_beaten_by is not None
+    assert s.objective_error.could_be_beaten_by > s.tie_break_weighs > 0

@@ -14,6 +14,11 @@ def weight(model: pin.Model) -> float:
     return float(sum(i.mass for i in model.inertias) * np.linalg.norm(model.gravity.linear))
 
 
+def time_scale(model: pin.Model, length: float) -> float:
+    """sqrt(length / gravity) [s]: times of legs that differ in size alone are as these."""
+    return float(np.sqrt(length / np.linalg.norm(model.gravity.linear)))
+
+
 def force_range(model: pin.Model) -> float:
     """Ground force [N] by which excess is measured."""
     return FORCE_RANGE * weight(model)

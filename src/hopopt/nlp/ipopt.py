@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,16 @@ class NlpSolution:
     lam_g: np.ndarray
     lam_x: np.ndarray
     bounds: Bounds
+
+    @cached_property
+    def tie_break(self) -> float:
+        """What its tie-break weighs in the objective [its unit]."""
+        return self.transcription.tie_break(self.z, self.p)
+
+    @property
+    def value(self) -> float:
+        """The objective without its tie-break [its unit]."""
+        return self.objective + self.transcription.problem.objective.sign * self.tie_break
 
     @property
     def least(self) -> float:

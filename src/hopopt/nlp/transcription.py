@@ -7,6 +7,7 @@ the boundary constraints. Each phase's right-hand sides are one SX function, map
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -87,6 +88,16 @@ class Transcription:
     def nlp(self) -> dict[str, ca.MX]:
         """x, p, f, g for CasADi's nlpsol."""
         return self.program.nlp
+
+    def tie_break(self, z: np.ndarray, p: np.ndarray) -> float:
+        """What the objective's tie-break weighs at NLP vectors [the objective's unit]."""
+        weights = [self.problem.objective.tie_break.get(n, 0.0) for q in self.problem.phases for n in q.integrands]
+        return float(np.array(self._integrals(z, p)).ravel() @ weights) if any(weights) else 0.0
+
+    @cached_property
+    def _integrals(self) -> ca.Function:
+        z, p = self.program.symbols()
+        return ca.Function("integrals", [z, p], [self.program.integral(z, p)])
 
     # ---- variables -------------------------------------------------------------------------------------
 

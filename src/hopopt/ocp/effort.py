@@ -22,9 +22,10 @@ from hopopt.ocp.objective import HopObjective, lowest_point, no_required_clearan
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
 
-FLAT = 2e5  # times the usual tie-break: work without heat hardly depends on when it is done (docs/objectives.md)
+FLAT = 5e4  # times the usual tie-break, in the leg's own time: work without heat hardly depends on when it is done
 SPEED = 10.0  # [rad/s]: joint speed of a push, for the scale of power
 SHARP = 0.1  # a peak may be passed by a smaller share of its range than a limit: it is the answer
+KINK = 3.0  # a power may be passed by a larger one where work is flat: what that gains is in the estimate of its error
 ELECTRICAL = ("winding_resistance", "torque_constant")
 
 
@@ -76,8 +77,9 @@ def _losses(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
     return ca.vertcat(*heat)
 
 
-def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], tie_break: float = 1.0) -> dict[str, Any]:
-    """A control for every joint that is at least its power and at least zero: at the optimum the positive part."""
+def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], share: float = SHARP) -> dict[str, Any]:
+    """A control for every joint that is at least its power and at least zero: at the optimum the positive part; ``share``
+    of the power's scale: what its range is taken to be."""
 
     def controls(hop: MovingLeg) -> tuple[Control, ...]:
         return (
@@ -89,12 +91,17 @@ def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], tie_break: fl
     def path(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
         return (
             PathConstraint(
-                LimitId(Kind.POWER, unit="W"), lambda s: s.drawn - power(hop, phase.motion, s), lower=0.0, scale=SHARP * power_scale(hop),
+                LimitId(Kind.POWER, unit="W"), lambda s: s.drawn - power(hop, phase.motion, s), lower=0.0, scale=share * power_scale(hop),
                 unit="W", labels=hop.leg.joints,
             ),
         )  # fmt: skip
 
-    return {"controls": controls, "path": path, "scale": work_scale, "tie_break": tie_break}
+    return {"controls": controls, "path": path, "scale": work_scale}
+
+
+def _mechanical() -> dict[str, Any]:
+    """What work without heat needs: a tie-break that counts, and to be solved with a larger one first."""
+    return {**_drawn(_power, KINK), "tie_break": lambda hop: FLAT / hop.time_scale, "calm_first": True}
 
 
 def _drawn_work(hop: MovingLeg, motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:
@@ -190,11 +197,11 @@ def _force_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
 EFFORTS = (
     _economical(
         "energy", "positive mechanical work of the joints over the hop, nothing recovered", "J", "energy_J",
-        lambda hop, e: total(e, "work"), integrands=_drawn_work, **_drawn(_power, FLAT),
+        lambda hop, e: total(e, "work"), integrands=_drawn_work, **_mechanical(),
     ),
     _economical(
         "absolute_work", "mechanical work of the joints over the hop, braking counted like driving", "J",
-        "absolute_work_J", lambda hop, e: total(e, "work"), integrands=_work_both_ways, **_drawn(_power, FLAT),
+        "absolute_work_J", lambda hop, e: total(e, "work"), integrands=_work_both_ways, **_mechanical(),
     ),
     _economical(
         "electrical_energy", "electrical energy drawn over the hop: Joule heat and mechanical power, nothing fed back",

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
@@ -66,7 +65,7 @@ class Hop(MovingLeg):
         return Problem(
             self.design.name,
             tuple(self._extended(phase) for phase in sequence.phases),
-            Objective(goal.name, self._goal_and_tie_break, goal.maximize, goal.unit, goal.scale(self)),
+            self._towards(1.0),
             (*self.free_parameters.parameters(self.robot.parameters), *goal.parameters(self)),
             (
                 *sequence.transitions,
@@ -94,21 +93,26 @@ class Hop(MovingLeg):
 
     # ---- the tie-break ---------------------------------------------------------------------------------
 
-    def _goal_and_tie_break(self, e: Ends) -> ca.SX:
-        """The objective, made a little worse by the effort."""
-        total = sum(integrals[EFFORT] for integrals in e.integral.values())
-        return self.objective.value(self, e) - self.objective.sign * self.tie_break * total
+    def _towards(self, times: float) -> Objective:
+        """The objective, made a little worse by so many times the usual share of the effort."""
+        goal, weight = self.objective, times * self.tie_break
+
+        def value(e: Ends) -> ca.SX:
+            total = sum(integrals[EFFORT] for integrals in e.integral.values())
+            return goal.value(self, e) - goal.sign * weight * total
+
+        return Objective(goal.name, value, goal.maximize, goal.unit, goal.scale(self), {EFFORT: weight})
+
+    def tied(self, times: float) -> Problem:
+        """The problem with a tie-break so many times as large; without one for 0."""
+        return self.problem.towards(self._towards(times))
 
     @property
     def tie_break(self) -> float:
         """Weight of the effort in the objective [objective's unit per second]."""
         looped = LOOPED if self.loops else 1.0
-        return looped * self.design.solver.tie_break * self.objective.tie_break * self.objective.scale(self)
-
-    @property
-    def untied(self) -> Problem:
-        """The problem without the tie-break."""
-        return self.problem.towards(replace(self.problem.objective, value=lambda e: self.objective.value(self, e)))
+        goal = self.objective
+        return looped * self.design.solver.tie_break * goal.tie_break(self) * goal.scale(self)
 
     @property
     def tie_break_bias(self) -> float:

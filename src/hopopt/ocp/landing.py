@@ -20,7 +20,7 @@ from hopopt.ocp.problem import INF, BoundaryConstraint, Ends
 from hopopt.ocp.sequence import PhaseSequence, from_rest
 from hopopt.ocp.transitions import apex, impact_at, touchdown
 
-GENTLE = 2e4  # times the usual tie-break: most legs can land at 0 J, and gentle torques decide between such hops
+GENTLE = 5.5e3  # times the usual tie-break, in the leg's own time: most legs can land at 0 J, and gentle torques decide
 
 
 def to_touchdown(leg: MovingLeg, free_parameters: FreeParameters) -> PhaseSequence:
@@ -63,5 +63,5 @@ IMPACT = HopObjective(
     energy_lost, "impact_J", "required clearance", maximize=False,
     scale=lambda leg: leg.weight * leg.reach, parameters=lambda leg: (required_clearance(leg),),
     boundary=lambda leg: lowest_point(leg, "hop.clearance"),
-    fault=no_required_clearance, tie_break=GENTLE, sequence=to_touchdown,
+    fault=no_required_clearance, tie_break=lambda leg: GENTLE / leg.time_scale, sequence=to_touchdown,
 )  # fmt: skip

@@ -35,7 +35,8 @@ class HopObjective(Directed):
     kind: which hop.kind it is asked of where the problem says "single".
     fault(design): in a sentence, what the problem lacks for it.
     custom: the user's function that it is made of (ocp/custom.py).
-    tie_break: times the problem's own, where optima are flat.
+    tie_break(hop): times the problem's own, where optima are flat.
+    calm_first: whether it is solved with a larger tie-break first (planner/calm_first.py).
     """
 
     name: str
@@ -55,7 +56,8 @@ class HopObjective(Directed):
     kind: str | None = None
     fault: Callable[[Design], str | None] = lambda design: None
     custom: Any = None
-    tie_break: float = 1.0
+    tie_break: Callable[[MovingLeg], float] = lambda hop: 1.0
+    calm_first: bool = False
 
 
 def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:

@@ -125,5 +125,5 @@ def _no_width(design: Design) -> str | None:
 OVER = HopObjective(
     "obstacle", "height of the highest box of the given width that the whole leg clears on its way forwards", "m",
     lambda leg, e: e.p[HEIGHT], "obstacle_m", "free", parameters=_numbers, boundary=_beyond, path=_clear,
-    kind="landing", fault=_no_width, tie_break=100.0,
+    kind="landing", fault=_no_width, tie_break=lambda leg: 100.0,
 )  # fmt: skip

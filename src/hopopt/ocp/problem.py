@@ -172,13 +172,17 @@ def linkage(name: str, value: Callable[[Ends], Any], scale: Numbers = 1.0, **mor
 
 @dataclass(frozen=True)
 class Objective(Directed):
-    """What is made as small (or, with ``maximize``, as large) as possible; ``scale`` is its magnitude."""
+    """What is made as small (or, with ``maximize``, as large) as possible; ``scale`` is its magnitude.
+
+    tie_break: integrals, by name, that ``value`` is made worse by, and their weights [unit per the integral's]
+    """
 
     name: str
     value: Callable[[Ends], Any]
     maximize: bool = False
     unit: str = ""
     scale: float = 1.0
+    tie_break: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

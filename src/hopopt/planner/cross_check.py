@@ -86,8 +86,7 @@ def cross_checks(
     hop: Hop, answer: Solution, say: Progress = lambda text: None, until: Deadline = NEVER
 ) -> list[CrossCheckOutcome]:
     """All cross-checks of an answer, as far as there is time; ``answer.kkt`` holds the program that it came from."""
-    sign, value, own = hop.objective.sign, answer.summary.objective_value, answer.summary.scheme
-    stored = stored_nlp(answer)
+    sign, own, stored = hop.objective.sign, answer.summary.scheme, stored_nlp(answer)
     nlp = affordable(hop, stored, until)
     which = "the same program" if nlp is stored else "the program with limits at the nodes alone"
     name = f"Uno, filter SQP, on {which} of {_sizes(nlp.transcription)} intervals"
@@ -103,10 +102,21 @@ def cross_checks(
         say(f"cross-check: {name}")
         found.append(
             cross_checked(
-                name, sign, SAME_PROBLEM, value, lambda s=other: by_scheme(hop, s, stored, until), stored.least
+                name,
+                sign,
+                SAME_PROBLEM,
+                stored.objective,
+                lambda s=other: by_scheme(hop, s, stored, until),
+                stored.least,
             )
         )
-    return found
+    return [_without_tie_break(o, stored.value - stored.objective) for o in found]
+
+
+def _without_tie_break(o: CrossCheckOutcome, more: float) -> CrossCheckOutcome:
+    """What was compared with the tie-break of the answer, without it on both sides: the value that the answer states."""
+    found = None if o.objective is None else o.objective + more
+    return replace(o, objective=found, compared_with=o.compared_with + more)
 
 
 def affordable(hop: Hop, last: NlpSolution, until: Deadline = NEVER) -> NlpSolution:

@@ -28,7 +28,7 @@ def families(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solu
 def told_apart(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solution]) -> float:
     """The distance [the objective's unit] below which two objectives of the first mesh count as one hop: what refinement
     has changed where it is known, for that is their error, between PRECISE and SAME of the objective."""
-    first = {o.name: o.objective for o in outcomes}
+    first = {o.name: o.value for o in outcomes}
     pairs = [(first[s.summary.starts.chosen], s.summary.objective_value) for s in finished if s.verified]
     size = max((abs(o.objective) for o in outcomes if o.success), default=0.0)
     error = max((abs(a - b) for a, b in pairs), default=np.inf)
@@ -40,7 +40,7 @@ def _family(hop: Hop, group: Sequence[StartOutcome], known: Solution | None) -> 
     ended = tuple(o.name for o in group if o.near is None)
     return HopFamily(
         clearance_m=known.clearance if known else float(plan.claims()["clearance_m"]),
-        objective_value=known.summary.objective_value if known else group[0].objective,
+        objective_value=known.summary.objective_value if known else group[0].value,
         refined=known is not None, found_by=ended, count=len(ended), words=words(motion(hop, plan)),
         stopped=tuple(o.name for o in group if o.near is not None),
     )  # fmt: skip

@@ -51,7 +51,7 @@ def judge(
     rollout, error = stated_error(plan, solution, goal, estimate, claims)
     clock.mark("verification")
     certificate = certify(solution)
-    error = error.beside(certificate, solution.objective)
+    error = error.beside(certificate, solution)
     clock.mark("certificate")
     return Verdict((*checks, *rollout), error, certificate.checks, stored(certificate))
 

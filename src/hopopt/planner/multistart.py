@@ -50,7 +50,8 @@ Ended = TypeVar("Ended", bound=_Ended)
 
 @dataclass(frozen=True)
 class StartOutcome:
-    """How one start ended on the first mesh: in words and figures, and the NLP's vectors (as in ``NlpSolution``)."""
+    """How one start ended on the first mesh: in words and figures, and the NLP's vectors (as in ``NlpSolution``);
+    ``objective``: the program's, in which the tie-break weighs ``tie_break`` [its unit]."""
 
     name: str
     status: str
@@ -61,11 +62,17 @@ class StartOutcome:
     vectors: dict[str, np.ndarray] = field(repr=False)
     sign: float = 1.0  # of the objective in the merit
     near: str | None = None  # the start whose hop it was stopped near: objective and vectors are that hop's
+    tie_break: float = 0.0  # what of the objective is that [its unit]
 
     @property
     def merit(self) -> float:
         """More is better."""
         return self.sign * self.objective
+
+    @property
+    def value(self) -> float:
+        """The objective without its tie-break [its unit]."""
+        return self.objective + self.sign * self.tie_break
 
 
 def first_transcription(hop: Hop) -> Transcription:
@@ -85,12 +92,16 @@ def first_solver(hop: Hop, known: bool = False, watch: KnownOptima | None = None
 
 def known_optima(hop: Hop, outcomes: Sequence[StartOutcome] = ()) -> KnownOptima:
     """A watch for hops of the first mesh that are known: the stances of these outcomes, and of all that it is told."""
-    t = first_transcription(hop)
-    where, every = t.variables[STANCE], np.arange(len(t.scale))
-    watch = KnownOptima(len(t.scale), t.lbg, t.ubg, np.concatenate([every[where.x], every[where.durations]]))
+    watch = watch_on(first_transcription(hop))
     for outcome in outcomes:
         remember(watch, outcome)
     return watch
+
+
+def watch_on(t: Transcription) -> KnownOptima:
+    """A watch for hops of a program, by their stances; none is known yet."""
+    where, every = t.variables[STANCE], np.arange(len(t.scale))
+    return KnownOptima(len(t.scale), t.lbg, t.ubg, np.concatenate([every[where.x], every[where.durations]]))
 
 
 def remember(watch: KnownOptima, outcome: StartOutcome) -> None:
@@ -219,7 +230,9 @@ def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
     """How a solve on the first mesh ended; ``name`` says from where it began."""
     vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
     sign = s.transcription.problem.objective.sign
-    return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign)
+    return StartOutcome(
+        name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign, tie_break=s.tie_break
+    )
 
 
 def solved_from(hop: Hop, outcome: StartOutcome, until: Deadline = NEVER) -> StartOutcome:

@@ -3,19 +3,16 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import casadi as ca
-import numpy as np
-
 from hopopt.design import Design
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import NlpSolution
-from hopopt.nlp.mesh_refinement import MET, Aims, MeshStep, Refinement
+from hopopt.nlp.mesh_refinement import MET, Aims, MeshStep, Refinement, Report
 from hopopt.nlp.tightened_refinement import refinement_of
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HEIGHTS
-from hopopt.ocp.tie_break import EFFORT
 from hopopt.optimality.free_switches import Resolved
+from hopopt.planner.calm_first import calmest, uncalmed
 from hopopt.planner.judge import judge
 from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, solution_of
 from hopopt.planner.solution import Motion, Solution
@@ -55,8 +52,8 @@ class Answer:
 
     @property
     def objective_value(self) -> float:
-        """The program's objective [its unit]."""
-        return self.refined.solution.objective
+        """The objective without its tie-break [its unit]."""
+        return self.refined.solution.value
 
 
 def refined_and_verified(
@@ -68,9 +65,10 @@ def refined_and_verified(
     first: Transcription | None = None,
     restarts: bool = True,
     until: Deadline = NEVER,
+    calmed: NlpSolution | None = None,
 ) -> Solution:
     """Refine one start's optimum, verify it (as ``refine_and_verify``) and sum it up."""
-    answer = refine_and_verify(hop, outcome, say, first, restarts, clock, until=until)
+    answer = refine_and_verify(hop, outcome, say, first, restarts, clock, until=until, calmed=calmed)
     return summed_up(answer, outcomes, outcome, clock)
 
 
@@ -83,10 +81,13 @@ def refine_and_verify(
     clock: Stopwatch | None = None,
     margin: float = MARGIN,
     until: Deadline = NEVER,
+    calmed: NlpSolution | None = None,
 ) -> Answer:
     """One start's optimum refined, with its verdict; with tighter tolerances if those of the problem are met and it is
-    not verified. ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that is aimed at."""
-    clock, refinement = clock or Stopwatch(), refine_outcome(hop, outcome, say, first, restarts, margin, until)
+    not verified. ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that is aimed at;
+    ``calmed``: what the start leads to with a larger tie-break, if that is known (planner/calm_first.py)."""
+    clock = clock or Stopwatch()
+    refinement = refine_outcome(hop, outcome, say, first, restarts, margin, until, calmed)
     clock.mark("refinement")
     say("verifying")
     found = judged(hop, refinement, clock)
@@ -98,7 +99,7 @@ def refine_and_verify(
         again = judged(closer, refinement.further(aims_of(closer, until)), clock)
         return again if again.verified and again.verdict.certified else found
     say("not verified: refining again, with tighter tolerances")
-    again = refine_and_verify(closer, outcome, say, first, restarts, clock, SMALL_MARGIN, until)
+    again = refine_and_verify(closer, outcome, say, first, restarts, clock, SMALL_MARGIN, until, calmed)
     return again if again.verified else found
 
 
@@ -133,14 +134,10 @@ def summed_up(answer: Answer, outcomes: Sequence[StartOutcome], outcome: StartOu
 
 def stated_figure(hop: Hop, solution: NlpSolution) -> dict[str, float]:
     """Name and value [its unit] of what was optimised, without the tie-break, where no table of the plan tells it."""
-    goal, t = hop.objective, solution.transcription
+    goal = hop.objective
     if goal.figure in HEIGHTS:
         return {}
-    names = [name for phase in t.problem.phases for name in phase.integrands]
-    z, p = t.program.symbols()
-    integrals = ca.Function("integrals", [z, p], [t.program.integral(z, p)])
-    effort = np.array(integrals(solution.z, solution.p)).ravel()[[name == EFFORT for name in names]].sum()
-    return {goal.figure: solution.objective + goal.sign * hop.tie_break * float(effort)}
+    return {goal.figure: solution.value}
 
 
 def refine_outcome(
@@ -151,14 +148,28 @@ def refine_outcome(
     restarts: bool = True,
     margin: float = MARGIN,
     until: Deadline = NEVER,
+    calmed: NlpSolution | None = None,
 ) -> Refinement:
-    """A start's optimum, refined as the problem's solver settings ask for; ``margin`` as of ``refine_and_verify``."""
+    """A start's optimum, refined as the problem's solver settings ask for; ``margin`` and ``calmed`` as of
+    ``refine_and_verify``."""
     aims = replace(aims_of(hop, until), excess=margin * LIMIT)
     aims = aims if restarts else replace(aims, restarts=0)
     solution = solution_of(outcome, first or first_transcription(hop))
-    refinement = refinement_of(solution, aims, lambda step: say(progress_line(hop, step)))
+    if hop.objective.calm_first and aims.meshes:
+        calmed = calmed or (calmest(hop, [solution], aims, told_of_calm(hop, say)) or (0, None))[1]
+        solution = (uncalmed(hop, calmed, aims) if calmed else None) or solution
+    refinement = refinement_of(solution, aims, _told(hop, say))
     refinement.run()
     return refinement
+
+
+def told_of_calm(hop: Hop, say: Progress) -> Report:
+    """Progress of a program with a larger tie-break."""
+    return _told(hop, lambda text: say(f"with a larger tie-break: {text}"))
+
+
+def _told(hop: Hop, say: Progress) -> Report:
+    return lambda step: say(progress_line(hop, step))
 
 
 def aims_of(hop: Hop, until: Deadline = NEVER) -> Aims:

@@ -63,4 +63,4 @@ def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolutio
 
 def without_tie_break(solution: Solution, hop: Hop | None = None) -> NlpSolution:
     """The program of a hop and its solution, the tie-break taken off the objective; ``hop``: it, if it is made already."""
-    return stored_nlp(solution, (hop or hop_of(solution)).untied)
+    return stored_nlp(solution, (hop or hop_of(solution)).tied(0.0))

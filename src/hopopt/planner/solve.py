@@ -14,6 +14,7 @@ from hopopt.ocp.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import given
+from hopopt.planner.calm_first import calmest
 from hopopt.planner.cross_check import with_cross_checks
 from hopopt.planner.families import families, told_apart
 from hopopt.planner.first_mesh import SEARCH, FirstMesh, looked_closer, search_first_mesh
@@ -24,11 +25,14 @@ from hopopt.planner.multistart import (
     Progress,
     StartOutcome,
     contenders,
+    distinct,
+    first_transcription,
     not_solved,
+    solution_of,
     solved_from,
 )
 from hopopt.planner.notes import flat_directions, notes_on
-from hopopt.planner.refine_and_verify import refined_and_verified, with_tighter_tolerances
+from hopopt.planner.refine_and_verify import aims_of, refined_and_verified, told_of_calm, with_tighter_tolerances
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution
@@ -135,6 +139,8 @@ def _refined(
 ) -> list[Solution]:  # fmt: skip
     """The chosen outcomes of the first mesh, the best first, refined and verified; the first of them, and more while there
     is time."""
+    if hop.objective.calm_first and len(chosen) > 0:
+        return [_least(hop, distinct(outcomes), outcomes, say, clock, until)]
     finished: list[Solution] = []
     for k, outcome in enumerate(chosen, 1):
         if finished and until.passed:
@@ -142,6 +148,19 @@ def _refined(
         told = _one_of(say, k, len(chosen))
         finished.append(refined_and_verified(hop, outcome, outcomes, told, clock, restarts=False, until=until))
     return finished
+
+
+def _least(
+    hop: Hop, found: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch,
+    until: Deadline,
+) -> Solution:  # fmt: skip
+    """The best of what was found on the first mesh, where its values tell little, refined and verified: the best where they
+    can be compared."""
+    t = first_transcription(hop)
+    least = calmest(hop, [solution_of(o, t) for o in found], aims_of(hop, until), told_of_calm(hop, say))
+    clock.mark("refinement")
+    best, calmed = least or (0, None)
+    return refined_and_verified(hop, found[best], outcomes, say, clock, until=until, calmed=calmed)
 
 
 def _one_of(say: Progress, k: int, count: int) -> Progress:

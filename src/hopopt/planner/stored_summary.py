@@ -66,8 +66,10 @@ class Summary(Measures):
     exit_code: int = stated("0 verified, 3 not verified or contradicted")
     clearance_m: float = stated("height of the leg's lowest point when flight ends [m]")
     objective_error: Error = stated("how far the objective may be off")
-    objective_value: float = stated("of the nonlinear program, the tie-break counted in [its unit]")
-    tie_break_weighs: float = stated("what the tie-break weighs in it [its unit]")
+    objective_value: float = stated("what the hop was made for, without the tie-break [its unit]")
+    tie_break_weighs: float = stated(
+        "what the tie-break weighs beside it: by so much may the optimum be better, as gentle torques are preferred [its unit]"
+    )
     upper_bound: UpperBound = stated("what no hop within the drives' limits and the longest stance can pass")
     parts: Parts = stated("what the clearance is the sum of")
     lowest_point: str = stated("foot or joint that the clearance is of")

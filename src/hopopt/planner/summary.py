@@ -79,8 +79,8 @@ def figures(hop: Hop, plan: Motion, solution: NlpSolution, verdict: Verdict) -> 
         **plan.stated,
         **motion_figures(plan, fine),
         "objective_error": error_entry(verdict.error),
-        "objective_value": solution.objective,
-        "tie_break_weighs": abs(solution.objective - plan.stated.get(goal.figure, solution.objective)),
+        "objective_value": solution.value,
+        "tie_break_weighs": solution.tie_break,
         "active_limits": most_first({**active_limits(plan, fine[STANCE]), **own_active(solution)}),
         **in_the_objectives_unit(goal.unit, hop.tie_break_bias, limit_gains(solution, design.contact.friction)),
         "scheme": solution.transcription.scheme.name,
@@ -171,7 +171,7 @@ def start_figures(
     """How many starts ended where, on the first mesh; ``asked``: the starting points among them; ``apart``: as of ``grouped``."""
 
     def optimum(group: Sequence[StartOutcome]) -> Optimum:
-        return Optimum(group[0].objective, len(group), tuple(o.name for o in group))
+        return Optimum(group[0].value, len(group), tuple(o.name for o in group))
 
     ranked = sorted(outcomes, key=lambda o: -o.merit)
 
@@ -181,7 +181,7 @@ def start_figures(
         failed=tuple(o.name for o in outcomes if not o.success),
         chosen=chosen.name,
         optima=tuple(optimum(group) for group in grouped(ranked, apart)),
-        each=tuple(StartEnded(o.name, o.status, o.objective, o.iterations, o.seconds, near=o.near) for o in outcomes),
+        each=tuple(StartEnded(o.name, o.status, o.value, o.iterations, o.seconds, near=o.near) for o in outcomes),
         ended=sum(o.success and o.near is None for o in outcomes),
         stopped=tuple(o.name for o in outcomes if o.near is not None),
         asked=asked,

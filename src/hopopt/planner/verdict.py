@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.nlp.ipopt import NlpSolution
 from hopopt.optimality.certificate import Certificate
 from hopopt.optimality.error_estimate import ObjectiveError
 from hopopt.verify.check import Check, failed
@@ -26,7 +27,8 @@ class StatedError:
     estimate: from the trajectories and multipliers
     simulated: the whole hop in one piece: its values, by how much it is short, or why it says nothing
     gain_of_relaxing: so much better might a hop be that keeps its limits at the nodes alone, by the multipliers
-    could_be_beaten_by: to first order neighbouring hops may be better by this; None for a hop that is not certified
+    could_be_beaten_by: to first order neighbouring hops may be better by this, and by what the tie-break weighs; None for a
+        hop that is not certified
     """
 
     too_high_by: float
@@ -36,12 +38,13 @@ class StatedError:
     gain_of_relaxing: float
     could_be_beaten_by: float | None = None
 
-    def beside(self, certificate: Certificate, value: float) -> "StatedError":
-        """The error with what the certificate of an objective ``value`` leaves open, the tie-break counted in."""
+    def beside(self, certificate: Certificate, solution: NlpSolution) -> "StatedError":
+        """The error with what the certificate of a ``solution`` leaves open, and what its tie-break may have cost."""
         if not certificate.passed:
             return replace(self, could_be_beaten_by=None)
         still_open = sum(c.residual for c in certificate.checks if c.unit == "of the objective")
-        return replace(self, could_be_beaten_by=self.too_high_by + still_open * abs(value))
+        beaten_by = self.too_high_by + still_open * abs(solution.objective) + solution.tie_break
+        return replace(self, could_be_beaten_by=beaten_by)
 
     def as_dict(self) -> dict[str, Any]:
         """For the summary."""

@@ -111,7 +111,7 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
         other = nlp.phases[name]
         wrong += [getattr(trajectory, s) - getattr(other, s) for s in ("edges", "x_start")]
         wrong.append((trajectory.u - other.u) / np.maximum(1.0, np.abs(other.u).max(axis=(0, 1))))
-    wrong.append((nlp.objective - solution.summary.objective_value) / nlp.transcription.problem.objective.scale)
+    wrong.append((nlp.value - solution.summary.objective_value) / nlp.transcription.problem.objective.scale)
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
 
 

@@ -165,7 +165,7 @@ def optimal(free_parameters: FreeParameters, solution: NlpSolution) -> dict[str,
 def _described(answer: Solution, hop: Hop, best: NlpSolution, until: Deadline) -> Solution:
     """The answer with what was free, and the check that the fixed design confirms the co-design."""
     found = CoDesign(
-        best.objective,
+        best.value,
         parameters=tuple(_parameters(hop, best, until)),
         couplings=tuple(_coupling(c, hop, best) for c in hop.free_parameters.couplings),
         mass_laws={part: MassLawUsed(**law) for part, law in laws(hop.free_parameters).items()},
@@ -173,7 +173,7 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution, until: Deadline) -
     assert answer.verdict is not None
     value, notes = answer.summary.objective_value, beyond(hop.free_parameters)
     verdict = answer.verdict.with_checks(co_design_checks(hop.objective, value, found))
-    if hop.objective.sign * (value - best.objective) > CONFIRMED * abs(value):
+    if hop.objective.sign * (value - best.value) > CONFIRMED * abs(value):
         notes.append("the fixed design has a better hop than the co-design found: try more starts")
     reported = (*answer.summary.notes, *notes)
     return answer.noted(verdict=verdict).with_summary(**verification_entries(verdict), codesign=found, notes=reported)

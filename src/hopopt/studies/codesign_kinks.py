@@ -52,4 +52,4 @@ def _without(hop: Hop, best: NlpSolution, entry: str, groups: dict[Hashable, lis
         free = replace(best, lam_g=np.where(np.isin(np.arange(len(low)), rows), 0.0, best.lam_g))
         found = solver.again(free, Bounds(b.low_z, b.high_z, low, high))
         if found.success:
-            yield WithoutLimit(str(name), found.objective, float(found.parameters[entry][0]))
+            yield WithoutLimit(str(name), found.value, float(found.parameters[entry][0]))

@@ -85,7 +85,7 @@ def _headline(s: "Summary") -> str:
 def _stated(s: "Summary") -> str:
     """What the hop was made for, and what came of it."""
     name = "body apex" if s.objective == "apex" else s.objective.replace("_", " ")
-    value = measure(s, s.reached, ".4f")
+    value = measured(s, s.reached, 4)
     asked = s.clearance_asked_for_m
     return f"{name} {value}" if asked is None else f"least {name} {value} to clear {asked:g} m"
 
@@ -264,7 +264,17 @@ def error_line(s: "Summary") -> str:
         return "its error could not be computed"
     most = measure(s, upwards(e.too_high_by), ".0e")
     side = "above" if sign(s.maximized) > 0 else "below"
-    return f"{measure(s, s.reached, '.6g')}, by estimate at most {most} {side} the optimum"
+    return f"{measure(s, s.reached, '.6g')}, by estimate at most {most} {side} the optimum{_gentle(s)}"
+
+
+def _gentle(s: "Summary") -> str:
+    """What the preference of gentle torques may have cost, where that is more than a thousandth."""
+    if s.tie_break_weighs <= 1e-3 * abs(s.objective_value):
+        return ""
+    side = "below" if sign(s.maximized) > 0 else "above"
+    whole = s.maximized or s.functions.objective is not None  # else nothing is less than 0
+    most = s.tie_break_weighs if whole else min(s.tie_break_weighs, s.reached)
+    return f" and, as gentle torques are preferred, at most {measure(s, upwards(most), '.0e')} {side} it"
 
 
 def simulated_words(s: "Summary") -> str:

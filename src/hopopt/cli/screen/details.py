@@ -85,9 +85,7 @@ def _evidence(s: "Summary") -> list[str]:
     settled = f"objective settled to {change:.0e}" if change < float("inf") else "no second mesh to compare with"
     bias = f"tie-break bias below {measure(s, s.bias, '.0e')}"
     if s.tie_break_weighs > 1e-3 * abs(s.objective_value):
-        bias = (
-            f"insensitive to torques: gentle ones are preferred, which weighs {measure(s, s.tie_break_weighs, '.2g')}"
-        )
+        bias = "insensitive to torques: gentle ones are preferred"
     return [
         *([f"{error_line(s)}{simulated_words(s)}{_beaten(s)}"] if s.verified else []),
         *starts_lines(s),

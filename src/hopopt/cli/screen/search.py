@@ -18,11 +18,16 @@ def measure(s: "Summary", value: float, form: str) -> str:
     return f"{value:{form}} {s.objective_unit.replace('1', '')}".strip()
 
 
+def measured(s: "Summary", value: float, digits: int) -> str:
+    """A value of the objective with its unit to so many places, or to as many digits where those would be zeros."""
+    return measure(s, value, f".{digits}f" if abs(value) >= 10.0**-digits else f".{digits}g")
+
+
 def starts_lines(s: "Summary", more: str = "") -> list[str]:
     """How all that was tried on the first mesh ended; the different hops that were found, with what found them, and ``more``."""
     starts = s.starts
     if s.families is None:  # a result of one start
-        ends = ", ".join(f"{o.count} at {measure(s, o.objective, '.3f')}" for o in starts.optima)
+        ends = ", ".join(f"{o.count} at {measured(s, o.objective, 3)}" for o in starts.optima)
         return [f"{_starts(starts.count)} on the first mesh: {ends}{more}"]
     stopped = sum(o.status == STOPPED for o in starts.each)
     ended, asked = starts.count - stopped - len(starts.failed), starts.count if starts.asked is None else starts.asked
@@ -30,18 +35,17 @@ def starts_lines(s: "Summary", more: str = "") -> list[str]:
     ends = f"{ended} ended at a hop, {stopped} stopped near one, {len(starts.failed)} failed"
     found = [_family(s, f) for f in s.families]
     shown = ", ".join(found[:FAMILIES]) + (f" and {len(found) - FAMILIES} lower" if len(found) > FAMILIES else "")
-    gentle = ", what prefers gentle torques counted in" if s.tie_break_weighs > 1e-3 * abs(s.objective_value) else ""
     apart = "" if starts.apart is None else f", over {measure(s, starts.apart, '.0e')} apart"
     return [
         f"{tried}: {ends}",
-        f"{len(found)} different hop{'' if len(found) == 1 else 's'}{apart}: {shown}{gentle}{more}",
+        f"{len(found)} different hop{'' if len(found) == 1 else 's'}{apart}: {shown}{more}",
     ]
 
 
 def _family(s: "Summary", f: "HopFamily") -> str:
     """The value of a kind of hop, marked where only the first mesh tells it, and what found it."""
     rough = "" if f.refined else "first mesh, "
-    return f"{measure(s, f.objective_value, '.4f')} ({rough}by {_found_by(f.found_by)})"
+    return f"{measured(s, f.objective_value, 4)} ({rough}by {_found_by(f.found_by)})"
 
 
 def _starts(count: int) -> str:
