@@ -15,7 +15,7 @@ import numpy as np
 G = 9.81
 COARSE = (20, 8)  # steps of stance and of flight
 TRIES = 3  # of the best hops on coarse steps, until one is found on the finest
-FINER = ((40, 16), (80, 32), (160, 64))  # on the last, hops are 0.4 % too high, for drives keep their law halfway alone
+FINER = ((40, 16), (80, 32), (160, 64))  # torques are constant in a step, so that heights err in proportion to it
 QUIET = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": 250, "ipopt.tol": 1e-7}
 
 
@@ -133,7 +133,8 @@ class Program:
     def _step(self, y: ca.SX, v: ca.SX, h: ca.SX, law: ca.Function, stands: bool) -> tuple[ca.SX, ca.SX]:
         leg, tau = self.leg, self._new(2, -self.leg.torque, self.leg.torque)
         limits = np.concatenate([[-9, 0], leg.low]), np.concatenate([[9, 9], leg.high])
-        then, fast = self._new(4, *limits), self._new(4, -99, 99)
+        fastest = np.array([99, 99, leg.speed, leg.speed])  # as long as there is a torque that a drive may have
+        then, fast = self._new(4, *limits), self._new(4, -fastest, fastest)
         self._row(then - y - h * (v + fast) / 2, 0, 0)
         middle, rate, push = (y + then) / 2, (v + fast) / 2, (fast - v) / h
         if stands:
@@ -147,7 +148,8 @@ class Program:
             self._row(law(middle, rate, push, tau), 0, 0)
         for w in (rate[2:], -rate[2:]):  # |tau| <= torque (1 - |w| / speed)
             self._row(tau / leg.torque + w / leg.speed, -1, 1)
-        self._row(points(leg, then[0], then[1], then[2:])[1][1], 0, np.inf)
+        _, knee, foot, *_ = points(leg, then[0], then[1], then[2:])
+        self._row(ca.vertcat(knee[1], *([] if stands else [foot[1]])), 0, np.inf)
         return then, fast
 
     def solve(self, guess: np.ndarray) -> tuple[float, np.ndarray] | None:
@@ -196,14 +198,15 @@ def resampled(coarse: Program, fine: Program, z: np.ndarray) -> np.ndarray:
 
 
 def refined(program: Program, z: np.ndarray) -> float:
-    """Height [m] of a coarse program's hop on ever finer steps; -inf if it is lost."""
-    height = -np.inf
+    """Height [m] of a coarse program's hop on ever finer steps, carried on to none; -inf if it is lost."""
+    heights = list[float]()
     for steps in FINER:
         finer = Program(program.leg, steps)
         if (end := finer.solve(resampled(program, finer, z))) is None:
             return -np.inf
         program, (height, z) = finer, end
-    return height
+        heights.append(height)
+    return 2 * heights[-1] - heights[-2]
 
 
 def best_hop(leg: Leg, starts: int, seed: int) -> float:
