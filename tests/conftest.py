@@ -1,13 +1,25 @@
-"""For all tests: functions are not compiled, and no user's cache is used, unless a test asks for it; and the paper's hop,
-solved once in each process."""
+"""For all tests: functions are not compiled, and no user's cache is used, unless a test asks for it; what is solved once
+in a run; and the paper's hop, solved so."""
 
+import os
+import shutil
 from collections.abc import Iterator
+from tempfile import mkdtemp
 
 import pytest
 
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
-from hopopt.problem.load import load
+from once import FOLDER, solved
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):  # workers of pytest-xdist find it in their environment
+        os.environ[FOLDER] = mkdtemp(prefix="hopopt-tests-")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ.pop(FOLDER, ""), ignore_errors=True)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -20,4 +32,4 @@ def nothing_compiled() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def hop() -> Solution:
     """The paper's leg on its default settings, from one start."""
-    return solve(load("paper"), starts=1, processes=1)
+    return solved()

@@ -39,6 +39,7 @@ from hopopt.studies.compare import (
 from hopopt.studies.control_recheck import control_check
 from hopopt.studies.paper_results import is_the_papers
 from hopopt.studies.robustness import can_be_had, drawn, spread
+from once import plan_with_reserve
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,9 @@ def solution(hop):
 
 @pytest.fixture(scope="module")
 def comparison(solution):
-    return compare(solution.design, ["track", "force", "force_tuck", "position"], bound=solution)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hopopt.studies.compare.plan_to_track", lambda design, say: plan_with_reserve())
+        return compare(solution.design, ["track", "force", "force_tuck", "position"], bound=solution)
 
 
 def test_a_foot_that_leaves_before_the_plan_says_so(comparison):
