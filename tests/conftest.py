@@ -9,7 +9,7 @@ from tempfile import mkdtemp
 import pytest
 
 from hopopt.planner.solution import Solution
-from once import FOLDER, solved
+from once import FOLDER, solved_once
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -32,4 +32,4 @@ def nothing_compiled() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def hop() -> Solution:
     """The paper's leg on its default settings, from one start."""
-    return solved()
+    return solved_once()

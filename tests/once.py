@@ -28,7 +28,7 @@ def once(name: str, make: Callable[[], T]) -> T:
     return pickle.loads(file.read_bytes())
 
 
-def solved(
+def solved_once(
     overrides: Mapping[str, Any] | Sequence[str] = (), objective: str = "clearance", problem: str = "paper"
 ) -> Solution:
     """A built-in problem with entries changed, solved from one start."""

@@ -20,6 +20,7 @@ from hopopt.problem.load import load
 from hopopt.sim.plant import PAST_APEX
 from hopopt.studies.compare import reference_of
 from hopopt.studies.robustness import drawn, reached
+from once import solved_once
 
 PLAN = {  # an unrefined plan on ground with friction; it may pass its limits between the nodes
     "solver.refine": False, "solver.stance_intervals": 60, "solver.flight_intervals": 30, "contact.friction": 0.6,
@@ -31,7 +32,7 @@ PERIODS = (20, 60)  # within the planned stance
 
 @pytest.fixture(scope="module")
 def solution() -> Solution:
-    return solve(load("paper", PLAN), starts=1, processes=1)
+    return solved_once(PLAN)
 
 
 @pytest.fixture(scope="module")

@@ -16,13 +16,13 @@ from hopopt.errors import UsageError
 from hopopt.leg.actuator import HalfPlane, OperatingRegion
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
 from hopopt.sim.drive import Drive, Encoder
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State, Timing
 from hopopt.verify.table import FLIGHT, NORMALISED_TIMES, STANCE
+from once import solved_once
 
 CHEAP = {  # an unrefined plan that keeps the foot pressed: its torques may pass their limits between the nodes
     "solver.refine": False, "solver.stance_intervals": 60, "solver.flight_intervals": 30, "contact.least_force": 60.0,
@@ -33,7 +33,7 @@ PERIOD, FINE = 1 / 4000, 1 / 16000
 
 @pytest.fixture(scope="module")
 def solution() -> Solution:
-    return solve(load("paper", CHEAP), starts=1, processes=1)
+    return solved_once(CHEAP)
 
 
 @pytest.fixture(scope="module")

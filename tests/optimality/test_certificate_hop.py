@@ -25,13 +25,14 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
+from once import solved_once
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_intervals": 8}
 
 
 @pytest.fixture(scope="module")
 def coarse() -> Solution:
-    return solve(load("paper", COARSE), starts=1)
+    return solved_once(COARSE)
 
 
 def of(s: Solution) -> Certificate:
@@ -116,7 +117,7 @@ def test_other_torques_are_not_certified(hop: Solution, joint: int) -> None:
 def test_faults_are_found_beside_a_costate_that_is_large_for_an_instant() -> None:
     """The quickest hop's foot leaves the ground within microseconds of flight, where the costate is thousands of times
     larger than after it. One duration's multiplier and all later costates wrong."""
-    s = stored_nlp(solve(load("paper", {"hop.clearance": 0.4}), "time", starts=1, processes=1))
+    s = stored_nlp(solved_once({"hop.clearance": 0.4}, "time"))
     t, flight = s.transcription, s.phases["flight"]
     ends = {"flight transversality at its end", "flight transversality of its duration"}
     sizes = np.abs(certify(s).phases["flight"].costate).max(axis=1)
@@ -293,7 +294,7 @@ def test_certificate_of_a_solution_is_that_of_its_program(coarse: Solution) -> N
 
 def test_a_foot_slips_against_the_force_that_holds_it() -> None:
     """Where the ground pushes forward as hard as friction lets it, the foot is about to slip backward."""
-    s = solve(load("paper", {"contact.friction": 0.5, "contact.least_force": 20.0, **COARSE}), starts=1, processes=1)
+    s = solved_once({"contact.friction": 0.5, "contact.least_force": 20.0, **COARSE})
     found = [x for x in structure(stored_nlp(s))["stance"] if "slip" in x.limit]
     assert {x.limit for x in found} == {"about to slip forward", "about to slip backward"}
     for x in found:

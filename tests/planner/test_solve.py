@@ -28,13 +28,14 @@ from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import Summary
 from hopopt.problem.load import load
 from hopopt.verify.check import Check
+from once import solved_once
 
 ONE_PUSH = {"hop.stance_duration": [0.03, 0.2]}
 
 
 @pytest.fixture(scope="module")
 def one_push() -> Solution:
-    return solve(load("paper", ONE_PUSH), starts=1, processes=1)
+    return solved_once(ONE_PUSH)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,6 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.planner.reserve import plan_to_track
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.plots.hops import save_all
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
@@ -38,6 +37,7 @@ from hopopt.studies.hop_after_hop import (
 from hopopt.studies.ladder import ladder, withheld
 from hopopt.studies.return_map import Fallen, ReturnMap, multipliers, state_at_landing
 from hopopt.studies.robustness import drawn
+from once import solved_once
 
 ROUGH = {"hop.kind": "periodic", "contact.friction": 0.6}
 
@@ -57,7 +57,7 @@ def three_hops() -> Hops:
 @cache
 def bound() -> Solution:
     """The periodic hop of the paper's leg with friction, from one start."""
-    return solve(leg(), starts=1, processes=1)
+    return solved_once(ROUGH)
 
 
 # ---- runs cut into hops ---------------------------------------------------------------------------------------
@@ -327,6 +327,6 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert (folder / "runs.nc").exists()
 
 
-def test_only_a_periodic_solution_is_compared_hop_after_hop() -> None:
+def test_only_a_periodic_solution_is_compared_hop_after_hop(hop: Solution) -> None:
     with pytest.raises(UsageError, match=r'hop\.kind = "periodic"'):
-        compare_of_a_solution(solve(load("paper"), starts=1, processes=1), "force")
+        compare_of_a_solution(hop, "force")

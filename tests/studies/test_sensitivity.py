@@ -31,6 +31,7 @@ from hopopt.studies.finite_differences import chosen, confirmed, solve_again, wi
 from hopopt.studies.influence import Difference, Influence
 from hopopt.studies.sensitivity import pose_slopes, sensitivity, settled_within
 from known_problems import double_integrator, moved
+from once import solved_once
 
 G = 9.81
 TIME: Mapping[str, Callable[[Any], Any]] = {"time": lambda s: ca.SX(1.0)}  # an integrand
@@ -156,7 +157,7 @@ def coarse(name: str) -> Solution:
     mesh = (
         [] if name == "refined" else ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
     )
-    return solve(load("paper", [*(LEGS | {"two caps": TWO_CAPS})[name], *mesh]), starts=1, processes=1)
+    return solved_once([*(LEGS | {"two caps": TWO_CAPS})[name], *mesh])
 
 
 def influences(solution: Solution) -> dict[str, Influence]:
@@ -332,7 +333,7 @@ FEW = ("hip", "four quadrants")
 def test_both_sides_of_a_kink_against_solved_optima(name: str) -> None:
     """Every entry that more and less of differ, each way, within 1 %."""
     mesh = ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
-    s = solve(load("paper", [*KINKS[name], *mesh]), starts=1, processes=1)
+    s = solved_once([*KINKS[name], *mesh])
     nlp, found = stored_nlp(s), [i for i in sensitivity(s) if i.kinked and i.part_of is None]
     assert {"torque_cap", "ratio"} <= {i.name.split(".")[-1] for i in found}
     here, step = solve_again(nlp, s.design, s.objective).objective, 2e-3 if name == "nearly" else 2e-4
@@ -521,7 +522,7 @@ def test_friction(name: str, leg: dict, mu: float) -> None:
 @pytest.fixture(scope="module")
 def held() -> Solution:
     """A refined optimum with friction and a least force, both of which act."""
-    s = solve(load("paper", {"contact.friction": 0.7, "contact.least_force": 15.0}), starts=1, processes=1)
+    s = solved_once({"contact.friction": 0.7, "contact.least_force": 15.0})
     bounds = stored_nlp(s).bounds
     assert (bounds.high_g != stored_nlp(s).transcription.ubg).any()  # a lower limit that is tightened from above
     return s
@@ -542,7 +543,7 @@ def test_the_gain_of_a_limit_is_what_its_entries_are_worth(held: Solution, hop: 
 @pytest.mark.parametrize("name", ["contact.friction", "contact.least_force", "hop.least_height"])
 def test_limits_that_are_held_are_worth_what_solving_again_says(held: Solution, name: str) -> None:
     """The knee comes to the ground where the foot cannot slip."""
-    s = solve(load("paper", {name: 0.01}), starts=1, processes=1) if name == "hop.least_height" else held
+    s = solved_once({name: 0.01}) if name == "hop.least_height" else held
     i = influences(s)[name]
     more, less = (
         solve_again(stored_nlp(s), with_entry(s.design, name, x * i.value), "clearance") for x in (1.01, 0.99)
@@ -556,7 +557,7 @@ def test_limits_that_are_held_are_worth_what_solving_again_says(held: Solution, 
 def test_entries_at_the_end_of_what_they_may_be(entry: str, value: float) -> None:
     """Solved again on the one side there is, by a parabola."""
     direct = {"leg.motor.max_torque": 200.0, "leg.motor.max_speed": 12.57, "leg.motor.rotor_inertia": 0.0}
-    s = solve(load("paper", {"leg.gear.ratio": 1.0, **direct}), starts=1, processes=1)
+    s = solved_once({"leg.gear.ratio": 1.0, **direct})
     found = confirmed(s, influences(s)[entry])
     assert found.value == value
     assert found.difference

@@ -20,7 +20,6 @@ from hopopt.ocp.transitions import lift_off
 from hopopt.planner.multistart import first_transcription
 from hopopt.planner.several_hops import state_of
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.plots.transition import heights
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
@@ -28,6 +27,7 @@ from hopopt.storage.solution import save
 from hopopt.studies.transition import Transition, transition
 from hopopt.verify.several_hops import several_hops_checks
 from hopopt.verify.table import DESCENT
+from once import solved_once
 
 ROUGH = {"hop.kind": "periodic", "contact.friction": 0.6, "hop.touchdown_loss": 3.0}
 
@@ -35,7 +35,7 @@ ROUGH = {"hop.kind": "periodic", "contact.friction": 0.6, "hop.touchdown_loss": 
 @cache
 def orbit(**more: float) -> Solution:
     """The paper's leg, hop after hop."""
-    return solve(load("paper", {**ROUGH, **{k.replace("__", "."): x for k, x in more.items()}}), starts=1, processes=1)
+    return solved_once({**ROUGH, **{k.replace("__", "."): x for k, x in more.items()}})
 
 
 @cache
@@ -129,7 +129,7 @@ def test_a_start_on_the_orbit_does_no_worse_in_one_hop() -> None:
 
 @pytest.mark.slow
 def test_from_one_orbit_to_another_and_back() -> None:
-    low = solve(load("paper", {**ROUGH, "hop.clearance": 0.3}), "peak_force", starts=1, processes=1)
+    low = solved_once({**ROUGH, "hop.clearance": 0.3}, "peak_force")
     for begin, end in ((low, orbit()), (orbit(), low)):
         found = transition(orbit().design, begin=begin, orbit=end)
         assert found.verified
