@@ -120,6 +120,7 @@ def test_sensitivities_of_the_touchdown_and_of_the_landing() -> None:
     assert (more.clearance - plan.clearance) / 0.0005 == pytest.approx(slope, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_softest_and_the_quickest() -> None:
     """The softest loses next to nothing; the quickest is quicker, and no quicker than a fall from the clearance."""
     asked = {"hop.kind": "landing", "hop.clearance": 0.3}
@@ -153,7 +154,8 @@ def test_it_is_refused_where_it_is_no_use() -> None:
         load("paper", {"hop.kind": "landing", "hop.speed": 0.5})
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hopopt.planner.solve.solve", lambda *asked, **more: soft())
     words = ["--hop", "landing", "--starts", "1", "--no-figures", "--results", str(tmp_path)]
     assert run(["solve", *words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
