@@ -317,6 +317,9 @@ def test_readme_commands(tmp_path: Path) -> None:
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
 
 
+ONE_START = ["--set", "solver.starts=1"]  # where a command takes minutes with all of them
+
+
 @pytest.mark.slow
 def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the user-defined strategy that docs/simulation.md shows."""
@@ -328,14 +331,16 @@ def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.M
     for line in lines.splitlines():
         few = "--share 0.5 --confidence 0.5 --draws 4 --evaluations 1 --starts 1 --set simulation.control_rate=1000"  # the whole takes minutes
         command = line.split("#")[0].replace("--draws 60 --evaluations 4", few).split()
-        done = said(*command[1:], cwd=tmp_path)
+        more = ONE_START if command[1] in ("compare", "sensitivity", "sweep") else []
+        done = said(*command[1:], *more, cwd=tmp_path)
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
 
 
 @pytest.mark.slow
 def test_readme_commands_about_costs(tmp_path: Path) -> None:
     for line in readme_block("sh", "hopopt pareto").splitlines():
-        done = said(*line.split("#")[0].split()[1:], cwd=tmp_path)
+        command = line.split("#")[0].replace("--points 4 --starts 2", "--points 3 --starts 1").split()
+        done = said(*command[1:], cwd=tmp_path)
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
 
 
@@ -351,7 +356,7 @@ def test_readme_python(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("problem", ["paper_no_countermovement", "paper_four_quadrant"])
 def test_built_in_variants_are_verified(problem: str, tmp_path: Path) -> None:
-    done = said("solve", problem, "--starts", "2", "--no-figures", "--json", cwd=tmp_path)
+    done = said("solve", problem, "--starts", "1", "--no-figures", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads(done.stdout)["verified"] is True
 

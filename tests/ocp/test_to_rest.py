@@ -111,6 +111,7 @@ def test_a_stored_landing_is_checked_again(tmp_path: Path) -> None:
     assert [c.name for c in again.checks if not c.passed] == []
 
 
+@pytest.mark.slow
 def test_sensitivities_of_the_touchdown_and_of_the_landing() -> None:
     """A quick landing costs height: the longest landing gains; the same by solving again with 1 % more."""
     quick = {**SOFT, "hop.landing_duration": (0.03, 0.05)}

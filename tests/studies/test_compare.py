@@ -289,9 +289,10 @@ def test_tuned_gains_clear_more_than_the_printed_ones_and_less_than_the_bound(na
 
 
 @pytest.mark.slow
-def test_mismatched_legs_hop_if_enough_is_held_back(solution):
+def test_mismatched_legs_hop_if_enough_is_held_back(solution, monkeypatch):
     """5 % of mass and 10 % of torque constant: a drive with too large a constant is as much slower, so speed is held back."""
     overrides = ["reserve.torque=0.12", "reserve.speed=0.1", "reserve.ground_force=80", "reserve.height=0.02"]
+    monkeypatch.setattr("hopopt.studies.compare.plan_to_track", lambda design, say: plan_with_reserve(overrides))
     robust = compare(load("paper", overrides), ["track"], bound=solution)
     found = spread(robust, 24, 0, Uncertainty(), 2)["track"]
     assert found["draws"] == len(found["clearances_m"]) == 24

@@ -16,7 +16,6 @@ from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.planner.reserve import plan_to_track
 from hopopt.planner.solution import Solution
 from hopopt.plots.hops import save_all
 from hopopt.problem.load import load
@@ -37,7 +36,7 @@ from hopopt.studies.hop_after_hop import (
 from hopopt.studies.ladder import ladder, withheld
 from hopopt.studies.return_map import Fallen, ReturnMap, multipliers, state_at_landing
 from hopopt.studies.robustness import drawn
-from once import solved_once
+from once import plan_with_reserve, solved_once
 
 ROUGH = {"hop.kind": "periodic", "contact.friction": 0.6}
 
@@ -269,7 +268,7 @@ def test_a_state_in_flight_is_moved_and_nothing_else() -> None:
 
 @cache
 def tracked() -> Trial:
-    plan = plan_to_track(leg(), lambda text: None)
+    plan = plan_with_reserve(ROUGH)
     assert plan.verified
     return Trial(leg(), "track", reference_of(plan), apex_of(plan))
 

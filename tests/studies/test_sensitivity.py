@@ -500,7 +500,14 @@ def test_a_result_in_the_place_of_a_problem_is_told_where_to_go(
     )
 
 
-def test_confirming_what_is_not_there(paper: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_confirming_what_is_not_there(
+    paper: Solution,
+    found: list[Influence],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("hopopt.studies.sensitivity.sensitivity", lambda solution: found)
     arguments = ["--result", str(paper.result_dir), "--results", str(tmp_path), "--confirm", "leg.thigh.lenght"]
     assert run(["sensitivity", *arguments]) == 2
     assert "did you mean leg.thigh.length?" in capfd.readouterr().err
@@ -561,7 +568,9 @@ def test_the_gain_of_a_limit_is_what_its_entries_are_worth(
     )
 
 
-@pytest.mark.parametrize("name", ["contact.friction", "contact.least_force", "hop.least_height"])
+@pytest.mark.parametrize(
+    "name", ["contact.friction", "contact.least_force", pytest.param("hop.least_height", marks=pytest.mark.slow)]
+)
 def test_limits_that_are_held_are_worth_what_solving_again_says(
     held: Solution, held_found: list[Influence], name: str
 ) -> None:

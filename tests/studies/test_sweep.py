@@ -164,7 +164,8 @@ def test_interrupted_it_says_how_to_go_on(tmp_path: Path) -> None:
 
 
 def test_a_leg_that_cannot_stand_is_not_solved(tmp_path: Path) -> None:
-    done = said("sweep", "--vary", "leg.motor.max_torque=0.05,0.1", "--no-figures", "--json", cwd=tmp_path)
+    asked = ["--vary", "leg.motor.max_torque=0.05,0.1", "--processes", "1", "--no-figures", "--json"]
+    done = said("sweep", *asked, cwd=tmp_path)
     assert done.returncode == 1
     answer = json.loads(done.stdout)
     assert [p["outcome"] for p in answer["points"]] == [NOT_SOLVED] * 2

@@ -146,6 +146,7 @@ def test_what_is_stated_is_the_problem_of_the_hops() -> None:
     assert found.design.contact.friction == 0.7
 
 
+@pytest.mark.slow
 def test_no_way_is_said_with_what_is_missed() -> None:
     """Half a metre a hop and 3 m/s at once is too much for one hop."""
     fast = orbit(hop__speed=3.0)
@@ -153,9 +154,11 @@ def test_no_way_is_said_with_what_is_missed() -> None:
         transition(fast.design, orbit=fast, most=1)
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     folder = save(orbit(), tmp_path).result_dir
-    assert run(["transition", "--to", str(folder), "--json", "--results", str(tmp_path)]) == 0
+    with monkeypatch.context() as known:
+        known.setattr("hopopt.studies.transition.transition", lambda *asked, **more: from_rest())
+        assert run(["transition", "--to", str(folder), "--json", "--results", str(tmp_path)]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["hops"] == 1
     assert answer["from"] is None

@@ -26,6 +26,7 @@ def test_the_paper_s_leg_leans_on_ground_and_time(highest: Solution) -> None:
     assert all(name.startswith(("a ", "the ")) for name in found)
 
 
+@pytest.mark.slow
 def test_a_hop_without_any_of_it_leans_on_nothing() -> None:
     """Where the problem takes away what was named, it is not named again."""
     entries = {
