@@ -2,14 +2,20 @@
 in a run; and the paper's hop, solved so."""
 
 import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: threads only get in each other's way
+
 import shutil
 from collections.abc import Iterator
 from tempfile import mkdtemp
+from typing import TYPE_CHECKING
 
 import pytest
 
-from hopopt.planner.solution import Solution
-from once import FOLDER, solved_once
+if TYPE_CHECKING:
+    from hopopt.planner.solution import Solution
+
+FOLDER = "HOPOPT_TESTS_ONCE"  # of once.py, which imports what the controller of pytest-xdist does not need
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -30,6 +36,8 @@ def nothing_compiled() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def hop() -> Solution:
+def hop() -> "Solution":
     """The paper's leg on its default settings, from one start."""
+    from once import solved_once
+
     return solved_once()

@@ -25,7 +25,7 @@ def test_on_the_papers_leg_every_number_is_the_printed_one(name: str) -> None:
     assert set(factors(Size.of(load(name))).values()) == {1.0}
 
 
-@pytest.mark.parametrize("by", [0.3, 1.6])
+@pytest.mark.parametrize("by", [0.3, pytest.param(1.6, marks=pytest.mark.slow)])
 def test_a_similar_leg_hops_alike(by: float) -> None:
     """Lengths times ``by``, masses its cube, torques its fourth power, times its root: so is every height, by Newton."""
     paper = load("paper", QUICK)

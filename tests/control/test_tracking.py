@@ -114,7 +114,7 @@ def test_tracking_keeps_the_planned_clearance(tracked: dict[str, Run], plan: Pla
     assert sum(budget.values()) == pytest.approx(run.figures.clearance, abs=1e-14)
 
 
-@pytest.mark.parametrize("offset", [(0.01, -0.01), (0.01, 0.01)])
+@pytest.mark.parametrize("offset", [(0.01, -0.01), pytest.param((0.01, 0.01), marks=pytest.mark.slow)])
 def test_feedback_brings_the_leg_back_to_the_plan(
     solution: Solution, plan: PlanReference, offset: tuple[float, float]
 ) -> None:
@@ -132,7 +132,7 @@ def test_feedback_brings_the_leg_back_to_the_plan(
     assert errors["lqr"] < 0.001
 
 
-@pytest.mark.parametrize("mass", [5.0, 5.9])
+@pytest.mark.parametrize("mass", [5.9, pytest.param(5.0, marks=pytest.mark.slow)])
 def test_a_leg_of_another_mass_still_flies(solution: Solution, plan: PlanReference, mass: float) -> None:
     run = simulate(solution.design, BUILT_IN["track"], plan=plan, plant=load("paper", {"leg.body.mass": mass}))
     assert run.figures.clearance > 0.85 * plan.clearance

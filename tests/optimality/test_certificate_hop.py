@@ -59,6 +59,7 @@ def test_the_refined_optimum_is_certified(hop: Solution) -> None:
     assert hop.summary.timings_s["certificate"] < 5
 
 
+@pytest.mark.slow
 def test_hamiltonian_is_what_a_longer_stance_would_gain() -> None:
     """Autonomous phases: H is the derivative by the bound on the duration in stance, and zero in flight, which ends when
     it likes, but for the tie-break (at most its weight times the joints)."""
@@ -83,7 +84,7 @@ def test_costates_of_the_flight_are_those_of_a_thrown_body(hop: Solution) -> Non
     np.testing.assert_allclose(flight.costate[away, vz], left[away], atol=1e-6)
 
 
-@pytest.mark.parametrize("entry", ["start.hip_height", "start.foot_x"])
+@pytest.mark.parametrize("entry", ["start.hip_height", pytest.param("start.foot_x", marks=pytest.mark.slow)])
 def test_costate_at_the_start_is_what_another_start_brings(coarse: Solution, entry: str) -> None:
     """Against central differences of the same program with another pose at the start."""
     step, value = 1e-4, {"start.hip_height": 0.28, "start.foot_x": 0.0}[entry]

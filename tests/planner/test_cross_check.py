@@ -54,6 +54,7 @@ def test_uno_agrees_on_the_same_program(answer: Solution) -> None:
     assert [o.name.split(",")[0] for o in others] == ["radau-5", "hermite-simpson"]
 
 
+@pytest.mark.slow
 def test_uno_agrees_on_a_periodic_hop_too() -> None:
     """Its impact, and the state that has to come back, are rows of the same program."""
     soft = {**COARSE, "hop.kind": "periodic", "hop.touchdown_loss": 1.0, "contact.friction": 0.6}
@@ -166,7 +167,7 @@ def test_it_goes_with_a_design_that_is_given(capsys: pytest.CaptureFixture[str])
 
 
 def test_on_the_command_line(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    answer: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cross_check, "SCHEMES", (radau(5),))
     asked = ["solve", *UNREFINED, "--starts", "1", "--no-figures", "--results", str(tmp_path), "--cross-check"]
@@ -175,6 +176,7 @@ def test_on_the_command_line(
     assert err == ""
     data = json.loads(out)  # one object and nothing else
     assert [o["agrees"] for o in data["second_opinions"]] == [True, False]
+    monkeypatch.setattr("hopopt.planner.solve.solve", lambda *given, **more: answer)
     assert cli.run(asked) == 3
     out, err = capfd.readouterr()
     assert err == ""

@@ -38,12 +38,10 @@ def one_push() -> Solution:
     return solved_once(ONE_PUSH)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tie_break", "then"),
-    [
-        pytest.param(1e-6, "solving again with solver.tie_break = 1e-05", marks=pytest.mark.slow),
-        (2e-5, "with restarts"),
-    ],
+    [(1e-6, "solving again with solver.tie_break = 1e-05"), (2e-5, "with restarts")],
 )
 def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
     tie_break: float, then: str, one_push: Solution, monkeypatch: pytest.MonkeyPatch
@@ -169,6 +167,7 @@ def silent(text: str) -> None:
     pass
 
 
+@pytest.mark.slow
 def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_so() -> None:
     """The same hop, its bias stated by the larger weight; not for ever larger weights, nor where nothing is refined."""
     hop, clock = Hop(load("paper"), "clearance"), Stopwatch()

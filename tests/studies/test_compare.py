@@ -446,6 +446,7 @@ def test_by_default_a_reader_gets_five_rows_and_all_on_request(solution):
         assert "left out" in notes[0]
 
 
+@pytest.mark.slow
 def test_the_best_tuned_strategy_is_shown_and_the_other_named(solution, monkeypatch):
     monkeypatch.setattr("hopopt.studies.compare.DEFAULT", ("force",))  # tracking needs a plan of its own
     found = compare(solution.design, bound=solution)
@@ -455,6 +456,7 @@ def test_the_best_tuned_strategy_is_shown_and_the_other_named(solution, monkeypa
     assert found.notes == (f"{worse}, the lesser of the tuned two, clears {heights[worse]:.3f} m",)
 
 
+@pytest.mark.slow
 def test_an_overshoot_is_told_beside_the_number_and_the_braked_servo_has_none(solution, capsys):
     """The paper's 0.44 m is what its reference alone gives: the leg as short as y_f when the foot is highest."""
     found = compare(solution.design, ["force", "force_braked", "force_tuck"], bound=solution)

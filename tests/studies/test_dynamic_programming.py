@@ -76,7 +76,7 @@ def test_dynamic_programming_approaches_the_planners_optimum(case: str) -> None:
     "overrides",
     [
         {"contact.friction": 0.1},
-        {"hop.counter_movement": False, "hop.least_height": 0.02},
+        pytest.param({"hop.counter_movement": False, "hop.least_height": 0.02}, marks=pytest.mark.slow),
         {"start.joint_angles": [0.9, -1.2]},
     ],
 )
