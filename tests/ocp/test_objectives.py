@@ -165,7 +165,7 @@ def test_what_is_missing_is_said_in_one_sentence(objective: str, overrides: dict
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("tie_break", [1e-6, 1e-3])
+@pytest.mark.parametrize("tie_break", [1e-3, pytest.param(1e-6, marks=pytest.mark.slow)])
 def test_the_border_of_what_is_in_reach_is_the_highest_hop(tie_break: float) -> None:
     """On the same mesh, by forward kinematics, whatever the tie-break takes off its objective."""
     entries = {"solver.refine": False, "solver.tie_break": tie_break}
@@ -190,11 +190,15 @@ def test_what_is_out_of_reach_is_refused_with_what_stands_in_the_way(hop: Soluti
     assert re.match(r"Loosest way out: the knee's drive in stance stronger by [0-9.]+%", way)
 
 
-@pytest.mark.parametrize("objective", ["energy", "peak_force", "impact"])
+SLIDER, HIGH = {"leg.guides": ["z"], "hop.clearance": 0.2}, {"hop.clearance": 0.75}
+TWO = (("energy", SLIDER), ("impact", HIGH))
+LED = [(name, entries) for name in ("energy", "peak_force", "impact") for entries in (SLIDER, HIGH)]
+
+
 @pytest.mark.parametrize(
-    "entries", [{"leg.guides": ["z"], "hop.clearance": 0.2}, {"hop.clearance": 0.75}], ids=["slider", "high"]
+    ("objective", "entries"), [pytest.param(*each, marks=() if each in TWO else pytest.mark.slow) for each in LED]
 )
-def test_the_highest_hop_leads_to_an_economical_one(entries: dict, objective: str) -> None:
+def test_the_highest_hop_leads_to_an_economical_one(objective: str, entries: dict) -> None:
     """With the controls and phases that the objective adds, with or without a guide that closes a loop."""
     (outcome,) = from_highest(Hop(load("paper", entries), objective), 2, print)
     assert outcome.success

@@ -339,7 +339,12 @@ WIDER = {  # one per cent of each limit's range, up and down
 }
 
 
-@pytest.mark.parametrize("limit", WIDER)
+QUICK = ("longest stance", "knee operating region")
+
+
+@pytest.mark.parametrize(
+    "limit", [pytest.param(limit, marks=() if limit in QUICK else pytest.mark.slow) for limit in WIDER]
+)
 def test_gain_of_a_limit_is_what_moving_it_brings(coarse: Solution, limit: str) -> None:
     """The multipliers' prediction against the same mesh solved with the limit one per cent wider and narrower."""
     wide, narrow = (solved_once({**COARSE, **change}) for change in WIDER[limit])
