@@ -188,6 +188,7 @@ def test_diagnose_of_what_is_no_result(tmp_path: Path, capsys: pytest.CaptureFix
     assert capsys.readouterr().err.startswith("hopopt: ")
 
 
+@pytest.mark.slow
 def test_what_drives_use_is_no_idle_limit_where_it_is_the_objective() -> None:
     """Caps are part of the share that is made small: tightened to what is used they would be wholly used."""
     rules = {"leg.gear.torque_cap": 150.0, "leg.gear.speed_cap": 1200.0, "hop.clearance": 0.25, "solver.refine": False}

@@ -62,7 +62,10 @@ def boxes(ax: Axes, axis: str) -> list[Bbox]:
     ]
 
 
-@pytest.mark.parametrize("case", CASES)
+QUICK = ("apex", "three joints", "friction")
+
+
+@pytest.mark.parametrize("case", [pytest.param(c, marks=() if c in QUICK else pytest.mark.slow) for c in CASES])
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_can_be_read(solved: Callable[[str], Solution], case: str, name: str) -> None:
     """Axes have units, labels do not touch, one legend names everything and covers nothing."""

@@ -491,6 +491,7 @@ def test_couplings_need_freedom(capfd: pytest.CaptureFixture[str]) -> None:
 # ---- between two limits ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_ratio_between_the_drives_cap_and_the_gears() -> None:
     """Below a ratio of 65 the drive's cap acts, 1 N m times the ratio, above it the gear's, 65 N m: the best is there, and
     without either it lies on that one's side."""

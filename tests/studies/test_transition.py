@@ -106,6 +106,7 @@ def test_a_perturbed_way_fails(phase: str, part: str, failed: str) -> None:
     assert failed in [check.name for check in checks if not check.passed]
 
 
+@pytest.mark.slow
 def test_every_hop_clears_what_is_asked_of_it() -> None:
     found = transition(orbit().design, orbit=orbit(), clearances=[0.3, 0.5])
     assert found.verified
