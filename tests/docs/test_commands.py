@@ -27,7 +27,6 @@ FEW = ["--share", "0.5", "--confidence", "0.5", "--draws", "4", "--evaluations",
 RUN = (
     "actuators",
     "certificate",
-    "method",
     "objectives",
     "own_leg",
     "periodic",
