@@ -528,6 +528,7 @@ def test_simulating_is_told_in_words_and_numbers(tmp_path, capsys):
     assert row["clearance_m"] == pytest.approx(sum(row["parts"].values()))
 
 
+@pytest.mark.slow
 def test_a_weaker_plant_than_believed_clears_less(tmp_path, capsys):
     heights = []
     for extra in ([], ["--plant", "leg.motor.max_torque=1.6"]):
