@@ -1,13 +1,31 @@
-"""For all tests: functions are not compiled, and no user's cache is used, unless a test asks for it; and the paper's hop,
-solved once in each process."""
+"""For all tests: functions are not compiled, and no user's cache is used, unless a test asks for it; what is solved once
+in a run; and the paper's hop, solved so."""
 
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: threads only get in each other's way
+
+import shutil
 from collections.abc import Iterator
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING
 
 import pytest
 
-from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
-from hopopt.problem.load import load
+if TYPE_CHECKING:
+    from hopopt.planner.solution import Solution
+
+FOLDER = "HOPOPT_TESTS_ONCE"  # of once.py, which imports what the controller of pytest-xdist does not need
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):  # workers of pytest-xdist find it in their environment
+        os.environ[FOLDER] = mkdtemp(prefix="hopopt-tests-")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ.pop(FOLDER, ""), ignore_errors=True)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -18,6 +36,8 @@ def nothing_compiled() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def hop() -> Solution:
+def hop() -> "Solution":
     """The paper's leg on its default settings, from one start."""
-    return solve(load("paper"), starts=1, processes=1)
+    from once import solved_once
+
+    return solved_once()

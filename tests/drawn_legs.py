@@ -73,9 +73,11 @@ def legs(draw: st.DrawFn, joints: st.SearchStrategy[int] = COUNTS, plane: bool =
 
 
 @st.composite
-def legs_in_motion(draw: st.DrawFn, plane: bool = False) -> tuple[Leg, np.ndarray, np.ndarray, np.ndarray]:
+def legs_in_motion(
+    draw: st.DrawFn, joints: st.SearchStrategy[int] = COUNTS, plane: bool = False
+) -> tuple[Leg, np.ndarray, np.ndarray, np.ndarray]:
     """A leg with q, v, a of body and joints, (2 + n,) each."""
-    leg = draw(legs(plane=plane))
+    leg = draw(legs(joints, plane=plane))
     m = BASE + len(leg.joints)
     state = [draw(st.lists(st.floats(-s, s), min_size=m, max_size=m)) for s in (3.0, 15.0, 300.0)]
     q, v, a = (np.array(x) for x in state)

@@ -14,7 +14,7 @@ from hopopt.sim.state import BOUNCE, Timing
 RUBBING = {"simulation.gear_friction": 40.0, "simulation.gear_efficiency": 0.6}
 
 
-@pytest.mark.parametrize("ground", [{}, {"contact.friction": 0.6}])
+@pytest.mark.parametrize("ground", [pytest.param({}, marks=pytest.mark.slow), {"contact.friction": 0.6}])
 def test_gears_that_rub_hard_balance_their_energy(ground: dict[str, float]) -> None:
     """Friction so stiff that Runge-Kutta steps of a control period would ring."""
     run = closed_loop.simulate(load("paper", ground | RUBBING), find("force_tuck"), past_apex=True)

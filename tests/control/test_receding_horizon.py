@@ -20,6 +20,8 @@ from hopopt.problem.load import load
 from hopopt.sim.plant import PAST_APEX
 from hopopt.studies.compare import reference_of
 from hopopt.studies.robustness import drawn, reached
+from once import solved_once
+from rarely import rarely
 
 PLAN = {  # an unrefined plan on ground with friction; it may pass its limits between the nodes
     "solver.refine": False, "solver.stance_intervals": 60, "solver.flight_intervals": 30, "contact.friction": 0.6,
@@ -31,7 +33,7 @@ PERIODS = (20, 60)  # within the planned stance
 
 @pytest.fixture(scope="module")
 def solution() -> Solution:
-    return solve(load("paper", PLAN), starts=1, processes=1)
+    return solved_once(PLAN)
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +114,7 @@ def test_its_hop_is_the_planned_one(solution: Solution, plan: PlanReference) -> 
     assert run.figures.clearance == pytest.approx(solution.clearance, abs=0.01)
 
 
+@rarely
 @pytest.mark.slow
 def test_legs_that_the_regulator_lets_fall_hop() -> None:
     """Weak and heavy legs ask for more than their drives and the ground give: what a clamp makes of that is not the best."""

@@ -14,6 +14,7 @@ from hopopt.leg.scales import weight
 from hopopt.problem.load import load
 
 PAPERS = ("paper", "paper_four_quadrant", "paper_no_countermovement")
+SHAPES = ("a1_leg", "hyq_leg", "solo12_leg")  # the others are the first in other sizes
 LEGS = ("a1_leg", "b1_leg", "go1_leg", "go2_leg", "hyq_leg", "solo12_leg")
 QUICK = {"simulation.control_rate": 1000.0, "simulation.encoder_bits": 0, "simulation.speed_window": 1}
 
@@ -25,7 +26,7 @@ def test_on_the_papers_leg_every_number_is_the_printed_one(name: str) -> None:
     assert set(factors(Size.of(load(name))).values()) == {1.0}
 
 
-@pytest.mark.parametrize("by", [0.3, 1.6])
+@pytest.mark.parametrize("by", [0.3, pytest.param(1.6, marks=pytest.mark.slow)])
 def test_a_similar_leg_hops_alike(by: float) -> None:
     """Lengths times ``by``, masses its cube, torques its fourth power, times its root: so is every height, by Newton."""
     paper = load("paper", QUICK)
@@ -41,7 +42,9 @@ def test_a_similar_leg_hops_alike(by: float) -> None:
     assert small.clearance == pytest.approx(by * big.clearance, rel=5e-3)
 
 
-@pytest.mark.parametrize("name", LEGS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in SHAPES else pytest.mark.slow) for name in LEGS]
+)
 def test_every_leg_of_two_joints_hops(name: str) -> None:
     """It lifts off at a push that takes time, as high as a real hop at least: a tenth of the leg."""
     f = simulate(load(name, QUICK), find("force"), past_apex=True).figures

@@ -365,13 +365,13 @@ def test_a_simulation_that_breaks_down_ends_and_says_so(own_module: str, paper: 
     assert np.isfinite(run.trace.v).all()
 
 
-def test_strategies_come_from_other_packages(own_module: str, paper: Design, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_strategies_come_from_other_packages(own_module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def installed(group: str) -> list[EntryPoint]:
         return [EntryPoint("theirs", f"{own_module}:Standing", group)] if group == "hopopt.strategies" else []
 
     monkeypatch.setattr(strategies, "entry_points", installed)
     made = len(Standing.made)
-    simulate(paper, find("theirs"))
+    simulate(load("paper", {"simulation.control_rate": 500.0}), find("theirs"))
     assert len(Standing.made) == made + 1
     with pytest.raises(UsageError, match=r"no strategy 'nobodys'.*force.*track.*theirs"):
         find("nobodys")

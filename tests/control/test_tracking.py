@@ -17,13 +17,13 @@ from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
 from hopopt.sim.encoder import Encoder
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State, Timing
 from hopopt.verify.table import FLIGHT, NORMALISED_TIMES, STANCE
+from once import solved_once
 
 CHEAP = {  # an unrefined plan that keeps the foot pressed: its torques may pass their limits between the nodes
     "solver.refine": False, "solver.stance_intervals": 60, "solver.flight_intervals": 30, "contact.least_force": 60.0,
@@ -34,7 +34,7 @@ PERIOD, FINE = 1 / 4000, 1 / 16000
 
 @pytest.fixture(scope="module")
 def solution() -> Solution:
-    return solve(load("paper", CHEAP), starts=1, processes=1)
+    return solved_once(CHEAP)
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,7 @@ def test_tracking_keeps_the_planned_clearance(tracked: dict[str, Run], plan: Pla
     assert sum(budget.values()) == pytest.approx(run.figures.clearance, abs=1e-14)
 
 
-@pytest.mark.parametrize("offset", [(0.01, -0.01), (0.01, 0.01)])
+@pytest.mark.parametrize("offset", [(0.01, -0.01), pytest.param((0.01, 0.01), marks=pytest.mark.slow)])
 def test_feedback_brings_the_leg_back_to_the_plan(
     solution: Solution, plan: PlanReference, offset: tuple[float, float]
 ) -> None:
@@ -133,7 +133,7 @@ def test_feedback_brings_the_leg_back_to_the_plan(
     assert errors["lqr"] < 0.001
 
 
-@pytest.mark.parametrize("mass", [5.0, 5.9])
+@pytest.mark.parametrize("mass", [5.9, pytest.param(5.0, marks=pytest.mark.slow)])
 def test_a_leg_of_another_mass_still_flies(solution: Solution, plan: PlanReference, mass: float) -> None:
     run = simulate(solution.design, BUILT_IN["track"], plan=plan, plant=load("paper", {"leg.body.mass": mass}))
     assert run.figures.clearance > 0.85 * plan.clearance

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -23,12 +24,15 @@ KEYS = {
 }
 
 
+@cache
+def calls_in(path: Path) -> list[ast.Call]:
+    return [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
+
+
 def calls(function: str, folder: str = "") -> Iterator[ast.Call]:
     """Every call of a function by its name."""
     for path in sorted((SOURCE / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == function:
-                yield node
+        yield from (call for call in calls_in(path) if isinstance(call.func, ast.Name) and call.func.id == function)
 
 
 def fixed(node: ast.AST) -> str:

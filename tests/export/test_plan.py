@@ -15,10 +15,9 @@ from hopopt.export.plan import plan_rows, to_csv, to_json, to_ros2, tracker_of
 from hopopt.export.tracker_c import to_c
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
-from hopopt.problem.load import load
 from hopopt.storage.solution import save
 from hopopt.verify.table import NORMALISED_TIMES
+from once import solved_once
 
 QUICK = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
 RATE = 500.0  # Hz
@@ -27,7 +26,7 @@ RATE = 500.0  # Hz
 @pytest.fixture(scope="module")
 def solution() -> Solution:
     """Any solution; that its mesh is too coarse to be true does not matter here."""
-    return solve(load("paper", {**QUICK, "simulation.control_rate": RATE}), starts=1, processes=1)
+    return solved_once({**QUICK, "simulation.control_rate": RATE})
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +94,7 @@ def test_ros_reads_the_plan_as_a_joint_trajectory(solution: Solution) -> None:
 
 def test_a_leg_on_a_slider_is_exported_without_gains() -> None:
     """The plant does not simulate it, so nothing tracks it; its plan is a plan all the same."""
-    slider = solve(load("paper", {**QUICK, "leg.guides": ["z"], "simulation.control_rate": RATE}), starts=1)
+    slider = solved_once({**QUICK, "leg.guides": ["z"], "simulation.control_rate": RATE})
     head = to_csv(slider).partition("\n")[0]
     assert "q_knee [rad]" in head
     assert "K_" not in head
@@ -103,7 +102,7 @@ def test_a_leg_on_a_slider_is_exported_without_gains() -> None:
 
 def test_a_landed_hop_is_exported_whole() -> None:
     """Up to rest, in one frame: the body moves on through the impact. The tracker has no gains for a landing, and no C."""
-    landed = solve(load("paper", {**QUICK, "hop.kind": "landing", "simulation.control_rate": RATE}), starts=1)
+    landed = solved_once({**QUICK, "hop.kind": "landing", "simulation.control_rate": RATE})
     rows = plan_rows(landed)
     s, step = rows.samples, 1 / RATE
     assert list(dict.fromkeys(s.phase)) == ["stance", "flight", "descent", "landing"]

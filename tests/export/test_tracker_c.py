@@ -18,10 +18,9 @@ from hopopt.control.tracking import Track
 from hopopt.export.plan import tracker_of
 from hopopt.export.tracker_c import header
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
-from hopopt.problem.load import load
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.verify.table import NORMALISED_TIMES
+from once import solved_once
 
 CHEAP = {  # an unrefined plan that keeps the foot pressed, so that it can be tracked
     "solver.refine": False, "solver.stance_intervals": 40, "solver.flight_intervals": 20, "contact.least_force": 60.0,
@@ -77,7 +76,7 @@ class Both:
 @pytest.fixture(scope="module")
 def solution() -> Solution:
     """A plan to track; that its mesh is too coarse to be true does not matter here."""
-    return solve(load("paper", CHEAP), starts=1, processes=1)
+    return solved_once(CHEAP)
 
 
 @pytest.fixture(scope="module")

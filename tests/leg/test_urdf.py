@@ -23,6 +23,7 @@ from hopopt.leg.urdf import read_leg
 from hopopt.leg.urdf_xml import UrdfError
 from hopopt.problem.load import changed
 from hopopt.sim.machine import Machine
+from rarely import rarely
 
 PUBLIC = ("solo12_leg", "a1_leg", "go1_leg", "go2_leg", "b1_leg", "hyq_leg")
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -272,7 +273,7 @@ def test_simulation_of_a_leg_that_leaves_the_plane_is_refused() -> None:
 
 @pytest.mark.slow
 def test_vertical_slider_is_verified_and_no_better_than_guides() -> None:
-    free, held = (load("a1_leg", [*extra, "solver.starts=2"]) for extra in ((), ('leg.guides=["z"]',)))
+    free, held = (load("a1_leg", [*extra, "solver.starts=1"]) for extra in ((), ('leg.guides=["z"]',)))
     with_guides, slider = solve(free), solve(held)
     assert with_guides.verified
     assert slider.verified
@@ -282,10 +283,15 @@ def test_vertical_slider_is_verified_and_no_better_than_guides() -> None:
     assert {c.name for c in slider.summary.verification} >= {"stance body on its slider", "stance foot at rest"}
 
 
+ALIKE = ("go1_leg", "go2_leg", "b1_leg")  # as a1_leg: the same robot in other sizes
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*PUBLIC, "three_joint"])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[rarely] if name in ALIKE else []) for name in (*PUBLIC, "three_joint")]
+)
 def test_public_legs_solve_and_verify(name: str) -> None:
-    solution = solve(load(name), starts=2)
+    solution = solve(load(name), starts=1)
     assert solution.verified, solution.summary.failed_checks
     assert solution.clearance > 0.2
 

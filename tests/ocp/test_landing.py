@@ -24,6 +24,7 @@ from hopopt.verify.check import failed
 from hopopt.verify.measures import impact
 from hopopt.verify.plan import verify_plan
 from hopopt.verify.table import DESCENT, FLIGHT, STANCE, Table
+from once import solved_once
 
 CLEARANCE = 0.3  # m
 G = 9.81
@@ -46,13 +47,13 @@ LEGS = {
 @cache
 def softest(**more: float) -> Solution:
     """The softest landing from one start."""
-    return solve(load("paper", {"hop.clearance": CLEARANCE, **more}), "impact", starts=1, processes=1)
+    return solved_once({"hop.clearance": CLEARANCE, **more}, "impact")
 
 
 @cache
 def quickest() -> Solution:
     """The hop of the same clearance that takes the least time; it is not asked to land."""
-    return solve(load("paper", {"hop.clearance": CLEARANCE}), "time", starts=1, processes=1)
+    return solved_once({"hop.clearance": CLEARANCE}, "time")
 
 
 def lost(robot: Robot, q: np.ndarray, v: np.ndarray) -> float:

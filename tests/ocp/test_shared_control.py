@@ -15,8 +15,8 @@ from hopopt.ocp.shared_control import CLEARANCE, TrueLeg, highest_gains, under_o
 from hopopt.planner.multistart import first_transcription, run_starts, solution_of
 from hopopt.planner.shared_plan import of_leg, shared_plan, true_legs
 from hopopt.planner.solution import Motion
-from hopopt.planner.solve import solve
 from hopopt.problem.load import load
+from once import solved_once
 
 SHORT = [
     "hop.stance_duration=[0.03, 0.2]",
@@ -33,7 +33,7 @@ def design() -> Design:
 
 def test_alike_legs_hop_as_one_leg_does(design: Design) -> None:
     """Two legs that are the believed one reach its own optimum on the same mesh."""
-    plan = solve(load("paper", [*SHORT, "solver.refine=false"]), starts=1)
+    plan = solved_once([*SHORT, "solver.refine=false"])
     one, ones, start = Hop(design), np.ones(2), start_angles(design)
     found = shared_plan(true_legs(design, [(design, ones, start)], start), plan)
     first = first_transcription(one)
@@ -47,7 +47,7 @@ def test_every_leg_follows_the_law_and_its_own_equations_of_motion(design: Desig
     for name in ("body", *design.leg.links):
         data["leg"][name]["mass"] *= 1.03
     heavy, gain, start = Design.model_validate(data), np.array([0.95, 1.04]), start_angles(design)
-    plan = solve(load("paper", [*SHORT, "solver.refine=false"]), starts=1)
+    plan = solved_once([*SHORT, "solver.refine=false"])
     legs = true_legs(design, [(heavy, gain, start)], start)
     found = shared_plan(legs, plan)
     n, s = 2, found.solution

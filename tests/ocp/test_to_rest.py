@@ -20,6 +20,7 @@ from hopopt.storage.solution import read, save
 from hopopt.studies.sensitivity import sensitivity
 from hopopt.verify.plan import verify_plan
 from hopopt.verify.table import DESCENT, LANDING, STANCE
+from once import solved_once
 
 SOFT = {"hop.kind": "landing", "hop.touchdown_loss": 1.0}
 
@@ -27,12 +28,12 @@ SOFT = {"hop.kind": "landing", "hop.touchdown_loss": 1.0}
 @cache
 def soft() -> Solution:
     """The paper's leg, landing softly."""
-    return solve(load("paper", SOFT), starts=1, processes=1)
+    return solved_once(SOFT)
 
 
 def test_a_soft_landing_costs_no_height() -> None:
     """The hop that never lands bounds it from above: the same program without what follows the apex."""
-    single = solve(load("paper"), starts=1, processes=1)
+    single = solved_once()
     assert soft().verified
     assert soft().summary.certified
     assert soft().clearance <= single.clearance + 1e-5
@@ -110,20 +111,22 @@ def test_a_stored_landing_is_checked_again(tmp_path: Path) -> None:
     assert [c.name for c in again.checks if not c.passed] == []
 
 
+@pytest.mark.slow
 def test_sensitivities_of_the_touchdown_and_of_the_landing() -> None:
     """A quick landing costs height: the longest landing gains; the same by solving again with 1 % more."""
     quick = {**SOFT, "hop.landing_duration": (0.03, 0.05)}
-    plan = solve(load("paper", quick), starts=1, processes=1)
+    plan = solved_once(quick)
     (slope,) = [e.m_per_unit for e in sensitivity(plan) if e.name == "hop.landing_duration[1]"]
-    more = solve(load("paper", {**quick, "hop.landing_duration": (0.03, 0.0505)}), starts=1, processes=1)
+    more = solved_once({**quick, "hop.landing_duration": (0.03, 0.0505)})
     assert (more.clearance - plan.clearance) / 0.0005 == pytest.approx(slope, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_softest_and_the_quickest() -> None:
     """The softest loses next to nothing; the quickest is quicker, and no quicker than a fall from the clearance."""
     asked = {"hop.kind": "landing", "hop.clearance": 0.3}
-    softest = solve(load("paper", asked), "impact", starts=1, processes=1)
-    quickest = solve(load("paper", asked), "time", starts=1, processes=1)
+    softest = solved_once(asked, "impact")
+    quickest = solved_once(asked, "time")
     assert softest.verified
     assert quickest.verified
     assert softest.summary.landing is not None
@@ -152,7 +155,8 @@ def test_it_is_refused_where_it_is_no_use() -> None:
         load("paper", {"hop.kind": "landing", "hop.speed": 0.5})
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hopopt.planner.solve.solve", lambda *asked, **more: soft())
     words = ["--hop", "landing", "--starts", "1", "--no-figures", "--results", str(tmp_path)]
     assert run(["solve", *words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

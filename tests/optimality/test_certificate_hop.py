@@ -25,13 +25,14 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
+from once import solved_once
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_intervals": 8}
 
 
 @pytest.fixture(scope="module")
 def coarse() -> Solution:
-    return solve(load("paper", COARSE), starts=1)
+    return solved_once(COARSE)
 
 
 def of(s: Solution) -> Certificate:
@@ -58,6 +59,7 @@ def test_the_refined_optimum_is_certified(hop: Solution) -> None:
     assert hop.summary.timings_s["certificate"] < 5
 
 
+@pytest.mark.slow
 def test_hamiltonian_is_what_a_longer_stance_would_gain() -> None:
     """Autonomous phases: H is the derivative by the bound on the duration in stance, and zero in flight, which ends when
     it likes, but for the tie-break (at most its weight times the joints)."""
@@ -82,7 +84,7 @@ def test_costates_of_the_flight_are_those_of_a_thrown_body(hop: Solution) -> Non
     np.testing.assert_allclose(flight.costate[away, vz], left[away], atol=1e-6)
 
 
-@pytest.mark.parametrize("entry", ["start.hip_height", "start.foot_x"])
+@pytest.mark.parametrize("entry", ["start.hip_height", pytest.param("start.foot_x", marks=pytest.mark.slow)])
 def test_costate_at_the_start_is_what_another_start_brings(coarse: Solution, entry: str) -> None:
     """Against central differences of the same program with another pose at the start."""
     step, value = 1e-4, {"start.hip_height": 0.28, "start.foot_x": 0.0}[entry]
@@ -116,7 +118,7 @@ def test_other_torques_are_not_certified(hop: Solution, joint: int) -> None:
 def test_faults_are_found_beside_a_costate_that_is_large_for_an_instant() -> None:
     """The quickest hop's foot leaves the ground within microseconds of flight, where the costate is thousands of times
     larger than after it. One duration's multiplier and all later costates wrong."""
-    s = stored_nlp(solve(load("paper", {"hop.clearance": 0.4}), "time", starts=1, processes=1))
+    s = stored_nlp(solved_once({"hop.clearance": 0.4}, "time"))
     t, flight = s.transcription, s.phases["flight"]
     ends = {"flight transversality at its end", "flight transversality of its duration"}
     sizes = np.abs(certify(s).phases["flight"].costate).max(axis=1)
@@ -293,7 +295,7 @@ def test_certificate_of_a_solution_is_that_of_its_program(coarse: Solution) -> N
 
 def test_a_foot_slips_against_the_force_that_holds_it() -> None:
     """Where the ground pushes forward as hard as friction lets it, the foot is about to slip backward."""
-    s = solve(load("paper", {"contact.friction": 0.5, "contact.least_force": 20.0, **COARSE}), starts=1, processes=1)
+    s = solved_once({"contact.friction": 0.5, "contact.least_force": 20.0, **COARSE})
     found = [x for x in structure(stored_nlp(s))["stance"] if "slip" in x.limit]
     assert {x.limit for x in found} == {"about to slip forward", "about to slip backward"}
     for x in found:

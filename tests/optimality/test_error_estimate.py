@@ -26,13 +26,13 @@ from hopopt.planner.judge import numerical_checks
 from hopopt.planner.refine_and_verify import aims_of
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
-from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.verify.table import FLIGHT, STANCE, Table
 from hopopt.verify.whole_hop import joint_clamp, not_simulated, whole_hop_rollout
 from known_problems import G, Known, brachistochrone, bryson_denham, lift_off_of_hopper, push, timed, two_prices
+from once import solved_once
 
 SCHEMES = (radau(2), radau(3), radau(4), HERMITE_SIMPSON, TRAPEZOIDAL)
 AIMS = aims_of(Hop(load("paper")))  # the planner's
@@ -209,7 +209,7 @@ COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_
 
 @pytest.fixture(scope="module")
 def coarse() -> Solution:
-    return solve(load("paper", COARSE), starts=1, processes=1)
+    return solved_once(COARSE)
 
 
 def test_the_error_beside_the_papers_hop(hop: Solution) -> None:

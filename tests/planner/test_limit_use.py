@@ -16,10 +16,10 @@ from hopopt.optimality.flat_directions import NotInvertible
 from hopopt.planner.limit_use import as_dict, idle_uses
 from hopopt.planner.motion_figures import FINE, active_limits
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.solution import save
 from hopopt.studies.diagnosis import diagnose
+from once import solved_once
 
 pytestmark = pytest.mark.filterwarnings("error")
 MARGIN = 1e-6
@@ -188,10 +188,11 @@ def test_diagnose_of_what_is_no_result(tmp_path: Path, capsys: pytest.CaptureFix
     assert capsys.readouterr().err.startswith("hopopt: ")
 
 
+@pytest.mark.slow
 def test_what_drives_use_is_no_idle_limit_where_it_is_the_objective() -> None:
     """Caps are part of the share that is made small: tightened to what is used they would be wholly used."""
     rules = {"leg.gear.torque_cap": 150.0, "leg.gear.speed_cap": 1200.0, "hop.clearance": 0.25, "solver.refine": False}
-    s = solve(load("paper", rules), "saturation", starts=1, processes=1)
+    s = solved_once(rules, "saturation")
     assert s.summary.idle_limits
     assert not [use.entry for use in s.summary.idle_limits.values() if "cap" in use.entry]
     assert not [name for name in s.summary.idle_limits if "line" in name]

@@ -32,21 +32,20 @@ from hopopt.planner.stored_summary import Summary
 from hopopt.planner.summary_extras import GlobalMethod
 from hopopt.problem.load import load
 from hopopt.verify.check import Check
+from once import solved_once
 
 ONE_PUSH = {"hop.stance_duration": [0.03, 0.2]}
 
 
 @pytest.fixture(scope="module")
 def one_push() -> Solution:
-    return solve(load("paper", ONE_PUSH), starts=1, processes=1)
+    return solved_once(ONE_PUSH)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tie_break", "then"),
-    [
-        pytest.param(1e-6, "solving again with solver.tie_break = 1e-05", marks=pytest.mark.slow),
-        (2e-5, "with restarts"),
-    ],
+    [(1e-6, "solving again with solver.tie_break = 1e-05"), (2e-5, "with restarts")],
 )
 def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
     tie_break: float, then: str, one_push: Solution, monkeypatch: pytest.MonkeyPatch
@@ -186,6 +185,7 @@ def test_a_result_that_states_no_verdict_is_judged_by_its_numbers(one_push: Solu
     assert global_line(one_push.with_summary(global_=promised).summary)[0].endswith(COARSE)
 
 
+@pytest.mark.slow
 def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_so() -> None:
     """The same hop, its bias stated by the larger weight; not for ever larger weights, nor where nothing is refined."""
     hop, clock = Hop(load("paper"), "clearance"), Stopwatch()

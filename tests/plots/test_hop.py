@@ -16,10 +16,9 @@ from hopopt.api import plot
 from hopopt.errors import ResultError
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.plots.hop import FIGURES, save_all
 from hopopt.plots.style import NORMALISED_TIMES, jumping_curve, legend, new_figure
-from hopopt.problem.load import load
+from once import solved_once
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 16, "solver.flight_intervals": 8}
 THREE = {
@@ -46,7 +45,7 @@ def solved() -> Callable[[str], Solution]:
     def get(case: str) -> Solution:
         if case not in kept:
             overrides, objective = CASES[case]
-            kept[case] = solve(load("paper", {**COARSE, **overrides}), objective, starts=1)
+            kept[case] = solved_once({**COARSE, **overrides}, objective)
         return kept[case]
 
     return get
@@ -63,7 +62,10 @@ def boxes(ax: Axes, axis: str) -> list[Bbox]:
     ]
 
 
-@pytest.mark.parametrize("case", CASES)
+QUICK = ("apex", "three joints", "friction")
+
+
+@pytest.mark.parametrize("case", [pytest.param(c, marks=() if c in QUICK else pytest.mark.slow) for c in CASES])
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_can_be_read(solved: Callable[[str], Solution], case: str, name: str) -> None:
     """Axes have units, labels do not touch, one legend names everything and covers nothing."""

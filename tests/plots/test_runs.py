@@ -103,7 +103,12 @@ def names_in(texts: list[str], runs: Runs) -> list[str]:
     return [match[0] for match in found if match and match[0] in runs]
 
 
-@pytest.mark.parametrize(("name", "case"), DRAWN)
+QUICK = ("five", "never flies", "three joints")
+
+
+@pytest.mark.parametrize(
+    ("name", "case"), [pytest.param(*each, marks=() if each[1] in QUICK else pytest.mark.slow) for each in DRAWN]
+)
 def test_every_figure_can_be_read(runs: Callable[[str], Runs], name: str, case: str) -> None:
     """Axes have units, labels do not touch, every strategy is named once, and the legend covers nothing."""
     figure = FIGURES[name](runs(case))

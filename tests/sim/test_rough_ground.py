@@ -61,10 +61,21 @@ def standing(plant: RoughGround, q_j: np.ndarray, slip: int = 0, speed: float = 
 
 
 @quick
-@given(legs_in_motion(plane=True))
+@given(legs_in_motion(st.just(2), plane=True))
 def test_compiled_dynamics_are_pinocchios(case: tuple[Leg, np.ndarray, np.ndarray, np.ndarray]) -> None:
-    """Acceleration in flight and with the foot held, for any leg in the plane."""
-    leg, q, v, tau = case
+    """Acceleration in flight and with the foot held, for any leg of two joints in the plane."""
+    dynamics_are_pinocchios(*case)
+
+
+@pytest.mark.slow
+@quick
+@given(legs_in_motion(plane=True))
+def test_compiled_dynamics_of_any_leg(case: tuple[Leg, np.ndarray, np.ndarray, np.ndarray]) -> None:
+    """All is compiled anew for each number of joints."""
+    dynamics_are_pinocchios(*case)
+
+
+def dynamics_are_pinocchios(leg: Leg, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> None:
     plant, tau = on_ground(leg, 0.5), tau[BASE:]
     machine = Machine(plant.robot)
     plain = planar.planar_leg(plant.robot, plant.drive, plant.stops, set(), 0.5)

@@ -206,6 +206,7 @@ def test_a_points_clearance_that_was_changed_enters_no_table(
     assert "clearance_m" in shown.out
 
 
+@pytest.mark.slow
 def test_a_point_that_is_confirmed_is_written_anew_as_computed(
     study: Path, finished: Study, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -247,6 +248,7 @@ def test_where_a_neighbour_begins_is_kept_too(study: Path, capsys: pytest.Captur
     assert "0000-0.npz beside it was changed" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_table_that_was_changed_is_named_and_written_anew(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = (study / "table.csv").read_text()
     (study / "table.csv").write_text(table.replace("verified", "verified best"))

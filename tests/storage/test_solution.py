@@ -14,13 +14,12 @@ import pytest
 
 from hopopt.errors import HopoptError, ResultError
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
-from hopopt.problem.load import load
 from hopopt.storage.folder import prepare
 from hopopt.storage.netcdf import Group, to_bytes
 from hopopt.storage.netcdf import read as read_netcdf
 from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
+from once import solved_once
 
 QUICK = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
 DATA = {"solution.nc", "summary.json", "problem.toml", "manifest.json"}
@@ -29,7 +28,7 @@ DATA = {"solution.nc", "summary.json", "problem.toml", "manifest.json"}
 @pytest.fixture(scope="module")
 def solution() -> Solution:
     """Any solution; that its mesh is too coarse to be true does not matter here."""
-    return solve(load("paper", QUICK), starts=1)
+    return solved_once(QUICK)
 
 
 def contents(folder: Path | None) -> set[str]:

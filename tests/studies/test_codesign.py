@@ -264,7 +264,6 @@ def codesign_of(s: Solution) -> CoDesign:
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_verify_asks_again_whether_the_design_confirms_the_co_design(lengths: Solution, tmp_path: Path) -> None:
     goal, found, value = find("clearance"), codesign_of(lengths), lengths.summary.objective_value
     (check,) = co_design_checks(goal, value, found)
@@ -276,6 +275,7 @@ def test_verify_asks_again_whether_the_design_confirms_the_co_design(lengths: So
     assert check.residual == pytest.approx(1e-3, rel=0.2)
 
 
+@pytest.mark.slow
 def test_lengths_meet_their_coupling_and_gain(lengths: Solution, hop: Solution) -> None:
     assert lengths.verified, lengths.summary.failed_checks
     found = chosen(lengths)
@@ -491,6 +491,7 @@ def test_couplings_need_freedom(capfd: pytest.CaptureFixture[str]) -> None:
 # ---- between two limits ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_ratio_between_the_drives_cap_and_the_gears() -> None:
     """Below a ratio of 65 the drive's cap acts, 1 N m times the ratio, above it the gear's, 65 N m: the best is there, and
     without either it lies on that one's side."""

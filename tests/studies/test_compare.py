@@ -39,6 +39,7 @@ from hopopt.studies.compare import (
 from hopopt.studies.control_recheck import control_check
 from hopopt.studies.paper_results import is_the_papers
 from hopopt.studies.robustness import can_be_had, drawn, spread
+from once import plan_with_reserve
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,9 @@ def solution(hop):
 
 @pytest.fixture(scope="module")
 def comparison(solution):
-    return compare(solution.design, ["track", "force", "force_tuck", "position"], bound=solution)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hopopt.studies.compare.plan_to_track", lambda design, say: plan_with_reserve())
+        return compare(solution.design, ["track", "force", "force_tuck", "position"], bound=solution)
 
 
 def test_a_foot_that_leaves_before_the_plan_says_so(comparison):
@@ -286,9 +289,10 @@ def test_tuned_gains_clear_more_than_the_printed_ones_and_less_than_the_bound(na
 
 
 @pytest.mark.slow
-def test_mismatched_legs_hop_if_enough_is_held_back(solution):
+def test_mismatched_legs_hop_if_enough_is_held_back(solution, monkeypatch):
     """5 % of mass and 10 % of torque constant: a drive with too large a constant is as much slower, so speed is held back."""
     overrides = ["reserve.torque=0.12", "reserve.speed=0.1", "reserve.ground_force=80", "reserve.height=0.02"]
+    monkeypatch.setattr("hopopt.studies.compare.plan_to_track", lambda design, say: plan_with_reserve(overrides))
     robust = compare(load("paper", overrides), ["track"], bound=solution)
     found = spread(robust, 24, 0, Uncertainty(), 2)["track"]
     assert found["draws"] == len(found["clearances_m"]) == 24
@@ -442,6 +446,7 @@ def test_by_default_a_reader_gets_five_rows_and_all_on_request(solution):
         assert "left out" in notes[0]
 
 
+@pytest.mark.slow
 def test_the_best_tuned_strategy_is_shown_and_the_other_named(solution, monkeypatch):
     monkeypatch.setattr("hopopt.studies.compare.DEFAULT", ("force",))  # tracking needs a plan of its own
     found = compare(solution.design, bound=solution)
@@ -451,6 +456,7 @@ def test_the_best_tuned_strategy_is_shown_and_the_other_named(solution, monkeypa
     assert found.notes == (f"{worse}, the lesser of the tuned two, clears {heights[worse]:.3f} m",)
 
 
+@pytest.mark.slow
 def test_an_overshoot_is_told_beside_the_number_and_the_braked_servo_has_none(solution, capsys):
     """The paper's 0.44 m is what its reference alone gives: the leg as short as y_f when the foot is highest."""
     found = compare(solution.design, ["force", "force_braked", "force_tuck"], bound=solution)
@@ -522,6 +528,7 @@ def test_simulating_is_told_in_words_and_numbers(tmp_path, capsys):
     assert row["clearance_m"] == pytest.approx(sum(row["parts"].values()))
 
 
+@pytest.mark.slow
 def test_a_weaker_plant_than_believed_clears_less(tmp_path, capsys):
     heights = []
     for extra in ([], ["--plant", "leg.motor.max_torque=1.6"]):

@@ -63,7 +63,8 @@ def test_accelerations_are_the_ends_of_what_drives_and_ground_allow(design: Desi
             np.testing.assert_allclose([least[i, j], largest[i, j]], [e.x[0] for e in ends], rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("case", ["paper", pytest.param("strong", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["paper", "strong"])
 def test_dynamic_programming_approaches_the_planners_optimum(case: str) -> None:
     problem = reduced(load("paper", CASES[case]))
     planned = by_transcription(problem, 80)
@@ -76,7 +77,7 @@ def test_dynamic_programming_approaches_the_planners_optimum(case: str) -> None:
     "overrides",
     [
         {"contact.friction": 0.1},
-        {"hop.counter_movement": False, "hop.least_height": 0.02},
+        pytest.param({"hop.counter_movement": False, "hop.least_height": 0.02}, marks=pytest.mark.slow),
         {"start.joint_angles": [0.9, -1.2]},
     ],
 )

@@ -16,9 +16,7 @@ from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.planner.reserve import plan_to_track
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.plots.hops import save_all
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
@@ -38,6 +36,7 @@ from hopopt.studies.hop_after_hop import (
 from hopopt.studies.ladder import ladder, withheld
 from hopopt.studies.return_map import Fallen, ReturnMap, multipliers, state_at_landing
 from hopopt.studies.robustness import drawn
+from once import plan_with_reserve, solved_once
 
 ROUGH = {"hop.kind": "periodic", "contact.friction": 0.6}
 
@@ -57,7 +56,7 @@ def three_hops() -> Hops:
 @cache
 def bound() -> Solution:
     """The periodic hop of the paper's leg with friction, from one start."""
-    return solve(leg(), starts=1, processes=1)
+    return solved_once(ROUGH)
 
 
 # ---- runs cut into hops ---------------------------------------------------------------------------------------
@@ -269,7 +268,7 @@ def test_a_state_in_flight_is_moved_and_nothing_else() -> None:
 
 @cache
 def tracked() -> Trial:
-    plan = plan_to_track(leg(), lambda text: None)
+    plan = plan_with_reserve(ROUGH)
     assert plan.verified
     return Trial(leg(), "track", reference_of(plan), apex_of(plan))
 
@@ -327,6 +326,6 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert (folder / "runs.nc").exists()
 
 
-def test_only_a_periodic_solution_is_compared_hop_after_hop() -> None:
+def test_only_a_periodic_solution_is_compared_hop_after_hop(hop: Solution) -> None:
     with pytest.raises(UsageError, match=r'hop\.kind = "periodic"'):
-        compare_of_a_solution(solve(load("paper"), starts=1, processes=1), "force")
+        compare_of_a_solution(hop, "force")

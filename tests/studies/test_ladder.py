@@ -11,12 +11,14 @@ from hopopt.cli.main import run
 from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.ocp.custom import Moment
-from hopopt.planner.solve import solve
+from hopopt.planner.solution import Solution
 from hopopt.plots.ladder import staircase
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
+from hopopt.storage.solution import save
 from hopopt.studies.compare import Comparison, compare
 from hopopt.studies.ladder import CONTROL, Ladder, Rung, ladder, withheld
+from once import plan_with_reserve
 
 
 @pytest.fixture(scope="module")
@@ -45,9 +47,9 @@ def test_the_simulated_hop_keeps_all_that_is_withheld(pd: HopFigures) -> None:
 
 
 @pytest.mark.slow
-def test_the_rungs_rise_to_the_bound_in_every_order() -> None:
+def test_the_rungs_rise_to_the_bound_in_every_order(hop: Solution) -> None:
     """Each is a verified optimum, and the gains of every order sum to the whole gap."""
-    comparison = compare(load("paper"), ["force_tuck"])
+    comparison = compare(hop.design, ["force_tuck"], bound=hop)
     found = ladder(comparison, orders=2)
     gap = comparison.bound - comparison.figures["force_tuck"].clearance
     assert found.verified
@@ -64,10 +66,13 @@ def test_the_rungs_rise_to_the_bound_in_every_order() -> None:
         assert rung.least_gain_m <= rung.gain_m <= rung.most_gain_m
 
 
-def test_where_no_pd_strategy_hops_the_comparison_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_where_no_pd_strategy_hops_the_comparison_stays(
+    hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The ladder is left out with a sentence; all else was found and is kept."""
+    monkeypatch.setattr("hopopt.studies.compare.plan_to_track", lambda design, say: plan_with_reserve())
     words = ["compare", "paper", "--strategies", "track", "--why", "--no-figures", "--json", "--results", str(tmp_path)]
-    assert run([*words, "--set", "solver.starts=1"]) == 0
+    assert run([*words, "--bound", str(save(hop, tmp_path).result_dir)]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert "ladder" not in answer
     assert "why PD is lower: no PD strategy of this comparison hops within every limit" in answer["notes"]
@@ -83,7 +88,7 @@ def test_the_staircase_is_drawn(tmp_path: Path, pd: HopFigures) -> None:
     assert any("not verified" in text.get_text() for text in ax.texts)
 
 
-def test_nothing_is_said_of_a_bound_that_was_not_verified() -> None:
-    comparison = Comparison(solve(load("paper", {"solver.refine": False}), starts=1), None, {})
+def test_nothing_is_said_of_a_bound_that_was_not_verified(hop: Solution) -> None:
+    comparison = Comparison(hop.with_summary(verified=False), None, {})
     with pytest.raises(Exception, match="the bound is not verified"):
         ladder(comparison)

@@ -15,6 +15,7 @@ from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.sim.machine import Machine
 from hopopt.studies import pareto
 from hopopt.studies.pareto import Front, FrontPoint
+from once import solved_once
 
 POINTS = 4
 
@@ -50,7 +51,7 @@ def test_front_is_monotone(front: Front) -> None:
 @pytest.mark.slow
 def test_ends_are_the_single_objective_optima(front: Front, hop: ho.Solution) -> None:
     least, *_, highest = front.verified
-    alone = ho.solve(ho.load("paper", {"hop.clearance": 0.0}), "peak_force", starts=1, processes=1)
+    alone = solved_once({"hop.clearance": 0.0}, "peak_force")
     assert least.value == pytest.approx(alone.summary.reached, rel=1e-4)
     assert highest.clearance_m == pytest.approx(hop.clearance, rel=1e-4)
 

@@ -6,13 +6,13 @@ import pytest
 
 import hopopt as ho
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.studies.codesign import codesign
 from hopopt.studies.finite_differences import confirmed
 from hopopt.studies.pareto import front
 from hopopt.studies.sensitivity import sensitivity
 from hopopt.studies.sweep.run import sweep
+from once import solved_once
 
 PERIODIC = {"hop.kind": "periodic"}
 
@@ -21,7 +21,7 @@ PERIODIC = {"hop.kind": "periodic"}
 def highest(**more: float) -> Solution:
     """The paper's leg, from one start."""
     entries = {f"hop.{name}": value for name, value in more.items()}
-    return solve(load("paper", {**PERIODIC, **entries}), starts=1, processes=1)
+    return solved_once({**PERIODIC, **entries})
 
 
 @pytest.mark.slow
@@ -39,7 +39,7 @@ def highest(**more: float) -> Solution:
 )
 def test_sensitivities_agree_with_solving_again(more: dict[str, float], names: tuple[str, ...]) -> None:
     """The multipliers of the touchdown's own limits too; central differences know them to their curvature."""
-    solution = solve(load("paper", {**PERIODIC, **more}), starts=1, processes=1)
+    solution = solved_once({**PERIODIC, **more})
     assert solution.verified, solution.summary.failed_checks
     influences = {i.name: i for i in sensitivity(solution)}
     assert not any(name.startswith("start.") for name in influences)
@@ -54,7 +54,7 @@ def test_sensitivities_agree_with_solving_again(more: dict[str, float], names: t
 def test_points_of_a_sweep_are_those_of_solve() -> None:
     study = sweep(load("paper", PERIODIC), {"leg.gear.ratio": [90.0, 100.0]}, starts=1, processes=1)
     assert [p.outcome for p in study.points] == ["verified", "verified"]
-    alone = [highest().clearance, solve(load("paper", {**PERIODIC, "leg.gear.ratio": 90.0}), starts=1).clearance]
+    alone = [highest().clearance, solved_once({**PERIODIC, "leg.gear.ratio": 90.0}).clearance]
     assert study.points[1].clearance_m == pytest.approx(alone[0], abs=1e-4)
     smaller_ratio = study.points[0].clearance_m or 0.0
     assert smaller_ratio >= alone[1] - 1e-4

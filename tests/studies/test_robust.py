@@ -233,7 +233,7 @@ def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.M
 def test_what_is_promised_of_simulated_legs_is_kept() -> None:
     """PD control, 20 promises of 5 legs each: they are above what half of 80 other legs reaches no more often than
     their confidence says."""
-    design = load("paper", {"contact.friction": 0.6, "simulation.control_rate": 1000.0})  # a quarter of the time
+    design = load("paper", {"contact.friction": 0.6, "simulation.control_rate": 500.0, "simulation.encoder_bits": 0})
     share, confidence = 0.5, 0.8
     kept = [reached(design, "force_tuck", None, drawn(design, Uncertainty(), 5, seed), 1) for seed in range(20)]
     many = reached(design, "force_tuck", None, drawn(design, Uncertainty(), 80, 999), 1)

@@ -31,6 +31,7 @@ from hopopt.studies.finite_differences import chosen, confirmed, solve_again, wi
 from hopopt.studies.influence import Difference, Influence
 from hopopt.studies.sensitivity import pose_slopes, sensitivity, settled_within
 from known_problems import double_integrator, moved
+from once import solved_once
 
 G = 9.81
 TIME: Mapping[str, Callable[[Any], Any]] = {"time": lambda s: ca.SX(1.0)}  # an integrand
@@ -156,11 +157,15 @@ def coarse(name: str) -> Solution:
     mesh = (
         [] if name == "refined" else ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
     )
-    return solve(load("paper", [*(LEGS | {"two caps": TWO_CAPS})[name], *mesh]), starts=1, processes=1)
+    return solved_once([*(LEGS | {"two caps": TWO_CAPS})[name], *mesh])
+
+
+def by_name(found: list[Influence]) -> dict[str, Influence]:
+    return {i.name: i for i in found}
 
 
 def influences(solution: Solution) -> dict[str, Influence]:
-    return {i.name: i for i in sensitivity(solution)}
+    return by_name(sensitivity(solution))
 
 
 def weighted(found: Mapping[str, Influence], weights: Mapping[str, float]) -> float:
@@ -264,9 +269,14 @@ def paper(hop: Solution, tmp_path_factory: pytest.TempPathFactory) -> Solution:
     return ho.save(hop, tmp_path_factory.mktemp("results"))
 
 
-def test_a_changed_length_changes_the_start(paper: Solution) -> None:
+@pytest.fixture(scope="module")
+def found(paper: Solution) -> list[Influence]:
+    return sensitivity(paper)
+
+
+def test_a_changed_length_changes_the_start(paper: Solution, found: list[Influence]) -> None:
     """Without the start pose the derivative by the thigh's length would be a quarter too small."""
-    i = confirmed(paper, influences(paper)["leg.thigh.length"])
+    i = confirmed(paper, by_name(found)["leg.thigh.length"])
     assert i.difference is not None
     assert i.difference.central == pytest.approx(i.m_per_unit, rel=0.01)
     assert i.difference.verdict(i.m_per_unit).startswith("agrees")
@@ -275,8 +285,7 @@ def test_a_changed_length_changes_the_start(paper: Solution) -> None:
 
 
 @pytest.mark.slow
-def test_leading_derivatives_against_solving_again(paper: Solution) -> None:
-    found = sensitivity(paper)
+def test_leading_derivatives_against_solving_again(paper: Solution, found: list[Influence]) -> None:
     for name in chosen(found, []):
         i = confirmed(paper, next(i for i in found if i.name == name))
         assert i.difference is not None
@@ -284,10 +293,10 @@ def test_leading_derivatives_against_solving_again(paper: Solution) -> None:
         assert i.difference.noise < 0.01 * abs(i.m_per_unit)
 
 
-def test_scaling_of_a_refined_optimum(paper: Solution) -> None:
+def test_scaling_of_a_refined_optimum(paper: Solution, found: list[Influence]) -> None:
     """Limits that are tightened do not grow with the leg: the sum is off by no more than the tightening cost."""
     endings = ("mass", "inertia", "max_torque", "least_force")
-    assert abs(weighted(influences(paper), dict.fromkeys(endings, 1.0))) < settled_within(paper)
+    assert abs(weighted(by_name(found), dict.fromkeys(endings, 1.0))) < settled_within(paper)
 
 
 def settled(s: Solution) -> Solution:
@@ -325,14 +334,14 @@ KINKS = {  # caps of the gear and of the drive that are the same torque at the j
     "long shank": ["leg.shank.length=0.45", "start.hip_height=0.4", *TWO_CAPS],
     "nearly": ["leg.gear.torque_cap=120.001", "leg.motor.torque_cap=1.2"],
 }  # fmt: skip
-FEW = ("hip", "four quadrants")
+FEW = ("hip",)
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in FEW else pytest.mark.slow) for n in KINKS])
 def test_both_sides_of_a_kink_against_solved_optima(name: str) -> None:
     """Every entry that more and less of differ, each way, within 1 %."""
     mesh = ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
-    s = solve(load("paper", [*KINKS[name], *mesh]), starts=1, processes=1)
+    s = solved_once([*KINKS[name], *mesh])
     nlp, found = stored_nlp(s), [i for i in sensitivity(s) if i.kinked and i.part_of is None]
     assert {"torque_cap", "ratio"} <= {i.name.split(".")[-1] for i in found}
     here, step = solve_again(nlp, s.design, s.objective).objective, 2e-3 if name == "nearly" else 2e-4
@@ -417,20 +426,26 @@ def test_json_of_a_stored_optimum(paper: Solution, tmp_path: Path, capfd: pytest
     assert {p.name for p in (folder / "figures").iterdir()} == {"tornado.png", "tornado.svg"}
 
 
-def test_screen(paper: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_screen(
+    paper: Solution,
+    found: list[Influence],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("hopopt.studies.sensitivity.sensitivity", lambda solution: found)  # JSON is of its own finding
     assert run(["sensitivity", "--result", str(paper.result_dir), "--results", str(tmp_path), "--no-figures"]) == 0
     out = capfd.readouterr().out
-    first = next(i for i in sensitivity(paper) if i.of_leg)
+    first = next(i for i in found if i.of_leg)
     assert f"clearance {paper.clearance:.4f} m, verified" in out
     assert f"What to change first: {first.name} 1 % " in out
     cells = [first.name, f"{first.value:g} {first.unit}", f"{first.cm_per_percent:+.3f} cm"]
     assert re.search(" +".join(map(re.escape, cells)), out)
 
 
-def test_figure_shows_the_figures(paper: Solution) -> None:
+def test_figure_shows_the_figures(paper: Solution, found: list[Influence]) -> None:
     from hopopt.plots.sensitivity import tornado
 
-    found = sensitivity(paper)
     (ax,) = tornado(paper, found).axes
     widths = [bar.get_width() for bar in ax.patches]  # type: ignore[attr-defined]
     np.testing.assert_allclose(widths, [i.cm_per_percent for i in found[: len(widths)]])
@@ -485,7 +500,14 @@ def test_a_result_in_the_place_of_a_problem_is_told_where_to_go(
     )
 
 
-def test_confirming_what_is_not_there(paper: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_confirming_what_is_not_there(
+    paper: Solution,
+    found: list[Influence],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("hopopt.studies.sensitivity.sensitivity", lambda solution: found)
     arguments = ["--result", str(paper.result_dir), "--results", str(tmp_path), "--confirm", "leg.thigh.lenght"]
     assert run(["sensitivity", *arguments]) == 2
     assert "did you mean leg.thigh.length?" in capfd.readouterr().err
@@ -501,9 +523,10 @@ def test_another_objective_is_refused_before_it_is_solved(capsys: pytest.Capture
     ("name", "leg", "mu"),
     [
         pytest.param("paper", {}, 0.7, id="cone"),
-        pytest.param("three_joint", {"leg.hip.axis": [0.0, -0.98, 0.199]}, 0.4, id="pyramid", marks=pytest.mark.slow),
+        pytest.param("three_joint", {"leg.hip.axis": [0.0, -0.98, 0.199]}, 0.4, id="pyramid"),
     ],
 )
+@pytest.mark.slow
 def test_friction(name: str, leg: dict, mu: float) -> None:
     """The gain of 1 % more friction against the same mesh solved with a little more and less, also of a foot that is held
     sideways, whose pyramid is flatter than the cone (3 %: on a mesh switches move from node to node); and as the sensitivity says it."""
@@ -521,29 +544,42 @@ def test_friction(name: str, leg: dict, mu: float) -> None:
 @pytest.fixture(scope="module")
 def held() -> Solution:
     """A refined optimum with friction and a least force, both of which act."""
-    s = solve(load("paper", {"contact.friction": 0.7, "contact.least_force": 15.0}), starts=1, processes=1)
+    s = solved_once({"contact.friction": 0.7, "contact.least_force": 15.0})
     bounds = stored_nlp(s).bounds
     assert (bounds.high_g != stored_nlp(s).transcription.ubg).any()  # a lower limit that is tightened from above
     return s
 
 
-def test_the_gain_of_a_limit_is_what_its_entries_are_worth(held: Solution, hop: Solution) -> None:
+@pytest.fixture(scope="module")
+def held_found(held: Solution) -> list[Influence]:
+    return sensitivity(held)
+
+
+def test_the_gain_of_a_limit_is_what_its_entries_are_worth(
+    held: Solution, held_found: list[Influence], hop: Solution, found: list[Influence]
+) -> None:
     """1 % more of an operating region is 1 % more torque and speed; the friction cone's entry is the coefficient."""
-    for s in (held, hop):
-        found, gains = influences(s), s.summary.gains
+    for s, known in ((held, by_name(held_found)), (hop, by_name(found))):
+        gains = s.summary.gains
         for joint in s.design.leg.joints:
-            whole = sum(found[f"leg.{joint}.motor.{figure}"].cm_per_percent for figure in ("max_torque", "max_speed"))
+            whole = sum(known[f"leg.{joint}.motor.{figure}"].cm_per_percent for figure in ("max_torque", "max_speed"))
             assert gains[f"{joint} operating region"] == pytest.approx(whole / 100, rel=1e-3)
     assert held.summary.gains["friction cone"] == pytest.approx(
-        influences(held)["contact.friction"].cm_per_percent / 100, rel=1e-6
+        by_name(held_found)["contact.friction"].cm_per_percent / 100, rel=1e-6
     )
 
 
-@pytest.mark.parametrize("name", ["contact.friction", "contact.least_force", "hop.least_height"])
-def test_limits_that_are_held_are_worth_what_solving_again_says(held: Solution, name: str) -> None:
+@pytest.mark.parametrize(
+    "name", ["contact.friction", "contact.least_force", pytest.param("hop.least_height", marks=pytest.mark.slow)]
+)
+def test_limits_that_are_held_are_worth_what_solving_again_says(
+    held: Solution, held_found: list[Influence], name: str
+) -> None:
     """The knee comes to the ground where the foot cannot slip."""
-    s = solve(load("paper", {name: 0.01}), starts=1, processes=1) if name == "hop.least_height" else held
-    i = influences(s)[name]
+    s, found = held, held_found
+    if name == "hop.least_height":
+        found = sensitivity(s := solved_once({name: 0.01}))
+    i = by_name(found)[name]
     more, less = (
         solve_again(stored_nlp(s), with_entry(s.design, name, x * i.value), "clearance") for x in (1.01, 0.99)
     )
@@ -556,7 +592,7 @@ def test_limits_that_are_held_are_worth_what_solving_again_says(held: Solution, 
 def test_entries_at_the_end_of_what_they_may_be(entry: str, value: float) -> None:
     """Solved again on the one side there is, by a parabola."""
     direct = {"leg.motor.max_torque": 200.0, "leg.motor.max_speed": 12.57, "leg.motor.rotor_inertia": 0.0}
-    s = solve(load("paper", {"leg.gear.ratio": 1.0, **direct}), starts=1, processes=1)
+    s = solved_once({"leg.gear.ratio": 1.0, **direct})
     found = confirmed(s, influences(s)[entry])
     assert found.value == value
     assert found.difference

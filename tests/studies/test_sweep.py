@@ -16,6 +16,7 @@ import pytest
 import xarray as xr
 
 import hopopt as ho
+from command_line import said
 from hopopt.planner.refine_and_verify import refine_and_verify
 from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define
@@ -36,11 +37,6 @@ SWEEP = [
     "--vary",
     "leg.gear.ratio=115,130,145",
 ]
-Done = subprocess.CompletedProcess[str]
-
-
-def run(*arguments: str, cwd: Path) -> Done:
-    return subprocess.run([*HOPOPT, *arguments], cwd=cwd, capture_output=True, text=True, timeout=1200, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +144,7 @@ def test_killed_at_any_instant_it_goes_on(tmp_path: Path) -> None:
         running.communicate(timeout=60)  # its workers end with it: until then they hold its output open
     before = times(folder)
     assert 1 <= len(before) < 3
-    done = run("sweep", "--resume", str(folder), "--json", cwd=tmp_path)
+    done = said("sweep", "--resume", str(folder), "--json", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr == ""  # silent when piped
     after = times(folder)
@@ -171,7 +167,8 @@ def test_interrupted_it_says_how_to_go_on(number: signal.Signals, tmp_path: Path
 
 
 def test_a_leg_that_cannot_stand_is_not_solved(tmp_path: Path) -> None:
-    done = run("sweep", "--vary", "leg.motor.max_torque=0.05,0.1", "--no-figures", "--json", cwd=tmp_path)
+    asked = ["--vary", "leg.motor.max_torque=0.05,0.1", "--processes", "1", "--no-figures", "--json"]
+    done = said("sweep", *asked, cwd=tmp_path)
     assert done.returncode == 1
     answer = json.loads(done.stdout)
     assert [p["outcome"] for p in answer["points"]] == [NOT_SOLVED] * 2
@@ -183,7 +180,7 @@ def test_a_leg_that_cannot_stand_is_not_solved(tmp_path: Path) -> None:
 def test_points_that_stay_unverified_are_not_stated(tmp_path: Path) -> None:
     mesh = "solver.refine=false", "solver.stance_intervals=12", "solver.flight_intervals=12"
     sets = [word for entry in (SHORT, *mesh) for word in ("--set", entry)]
-    done = run("sweep", *sets, "--vary", "leg.gear.ratio=100,110", "--starts", "1", "--json", cwd=tmp_path)
+    done = said("sweep", *sets, "--vary", "leg.gear.ratio=100,110", "--starts", "1", "--json", cwd=tmp_path)
     assert done.returncode == 3, done.stderr
     for point in json.loads(done.stdout)["points"]:
         assert point["outcome"] == "not verified"
@@ -204,7 +201,7 @@ def test_points_that_stay_unverified_are_not_stated(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_use_exits_with_2_and_a_sentence(tmp_path: Path, arguments: list[str], words: str) -> None:
-    done = run("sweep", *arguments, cwd=tmp_path)
+    done = said("sweep", *arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

@@ -20,7 +20,6 @@ from hopopt.ocp.transitions import lift_off
 from hopopt.planner.multistart import first_transcription
 from hopopt.planner.several_hops import state_of
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
 from hopopt.plots.transition import heights
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
@@ -28,6 +27,7 @@ from hopopt.storage.solution import save
 from hopopt.studies.transition import Transition, transition
 from hopopt.verify.several_hops import several_hops_checks
 from hopopt.verify.table import DESCENT
+from once import solved_once
 
 ROUGH = {"hop.kind": "periodic", "contact.friction": 0.6, "hop.touchdown_loss": 3.0}
 
@@ -35,7 +35,7 @@ ROUGH = {"hop.kind": "periodic", "contact.friction": 0.6, "hop.touchdown_loss": 
 @cache
 def orbit(**more: float) -> Solution:
     """The paper's leg, hop after hop."""
-    return solve(load("paper", {**ROUGH, **{k.replace("__", "."): x for k, x in more.items()}}), starts=1, processes=1)
+    return solved_once({**ROUGH, **{k.replace("__", "."): x for k, x in more.items()}})
 
 
 @cache
@@ -106,6 +106,7 @@ def test_a_perturbed_way_fails(phase: str, part: str, failed: str) -> None:
     assert failed in [check.name for check in checks if not check.passed]
 
 
+@pytest.mark.slow
 def test_every_hop_clears_what_is_asked_of_it() -> None:
     found = transition(orbit().design, orbit=orbit(), clearances=[0.3, 0.5])
     assert found.verified
@@ -129,7 +130,7 @@ def test_a_start_on_the_orbit_does_no_worse_in_one_hop() -> None:
 
 @pytest.mark.slow
 def test_from_one_orbit_to_another_and_back() -> None:
-    low = solve(load("paper", {**ROUGH, "hop.clearance": 0.3}), "peak_force", starts=1, processes=1)
+    low = solved_once({**ROUGH, "hop.clearance": 0.3}, "peak_force")
     for begin, end in ((low, orbit()), (orbit(), low)):
         found = transition(orbit().design, begin=begin, orbit=end)
         assert found.verified
@@ -146,6 +147,7 @@ def test_what_is_stated_is_the_problem_of_the_hops() -> None:
     assert found.design.contact.friction == 0.7
 
 
+@pytest.mark.slow
 def test_no_way_is_said_with_what_is_missed() -> None:
     """Half a metre a hop and 3 m/s at once is too much for one hop."""
     fast = orbit(hop__speed=3.0)
@@ -153,9 +155,11 @@ def test_no_way_is_said_with_what_is_missed() -> None:
         transition(fast.design, orbit=fast, most=1)
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     folder = save(orbit(), tmp_path).result_dir
-    assert run(["transition", "--to", str(folder), "--json", "--results", str(tmp_path)]) == 0
+    with monkeypatch.context() as known:
+        known.setattr("hopopt.studies.transition.transition", lambda *asked, **more: from_rest())
+        assert run(["transition", "--to", str(folder), "--json", "--results", str(tmp_path)]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["hops"] == 1
     assert answer["from"] is None

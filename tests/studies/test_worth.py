@@ -7,15 +7,14 @@ import pytest
 
 from hopopt.cli.main import run
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import solve
-from hopopt.problem.load import load
 from hopopt.storage.solution import save
 from hopopt.studies.worth import CLEAR, Worth, leanings
+from once import solved_once
 
 
 @pytest.fixture(scope="module")
 def highest() -> Solution:
-    return solve(load("paper"), starts=1)
+    return solved_once()
 
 
 def test_the_paper_s_leg_leans_on_ground_and_time(highest: Solution) -> None:
@@ -27,13 +26,14 @@ def test_the_paper_s_leg_leans_on_ground_and_time(highest: Solution) -> None:
     assert all(name.startswith(("a ", "the ")) for name in found)
 
 
+@pytest.mark.slow
 def test_a_hop_without_any_of_it_leans_on_nothing() -> None:
     """Where the problem takes away what was named, it is not named again."""
     entries = {
         "contact.friction": 0.5, "contact.least_force": 15.0, "hop.least_height": CLEAR,
         "hop.stance_duration": [0.03, 0.2],
     }  # fmt: skip
-    named = [entry for _, without in leanings(solve(load("paper", entries), starts=1)) for entry in without]
+    named = [entry for _, without in leanings(solved_once(entries)) for entry in without]
     assert not set(named) & (entries.keys() - {"hop.stance_duration"})
 
 

@@ -20,6 +20,7 @@ from hopopt.sim.machine import Machine
 from hopopt.verify.check import Check, failed
 from hopopt.verify.plan import verify_plan
 from hopopt.verify.table import FLIGHT, NORMALISED_TIMES, STANCE, Table
+from once import solved_once
 
 Tables = Mapping[str, Table]
 G = 9.81
@@ -28,13 +29,13 @@ COARSE = {"solver.refine": False, "solver.stance_intervals": 20, "solver.flight_
 
 @pytest.fixture(scope="module")
 def coarse() -> Solution:
-    return solve(load("paper", COARSE), starts=1)
+    return solved_once(COARSE)
 
 
 @pytest.fixture(scope="module")
 def short() -> Solution:
     """A verified plan of a short stance, which needs few intervals."""
-    s = solve(load("paper", {"hop.stance_duration": [0.03, 0.2]}), starts=1, processes=1)
+    s = solved_once({"hop.stance_duration": [0.03, 0.2]})
     assert s.verified
     return s
 
@@ -115,7 +116,7 @@ def test_active_limits_of_the_paper(hop: Solution) -> None:
 
 def test_active_limits_on_slippery_ground() -> None:
     limits = {"contact.friction": 0.3, "hop.counter_movement": False}
-    plan = solve(load("paper", {**COARSE, **limits}), starts=1)
+    plan = solved_once({**COARSE, **limits})
     active, table = plan.summary.active_limits, plan.tables[STANCE]
     sliding = np.abs(table.f[..., 0]) > 0.299 * table.f[..., 1]
     assert active["friction cone"] == pytest.approx(share_of_stance(plan, sliding), abs=0.03)
@@ -127,7 +128,7 @@ def test_active_limits_on_slippery_ground() -> None:
 
 
 def test_a_stance_that_must_be_long() -> None:
-    plan = solve(load("paper", {**COARSE, "hop.stance_duration": [0.35, 0.35]}), starts=1)
+    plan = solved_once({**COARSE, "hop.stance_duration": [0.35, 0.35]})
     assert {"longest stance", "shortest stance"} <= plan.summary.active_limits.keys()
 
 
@@ -303,7 +304,7 @@ def test_the_same_plan_for_another_problem(short: Solution, overrides: dict[str,
 def test_a_solved_program_is_not_a_verified_hop() -> None:
     """Twelve intervals a phase: Ipopt is content, the replay is not."""
     few = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 12}
-    s = solve(load("paper", few), starts=1)
+    s = solved_once(few)
     assert s.summary.starts.each[0].status == "Solve_Succeeded"
     assert not s.verified
     assert s.summary.status == "solved, not verified"
@@ -317,7 +318,7 @@ def residuals(s: Solution) -> dict[str, float]:
 
 def test_replay_of_a_coarse_radau_plan_improves_with_its_mesh(coarse: Solution) -> None:
     """Inverse dynamics hold at every place of every mesh; only the states between are approximate."""
-    finer = solve(load("paper", {**COARSE, "solver.stance_intervals": 40, "solver.flight_intervals": 16}), starts=1)
+    finer = solved_once({**COARSE, "solver.stance_intervals": 40, "solver.flight_intervals": 16})
     a, b = residuals(coarse), residuals(finer)
     for phase in (STANCE, FLIGHT):
         assert b[f"{phase} replay"] < a[f"{phase} replay"] / 2
@@ -338,10 +339,15 @@ WIDER = {  # one per cent of each limit's range, up and down
 }
 
 
-@pytest.mark.parametrize("limit", WIDER)
+QUICK = ("longest stance", "knee operating region")
+
+
+@pytest.mark.parametrize(
+    "limit", [pytest.param(limit, marks=() if limit in QUICK else pytest.mark.slow) for limit in WIDER]
+)
 def test_gain_of_a_limit_is_what_moving_it_brings(coarse: Solution, limit: str) -> None:
     """The multipliers' prediction against the same mesh solved with the limit one per cent wider and narrower."""
-    wide, narrow = (solve(load("paper", {**COARSE, **change}), starts=1) for change in WIDER[limit])
+    wide, narrow = (solved_once({**COARSE, **change}) for change in WIDER[limit])
     gain = coarse.summary.gains[limit]
     assert gain > 0
     values = [s.summary.objective_value for s in (wide, coarse, narrow)]
@@ -351,7 +357,7 @@ def test_gain_of_a_limit_is_what_moving_it_brings(coarse: Solution, limit: str) 
 
 @pytest.mark.slow
 def test_gain_of_a_longer_stance_on_refined_meshes(hop: Solution) -> None:
-    longer = solve(load("paper", {"hop.stance_duration": [0.03, 0.404]}), starts=1)
+    longer = solved_once({"hop.stance_duration": [0.03, 0.404]})
     gain = longer.summary.objective_value - hop.summary.objective_value
     assert abs(gain / hop.summary.gains["longest stance"] - 1) < 0.05
 

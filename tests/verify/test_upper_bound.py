@@ -18,6 +18,7 @@ from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.robot import BASE
 from hopopt.sim.machine import Machine
 from hopopt.verify.upper_bound import most_power, most_speed, upper_bound
+from once import solved_once
 
 LAWS = (("paper",), ("four-quadrant",), ("paper", "four-quadrant"), ())
 
@@ -122,7 +123,7 @@ def test_no_hop_of_a_random_leg_crosses_it(design: Design) -> None:
 @pytest.mark.slow
 def test_the_steps_of_the_proof_hold_along_a_verified_hop() -> None:
     """At every instant the power, the energy so far, the energy of the centre of mass, and its speed at lift-off."""
-    solution = solve(load("paper", ["hop.stance_duration=[0.03,0.2]"]), starts=1)
+    solution = solved_once(["hop.stance_duration=[0.03,0.2]"])
     assert solution.verified
     bound, machine, stance = upper_bound(solution.design), Machine(solution.robot), solution.tables["stance"]
     t, q, v = (x.reshape(-1, *x.shape[2:]) for x in (stance.t, stance.q, stance.v))

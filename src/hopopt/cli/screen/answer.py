@@ -13,7 +13,7 @@ from rich.markup import escape
 from hopopt.cli.screen.certificate import certified_words, structure_lines
 from hopopt.cli.screen.console import console, print_lines
 from hopopt.cli.screen.runs import OVERSHOOT
-from hopopt.cli.screen.search import global_line, measure, starts_lines
+from hopopt.cli.screen.search import global_line, measure, measured, starts_lines
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.direction import sign
 from hopopt.planner.solution import at_apex
