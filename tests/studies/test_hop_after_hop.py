@@ -240,7 +240,7 @@ def test_what_is_said_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_wrong_questions_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(UsageError, match=r"needs hop\.kind"):
         compare_hops(load("paper"))
-    with pytest.raises(UsageError, match="at least 2 hops"):
+    with pytest.raises(UsageError, match="--hops must be at least 2"):
         compare_hops(leg(), hops=1)
     with pytest.raises(UsageError, match="needs ground with friction"):
         compare_hops(load("paper", {"hop.kind": "periodic"}), mujoco=True)
