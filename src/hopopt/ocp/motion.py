@@ -3,8 +3,9 @@
 Joint torques follow from inverse dynamics, so the equations of motion hold by construction.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,7 +28,10 @@ class MovingLeg:
     contact_axes: along how many axes the ground holds the foot.
     loops: axes along which stance closes a loop; dependent, free: joints that follow there, and the others.
     falling: components of (x, z) along which no guide holds the body.
+    rules: what holds in its phases (ocp/rules.py), kept with the leg, as other processes do not know what was added.
     """
+
+    rules: Sequence[Callable[["MovingLeg", str], Any]] = ()
 
     def __init__(self, design: Design):
         self.design, self.leg = design, design.leg

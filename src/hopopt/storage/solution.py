@@ -4,7 +4,7 @@ results/<problem>-<hash8>/
     solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors;
                     in certificate/ costates, Hamiltonian and multipliers (storage/multipliers.py)
     summary.json    every printed number          problem.toml   all defaults filled in, runs again
-    manifest.json   versions, seed, mesh history, digests of the files above        figures/       PNG and SVG
+    manifest.json   versions, seed, mesh history, digests (storage/digests.py)      figures/       PNG and SVG
 
 Figures come last, when the data are safe: one that fails leaves a note in the summary, nothing else.
 """
@@ -42,9 +42,9 @@ FORMAT = 2  # of the folder's contents
 Figures = Callable[[Solution, Path], Any]
 
 
-def folder_name(design: Design, objective: str, constraints: Sequence[str] = ()) -> str:
-    """``<problem>-<hash8>`` from the problem's contents, the objective and the names of user-defined constraints."""
-    text = " ".join([design_hash(design), objective, *constraints])
+def folder_name(design: Design, objective: str, limits: Sequence[str] = ()) -> str:
+    """``<problem>-<hash8>`` from the problem's contents, the objective and the names of user-defined limits."""
+    text = " ".join([design_hash(design), objective, *limits])
     return f"{design.name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
@@ -75,8 +75,7 @@ def save(solution: Solution, results: str | Path = "results", figures: Figures |
 
 def _save_data(solution: Solution, results: Path) -> Solution:
     work = new_work_folder(results)
-    constraints = solution.summary.functions.constraints
-    target = unused(results / folder_name(solution.design, solution.objective, constraints))
+    target = unused(results / folder_name(solution.design, solution.objective, solution.summary.functions.limits))
     solution = _placed(solution, target)
     try:
         (work / "solution.nc").write_bytes(_netcdf(solution))
@@ -125,7 +124,7 @@ def with_more(solution: Solution, **entries: Any) -> Solution:
     assert folder is not None
     with suppress(OSError):
         write_json(as_data(solution.summary), folder / "summary.json")
-        seal(folder)
+        seal(folder, ("summary.json",))
     return solution
 
 
@@ -141,7 +140,7 @@ def _publish(solution: Solution, work: Path, target: Path) -> Solution:
             target = unused(target)
             solution = _placed(solution, target)
             write_json(as_data(solution.summary), work / "summary.json")
-            seal(work)
+            seal(work, ("summary.json",))
 
 
 def _manifest(solution: Solution) -> dict[str, Any]:

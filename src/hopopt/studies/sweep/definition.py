@@ -13,6 +13,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.objectives import OBJECTIVES
+from hopopt.ocp.rules import added_rules
 from hopopt.problem.load import changed
 from hopopt.problem.render import design_hash, rows, shown, shown_path
 
@@ -129,6 +130,8 @@ def define(
     values, or, with a sample, (lower, upper). UsageError in a sentence if that makes no study."""
     if objective not in OBJECTIVES:
         raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
+    if added := added_rules():
+        raise UsageError(f"a study takes no limits that are added to RULES: take out {', '.join(added)}")
     if not vary:
         raise UsageError(f"nothing is varied: {HOW}")
     if seed < 0 or (starts is not None and starts < 1):
