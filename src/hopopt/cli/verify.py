@@ -64,6 +64,7 @@ def _print_json(verdict: "Verdict") -> None:
                 "checks_of_the_file": [c.as_dict() for c in verdict.of_file],
                 "certified": verdict.certified if made else None,
                 "certificate": as_data(conditions(verdict)) if made else None,
+                "second_order": as_data(verdict.second_order),
             }
         )
     )
@@ -76,7 +77,7 @@ def _print(solution: "Solution", verdict: "Verdict") -> None:
 
     print_checks("the hop, as hopopt solve checks it", verdict.checks)
     print_checks("the file", verdict.of_file)
-    print_certificate(verdict.conditions)
+    print_certificate(verdict.conditions, verdict.second_order)
     if verdict.verified:
         print(f"{solution.result_dir}: verified, {reached(solution.summary)}")
         return

@@ -25,10 +25,11 @@ from hopopt.planner.multistart import (
     not_solved,
     solved_from,
 )
-from hopopt.planner.notes import flat_directions, notes_on
+from hopopt.planner.notes import flat_directions, notes_on, saddle_note, second_order
 from hopopt.planner.refine_and_verify import refined_and_verified, with_tighter_tolerances
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary_extras import FlatDirection
 from hopopt.planner.with_free_switches import with_free_switches
@@ -108,9 +109,17 @@ def _found(
     found = None if time_is_up() else flat_directions(hop, best)
     families, overall = search_figures(hop, searched, finished, best)
     late = (LATE,) if time_is_up() else ()
-    notes = (*late, *alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
+    second = None if time_is_up() else second_order(stored_nlp(best, hop.problem))
+    notes = (
+        *late,
+        *saddle_note(second),
+        *alarm_note(overall),
+        *notes_on(hop, asked, structure, best, better),
+        *flat_words(found or []),
+    )
     reported = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
-    return hop, best.with_summary(notes=notes, flat=reported, families=families, global_=overall)
+    more = {"notes": notes, "flat": reported, "second_order": second}
+    return hop, best.with_summary(**more, families=families, global_=overall)
 
 
 def _refined(

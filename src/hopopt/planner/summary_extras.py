@@ -44,6 +44,16 @@ class FlatDirection(Strict):
 
 
 @dataclass(frozen=True)
+class SecondOrder(Strict):
+    """Directions that keep all equations and limits that act, by what moving along them does to the objective."""
+
+    worse: int = stated("directions that make the objective worse")
+    flat: int = stated("directions that hardly change it")
+    better: int = stated("directions that make it better: with any, the hop is no optimum")
+    lowest: float = stated("least loss by a move of size 1, of the objective; negative: a gain (docs/certificate.md)")
+
+
+@dataclass(frozen=True)
 class Functions(Strict):
     """User-defined functions by name; files name code, they do not run it."""
 

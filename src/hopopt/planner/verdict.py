@@ -12,6 +12,7 @@ import numpy as np
 
 from hopopt.optimality.certificate import Certificate
 from hopopt.optimality.error_estimate import ObjectiveError
+from hopopt.planner.summary_extras import SecondOrder
 from hopopt.verify.check import Check, failed
 
 Multipliers = dict[str, np.ndarray]  # of one phase, or of the ends, by name
@@ -63,6 +64,7 @@ class Verdict:
     error: of the objective, as it is stated beside the answer; None without multipliers
     conditions: the certificate's conditions of first-order optimality; empty without multipliers
     multipliers: arrays that the certificate rests on, by phase, to be stored
+    second_order: directions of the second-order test, of a stored result; None if it was not made
     of_file: of a stored result, that its files are as they were written and say what is computed again
     """
 
@@ -70,6 +72,7 @@ class Verdict:
     error: StatedError | None = None
     conditions: tuple[Check, ...] = ()
     multipliers: Mapping[str, Multipliers] = field(default_factory=dict, repr=False)
+    second_order: SecondOrder | None = None
     of_file: tuple[Check, ...] = ()
 
     @property

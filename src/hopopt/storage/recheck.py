@@ -12,10 +12,11 @@ from hopopt.ocp.custom import as_objective, custom
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HopObjective
 from hopopt.planner.judge import judge, plan_checks
+from hopopt.planner.notes import second_order
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import has_multipliers, hop_of, own_functions, stored_nlp
 from hopopt.planner.stored_multipliers import agreement
-from hopopt.planner.summary_extras import CoDesign
+from hopopt.planner.summary_extras import CoDesign, SecondOrder
 from hopopt.planner.verdict import Verdict
 from hopopt.storage.folder import fitting
 from hopopt.storage.stated_figures import motion_check, stated_checks
@@ -60,7 +61,10 @@ def _recheck(solution: Solution) -> Verdict:
     ]
     if solution.multipliers:
         of_file.append(agreement(found.multipliers, solution.multipliers))
-    return found.with_checks((), of_file)
+    second = second_order(nlp)
+    if (stated := solution.summary.second_order) is not None:
+        of_file.append(_same_directions(stated, second))
+    return replace(found.with_checks((), of_file), second_order=second)
 
 
 def stated_claims(solution: Solution, goal: HopObjective) -> dict[str, float]:
@@ -119,6 +123,13 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
         wrong.append((trajectory.u - other.u) / np.maximum(1.0, np.abs(other.u).max(axis=(0, 1))))
     wrong.append((nlp.objective - solution.summary.objective_value) / nlp.transcription.problem.objective.scale)
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
+
+
+def _same_directions(stated: SecondOrder, found: SecondOrder | None) -> Check:
+    """The second-order test as the summary states it: how many directions there are, and how many make the hop better."""
+    counts = [(s.better, s.worse + s.flat) for s in (stated, found) if s is not None]
+    wrong = float(np.abs(np.diff(counts, axis=0)).sum()) if len(counts) > 1 else float("inf")
+    return Check("second order as stated", wrong, 0.0, "directions")
 
 
 def _agreement(solution: Solution) -> Check:

@@ -17,7 +17,7 @@ from hopopt.cli.screen.answer import (
     starts_line,
     upwards,
 )
-from hopopt.cli.screen.certificate import certificate_line, structure_lines
+from hopopt.cli.screen.certificate import certificate_line, second_order_line, structure_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -99,6 +99,7 @@ def _evidence(s: "Summary") -> list[str]:
         *([] if s.certified else bound_line(s.upper_bound.clearance_m, s.objective)),  # else hopopt evidence has it
         *_failed(s),
         *certificate_line(s),
+        *second_order_line(s.second_order),
     ]
 
 
