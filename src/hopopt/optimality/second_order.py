@@ -16,6 +16,7 @@ depend on the mesh. Flat is a direction along which a move of size 1 changes the
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -59,7 +60,9 @@ def curvature(solution: NlpSolution) -> Curvature | None:
     W, A = _derivatives(solution)
     defects, state = A[of_defects], np.flatnonzero(follows)
     S = -splu(csc(defects[:, state])).solve(defects[:, free].toarray())
-    rows = sparse.vstack([A[held_g & ~of_defects], sparse.eye(len(held_z), format="csr")[held_z & follows]]).tocsr()
+    at = np.flatnonzero(held_z & follows)
+    held = sparse.csr_matrix((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), len(held_z)))
+    rows = sparse.vstack([A[held_g & ~of_defects], held]).tocsr()
     weight = np.sqrt(_metric(solution)[free])
     Z = _null_space((rows[:, free].toarray() + rows[:, state] @ S) / weight) / weight[:, None]
     moved = np.zeros((len(held_z), Z.shape[1]))
@@ -112,6 +115,7 @@ def _null_space(rows: np.ndarray) -> np.ndarray:
     """Directions, of size 1 and at right angles, that no row feels."""
     size = np.linalg.norm(rows, axis=1)
     rows = rows[size > 0] / size[size > 0, None]
-    Q, R, _ = linalg.qr(rows.T, pivoting=True)
+    factors: Any = linalg.qr(rows.T, pivoting=True)
+    Q, R = factors[:2]
     left = np.abs(np.diag(R))
     return Q[:, int((left > DEPENDENT * left.max(initial=0.0)).sum()) :]

@@ -51,9 +51,9 @@ def _computed_again(solution: Solution) -> tuple[Solution, set[str]]:
     plan = solution.noted(doubts=(), stated=stated_figure(hop, nlp))
     plan.__dict__["tables"] = {name: plan.fresh_table(name) for name in plan.phases}
     searched = s.structure.solved_again is not None  # free switches too are what only the search knew
-    change = change_of([(m.intervals, m.objective) for m in s.mesh], program.least)
+    change = change_of([(m.intervals, m.objective, m.drawn_in) for m in s.mesh], program.least)
     change = s.check("change of the objective").residual if searched else change
-    verdict = judge(plan, program, goal, constraints, plan.claims() | plan.stated, errors, change)
+    verdict = judge(plan, program, goal, constraints, {**plan.claims(), **plan.stated}, errors, change)
     verdict = verdict.with_checks(co_design_checks(goal, program.objective, s.codesign))
     entries = figures(hop, plan, program, verdict) | verification_entries(verdict)
     for name in ("structure", "exit_code", *(["verification"] if searched else [])):

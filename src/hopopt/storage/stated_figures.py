@@ -93,7 +93,7 @@ def _residuals(
     told, again = ({c["name"]: c for c in v} for v in (s["verification"], checks["verification"]))
     if s["structure"].get("solved_again") is not True:  # whose first mesh is that of another program
         again["change of the objective"]["residual"] = change_of(
-            [(m["intervals"], m["objective"]) for m in s["mesh"]], nlp.least
+            [(m["intervals"], m["objective"], m["drawn_in"]) for m in s["mesh"]], nlp.least
         )
     for name in told.keys() - again.keys() - set(FORMER.values()):
         yield f"verification.{name}", float("inf")
