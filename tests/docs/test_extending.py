@@ -25,6 +25,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import NAMED, make_guess
 from hopopt.ocp.problem import Instant
 from hopopt.ocp.transitions import impact
+from hopopt.planner import multistart
 from hopopt.planner.multistart import first_solver
 from hopopt.planner.program_limits import program_limits
 from hopopt.planner.solution import Solution
@@ -111,6 +112,18 @@ def test_a_limit_that_is_passed_between_the_nodes_is_found(hop: Solution) -> Non
     assert not found.passed
     peak = hop.summary.peak_vertical_force_N
     assert found.residual == pytest.approx((peak - 350.0) / limited.force_range, rel=1e-3)
+
+
+def test_a_process_that_does_not_know_what_was_added_solves_with_it() -> None:
+    run("A constraint")
+    hop = Hop(load("paper", COARSE))
+    (first,) = multistart.run_chunk(hop, [0])
+    rules.RULES[:] = rules.BUILT_IN
+    data = hop.design.model_dump(exclude_none=True)
+    (again,) = multistart._chunk_in_worker(
+        data, hop.asked, hop.free_parameters, hop.constraints, [0], False, first, 60.0, hop.rules
+    )
+    assert len(again.vectors["lam_g"]) == len(first.vectors["lam_g"])
 
 
 def stored_nlp_of(hop: Solution) -> NlpSolution:

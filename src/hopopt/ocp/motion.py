@@ -28,7 +28,7 @@ class MovingLeg:
     contact_axes: along how many axes the ground holds the foot.
     loops: axes along which stance closes a loop; dependent, free: joints that follow there, and the others.
     falling: components of (x, z) along which no guide holds the body.
-    rules: what holds in its phases (ocp/rules.py), kept with the leg, as other processes do not know what was added.
+    rules: what holds in its phases (ocp/rules.py).
     """
 
     rules: Sequence[Callable[["MovingLeg", str], Any]] = ()
