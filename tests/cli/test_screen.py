@@ -143,7 +143,7 @@ def test_checks_that_are_left_out_are_counted_apart_with_the_reason(
     assert checks_line(summary).startswith("2 of 2 checks passed, 2 left out; replay")
     print_checks("x", checks)
     shown = capsys.readouterr().out
-    assert "verified: 2 of 2 checks passed" in shown
+    assert "x: 2 of 2 checks passed" in shown
     assert (
         "left out: simulated in one piece, limits when simulated in one piece (the simulated leg left the plan)"
         in shown

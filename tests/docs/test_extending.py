@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hopopt.cli.main import run as command
 from hopopt.control import strategies
 from hopopt.control.closed_loop import simulate
 from hopopt.drivetrain import dynamics, half_planes, laws
 from hopopt.leg.robot import BASE
 from hopopt.nlp import schemes
-from hopopt.nlp.ipopt import NlpSolver
+from hopopt.nlp.interval_errors import interval_errors
+from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp import objectives, rules
@@ -22,9 +25,14 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import NAMED, make_guess
 from hopopt.ocp.problem import Instant
 from hopopt.ocp.transitions import impact
+from hopopt.planner import multistart
 from hopopt.planner.multistart import first_solver
+from hopopt.planner.program_limits import program_limits
+from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
+from hopopt.storage.solution import folder_name, save
 from known_problems import guesses, minimum_effort
 
 PAGE = (Path(__file__).parents[2] / "docs" / "extending.md").read_text(encoding="utf-8")
@@ -67,12 +75,65 @@ def test_an_objective() -> None:
     assert s.summary.objective_value == pytest.approx(s.apex.points["com"][0, 1], abs=1e-4)
 
 
-def test_a_constraint() -> None:
-    run("A constraint")
-    s = solve(load("paper"), starts=1, processes=1)
+def test_a_constraint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is held, checked by its value, named wherever the answer is, and verification knows what it needs."""
+    before = folder_name(load("paper"), "clearance")
+    rule = run("A constraint")["gentle_ground"]
+    s = save(solve(load("paper"), starts=1, processes=1), tmp_path)
     assert s.verified
     assert s.summary.peak_vertical_force_N == pytest.approx(350, rel=1e-3)
     assert s.summary.clearance_m < 0.799  # of the leg without the limit
+    assert s.summary.check("stance peak ground force").residual < 1e-4
+    assert s.summary.functions.rules == ("snippet:gentle_ground",)
+    assert any("peak ground force" in name for name in s.summary.gains)
+    assert s.result_dir is not None
+    assert s.result_dir.name != before
+    assert command(["show", str(s.result_dir)]) == 0
+    assert "limited by snippet:gentle_ground" in capsys.readouterr().out
+    assert command(["verify", str(s.result_dir)]) == 0
+    assert "stance peak ground force" in capsys.readouterr().out
+    rules.RULES.remove(rule)
+    assert command(["verify", str(s.result_dir)]) == 2
+    said = capsys.readouterr().err
+    assert "snippet:gentle_ground" in said
+    assert "import snippet" in said
+    assert len(said.splitlines()) == 1
+
+
+def test_a_limit_that_is_passed_between_the_nodes_is_found(hop: Solution) -> None:
+    """The rule's limit, 350 N, against a hop that was found without it."""
+    run("A constraint")
+    limited, program = Hop(load("paper")), stored_nlp_of(hop)
+    mesh = program.transcription.mesh
+    other = Transcription(limited.problem, program.transcription.scheme, mesh)
+    passed = replace(program, transcription=other)
+    errors = {name: interval_errors(passed, name) for name in passed.phases}
+    (found,) = program_limits(passed, errors, ())
+    assert found.name == "stance peak ground force"
+    assert not found.passed
+    peak = hop.summary.peak_vertical_force_N
+    assert found.residual == pytest.approx((peak - 350.0) / limited.force_range, rel=1e-3)
+
+
+def test_a_process_that_does_not_know_what_was_added_solves_with_it() -> None:
+    run("A constraint")
+    hop = Hop(load("paper", COARSE))
+    (first,) = multistart.run_chunk(hop, [0])
+    rules.RULES[:] = rules.BUILT_IN
+    data = hop.design.model_dump(exclude_none=True)
+    (again,) = multistart._chunk_in_worker(
+        data, hop.asked, hop.free_parameters, hop.constraints, [0], False, first, 60.0, hop.rules
+    )
+    assert len(again.vectors["lam_g"]) == len(first.vectors["lam_g"])
+
+
+def stored_nlp_of(hop: Solution) -> NlpSolution:
+    """The program of a hop that was found without what a snippet adds."""
+    added = [rule for rule in rules.RULES if rule not in rules.BUILT_IN]
+    rules.RULES[:] = rules.BUILT_IN
+    found = stored_nlp(hop)
+    rules.RULES.extend(added)
+    return found
 
 
 def test_a_strategy() -> None:

@@ -299,3 +299,11 @@ def test_meshes_that_bring_it_no_nearer_end_it(kind: type[Refinement], monkeypat
     refinement.run()
     assert refinement.ended == NO_NEARER
     assert len(refinement.history) == STUCK + 1
+
+
+def test_the_change_of_the_objective_is_that_before_limits_were_tightened() -> None:
+    """As refinement states it and hopopt verify computes it again: of the last two meshes, no limit tightened."""
+    coarse, fine = {"move": 4}, {"move": 8}
+    steps = [(coarse, 1.0, 0), (fine, 2.0, 0), (fine, 3.0, 1), (fine, 4.0, 2)]
+    assert refine.change_of(steps, 1e-9) == 0.5
+    assert refine.change_of(steps[:1], 1e-9) == np.inf

@@ -13,10 +13,12 @@ from hopopt.cli.main import run
 from hopopt.errors import ResultError
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
-from hopopt.storage.digests import changed, seal
+from hopopt.storage.digests import DATA, changed, digests, seal
 from hopopt.storage.recheck import recheck, reverified
+from hopopt.storage.repair import repaired
 from hopopt.storage.solution import read, save, with_more
 from hopopt.studies.sweep.run import Study, sweep
+from hopopt.studies.sweep.store import FILES
 
 Change = Callable[[dict[str, Any]], Any]
 
@@ -84,23 +86,45 @@ def test_a_clearance_that_was_changed_is_not_called_verified(
 
 
 @pytest.mark.parametrize("name", ["summary.json", "solution.nc"])
-def test_what_is_verified_again_is_taken_as_it_lies_there(
+def test_a_change_that_no_figure_feels_is_told_and_not_sealed(
     stored: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A change that no figure feels: more space in the text, another byte after the data."""
+    """More space in the text, another byte after the data: all that can be computed again is as stated."""
     (stored / name).write_bytes((stored / name).read_bytes() + b"\n")
+    before = digests(stored, [*DATA, "manifest.json"])
+    assert run(["verify", str(stored)]) == 3
+    said = capsys.readouterr()
+    assert f"{name} was changed" in said.err
+    assert "all that can be computed again is as stated" in said.out.splitlines()[-1]
+    assert digests(stored, [*DATA, "manifest.json"]) == before
     assert not read(stored).verified
-    assert run(["verify", str(stored)]) == 0
-    assert f"{name} was changed" in capsys.readouterr().err
-    assert read(stored).verified
-    assert run(["show", str(stored)]) == 0
-    assert says_verified(capsys.readouterr().out)
+
+
+def test_a_repair_computes_figures_again_and_nothing_that_only_the_search_knew(
+    stored: Path, hop: Solution, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(ResultError, match="nothing to repair"):
+        repaired(read(stored))
+    edit(stored / "summary.json", higher)
+    before = digests(stored, [*DATA, "manifest.json"])
+    assert run(["repair", str(stored)]) == 0
+    assert "repaired: summary.json was changed" in capsys.readouterr().out
+    again = read(stored.with_name(f"{stored.name}-2"))
+    assert again.verified
+    assert recheck(again).verified
+    assert again.clearance == pytest.approx(hop.clearance, abs=1e-12)
+    assert "repaired" in again.summary.notes[-1]
+    assert digests(stored, [*DATA, "manifest.json"]) == before
+    edit(stored / "summary.json", lambda data: data["starts"].update(count=5000))
+    assert run(["repair", str(stored)]) == 2
+    assert "summary.json: starts" in capsys.readouterr().err
+    assert not read(stored).verified
 
 
 def test_figures_that_no_check_of_the_plan_reads_are_computed_again(stored: Path) -> None:
     edit(stored / "summary.json", lambda data: data.update(peak_ground_force_N=1.0))
     seal(stored)
-    failed = {check.name: check for check in recheck(read(stored)).checks if not check.passed}
+    failed = {check.name: check for check in recheck(read(stored)).failed}
     assert failed["figures of the summary as computed"].where == "peak_ground_force_N"
 
 
@@ -116,9 +140,9 @@ def test_a_clearance_equals_the_sum_of_its_parts(stored: Path) -> None:
 def test_a_manifest_without_digests_leaves_doubt(stored: Path) -> None:
     (stored / "manifest.json").write_text("[]")
     assert changed(stored) == ["manifest.json holds no digests of the files"]
+    assert run(["verify", str(stored)]) == 3
     assert not read(stored).verified
-    assert run(["verify", str(stored)]) == 0
-    assert read(stored).verified
+    assert run(["repair", str(stored)]) == 2
 
 
 def gone(*keys: str) -> Change:
@@ -197,7 +221,7 @@ def test_a_points_clearance_that_was_changed_enters_no_table(
     assert run(["sweep", "--resume", str(study), "--no-figures"]) == 2
     said = capsys.readouterr()
     assert "0001-0.json: it was changed after it was written" in said.err
-    assert f"hopopt verify {study}" in said.err
+    assert "remove it and resume" in said.err
     assert not says_verified(said.out)
     assert run(["verify", str(study)]) == 3
     shown = capsys.readouterr()
@@ -207,13 +231,16 @@ def test_a_points_clearance_that_was_changed_enters_no_table(
 
 
 @pytest.mark.slow
-def test_a_point_that_is_confirmed_is_written_anew_as_computed(
+def test_a_point_that_was_changed_is_told_and_not_written_anew(
     study: Path, finished: Study, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = study / "points" / "0001-0.json"
     edit(path, lambda data: data.update(seconds=1.0))
-    assert run(["verify", str(study)]) == 0
-    assert "written" in capsys.readouterr().err
+    before = path.read_bytes()
+    assert run(["verify", str(study)]) == 3
+    assert "0001-0.json: it was changed" in capsys.readouterr().err
+    assert path.read_bytes() == before
+    path.unlink()
     assert run(["sweep", "--resume", str(study), "--no-figures", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)["points"][1]
     assert again["clearance_m"] == pytest.approx(finished.points[1].clearance_m, rel=1e-6)
@@ -249,9 +276,21 @@ def test_where_a_neighbour_begins_is_kept_too(study: Path, capsys: pytest.Captur
 
 
 @pytest.mark.slow
-def test_a_table_that_was_changed_is_named_and_written_anew(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_that_was_changed_is_named_and_written_anew_by_a_resume(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     table = (study / "table.csv").read_text()
     (study / "table.csv").write_text(table.replace("verified", "verified best"))
-    assert run(["verify", str(study)]) == 0
+    assert run(["verify", str(study)]) == 3
     assert "table.csv was changed" in capsys.readouterr().err
+    assert (study / "table.csv").read_text() != table
+    assert run(["sweep", "--resume", str(study), "--no-figures"]) == 0
     assert (study / "table.csv").read_text() == table
+    assert not changed(study, FILES)
+
+
+def test_a_definition_that_was_changed_is_not_resumed(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(study / "sweep.json", lambda data: data.update(starts=2))
+    for command in (["sweep", "--no-figures", "--resume"], ["verify"]):
+        assert run([*command, str(study)]) == 2
+        assert "sweep.json was changed after it was written: starts" in capsys.readouterr().err

@@ -34,6 +34,7 @@ from hopopt.cli import schema as cli_schema
 from hopopt.cli import sensitivity as cli_studies
 from hopopt.cli import sweep as cli_sweep
 from hopopt.cli import transition as cli_transition
+from hopopt.cli import verify as cli_verify
 from hopopt.cli import view as cli_view
 from hopopt.cli.options import AsJson, Constraints, Couple, CrossChecked, Free, Overrides, app, progress, write_new
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
@@ -301,62 +302,6 @@ def new(name: str) -> int:
     return 0
 
 
-@app.command
-def verify(result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False) -> int:
-    """Check a stored result again, from its files alone. Exit code 0 if it is verified, 3 if not.
-
-    The certificate of first-order optimality (docs/certificate.md) is recomputed too, and said to hold or not. Files that
-    were changed are named; if every check passes their digests are written anew. Of a study every solved point is refined
-    and checked again.
-
-    Parameters
-    ----------
-    result
-        A folder that hopopt solve or hopopt sweep wrote.
-    objective
-        The function of your own that it was found with, if it was: module:function.
-    """
-    from hopopt.planner.summary_entry import as_data
-    from hopopt.planner.verdict_entries import conditions
-
-    if (result / "sweep.json").is_file():
-        from hopopt.cli.sweep import verify_study
-
-        if objective or constraint:
-            raise UsageError("a study takes no user-defined functions: leave out --objective and --constraint")
-        return verify_study(result, json_)
-    from hopopt.storage.folder import as_json
-    from hopopt.storage.recheck import accept, recheck, with_functions
-    from hopopt.storage.solution import read
-    from hopopt.studies.control_recheck import control_check
-
-    solution = with_functions(read(result), objective, constraint or ())
-    verdict = recheck(solution)
-    verdict = verdict.with_checks(control_check(solution))
-    for words in solution.doubts:
-        print(f"hopopt: {words}", file=sys.stderr)
-    if verdict.verified:
-        accept(solution)
-    code = 0 if verdict.verified else 3
-    if json_:
-        listed, made = [c.as_dict() for c in verdict.checks], bool(verdict.conditions)
-        certificate = {
-            "certified": verdict.certified if made else None,
-            "certificate": as_data(conditions(verdict)) if made else None,
-        }
-        print(as_json({"verified": verdict.verified, "exit_code": code, "checks": listed, **certificate}))
-    else:
-        from hopopt.cli.screen.certificate import print_certificate
-        from hopopt.cli.screen.console import print_checks
-
-        print_checks(str(result), verdict.checks)
-        print_certificate(verdict.conditions)
-        height = solution.clearance  # one of the claims that are checked
-        wrong = "; ".join(f"{c.name}{f' ({c.where})' if c.where else ''}" for c in verdict.checks if not c.passed)
-        print(f"{result}: {f'verified, clearance {height:.4f} m' if verdict.verified else f'NOT verified: {wrong}'}")
-    return code
-
-
 def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
     """Print an answer: as one object, or for a person short or ``whole``; one that is not verified is never short, but
     where the time was up."""
@@ -384,7 +329,7 @@ def _answer(solution: "Solution", as_object: bool, whole: bool = False) -> None:
 
 
 for command in (
-    cli_runs.simulate, cli_runs.compare, cli_export.export, cli_studies.sensitivity, cli_paper.calibrate,
+    cli_verify.verify, cli_verify.repair, cli_runs.simulate, cli_runs.compare, cli_export.export, cli_studies.sensitivity, cli_paper.calibrate,
     cli_paper.tune, cli_paper.reproduce, cli_sweep.sweep, cli_pareto.pareto, cli_actuators.actuators,
     cli_evidence.evidence, cli_families.families, cli_diagnose.diagnose, cli_schema.schema, cli_robust.robust,
     cli_transition.transition, cli_doctor.doctor, cli_report.report, cli_animate.animate, cli_log.log,

@@ -86,21 +86,24 @@ def sweep(
 
 
 def verify_study(folder: Path, as_object: bool) -> int:
-    """Verify every point of a stored study again; exit code 0 if all that it states is confirmed, 3 if not."""
+    """Verify every point of a stored study again; exit code 0 if all that it states is confirmed and no file was changed,
+    3 if not."""
     from hopopt.storage.folder import as_json
     from hopopt.studies.sweep.recheck import recheck_study
 
     with progress(quiet=as_object) as say:
         found, wrong = recheck_study(folder, say)
-    for words in [*wrong, *(f"{r.path.name}: {r.doubt}" for r in found if r.doubt)]:
+    doubts = [*wrong, *(f"{r.path.name}: {r.doubt}" for r in found if r.doubt)]
+    for words in doubts:
         print(f"hopopt: {words}", file=sys.stderr)
-    code = 3 if any(r.fault for r in found) else 0
+    code = 3 if doubts or any(r.fault for r in found) else 0
     if as_object:
-        print(as_json({"verified": not code, "exit_code": code, "points": [r.as_dict() for r in found]}))
+        points = [r.as_dict() for r in found]
+        print(as_json({"verified": not code, "exit_code": code, "changed": doubts, "points": points}))
         return code
     from hopopt.cli.screen.sweep import print_rechecked
 
-    print_rechecked(folder, found)
+    print_rechecked(folder, found, doubts)
     return code
 
 

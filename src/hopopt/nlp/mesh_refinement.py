@@ -150,8 +150,8 @@ class Refinement:
 
     @property
     def change(self) -> float:
-        """Relative change of the objective with the last mesh; infinite after one."""
-        steps = [(step.intervals, step.objective) for step in self.history]
+        """Relative change of the objective with the last mesh, before its limits were tightened; infinite after one."""
+        steps = [(step.intervals, step.objective, step.drawn_in) for step in self.history]
         return change_of(steps, self.solution.least)
 
     @property
@@ -346,11 +346,12 @@ def moves_to(over: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     return (np.convolve(over, [1, 1, 1])[1:-1] > 0) | (coarse & (over & coarse).any())
 
 
-def change_of(steps: Sequence[tuple[Mapping[str, int], float]], least: float) -> float:
-    """Relative change of the objective with the last mesh, from (intervals by phase, objective) of every solve; infinite
-    after one mesh."""
-    before = [objective for sizes, objective in steps if sizes != steps[-1][0]]
-    return relative(steps[-1][1], before[-1], least) if before else float("inf")
+def change_of(steps: Sequence[tuple[Mapping[str, int], float, int]], least: float) -> float:
+    """Relative change of the objective with the last mesh, from (intervals by phase, objective, how often limits were
+    tightened) of every solve: of those with none tightened; infinite after one mesh."""
+    plain = [(sizes, objective) for sizes, objective, tightened in steps if not tightened]
+    before = [objective for sizes, objective in plain if sizes != plain[-1][0]]
+    return relative(plain[-1][1], before[-1], least) if before else float("inf")
 
 
 def relative(a: float, b: float, least: float = 1e-9) -> float:

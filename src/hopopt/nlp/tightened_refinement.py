@@ -23,7 +23,6 @@ from hopopt.nlp.mesh_refinement import (
     Refinement,
     Report,
     moves_to,
-    relative,
 )
 from hopopt.nlp.mesh_step import Parts, cut, equal
 from hopopt.nlp.tightening import tightened_by_excess
@@ -65,12 +64,6 @@ class TighteningRefinement(Refinement):
                 return
             if not self._solve_on({n: cut(self.solution, n, equal(p)) for n, p in fewer.items()}):
                 return
-
-    @property
-    def change(self) -> float:
-        """Relative change of the objective with the last mesh, before its limits were tightened; infinite after one."""
-        meshes = [step.objective for step in self.history if not step.drawn_in]
-        return relative(meshes[-1], meshes[-2], self.solution.least) if len(meshes) > 1 else float("inf")
 
     def _far(self, step: MeshStep) -> float:
         """By its local error alone: limits are tightened afterwards."""

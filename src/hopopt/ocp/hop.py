@@ -18,6 +18,7 @@ from hopopt.ocp.objectives import find
 from hopopt.ocp.periodic import hop_after_hop
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import BoundaryConstraint, Ends, Instant, Objective, PathConstraint, Phase, Problem
+from hopopt.ocp.rules import RULES, added_rules
 from hopopt.ocp.sequence import PhaseSequence
 from hopopt.ocp.tie_break import EFFORT, LOOPED, effort, largest_effort
 from hopopt.ocp.to_rest import to_rest
@@ -40,6 +41,7 @@ class Hop(MovingLeg):
         if fault := self.objective.fault(design):
             raise UsageError(f"objective {self.objective.name}: {fault}")
         super().__init__(design)
+        self.rules, self.added_rules = tuple(RULES), added_rules()
         if design.hop.lands and (self.loops or len(self.falling) < 2):
             raise UsageError(
                 f'hop.kind = "{design.hop.kind}" needs a leg in a plane whose body moves along x and z (leg.guides): this one\'s '

@@ -3,7 +3,7 @@
 Joint torques follow from inverse dynamics, so the equations of motion hold by construction.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -32,7 +32,10 @@ class MovingLeg:
     controls in stance.
     falling: components of (x, z) along which no guide holds the body.
     drive_states: what the drives add, in numbers.
+    rules: what holds in its phases (ocp/rules.py).
     """
+
+    rules: Sequence[Callable[["MovingLeg", str], Any]] = ()
 
     def __init__(self, design: Design):
         self.design, self.leg = design, design.leg

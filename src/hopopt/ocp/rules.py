@@ -1,10 +1,13 @@
 """The physical rules of a phase: which path constraints hold on the ground and which in the air.
 
-A rule is a function of the leg and of the kind of phase, "stance" or "flight"; ``RULES`` lists them all.
+A rule is a function of the leg and of the kind of phase, "stance" or "flight"; ``RULES`` lists them all. What others add to
+it is a user-defined limit: answers name it, and it is checked by its value.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
+from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import (
     above_ground,
     friction_cone,
@@ -55,8 +58,18 @@ def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
 
 
 RULES: list[Rule] = [drives, ground, heights, counter_movement]
+BUILT_IN = tuple(RULES)
+
+
+def added_rules() -> tuple[str, ...]:
+    """Names of the rules that were added to RULES, as module:function."""
+    return tuple(f"{rule.__module__}:{rule.__qualname__}" for rule in RULES if rule not in BUILT_IN)
 
 
 def path_constraints(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
-    """All path constraints of a phase of that kind."""
-    return tuple(c for rule in RULES for c in rule(leg, kind))
+    """All path constraints of a phase of that kind; those of rules that were added are user-defined."""
+    return tuple(c if rule in BUILT_IN else _user_defined(c) for rule in leg.rules for c in rule(leg, kind))
+
+
+def _user_defined(c: PathConstraint) -> PathConstraint:
+    return replace(c, name=LimitId(Kind.USER, str(c.name), unit=c.unit))

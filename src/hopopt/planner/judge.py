@@ -16,6 +16,7 @@ from hopopt.ocp.objective import HopObjective
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.error_estimate import ObjectiveError, objective_error
 from hopopt.planner.custom_check import custom_checks
+from hopopt.planner.program_limits import program_limits
 from hopopt.planner.solution import Motion
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_multipliers import stored
@@ -48,6 +49,7 @@ def judge(
     clock, estimate = clock or Stopwatch(), objective_error(solution)
     checks = numerical_checks(plan.design, solution, errors, change, estimate)
     checks += plan_checks(plan, goal, constraints, claims)
+    checks += program_limits(solution, errors, {check.name for check in checks})
     rollout, error = stated_error(plan, solution, goal, estimate, claims)
     clock.mark("verification")
     certificate = certify(solution)

@@ -23,6 +23,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.initial_guess import Start, make_guess, starts_of
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.phases import ON_GROUND, STANCE
+from hopopt.ocp.rules import RULES, Rule
 from hopopt.optimality.infeasibility import conflict
 from hopopt.optimality.violations import violations
 from hopopt.planner.limit_names import conflict_words
@@ -146,7 +147,8 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool, u
 
     data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
     more = (hop.asked, hop.free_parameters, hop.constraints)
-    jobs = (delayed(_chunk_in_worker)(data, *more, chunk, known, first[0], until) for chunk in chunks)
+    rest = (known, first[0], until, hop.rules)
+    jobs = (delayed(_chunk_in_worker)(data, *more, chunk, *rest) for chunk in chunks)
     parts = list[list[StartOutcome]]()
     for part in Parallel(n_jobs=processes, backend="loky", return_as="generator")(jobs):
         parts.append(part)  # type: ignore[arg-type]
@@ -176,9 +178,11 @@ def _chunk_in_worker(
     known: bool,
     first: StartOutcome,
     until: Deadline,
+    rules: Sequence[Rule],
 ) -> list[StartOutcome]:
     if until.passed:
         return []
+    RULES[:] = rules  # what was added to them this process does not know
     hop = Hop(Design.model_validate(data), objective, free_parameters, constraints)
     return run_chunk(hop, chunk, first_solver(hop, known, known_optima(hop, [first]), until), known)
 

@@ -1,13 +1,18 @@
 """What an answer does not say by itself."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.flat_directions import Flat, NotInvertible, flat
+from hopopt.optimality.second_order import curvature
 from hopopt.planner.refine_and_verify import AT_MOST
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import without_tie_break
+from hopopt.planner.summary_extras import SecondOrder
 from hopopt.problem.hints import hints
 
 LOUD = 0.01  # share of the answer that the tie-break may weigh without a word
@@ -56,6 +61,23 @@ def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
     stated = " and ".join(f"solver.{name} = {getattr(used.solver, name):g}" for name in names)
     why = "as --structure needs" if structure else "as the hop was not verified and certified with the problem's own"
     return [f"solved with {stated}, {why}"]
+
+
+def second_order(solution: NlpSolution) -> SecondOrder | None:
+    """The second-order test of a program's solution; None if it cannot be made."""
+    try:
+        found = curvature(solution)
+    except (np.linalg.LinAlgError, RuntimeError):  # no reason to lose the answer
+        return None
+    return found and SecondOrder(**asdict(found))
+
+
+def saddle_note(found: SecondOrder | None) -> tuple[str, ...]:
+    """That the hop is no optimum, if the second-order test says so."""
+    if found is None or not found.better:
+        return ()
+    ways = f"{found.better} direction{'s' if found.better > 1 else ''}"
+    return (f"second order: {ways} would make it better: a saddle of the program, not its optimum: try more starts",)
 
 
 def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:

@@ -282,7 +282,7 @@ class Solution(Motion):
         """The summary as it may be shown: of files that are in doubt nothing is called verified."""
         if not self.doubts:
             return self.summary
-        note = f"{'; '.join(self.doubts)}: hopopt verify {self.result_dir} computes every check again"
+        note = f"{'; '.join(self.doubts)}: hopopt verify {self.result_dir} says what still stands"
         notes, reported = (note, *self.summary.notes), {"verified": False, "status": "changed after it was stored"}
         return replace(
             self.summary, **reported, exit_code=3, failed_checks=("files as they were written",), notes=notes

@@ -15,6 +15,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HopObjective
 from hopopt.ocp.objectives import find
 from hopopt.ocp.problem import Problem
+from hopopt.ocp.rules import added_rules
 from hopopt.planner.solution import Solution
 
 
@@ -28,6 +29,7 @@ def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]
     they do not run it."""
     objective, constraints = solution.summary.functions.objective, solution.summary.functions.constraints
     goal, own = solution.own
+    _check_rules(solution)
     if (goal.name if goal else None) != objective or sorted(c.name for c in own) != sorted(constraints):
         options = [f"--objective {objective}"] * bool(objective) + [f"--constraint {name}" for name in constraints]
         what = "was found without user-defined functions: give none"
@@ -35,6 +37,20 @@ def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]
             what = f"was found with user-defined functions and needs their module: add {' '.join(options)}"
         raise UsageError(f"{solution.result_dir} {what}")
     return goal or find(solution.objective), own
+
+
+def _check_rules(solution: Solution) -> None:
+    """UsageError unless the limits that were added to RULES are those that the solution was found with."""
+    stored, present = solution.summary.functions.rules, added_rules()
+    where = solution.result_dir or solution.design.name
+    if missing := [name for name in stored if name not in present]:
+        modules = ", ".join(dict.fromkeys(name.partition(":")[0] for name in missing))
+        example = f"python -c \"import {modules}; from hopopt.cli.main import main; main(['verify', '{where}'])\""
+        raise UsageError(
+            f"{where} was found with limits added to RULES ({', '.join(missing)}) and needs their module: {example}"
+        )
+    if more := [name for name in present if name not in stored]:
+        raise UsageError(f"{where} was found without the limits that RULES has now ({', '.join(more)}): take them out")
 
 
 def hop_of(solution: Solution) -> Hop:

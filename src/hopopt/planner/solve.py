@@ -31,11 +31,12 @@ from hopopt.planner.multistart import (
     solution_of,
     solved_from,
 )
-from hopopt.planner.notes import flat_directions, notes_on
+from hopopt.planner.notes import flat_directions, notes_on, saddle_note, second_order
 from hopopt.planner.refine_and_verify import aims_of, refined_and_verified, told_of_calm, with_tighter_tolerances
 from hopopt.planner.required_clearance import from_highest
 from hopopt.planner.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.stored_summary import LATE
 from hopopt.planner.summary import start_figures
@@ -117,14 +118,17 @@ def _found(
     known_as = families(hop, outcomes, [*finished, best])
     overall = global_figures(searched, best, known_as)
     late = (LATE,) if until.passed else ()
-    notes = (*late, *alarm_note(overall), *notes_on(hop, asked, structure, best, better), *flat_words(found or []))
+    second = None if until.passed else second_order(stored_nlp(best, hop.problem))
+    own = notes_on(hop, asked, structure, best, better)
+    notes = (*late, *saddle_note(second), *alarm_note(overall), *own, *flat_words(found or []))
     reported = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
     ended = start_figures(
         outcomes, outcomes[_chosen(best, outcomes)], count, told_apart(hop, outcomes, [*finished, best])
     )
     return hop, best.with_summary(
-        notes=notes, flat=reported, starts=ended, searched=count >= SEARCH, families=known_as, global_=overall
-    )
+        notes=notes, flat=reported, second_order=second, starts=ended, searched=count >= SEARCH, families=known_as,
+        global_=overall,
+    )  # fmt: skip
 
 
 def doubted(hop: Hop, searched: FirstMesh, finished: Sequence[Solution]) -> bool:

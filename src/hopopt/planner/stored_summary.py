@@ -18,6 +18,7 @@ from hopopt.planner.summary_extras import (
     GlobalMethod,
     HopFamily,
     PaperStrategy,
+    SecondOrder,
     Structure,
 )
 from hopopt.planner.summary_parts import (
@@ -107,6 +108,7 @@ class Summary(Measures):
     landing: Landing | None = if_any("the touchdown of a hop that is landed, and how it comes to rest")
     notes: tuple[str, ...] = if_any("what the answer does not say by itself", default=())
     flat: tuple[FlatDirection, ...] | None = if_any("what the objective is insensitive to")
+    second_order: SecondOrder | None = if_any("the second-order test, on the last mesh")
     time_limit_s: float | None = if_any("time after which the search ends with the best hop so far [s]")
     overrides: tuple[str, ...] | None = if_any("entries that were set on the command line")
     paper_strategy: PaperStrategy | None = if_any("the paper's control on the same leg")

@@ -45,7 +45,9 @@ def summarize(
     summary = Summary(
         version=VERSION,
         functions=Functions(
-            hop.objective.name if hop.objective.custom else None, tuple(c.name for c in hop.constraints)
+            hop.objective.name if hop.objective.custom else None,
+            tuple(c.name for c in hop.constraints),
+            rules=hop.added_rules,
         ),
         **figures(hop, plan, solution, verdict),
         **verification_entries(verdict),

@@ -44,11 +44,27 @@ class FlatDirection(Strict):
 
 
 @dataclass(frozen=True)
+class SecondOrder(Strict):
+    """Directions that keep all equations and limits that act, by what moving along them does to the objective."""
+
+    worse: int = stated("directions that make the objective worse")
+    flat: int = stated("directions that hardly change it")
+    better: int = stated("directions that make it better: with any, the hop is no optimum")
+    lowest: float = stated("least loss by a move of size 1, of the objective; negative: a gain (docs/certificate.md)")
+
+
+@dataclass(frozen=True)
 class Functions(Strict):
     """User-defined functions by name; files name code, they do not run it."""
 
     objective: str | None = stated("module:function, or null")
     constraints: tuple[str, ...] = stated("module:function of each")
+    rules: tuple[str, ...] = if_any("module:function of each limit that was added to RULES", default=())
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """Everything that limits the hop besides the problem, by name."""
+        return (*self.constraints, *self.rules)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.optimality.certificate import Certificate
 from hopopt.optimality.error_estimate import ObjectiveError
+from hopopt.planner.summary_extras import SecondOrder
 from hopopt.verify.check import Check, failed
 
 Multipliers = dict[str, np.ndarray]  # of one phase, or of the ends, by name
@@ -66,28 +67,37 @@ class Verdict:
     error: of the objective, as it is stated beside the answer; None without multipliers
     conditions: the certificate's conditions of first-order optimality; empty without multipliers
     multipliers: arrays that the certificate rests on, by phase, to be stored
+    second_order: directions of the second-order test, of a stored result; None if it was not made
+    of_file: of a stored result, that its files are as they were written and say what is computed again
     """
 
     checks: tuple[Check, ...]
     error: StatedError | None = None
     conditions: tuple[Check, ...] = ()
     multipliers: Mapping[str, Multipliers] = field(default_factory=dict, repr=False)
+    second_order: SecondOrder | None = None
+    of_file: tuple[Check, ...] = ()
 
     @property
     def verified(self) -> bool:
         """Whether every check passed."""
-        return all(check.passed for check in self.checks)
+        return not self.failed
+
+    @property
+    def failed(self) -> list[Check]:
+        """The checks that did not pass, the worst first."""
+        return failed([*self.checks, *self.of_file])
 
     @property
     def failed_checks(self) -> list[str]:
         """Names of the checks that did not pass, the worst first."""
-        return [check.name for check in failed(list(self.checks))]
+        return [check.name for check in self.failed]
 
     @property
     def certified(self) -> bool:
         """Whether every condition of first-order optimality holds."""
         return bool(self.conditions) and all(check.passed for check in self.conditions)
 
-    def with_checks(self, more: Iterable[Check], conditions: Iterable[Check] = ()) -> "Verdict":
-        """The verdict with further checks, and further conditions, that must hold too."""
-        return replace(self, checks=(*self.checks, *more), conditions=(*self.conditions, *conditions))
+    def with_checks(self, more: Iterable[Check], of_file: Iterable[Check] = ()) -> "Verdict":
+        """The verdict with further checks, of the hop and of the files that it is stored in, that must hold too."""
+        return replace(self, checks=(*self.checks, *more), of_file=(*self.of_file, *of_file))

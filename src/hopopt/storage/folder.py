@@ -106,7 +106,7 @@ def fitting(folder: Path | None) -> Iterator[None]:
     """ResultError in a sentence for whatever stored files that are incomplete or do not belong together lead to."""
     try:
         yield
-    except (KeyError, ValueError, IndexError, TypeError, AttributeError, StopIteration, RuntimeError) as error:
+    except (LookupError, ValueError, ArithmeticError, TypeError, AttributeError, StopIteration, RuntimeError) as error:
         raise ResultError(
             f"{folder}: the result is incomplete or its files do not fit together "
             f"({type(error).__name__}: {str(error)[:200]}): solve it again"

@@ -1,23 +1,23 @@
 """Verification of a stored result, from its files alone."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from hopopt.nlp.interval_errors import interval_errors
+from hopopt.nlp.interval_errors import IntervalErrors, interval_errors
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.custom import as_objective, custom
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.objective import HopObjective
 from hopopt.planner.judge import judge, plan_checks
+from hopopt.planner.notes import second_order
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import has_multipliers, hop_of, own_functions, stored_nlp
 from hopopt.planner.stored_multipliers import agreement
-from hopopt.planner.summary_extras import CoDesign
+from hopopt.planner.summary_extras import CoDesign, SecondOrder
 from hopopt.planner.verdict import Verdict
-from hopopt.storage.digests import seal
 from hopopt.storage.folder import fitting
 from hopopt.storage.stated_figures import motion_check, stated_checks
 from hopopt.verify.check import KKT, Check
@@ -32,7 +32,8 @@ def recheck(solution: Solution) -> Verdict:
     Raises ResultError if the files do not hold what they must.
     """
     with fitting(solution.result_dir):
-        return _recheck(solution)
+        found = _recheck(solution)
+    return replace(found, of_file=(_as_written(solution), *found.of_file))
 
 
 def reverified(solution: Solution) -> Solution:
@@ -41,41 +42,44 @@ def reverified(solution: Solution) -> Solution:
     return solution.with_summary(verified=verified)
 
 
-def accept(solution: Solution) -> None:
-    """Take a solution whose every check passed again as it lies there: write the digests of its files anew."""
-    if solution.doubts and solution.result_dir is not None:
-        with suppress(OSError):  # a folder that may not be written is still verified
-            seal(solution.result_dir)
-
-
 def _recheck(solution: Solution) -> Verdict:
     goal, constraints = own_functions(solution)
-    summary = solution.summary
-    claims = {name: x for name in ("clearance_m", goal.figure) if (x := summary.figure(name)) is not None}
-    agree = _agreement(solution)
-    co_design = tuple(co_design_checks(goal, summary.objective_value, summary.codesign))
+    claims = stated_claims(solution, goal)
+    co_design = tuple(co_design_checks(goal, solution.summary.objective_value, solution.summary.codesign))
+    of_file = [_agreement(solution)]
     if not has_multipliers(solution):
         missing = Check("first-order conditions", float("inf"), KKT, "scaled", "the file holds no multipliers")
-        return Verdict(
-            (missing, agree, motion_check(solution), *plan_checks(solution, goal, constraints, claims), *co_design)
-        )
-    hop = hop_of(solution)
-    nlp = stored_nlp(solution, hop.problem)
-    of_file = replace(nlp, phases=solution.phases)
-    errors = {name: interval_errors(of_file, name) for name in solution.phases}
-    change = summary.check("change of the objective").residual
-    found = judge(solution, of_file, goal, constraints, claims, errors, change)
-    more = [
-        agree,
+        checks = (missing, *plan_checks(solution, goal, constraints, claims), *co_design)
+        return Verdict(checks, of_file=(*of_file, motion_check(solution)))
+    hop, nlp, program, errors = stored_program(solution)
+    change = solution.summary.check("change of the objective").residual
+    found = judge(solution, program, goal, constraints, claims, errors, change).with_checks(co_design)
+    of_file += [
         _same_program(solution, nlp),
         _same_limits(nlp),
-        *stated_checks(solution, hop, of_file, errors, found.with_checks(co_design)),
-        *co_design,
+        *stated_checks(solution, hop, program, errors, found),
     ]
-    conditions = [replace(agree, name="stored torques and motion")]
     if solution.multipliers:
-        conditions.append(agreement(found.multipliers, solution.multipliers))
-    return found.with_checks(more, conditions)
+        of_file.append(agreement(found.multipliers, solution.multipliers))
+    second = second_order(nlp)
+    if (stated := solution.summary.second_order) is not None:
+        of_file.append(_same_directions(stated, second))
+    return replace(found.with_checks((), of_file), second_order=second)
+
+
+def stated_claims(solution: Solution, goal: HopObjective) -> dict[str, float]:
+    """What the summary states of the plan, by name [the name's unit]."""
+    names = ("clearance_m", goal.figure)
+    return {name: x for name in names if (x := solution.summary.figure(name)) is not None}
+
+
+def stored_program(solution: Solution) -> tuple[Hop, NlpSolution, NlpSolution, dict[str, IntervalErrors]]:
+    """The question of a stored solution, its program with the trajectories of its vectors and with those of the file, and
+    the local errors of these."""
+    hop = hop_of(solution)
+    nlp = stored_nlp(solution, hop.problem)
+    program = replace(nlp, phases=solution.phases)
+    return hop, nlp, program, {name: interval_errors(program, name) for name in solution.phases}
 
 
 def co_design_checks(goal: HopObjective, value: float, codesign: CoDesign | None) -> Iterator[Check]:
@@ -84,6 +88,12 @@ def co_design_checks(goal: HopObjective, value: float, codesign: CoDesign | None
         worse = goal.sign * (codesign.objective_value - value) / max(abs(value), 1e-9)
         where = "the fixed design against the co-design"
         yield Check("co-design confirmed", max(worse, 0.0), CONFIRMED, "relative", where)
+
+
+def _as_written(solution: Solution) -> Check:
+    """That no file was changed after it was written, and the summary does not contradict itself."""
+    doubts = solution.doubts
+    return Check("files as they were written", float(len(doubts)), 0.0, "files", "; ".join(doubts))
 
 
 def with_functions(solution: Solution, objective: Any = None, constraints: Sequence[Any] = ()) -> Solution:
@@ -113,6 +123,13 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
         wrong.append((trajectory.u - other.u) / np.maximum(1.0, np.abs(other.u).max(axis=(0, 1))))
     wrong.append((nlp.value - solution.summary.objective_value) / nlp.transcription.problem.objective.scale)
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
+
+
+def _same_directions(stated: SecondOrder, found: SecondOrder | None) -> Check:
+    """The second-order test as the summary states it: how many directions there are, and how many make the hop better."""
+    counts = [(s.better, s.worse + s.flat) for s in (stated, found) if s is not None]
+    wrong = float(np.abs(np.diff(counts, axis=0)).sum()) if len(counts) > 1 else float("inf")
+    return Check("second order as stated", wrong, 0.0, "directions")
 
 
 def _agreement(solution: Solution) -> Check:

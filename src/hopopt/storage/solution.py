@@ -4,7 +4,7 @@ results/<problem>-<hash8>/
     solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors;
                     in certificate/ costates, Hamiltonian and multipliers (storage/multipliers.py)
     summary.json    every printed number          problem.toml   all defaults filled in, runs again
-    manifest.json   versions, seed, mesh history, digests of the files above        figures/       PNG and SVG
+    manifest.json   versions, seed, mesh history, digests (storage/digests.py)      figures/       PNG and SVG
 
 Figures come last, when the data are safe: one that fails leaves a note in the summary, nothing else.
 """
@@ -41,9 +41,9 @@ FORMAT = 2  # of the folder's contents
 Figures = Callable[[Solution, Path], Any]
 
 
-def folder_name(design: Design, objective: str, constraints: Sequence[str] = ()) -> str:
-    """``<problem>-<hash8>`` from the problem's contents, the objective and the names of user-defined constraints."""
-    text = " ".join([design_hash(design), objective, *constraints])
+def folder_name(design: Design, objective: str, limits: Sequence[str] = ()) -> str:
+    """``<problem>-<hash8>`` from the problem's contents, the objective and the names of user-defined limits."""
+    text = " ".join([design_hash(design), objective, *limits])
     return f"{design.name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
@@ -74,7 +74,7 @@ def save(solution: Solution, results: str | Path = "results", figures: Figures |
 
 def _save_data(solution: Solution, results: Path) -> Solution:
     work = new_work_folder(results)
-    name = folder_name(solution.design, solution.objective, solution.summary.functions.constraints)
+    name = folder_name(solution.design, solution.objective, solution.summary.functions.limits)
 
     def write_summary(folder: Path) -> None:
         write_json(as_data(_placed(solution, folder).summary), work / "summary.json")
@@ -124,7 +124,7 @@ def with_more(solution: Solution, **entries: Any) -> Solution:
     assert folder is not None
     with suppress(OSError):
         write_json(as_data(solution.summary), folder / "summary.json")
-        seal(folder)
+        seal(folder, ("summary.json",))
     return solution
 
 

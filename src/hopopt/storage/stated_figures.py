@@ -13,6 +13,7 @@ from hopopt.nlp.mesh_refinement import change_of
 from hopopt.ocp.hop import Hop
 from hopopt.planner.motion_figures import FINE, motion_figures
 from hopopt.planner.solution import Solution
+from hopopt.planner.stored_summary import FORMER
 from hopopt.planner.summary import figures
 from hopopt.planner.summary_entry import as_data
 from hopopt.planner.verdict import Verdict
@@ -92,8 +93,11 @@ def _residuals(
     told, again = ({c["name"]: c for c in v} for v in (s["verification"], checks["verification"]))
     if s["structure"].get("solved_again") is not True:  # whose first mesh is that of another program
         again["change of the objective"]["residual"] = change_of(
-            [(m["intervals"], m["objective"]) for m in s["mesh"]], nlp.least
+            [(m["intervals"], m["objective"], m["drawn_in"]) for m in s["mesh"]], nlp.least
         )
+    for name in told.keys() - again.keys() - set(FORMER.values()):
+        yield f"verification.{name}", float("inf")
+    again = {name: c for name, c in again.items() if name in told}  # earlier versions made fewer
     for stated, computed, where in ((told, again, "verification"), (s["certificate"], certificate, "certificate")):
         for name, a, b in _pairs(_only(stated, computed), computed, where):
             check = name.split(".")[1]

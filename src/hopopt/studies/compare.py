@@ -224,7 +224,7 @@ def paper_strategy(solution: Solution) -> PaperStrategy | None:
     in words, or empty); whether it is ``beyond_bound``, which then is wrong. None in all where the optimum is no bound on
     clearance (another objective, user-defined constraints), or the leg is not of two joints or cannot be simulated.
     """
-    if not solution.verified or solution.objective != OBJECTIVE or solution.summary.functions.constraints:
+    if not solution.verified or solution.objective != OBJECTIVE or solution.summary.functions.limits:
         return None
     try:
         run = simulate(solution.design, find(PAPERS), past_apex=True)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6  # tolerances: SI, share of the range, relative
+TINY = 1e-300  # what a tolerance of nothing counts as, where checks are compared
 FIGURE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
 
 
@@ -34,4 +35,4 @@ class Check:
 def failed(checks: list[Check]) -> list[Check]:
     """The checks that did not pass, worst first."""
     bad = [c for c in checks if not c.passed]
-    return sorted(bad, key=lambda c: -c.residual / c.tolerance)
+    return sorted(bad, key=lambda c: -c.residual / max(c.tolerance, TINY))

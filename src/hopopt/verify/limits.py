@@ -11,6 +11,11 @@ from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.sim.machine import Machine
 from hopopt.verify.table import DESCENT, ON_GROUND, STANCE
 
+KINDS = (  # kinds of limits of a phase that are looked at here
+    Kind.REGION, Kind.ANGLE, Kind.HEIGHT, Kind.SLIDER, Kind.FOOT, Kind.GROUND_FORCE, Kind.FRICTION, Kind.DESCENT,
+    Kind.WINDOW,
+)  # fmt: skip
+
 
 def limit_words(phase: str, limit: LimitId) -> str:
     """What a check of a limit of a phase is called."""

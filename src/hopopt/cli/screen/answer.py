@@ -53,6 +53,7 @@ def print_parts(s: "Summary", **parts: Sequence[str]) -> None:
     """Title and headline, and below them each part's lines under its name."""
     head, out, changed = _headline(s), console(), " and ".join(s.overrides or ())
     which = f"{s.problem}{f' with {changed}' if changed else ''}, objective {s.objective}"
+    which += f", limited by {' and '.join(limits)} too" if (limits := s.functions.limits) else ""
     out.print(f"[bold]{escape(s.title or s.problem)}[/bold]  ({escape(which)})", markup=True)
     out.print(head, markup=True)
     for name, lines in parts.items():
@@ -71,9 +72,9 @@ def _headline(s: "Summary") -> str:
             f"Failed: {', '.join(s.failed_checks)}. Refinement ended as {s.refinement_ended}. "
             "The attempt is kept for inspection."
         )
-    reported = f"[bold green]clearance {s.clearance_m:.4f} m[/bold green], verified"
+    reported = f"[bold green]{reached(s)}[/bold green], verified"
     if s.objective != "clearance":
-        reported = f"[bold green]{_stated(s)}[/bold green], verified; clearance then {s.clearance_m:.4f} m"
+        reported += f"; clearance then {s.clearance_m:.4f} m"
     reported += (
         "" if s.searched is not False else ", [bold]not searched[/bold]: one start, and other hops may be higher"
     )
@@ -82,7 +83,7 @@ def _headline(s: "Summary") -> str:
     )
 
 
-def _stated(s: "Summary") -> str:
+def reached(s: "Summary") -> str:
     """What the hop was made for, and what came of it."""
     name = "body apex" if s.objective == "apex" else s.objective.replace("_", " ")
     value = measured(s, s.reached, 4)

@@ -7,6 +7,7 @@ from hopopt.cli.screen.console import console, print_residuals
 
 if TYPE_CHECKING:
     from hopopt.planner.stored_summary import Summary
+    from hopopt.planner.summary_extras import SecondOrder
     from hopopt.verify.check import Check
 
 FIRST, FEW = 4, 4  # so many stretches of a long line are told before its last, where more than FEW are left out
@@ -46,6 +47,15 @@ def _shortened(parts: list[str]) -> list[str]:
     return parts if left <= FEW else [*parts[:FIRST], f"{left} more (--json tells all)", parts[-1]]
 
 
+def second_order_line(found: "SecondOrder | None") -> list[str]:
+    """One line of the second-order test."""
+    if found is None:
+        return []
+    total = found.worse + found.flat + found.better
+    verdict = "no direction makes the hop better" if not found.better else f"{found.better} make the hop BETTER"
+    return [f"second order, on the last mesh: of {total} directions {found.flat} are flat, {verdict}"]
+
+
 def structure_lines(s: "Summary") -> list[str]:
     """The switching structure of stance, a line for each joint and whatever else has limits that act."""
     from hopopt.optimality.switching_structure import THEN, by_subject
@@ -64,8 +74,8 @@ def structure_lines(s: "Summary") -> list[str]:
     return lines
 
 
-def print_certificate(conditions: "Sequence[Check]") -> None:
-    """Every condition with its residual and tolerance, and whether all hold."""
+def print_certificate(conditions: "Sequence[Check]", second: "SecondOrder | None") -> None:
+    """Every condition with its residual and tolerance, and whether all hold; and the second-order test."""
     out = console()
     if not conditions:
         out.print("no certificate: this result was stored without multipliers (solve it again for one)")
@@ -73,3 +83,5 @@ def print_certificate(conditions: "Sequence[Check]") -> None:
     print_residuals("first-order optimality", "condition", conditions)
     bad, total = sum(not c.passed for c in conditions), len(conditions)
     out.print(f"first-order optimality {'NOT ' if bad else ''}certified: {total - bad} of {total} conditions hold")
+    for line in second_order_line(second):
+        out.print(line)

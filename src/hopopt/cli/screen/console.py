@@ -106,7 +106,7 @@ def print_checks(title: str, checks: "Sequence[Check]") -> None:
     print_residuals(title, "check", checks)
     bad, left_out = sum(not c.passed for c in checks), [c for c in checks if c.left_out]
     out, made = console(), len(checks) - len(left_out)
-    out.print(f"{'verified' if not bad else 'NOT verified'}: {made - bad} of {made} checks passed")
+    out.print(f"{title}: {made - bad} of {made} checks passed")
     if left_out:
         out.print(f"left out: {', '.join(c.name for c in left_out)} ({left_out[0].left_out})")
 

@@ -14,7 +14,7 @@ from hopopt.cli.screen.answer import (
     simulated_words,
     upwards,
 )
-from hopopt.cli.screen.certificate import certificate_line, structure_lines
+from hopopt.cli.screen.certificate import certificate_line, second_order_line, structure_lines
 from hopopt.cli.screen.search import global_line, measure, starts_lines
 
 if TYPE_CHECKING:
@@ -95,6 +95,7 @@ def _evidence(s: "Summary") -> list[str]:
         *([] if s.certified else bound_line(s.upper_bound.clearance_m, s.objective)),  # else hopopt evidence has it
         *_failed(s),
         *certificate_line(s),
+        *second_order_line(s.second_order),
     ]
 
 

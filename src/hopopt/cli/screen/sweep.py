@@ -45,13 +45,15 @@ def print_study(study: "Study") -> None:
     out.print(f"results {study.folder}")
 
 
-def print_rechecked(folder: "Path", found: "Sequence[Rechecked]") -> None:
-    """Points that were verified again: what each states, and what is wrong with that."""
+def print_rechecked(folder: "Path", found: "Sequence[Rechecked]", doubts: "Sequence[str]") -> None:
+    """Points that were verified again: what each states, and what is wrong with that; and which files were changed."""
     out = console()
     for r in found:
         stated = "nothing" if r.stated.clearance_m is None else f"{r.stated.clearance_m:.4f} m"
-        out.print(f"point {r.stated.index}: states {stated}: {f'FAILED: {r.fault}' if r.fault else 'verified'}")
+        wrong = r.fault or r.doubt
+        out.print(f"point {r.stated.index}: states {stated}: {f'FAILED: {wrong}' if wrong else 'verified'}")
     bad = sum(bool(r.fault) for r in found)
-    out.print(
-        f"{folder}: {'NOT verified: ' if bad else 'verified: '}{len(found) - bad} of {len(found)} points confirmed"
-    )
+    mend = f"remove a point's file to have it solved again, then hopopt sweep --resume {folder} writes the tables"
+    files = f"; {'; '.join(doubts)}: {mend}" if doubts else ""
+    verdict = "NOT verified" if bad or doubts else "verified"
+    out.print(f"{folder}: {verdict}: {len(found) - bad} of {len(found)} points confirmed{files}")

@@ -14,6 +14,7 @@ from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.objectives import OBJECTIVES
+from hopopt.ocp.rules import added_rules
 from hopopt.problem.load import changed
 from hopopt.problem.render import design_hash, rows, shown, shown_path
 
@@ -130,6 +131,8 @@ def define(
     values, or, with a sample, (lower, upper). UsageError in a sentence if that makes no study."""
     if objective not in OBJECTIVES:
         raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
+    if added := added_rules():
+        raise UsageError(f"a study takes no limits that are added to RULES: take out {', '.join(added)}")
     if not vary:
         raise UsageError(f"nothing is varied: {HOW}")
     if seed < 0:

@@ -1,18 +1,17 @@
 """A stored study verified again: every solved point refined from its optimum on the first mesh, and judged anew."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from hopopt.errors import HopoptError, ResultError, one_line
-from hopopt.storage.digests import changed, digest
+from hopopt.storage.digests import OWN, changed
 from hopopt.storage.stated_figures import difference
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.point import again
-from hopopt.studies.sweep.point_file import Point, point_files, read_point, write_point
-from hopopt.studies.sweep.run import Study
-from hopopt.studies.sweep.store import FILES, load_begin, read_definition, save_tables
+from hopopt.studies.sweep.point_file import Point, point_files, read_point
+from hopopt.studies.sweep.store import FILES, load_begin, read_definition
 
 AGAIN, NO_ERROR = 0.1, 1e-8  # relative, of the error; what a smaller one is relative to [the objective's unit]
 SAME = 1e-5  # relative: what refining again may differ by
@@ -45,7 +44,7 @@ class Rechecked:
 
 def recheck_study(folder: Path, say: Callable[[str], None] = lambda text: None) -> tuple[list[Rechecked], list[str]]:
     """Every verified point of a finished or interrupted study computed again, and a sentence for each other file that was
-    changed. Point files in doubt that are confirmed are written anew, with what was computed, and so are the tables."""
+    changed. Nothing is written: hopopt sweep --resume computes points whose files are gone, and writes the tables."""
     definition, latest, found = read_definition(folder), dict[int, Point](), list[Rechecked]()
     read = [(path, *read_point(path, definition)) for path in point_files(folder)]
     for _, point, _ in sorted(read, key=lambda each: each[1].after_pass):
@@ -54,10 +53,10 @@ def recheck_study(folder: Path, say: Callable[[str], None] = lambda text: None) 
         if doubt or (point.verified and point == latest[point.index]):
             say(f"point {point.index + 1} of {len(definition.points)}")
             found.append(_rechecked(folder, definition, path, point, doubt))
-    wrong = changed(folder, FILES) if (folder / "manifest.json").exists() else []
-    if not any(r.fault for r in found):
-        _accept(folder, definition, found, latest, bool(wrong))
-    return found, wrong
+    sealed = any(
+        (folder / name).exists() for name in (OWN, "study.json")
+    )  # unfinished ones of earlier versions are not
+    return found, changed(folder, FILES) if sealed else []
 
 
 def _rechecked(folder: Path, definition: Definition, path: Path, point: Point, doubt: str) -> Rechecked:
@@ -90,21 +89,3 @@ def _fault(stated: Point, found: Point) -> str:
         if reported is None or not abs(reported - value) <= SAME * max(abs(value), 1e-3):
             return f"it states {name} {reported}, and {value:.6g} was computed"
     return ""
-
-
-def _accept(
-    folder: Path, definition: Definition, found: Sequence[Rechecked], latest: dict[int, Point], changed_tables: bool
-) -> None:
-    """Write confirmed points whose files were in doubt anew, and the tables."""
-    doubted = [r for r in found if r.doubt]
-    for r in doubted:
-        write_point(r.path, r.found, _digest_of(r.path.with_suffix(".npz")))
-        if r.stated == latest[r.stated.index]:
-            latest[r.stated.index] = r.found
-    if (doubted or changed_tables) and len(latest) == len(definition.points):
-        points = tuple(latest[k] for k in range(len(definition.points)))
-        save_tables(folder, definition, points, Study(definition, points, folder, 0.0).as_dict())
-
-
-def _digest_of(path: Path) -> str | None:
-    return digest(path.read_bytes()) if path.is_file() else None

@@ -23,7 +23,7 @@ from hopopt.errors import ResultError, UsageError
 from hopopt.files import write_whole
 from hopopt.ocp.objectives import find
 from hopopt.problem.load import load, resolved_toml
-from hopopt.storage.digests import digest, seal
+from hopopt.storage.digests import changed, digest, manifest_of, seal
 from hopopt.storage.folder import as_json, new_folder, reason_of, writing
 from hopopt.studies.faults import Fault
 from hopopt.studies.sweep.definition import Definition, define
@@ -42,6 +42,7 @@ def open_folder(definition: Definition, results: Path) -> Path:
         (folder / "points").mkdir()
         write_whole(folder / "problem.toml", resolved_toml(definition.design).encode())
         write_whole(folder / "sweep.json", json.dumps(stamp(definition), indent=2).encode())
+        seal(folder, DEFINITION)
     return folder
 
 
@@ -63,6 +64,8 @@ def read_definition(folder: Path) -> Definition:
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, UsageError) as error:
         raise ResultError(f"{folder}: the study cannot be read ({reason_of(error)})") from error
     _same(folder, data, found)
+    if wrong := [words for words in changed(folder, DEFINITION) if words.startswith(DEFINITION)]:
+        raise ResultError(f"{folder}: {'; '.join(wrong)}: undo that, or begin another study")
     return found
 
 
@@ -118,13 +121,14 @@ def load_points(folder: Path, definition: Definition) -> dict[int, dict[int, Poi
     for path in point_files(folder):
         point, doubt = read_point(path, definition)
         if doubt:
-            words = f"hopopt verify {folder} computes it again; or remove it and resume"
+            words = "remove it and resume to have it solved again"
             raise ResultError(f"{path}: {doubt}: {words}")
         found.setdefault(point.after_pass, {})[point.index] = point
     return found
 
 
-FILES = ("sweep.json", "problem.toml", "study.json", "table.csv", "sweep.nc")  # each point has a digest of its own
+DEFINITION, TABLES = ("sweep.json", "problem.toml"), ("study.json", "table.csv", "sweep.nc")
+FILES = (*DEFINITION, *TABLES)  # each point has a digest of its own
 COLUMNS = ("clearance_m", "unverified_clearance_m", "objective_value", "seconds")
 PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
 
@@ -135,7 +139,8 @@ def save_tables(folder: Path, definition: Definition, points: Sequence[Point], d
         write_whole(folder / "study.json", (as_json(data) + "\n").encode())
         write_whole(folder / "table.csv", table(definition, points).encode())
         write_whole(folder / "sweep.nc", bytes(dataset(definition, points).to_netcdf(engine="h5netcdf")))  # type: ignore[arg-type]
-        seal(folder, FILES)
+        sealed = manifest_of(folder).get("sha256", {})
+        seal(folder, (*TABLES, *(name for name in DEFINITION if name not in sealed)))  # earlier versions did not yet
 
 
 def table(definition: Definition, points: Sequence[Point]) -> str:
