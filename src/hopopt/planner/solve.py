@@ -122,7 +122,7 @@ def _refined(
 ) -> list[Solution]:
     """The chosen outcomes of the first mesh, the best first, refined and verified; the first of them, and more while there
     is time."""
-    if hop.objective.calm_first and len(chosen) > 0:
+    if hop.objective.calm_first and chosen:
         return [_least(hop, distinct(outcomes), outcomes, say, clock)]
     finished: list[Solution] = []
     for k, outcome in enumerate(chosen, 1):
