@@ -12,8 +12,9 @@ from typing import Any
 import pytest
 
 import hopopt as ho
+import hopopt.cli.main  # registers the commands
 from hopopt import api
-from hopopt.cli.main import app
+from hopopt.cli.options import app
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "src" / "hopopt").rglob("*.py"))

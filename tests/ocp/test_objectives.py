@@ -129,8 +129,7 @@ def test_a_torque_cap_at_the_least_peak_just_reaches_the_clearance() -> None:
 @pytest.mark.parametrize("objective", ["energy", "absolute_work"])
 def test_least_work_lies_between_the_gain_and_other_hops_work(objective: str) -> None:
     """Positive work is at least the gain of energy, and no more than what the electrical optimum does."""
-    calm = {"solver.tie_break": 1e-5, "solver.flight_intervals": 30}  # else torques chatter: that takes minutes
-    s = best(objective, **calm)
+    s = best(objective)
     assert s.verified, s.summary.failed_checks
     figure = s.summary.objective_figure
     assert (

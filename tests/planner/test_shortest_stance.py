@@ -3,6 +3,7 @@
 import pytest
 
 from hopopt.cli.screen.answer import in_short
+from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.planner.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution
@@ -34,4 +35,4 @@ def test_a_longer_stance_that_gives_nothing_is_not_used() -> None:
 
 def test_a_stance_that_is_worth_something_stays(hop: Solution) -> None:
     """The paper's leg loses 1.3 mm by 1 % of it: nothing is solved again."""
-    assert with_shortest_stance(Hop(hop.design), hop, (), lambda text: None, Stopwatch()) is hop
+    assert with_shortest_stance(Hop(hop.design), hop, (), lambda text: None, Stopwatch(), NEVER) is hop

@@ -12,7 +12,8 @@ from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, SolverError
 from hopopt.nlp.ipopt import Bounds, NlpSolver
 from hopopt.ocp.hop import Hop
-from hopopt.planner.multistart import first_transcription
+from hopopt.planner.multistart import first_transcription, run_chunk
+from hopopt.planner.refine_and_verify import refine_and_verify
 from hopopt.problem.load import load
 from hopopt.studies import family_optima, local_optima, pareto
 from hopopt.studies.faults import Fault, guarded
@@ -70,7 +71,7 @@ def test_a_fault_of_a_point_is_said_and_kept_and_the_study_goes_on(
 
 
 def test_one_point_of_two_does_not_end_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(point, "refine_and_verify", once(point.refine_and_verify, 1))
+    monkeypatch.setattr(point, "refine_and_verify", once(refine_and_verify, 1))
     monkeypatch.setattr("hopopt.studies.sweep.run.PASSES", 0)
     study = sweep(load("paper", SMALL), {"leg.gear.ratio": [100.0, 110.0]}, starts=1, processes=1, results=tmp_path)
     assert sorted(p.outcome == ENDED for p in study.points) == [False, True]
@@ -112,7 +113,7 @@ def test_a_fault_of_a_start_is_said_and_kept_and_it_counts_as_none(
     said = list[str]()
     folder = local_optima.open_study(load("paper", SMALL), "clearance", tmp_path)
     with monkeypatch.context() as patch:
-        patch.setattr(local_optima, "run_chunk", once(local_optima.run_chunk, 1))
+        patch.setattr(local_optima, "run_chunk", once(run_chunk, 1))
         assert [e.index for e in local_optima.run_starts(folder, 2, 1, said.append)] == [1]
     assert any(line.startswith(f"start 1: {WORDS}") for line in said)
     assert (folder / "starts" / "0000.traceback.txt").is_file()

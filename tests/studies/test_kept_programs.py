@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.planner.multistart import first_transcription
@@ -74,7 +75,7 @@ def test_families_have_a_program_for_every_problem(change: dict[str, object]) ->
 
 def first_program(definition: Definition, k: int) -> Transcription:
     hop = Hop(definition.design_at(k), definition.objective)
-    return point._first_program(definition, hop, definition.values(k))[0]
+    return point._first_program(definition, hop, definition.values(k), NEVER)[0]
 
 
 def test_no_points_program_depends_on_the_point_before_it() -> None:

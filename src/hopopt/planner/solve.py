@@ -143,7 +143,7 @@ def _refined(
 ) -> list[Solution]:  # fmt: skip
     """The chosen outcomes of the first mesh, the best first, refined and verified; the first of them, and more while there
     is time."""
-    if hop.objective.calm_first and len(chosen) > 0:
+    if hop.objective.calm_first and chosen:
         return [_least(hop, distinct(outcomes), outcomes, say, clock, until)]
     finished: list[Solution] = []
     for k, outcome in enumerate(chosen, 1):

@@ -25,7 +25,7 @@ def lowest(name: str) -> str | None:
     """The first version of a package, or of "python", that this installation of hopopt says it works with."""
     said = metadata("hopopt")
     needs = [Requirement(line) for line in said.get_all("Requires-Dist") or []]
-    needs.append(Requirement(f"python{said.get('Requires-Python', '')}"))
+    needs += [Requirement(f"python{bounds}") for bounds in said.get_all("Requires-Python") or []]
     bounds = [Version(s.version) for need in needs if need.name == name for s in need.specifier if s.operator == ">="]
     return str(max(bounds)) if bounds else None
 
