@@ -21,7 +21,11 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> Any:
     """Import on first use, so that ``hopopt --help`` answers at once; hopopt.api has the one list of names."""
     from importlib import import_module
+    from importlib.util import find_spec
 
+    asked_of_all = name.startswith("__") and name != "__all__"  # by tools, of every module
+    if asked_of_all or find_spec(f"hopopt.{name}"):  # a module is imported as one, without the list of names
+        raise AttributeError(f"module 'hopopt' has no attribute {name!r}")
     module = import_module(f"hopopt.{_LIGHT.get(name, 'api')}")
     if name not in (*_LIGHT, "__all__", *getattr(module, "__all__", ())):
         raise AttributeError(f"module 'hopopt' has no attribute {name!r}")

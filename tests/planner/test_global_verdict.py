@@ -22,7 +22,7 @@ RECORDED = [
     ("leg.gear.ratio=20", 0.9046, 0.6212, 0.8623),
     ("start.hip_height=0.735", 0.7526, 0.6960, 0.7217),
 ]
-OF_THE_SECOND = 0.02  # relative error of the second program where drives are strong for the leg: 1.1 % was seen
+OF_THE_SECOND = 0.01  # relative error of the second program
 SLOW = 3  # legs at the beginning of that list whose drives fold slowly
 
 
