@@ -74,9 +74,9 @@ def second_order(solution: NlpSolution) -> SecondOrder | None:
 
 def saddle_note(found: SecondOrder | None) -> tuple[str, ...]:
     """That the hop is no optimum, if the second-order test says so."""
-    if found is None or not found.better:
+    if found is None or not found.saddle:
         return ()
-    ways = f"{found.better} direction{'s' if found.better > 1 else ''}"
+    ways = f"{found.saddle} direction{'s' if found.saddle > 1 else ''}"
     return (f"second order: {ways} would make it better: a saddle of the program, not its optimum: try more starts",)
 
 
