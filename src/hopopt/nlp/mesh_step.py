@@ -7,10 +7,8 @@ import numpy as np
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 
-GROWTH, LITTLE = (
-    1.5,
-    0.1,
-)  # of the intervals of a mesh: how fine the next may be where not all cuts fit; fewer are not worth a mesh
+GROWTH = 1.5  # times the intervals of a mesh: how fine the next may be where not all cuts fit
+LITTLE = 0.1  # share of them: room for fewer is not worth a mesh
 Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 Cuts = Mapping[
     str, list[np.ndarray]
