@@ -28,7 +28,7 @@ from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution
 from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, new_folder, write_json, writing
-from hopopt.studies.faults import Fault, guarded
+from hopopt.studies.faults import Fault, one_of_many
 
 GO_ON = "what has ended is kept: make room, then --resume goes on"
 
@@ -150,7 +150,7 @@ def _program(design: Design, objective: str) -> tuple[Hop, NlpSolver]:
 
 
 def _numbered(design: Design, objective: str, index: int) -> tuple[int, Ended | Fault]:
-    return index, guarded(_ended, design, objective, index)
+    return index, one_of_many(_ended, design, objective, index)
 
 
 def _ended(design: Design, objective: str, index: int) -> Ended:
