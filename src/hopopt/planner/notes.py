@@ -5,6 +5,7 @@ from dataclasses import asdict
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.errors import SolverError
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.flat_directions import Flat, NotInvertible, flat
@@ -84,5 +85,5 @@ def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
     """What the objective does not depend on; None if that cannot be computed."""
     try:
         return flat(without_tie_break(best, hop))
-    except (NotInvertible, RuntimeError):  # of CasADi too: no reason to lose the answer
+    except (NotInvertible, SolverError, RuntimeError):  # of CasADi too: no reason to lose the answer
         return None
