@@ -32,8 +32,10 @@ def pieces_of(normalised_times: list[np.ndarray]) -> np.ndarray:
 
 
 def fitting(pieces: Parts, urgency: Mapping[str, np.ndarray], most: int) -> Parts | None:
-    """So many pieces or, where the mesh would have more than ``most`` intervals, those of the most urgent alone, so that
-    the next mesh is no more than GROWTH times as fine; None if hardly any would be left."""
+    """So many pieces or, where the mesh would have more than ``most`` intervals, those of the most urgent alone.
+
+    The next mesh is no more than GROWTH times as fine then; None if hardly any would be cut.
+    """
     if sum(int(p.sum()) for p in pieces.values()) <= most:
         return pieces
     now = sum(len(p) for p in pieces.values())

@@ -36,9 +36,11 @@ MOST = 4000  # controls, durations, initial states and parameters: dense matrice
 
 @dataclass(frozen=True)
 class Curvature:
-    """How many directions make the objective worse, hardly change it, or make it better, to second order; and by which share
-    of the objective a move of size 1 along the last of these changes it at least: ``lowest`` (negative: it gains). saddle: how
-    many make it better that keep every limit on which the solution lies."""
+    """How many directions make the objective worse, hardly change it (flat), or make it better, to second order.
+
+    lowest: least change by a move of size 1, as a share of the objective; negative: a gain
+    saddle: how many make it better and keep every limit on which the solution lies
+    """
 
     worse: int
     flat: int

@@ -94,9 +94,7 @@ def finished(folder: Path) -> list[Ended]:
     for path in sorted((folder / "starts").glob("*.json")):
         try:
             told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-            told |= {
-                name: float("nan") for name, value in told.items() if value is None
-            }  # of no number, as JSON has it
+            told |= {name: float("nan") for name, x in told.items() if x is None}  # of no number, as JSON has it
             ended = Ended(**told)
             kinds: dict[Any, tuple[type, ...]] = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
             whole = all(isinstance(getattr(ended, f.name), kinds[f.type]) for f in fields(Ended))
