@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from hopopt.compiled import kernel_cache
 from hopopt.compiled.kernel import kernel
 
 
@@ -66,3 +67,16 @@ def test_a_full_disk_is_no_reason_to_fail(function: Callable[..., float], monkey
     monkeypatch.setattr(os, "fsync", no_room)
     assert not loaded(kernel(function))
     assert not loaded(kernel(function))
+
+
+def test_numbers_of_another_file_are_sources_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compiled function holds them; files of packages without such functions do not count."""
+    monkeypatch.setattr(kernel_cache, "PACKAGE", tmp_path)
+    for name, text in {"fast/loops.py": "@kernel", "fast/numbers.py": "SLOW = 1", "other/words.py": "WORD = 1"}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    before = kernel_cache._sources.__wrapped__()
+    (tmp_path / "other/words.py").write_text("WORD = 2")
+    assert kernel_cache._sources.__wrapped__() == before
+    (tmp_path / "fast/numbers.py").write_text("SLOW = 2")
+    assert kernel_cache._sources.__wrapped__() != before

@@ -109,3 +109,9 @@ def test_a_controller_hops_with_it() -> None:
         DYNAMICS.append(lagging_knee)
     assert min(late, prompt) > 0.3
     assert abs(late - prompt) > 1e-3
+
+
+def test_a_gear_that_rubs_takes_the_torque_of_the_states() -> None:
+    design = load("paper", ["simulation.gear_efficiency=0.9"])
+    run = make_plant(design).run(start_angles(design), Step(), 0.02, timing=Timing(1e-3))
+    assert run.energy_error < 1e-6

@@ -97,3 +97,16 @@ def test_an_error_in_what_ipopt_asks_at_an_iteration_keeps_its_kind(
     with pytest.raises(error):
         NlpSolver(program, known=watch)(guesses(bryson_denham()))
     assert capfd.readouterr() == ("", "")
+
+
+def test_what_a_handler_raised_is_told_though_the_solver_fails_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    x = ca.MX.sym("x")
+    solver = CasadiSolver("ipopt", {"x": x, "f": x**2}, OPTIONS)
+
+    def failing(**given: Any) -> Never:
+        solver.callback.run(stop, 0, None)
+        raise RuntimeError("the solver's own")
+
+    monkeypatch.setattr(solver, "_solver", failing)
+    with pytest.raises(Stopped):
+        solver(x0=0)

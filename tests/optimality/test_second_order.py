@@ -1,10 +1,12 @@
 """The second-order test against problems whose minima and saddles are known in closed form."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from hopopt.cli.screen.certificate import second_order_line
 from hopopt.nlp.ipopt import LEAST, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
@@ -96,6 +98,19 @@ def test_the_papers_hop_is_a_minimum_whose_flight_is_flat(hop: Solution) -> None
 def test_a_saddle_is_noted() -> None:
     (note,) = saddle_note(entry(stationary(string(15.0), radau(3))))
     assert "1 direction would make it better" in note
+
+
+def test_a_direction_that_a_limit_forbids_is_no_saddle() -> None:
+    """x' >= 0 leaves x = 0 alone; no multiplier says so."""
+    free = stationary(string(15.0), radau(3))
+    low = free.bounds.low_z.copy()
+    low[free.transcription.variables["run"].u] = 0.0
+    held = entry(replace(free, bounds=replace(free.bounds, low_z=low)))
+    assert held is not None
+    assert (held.better, held.saddle) == (1, 0)
+    assert (found(free).better, found(free).saddle) == (1, 1)
+    assert saddle_note(held) == ()
+    assert second_order_line(held)[0].endswith("1 gain, but limits on which the hop lies forbid that")
 
 
 def test_a_program_that_is_too_large_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

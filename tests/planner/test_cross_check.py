@@ -13,6 +13,7 @@ import pytest
 
 from hopopt.cli import main as cli
 from hopopt.cli.screen.cross_check import cross_check_lines
+from hopopt.errors import SolverError
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop
 from hopopt.planner import cross_check
@@ -133,7 +134,9 @@ def raising(error: Exception) -> Callable[[], CrossCheckAnswer]:
     return ask
 
 
-@pytest.mark.parametrize("error", [Failed("no luck"), RuntimeError("Plugin 'uno'\n is not found")])
+@pytest.mark.parametrize(
+    "error", [Failed("no luck"), RuntimeError("Plugin 'uno'\n is not found"), SolverError("limits cross")]
+)
 def test_a_failing_cross_check_is_a_line(error: Exception) -> None:
     o = cross_checked("Uno", 1.0, 1e-6, 0.8, raising(error))
     assert not o.agrees

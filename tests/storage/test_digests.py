@@ -160,7 +160,7 @@ def gone(*keys: str) -> Change:
         (gone("clearance_m"), "clearance_m"),
         (gone("parts", "ballistic_rise_m"), "parts.ballistic_rise_m"),
         (gone("version"), "no version"),
-        (lambda data: data.update(version=2), "version 2"),
+        (lambda data: data.update(version=3), "version 3"),
         (lambda data: data.update(clearance_m="0.8"), "clearance_m"),
         (lambda data: data.update(clearence_m=0.8), "clearence_m"),
         (lambda data: data.update(verification=[{}]), "verification.0"),

@@ -76,6 +76,16 @@ def test_every_edit_is_named(folder: Path) -> None:
         assert last in ", ".join(c.where for c in wrong), (figure, wrong)
 
 
+def test_a_summary_that_counts_the_tie_break_in_is_verified_as_what_it_was(folder: Path) -> None:
+    """Version 1 stated the program's objective; a repaired one would state it as now."""
+    stored = read(folder)
+    nlp, data = stored_nlp(stored), as_data(stored.summary)
+    data["objective_value"], data["tie_break_weighs"] = nlp.objective, 0.0
+    data["objective_error"]["could_be_beaten_by"] -= nlp.tie_break
+    assert not recheck(stored.noted(summary=adapter().validate_python(data))).verified
+    assert recheck(stored.noted(summary=adapter().validate_python({**data, "version": 1}))).failed == []
+
+
 def test_an_edit_whose_digest_fits_is_not_verified(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = folder / "summary.json"
     text = path.read_text(encoding="utf-8")

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -13,8 +14,9 @@ from scipy.optimize import minimize_scalar
 
 import hopopt as ho
 from hopopt.cli.main import run
-from hopopt.errors import UsageError
+from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import TwoJoints, start_angles
+from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
@@ -28,10 +30,12 @@ from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConst
 from hopopt.planner.from_known import from_motion
 from hopopt.planner.multistart import first_transcription
 from hopopt.planner.solution import Solution
+from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.summary_extras import CoDesign
 from hopopt.problem.mass_law import mass_law
 from hopopt.storage.recheck import co_design_checks, recheck
 from hopopt.storage.solution import read, save
+from hopopt.studies import codesign
 from hopopt.studies.mass_coupling import catalogue_coupling
 from hopopt.studies.sensitivity import sensitivity
 
@@ -515,3 +519,20 @@ def test_a_ratio_between_the_drives_cap_and_the_gears() -> None:
         again = ho.codesign(other, {"leg.gear.ratio": (30, 140)}, starts=1, processes=1).summary.codesign
         assert again is not None
         assert again.objective_value >= without[limit].objective_value - 1e-5
+
+
+def test_an_attempt_is_kept_if_the_time_ends_before_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    attempt, calls = SimpleNamespace(verified=False), list[int]()
+
+    def confirmed(*given: Any, **more: Any) -> Any:
+        calls.append(1)
+        if len(calls) > 1:
+            raise NotSolvedError("the time limit was reached")
+        return attempt
+
+    monkeypatch.setattr(codesign, "_confirmed", confirmed)
+    monkeypatch.setattr(codesign, "_begun", lambda *given: [])
+    monkeypatch.setattr(codesign, "search_first_mesh", lambda *given: SimpleNamespace(outcomes=()))
+    found = codesign._found(Hop(ho.load("paper")), 1, 1, Stopwatch(), lambda text: None, NEVER)
+    assert found is attempt
+    assert len(calls) == 2

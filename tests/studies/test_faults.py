@@ -12,6 +12,7 @@ from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, SolverError
 from hopopt.nlp.ipopt import Bounds, NlpSolver
 from hopopt.ocp.hop import Hop
+from hopopt.planner.first_mesh import search_first_mesh
 from hopopt.planner.multistart import first_transcription, run_chunk
 from hopopt.planner.refine_and_verify import refine_and_verify
 from hopopt.problem.load import load
@@ -139,3 +140,25 @@ def test_errors_that_are_sentences_pass() -> None:
     assert isinstance(fault := guarded(planted), Fault)
     assert "ValueError: planted" in fault.sentence
     assert guarded(lambda: VERIFIED) == VERIFIED
+
+
+def test_a_value_that_no_solver_can_work_on_does_not_end_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nor is what the others found removed."""
+    calls = list[int]()
+
+    def first_cannot(*given: Any, **more: Any) -> Any:
+        calls.append(1)
+        if len(calls) == 1:
+            raise SolverError("Ipopt cannot work on the program: limits cross")
+        return search_first_mesh(*given, **more)
+
+    monkeypatch.setattr(family_optima, "search_first_mesh", first_cannot)
+    words = ["--vary", "leg.gear.ratio=100,110", "--starts", "1", "--processes", "1", "--no-verify", *SETTINGS]
+    assert run(["families", *words, "--results", str(tmp_path)]) == 3
+    assert "search at value 1: Ipopt cannot work on the program: limits cross" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    (folder,) = tmp_path.iterdir()
+    assert (folder / "search-at-value-1.traceback.txt").is_file()

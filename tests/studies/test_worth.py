@@ -1,6 +1,7 @@
 """What an optimum leans on that no robot has, and what each is worth."""
 
 import json
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -58,7 +59,7 @@ def test_what_each_is_worth_is_the_difference_of_two_verified_hops(
 def test_a_hop_that_was_not_found_is_said() -> None:
     gone = Worth("a friction above 1", {"contact.friction": 1.0}, None, None, 0.0, False)
     assert gone.words("m") == "leans on a friction above 1: with contact.friction = 1 no hop was found"
-    doubtful = Worth("a friction above 1", {"contact.friction": 1.0}, 0.5, 0.1, 1e-5, False)
+    doubtful = Worth("a friction above 1", {"contact.friction": 1.0}, 0.5, 0.1, inf, False)
     assert doubtful.words("m").endswith("worth 10 cm: with contact.friction = 1 the best is 0.5000 m, not verified")
 
 

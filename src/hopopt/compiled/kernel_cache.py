@@ -1,7 +1,8 @@
 """What numba keeps on disk, checked: numba loads what it finds, and a damaged or outdated file ends the process or lies.
 
-Every file ends with its digest. Every function is kept for the sources of all compiled functions: numba looks at the file of
-the function alone, and not at those of the functions that it calls. What does not fit is compiled again.
+Every file ends with its digest. Every function is kept for the sources of all packages that have compiled functions: numba
+looks at the file of the function alone, and not at functions that it calls or numbers that it takes from other files. What
+does not fit is compiled again.
 """
 
 from collections.abc import Callable, Iterator
@@ -69,9 +70,10 @@ class CheckedCache(FunctionCache):
 
 @cache
 def _sources() -> str:
-    """Digest of all modules that have something to do with compiled functions."""
-    sources = (path.read_bytes() for path in sorted(PACKAGE.rglob("*.py")))
-    return sha256(b"".join(source for source in sources if MARK in source)).hexdigest()
+    """Digest of all modules of packages that have something to do with compiled functions."""
+    sources = {path: path.read_bytes() for path in sorted(PACKAGE.rglob("*.py"))}
+    packages = {path.parent for path, source in sources.items() if MARK in source}
+    return sha256(b"".join(source for path, source in sources.items() if path.parent in packages)).hexdigest()
 
 
 def _whole(path: Path) -> bool:

@@ -36,12 +36,14 @@ class Drive:
         """Joint torques tau (n) [N m] brought into the regions at speeds w (n): OperatingRegion.clamp, but quick."""
         return kernels.clamped(np.asarray(w, dtype=float), np.asarray(tau, dtype=float), self.upper, self.lower)
 
-    def parts(self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float) -> int:
+    def parts(
+        self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float, x: np.ndarray | None = None
+    ) -> int:
         """Into how many parts a step of h [s] must be cut so that gear friction is no stiffer than the step can take.
 
-        w (n) [rad/s], command (n) [N m], armature (n): the rotors' inertia at the joints [kg m^2].
+        w (n) [rad/s], command (n) [N m], armature (n): the rotors' inertia at the joints [kg m^2]; x as in ``torque``.
         """
-        motor = self.torque(w, command)[0]
+        motor = self.torque(w, command, x)[0]
         return kernels.rubbing_parts(motor, self.efficiency, float(self.gear.friction), np.asarray(armature), h)
 
     def torque(self, w: np.ndarray, command: np.ndarray, x: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -76,11 +76,12 @@ class CasadiSolver:
 
     def __call__(self, **given: Any) -> dict[str, ca.DM]:
         self.callback.error = None
-        with _signals_told(self.callback):
-            result = self._solver(**given)
-        if self.callback.error is not None:
-            raise self.callback.error
-        return result
+        try:
+            with _signals_told(self.callback):
+                return self._solver(**given)
+        finally:
+            if self.callback.error is not None:  # whatever the solver raised then
+                raise self.callback.error
 
     def stats(self) -> dict[str, Any]:
         """CasADi's account of the last call."""
@@ -96,9 +97,9 @@ def _signals_told(callback: IterationCallback) -> Iterator[None]:
     def told(handler: Callable[[int, FrameType | None], Any]) -> Callable[[int, FrameType | None], None]:
         return lambda number, frame: callback.run(handler, number, frame)
 
-    for number, handler in handlers.items():
-        signal.signal(number, told(handler))
     try:
+        for number, handler in handlers.items():
+            signal.signal(number, told(handler))
         yield
     finally:
         for number, handler in handlers.items():

@@ -7,10 +7,8 @@ import numpy as np
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 
-GROWTH, LITTLE = (
-    1.5,
-    0.1,
-)  # of the intervals of a mesh: how fine the next may be where not all cuts fit; fewer are not worth a mesh
+GROWTH = 1.5  # times the intervals of a mesh: how fine the next may be where not all cuts fit
+LITTLE = 0.1  # share of them: room for fewer is not worth a mesh
 Parts = Mapping[str, np.ndarray]  # for each phase, into how many pieces each interval is to be cut
 Cuts = Mapping[
     str, list[np.ndarray]
@@ -34,8 +32,10 @@ def pieces_of(normalised_times: list[np.ndarray]) -> np.ndarray:
 
 
 def fitting(pieces: Parts, urgency: Mapping[str, np.ndarray], most: int) -> Parts | None:
-    """So many pieces or, where the mesh would have more than ``most`` intervals, those of the most urgent alone, so that
-    the next mesh is no more than GROWTH times as fine; None if hardly any would be left."""
+    """So many pieces or, where the mesh would have more than ``most`` intervals, those of the most urgent alone.
+
+    The next mesh is no more than GROWTH times as fine then; None if hardly any would be cut.
+    """
     if sum(int(p.sum()) for p in pieces.values()) <= most:
         return pieces
     now = sum(len(p) for p in pieces.values())

@@ -7,7 +7,8 @@ matrix has the right inertia: as many negative eigenvalues as equations and limi
 
 Counted here are the eigenvalues of W on these directions (Z' W Z, dense): its inertia is that of the KKT matrix but for the
 equations. States are eliminated first, as they follow from controls, durations, initial states and free parameters. Limits
-without a multiplier are let go, which makes the test stricter.
+without a multiplier are let go: so the test is sufficient, but a direction that gains may be one that they forbid. Where
+there is one, it is counted again with every limit held on which the solution lies: with one left, it is a saddle.
 
 A direction's size is the root of: every control's mean square over its phase, relative to its largest; every duration's
 square, relative to it; the squares of initial states and free parameters in their scales. So what is counted does not
@@ -28,24 +29,24 @@ from hopopt.nlp.terms import Matrix, csc
 from hopopt.optimality.flat_directions import ACTS, STILL
 
 FLAT = 1e-6  # of the objective, by a move of size 1
+ON = 1e-4  # scaled: a solution that is nearer to a limit lies on it, as verification has it
 DEPENDENT = 1e-9  # of the largest: what is left of a row that follows from the others
 MOST = 4000  # controls, durations, initial states and parameters: dense matrices of more take too long
 
 
 @dataclass(frozen=True)
 class Curvature:
-    """How many directions make the objective worse, hardly change it, or make it better, to second order; and by which share
-    of the objective a move of size 1 along the last of these changes it at least: ``lowest`` (negative: it gains)."""
+    """How many directions make the objective worse, hardly change it (flat), or make it better, to second order.
+
+    lowest: least change by a move of size 1, as a share of the objective; negative: a gain
+    saddle: how many make it better and keep every limit on which the solution lies
+    """
 
     worse: int
     flat: int
     better: int
     lowest: float
-
-    @property
-    def minimum(self) -> bool:
-        """Whether no direction gains."""
-        return not self.better
+    saddle: int
 
 
 def curvature(solution: NlpSolution) -> Curvature | None:
@@ -53,10 +54,21 @@ def curvature(solution: NlpSolution) -> Curvature | None:
     b, size = solution.bounds, solution.magnitude
     held_z = (b.low_z == b.high_z) | (np.abs(solution.lam_x) > ACTS * size)
     held_g = (b.low_g == b.high_g) | (np.abs(solution.lam_g) > ACTS * size)
+    if int((~_states(solution)[0] & ~held_z).sum()) > MOST:
+        return None
+    found = _curvatures(solution, held_z, held_g)
+    better, flat, saddle = int((found < -FLAT).sum()), int((np.abs(found) <= FLAT).sum()), 0
+    if better:
+        on_z = np.minimum(solution.z - b.low_z, b.high_z - solution.z) < ON
+        on_g = np.minimum(solution.g - b.low_g, b.high_g - solution.g) < ON
+        saddle = int((_curvatures(solution, held_z | on_z, held_g | on_g) < -FLAT).sum())
+    return Curvature(len(found) - better - flat, flat, better, float(found.min(initial=np.inf)), saddle)
+
+
+def _curvatures(solution: NlpSolution, held_z: np.ndarray, held_g: np.ndarray) -> np.ndarray:
+    """What moves of size 1 along directions at right angles change, that keep these variables and rows, of the objective."""
     follows, of_defects = _states(solution)
     free = np.flatnonzero(~follows & ~held_z)
-    if len(free) > MOST:
-        return None
     W, A = _derivatives(solution)
     defects, state = A[of_defects], np.flatnonzero(follows)
     S = -splu(csc(defects[:, state])).solve(defects[:, free].toarray())
@@ -67,9 +79,7 @@ def curvature(solution: NlpSolution) -> Curvature | None:
     Z = _null_space((rows[:, free].toarray() + rows[:, state] @ S) / weight) / weight[:, None]
     moved = np.zeros((len(held_z), Z.shape[1]))
     moved[free], moved[state] = Z, S @ Z
-    found = np.linalg.eigvalsh(moved.T @ (W @ moved)) / (2 * size)
-    better, flat = int((found < -FLAT).sum()), int((np.abs(found) <= FLAT).sum())
-    return Curvature(len(found) - better - flat, flat, better, float(found.min(initial=np.inf)))
+    return np.linalg.eigvalsh(moved.T @ (W @ moved)) / (2 * solution.magnitude)
 
 
 def _derivatives(solution: NlpSolution) -> tuple[Matrix, Matrix]:

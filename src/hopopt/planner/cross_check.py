@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 import casadi as ca
 import numpy as np
 
+from hopopt.errors import SolverError
 from hopopt.nlp.casadi_solver import CasadiSolver
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver, time_given
@@ -139,7 +140,13 @@ def cross_checked(
     began = time.perf_counter()
     try:
         reported = ask()
-    except (Failed, RuntimeError, ArithmeticError, ValueError) as error:  # CasADi raises RuntimeError, at length
+    except (
+        Failed,
+        SolverError,
+        RuntimeError,
+        ArithmeticError,
+        ValueError,
+    ) as error:  # CasADi raises RuntimeError, at length
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         return CrossCheckOutcome(name, None, value, None, allowed, False, False, time.perf_counter() - began, reason)
     difference = sign * (reported.objective - value) / max(abs(value), least)

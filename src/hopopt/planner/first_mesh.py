@@ -61,15 +61,16 @@ def search_first_mesh(
     hop: Hop, count: int, processes: int | None, say: Progress, besides: Sequence[StartOutcome] = (),
     until: Deadline = NEVER,
 ) -> FirstMesh:  # fmt: skip
-    """So many starts, and those ``besides``; if SEARCH or more are asked for, also relaxed problems and motions of the
-    global method, which is at work beside the starts; as much of it as there is time for."""
+    """So many starts, and those ``besides``, as many as there is time for.
+
+    If SEARCH or more are asked for, also relaxed problems and motions of the global method, which is at work beside the starts.
+    """
     side_by_side, weak = processes or os.cpu_count() or 1, bool(drives_too_weak(hop.design, hop.robot))
     reason = "one start was asked for" if count < SEARCH else _not_used(hop)
     reason = "the drives cannot hold the leg where it starts" if weak else reason
     with ThreadPoolExecutor(1) as pool:
-        overall = (
-            None if reason else pool.submit(_searched, hop, SIZE, 1, until)
-        )  # beside Ipopt: the other core is free
+        # beside Ipopt the other core is free
+        overall = None if reason else pool.submit(_searched, hop, SIZE, 1, until)
         outcomes = [*run_starts(hop, count, side_by_side, say, besides, until)]
         helps = not weak or any(o.success for o in outcomes)  # seldom do other starts help a weak leg
         if count >= SEARCH and not until.passed and helps:

@@ -121,9 +121,10 @@ def first_options(hop: Hop, known: bool) -> dict[str, Any]:
 def run_starts(
     hop: Hop, count: int, processes: int, say: Progress, besides: Sequence[StartOutcome] = (), until: Deadline = NEVER
 ) -> list[StartOutcome]:
-    """Solve every start on the first mesh, or as many as there is time for, in chunks side by side where that pays; in the
-    order of the starts, then those ``besides``, of which any that leads to a hop says that no start need be followed for
-    long."""
+    """Solve every start on the first mesh, or as many as there is time for, in chunks side by side where that pays.
+
+    In the order of the starts, then those ``besides``: if any of these leads to a hop, no start need be followed for long.
+    """
     return [*_run_all(hop, count, processes, say, any(o.success for o in besides), until), *besides]
 
 

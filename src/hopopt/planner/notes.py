@@ -5,6 +5,7 @@ from dataclasses import asdict
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.errors import SolverError
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.flat_directions import Flat, NotInvertible, flat
@@ -74,9 +75,9 @@ def second_order(solution: NlpSolution) -> SecondOrder | None:
 
 def saddle_note(found: SecondOrder | None) -> tuple[str, ...]:
     """That the hop is no optimum, if the second-order test says so."""
-    if found is None or not found.better:
+    if found is None or not found.saddle:
         return ()
-    ways = f"{found.better} direction{'s' if found.better > 1 else ''}"
+    ways = f"{found.saddle} direction{'s' if found.saddle > 1 else ''}"
     return (f"second order: {ways} would make it better: a saddle of the program, not its optimum: try more starts",)
 
 
@@ -84,5 +85,5 @@ def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
     """What the objective does not depend on; None if that cannot be computed."""
     try:
         return flat(without_tie_break(best, hop))
-    except (NotInvertible, RuntimeError):  # of CasADi too: no reason to lose the answer
+    except (NotInvertible, SolverError, RuntimeError):  # of CasADi too: no reason to lose the answer
         return None

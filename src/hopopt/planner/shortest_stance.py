@@ -7,7 +7,7 @@ were asked for.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import sqrt
+from math import inf, sqrt
 
 from hopopt.nlp.deadline import Deadline
 from hopopt.nlp.ipopt import Bounds
@@ -30,7 +30,7 @@ def with_shortest_stance(
     """The best hop or, if a shorter stance loses no more than its stated error, that with the shortest."""
     s = best.summary
     allowed = s.objective_error.either_way
-    waits = s.leans_on.stance_at_its_limit == "longest" and s.gains.get("longest stance", 0.0) <= allowed
+    waits = s.leans_on.stance_at_its_limit == "longest" and s.gains.get("longest stance", 0.0) <= allowed < inf
     if not (best.verified and waits) or hop.free_parameters or until.passed:
         return best
     say("a longer stance gives nothing: looking for the shortest that is as good")

@@ -39,7 +39,7 @@ from hopopt.planner.summary_parts import (
     UpperBound,
 )
 
-VERSION = 1  # of the summary's keys
+VERSION, OLDEST = 2, 1  # of the summary's keys: this one, and the first that is read
 LATE = "the time limit was reached: with more time (--time-limit) the search may find a better hop, or verify this one"
 SUM = 1e-9  # m: by which the clearance may differ from the sum of its parts
 FORMER = {"tightening cost": "price of drawing in the limits"}  # names of checks in results stored earlier
@@ -49,7 +49,7 @@ FORMER = {"tightening cost": "price of drawing in the limits"}  # names of check
 class Summary(Measures):
     """Every figure that is printed of an answer."""
 
-    version: int = stated("of these keys", ge=VERSION, le=VERSION)
+    version: int = stated("of these keys", ge=OLDEST, le=VERSION)
     problem: str = stated("name of the problem")
     title: str = stated("its title")
     hop: Literal["single", "landing", "periodic"] = stated(

@@ -49,8 +49,9 @@ class SecondOrder(Strict):
 
     worse: int = stated("directions that make the objective worse")
     flat: int = stated("directions that hardly change it")
-    better: int = stated("directions that make it better: with any, the hop is no optimum")
+    better: int = stated("directions that make it better, if no limit without a multiplier forbids them")
     lowest: float = stated("least loss by a move of size 1, of the objective; negative: a gain (docs/certificate.md)")
+    saddle: int = stated("directions that make it better within every limit: with any, the hop is no optimum")
 
 
 @dataclass(frozen=True)

@@ -71,9 +71,8 @@ def answer(data: Mapping[str, Any]) -> list[str]:
         words.append(
             f"That is {height / data['bound_m']:.0%} of the bound, which a leg known exactly reaches on this ground."
         )
-    if (best := data.get("pd_best")) in data[
-        "pd"
-    ]:  # results of earlier versions chose it on the legs that they speak of
+    best = data.get("pd_best")  # results of earlier versions chose it on the legs that they speak of
+    if best in data["pd"]:
         words.append(f"With the paper's PD control ({best}) the same share reaches {data['pd'][best]:.3f} m.")
     return words
 

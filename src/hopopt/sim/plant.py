@@ -71,7 +71,7 @@ class Plant:
         parts = AT_STOPS if self.stops.near(s.q[BASE:], s.v[BASE:], h) else 1
         if not self.drive.lossless:
             command = torque(s.t, s.q[BASE:], s.v[BASE:])
-            parts = max(parts, self.drive.parts(s.v[BASE:], command, self.robot.model.armature[BASE:], h))
+            parts = max(parts, self.drive.parts(s.v[BASE:], command, self.robot.model.armature[BASE:], h, s.drive))
         parts *= self.finer
         for _ in range(parts):
             s = self._runge_kutta(s, torque, h / parts)

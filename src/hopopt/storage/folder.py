@@ -53,8 +53,10 @@ def new_folder(wanted: Path) -> Path:
 
 
 def published(work: Path, wanted: Path, named: Callable[[Path], object] = lambda folder: None) -> Path:
-    """A filled work folder renamed to the wanted name or, if that is taken, to the first of name-2, name-3, … that is
-    not; ``named`` is told the name before, to note it in the work folder."""
+    """A filled work folder renamed to the wanted name or, if that is taken, to the first of name-2, name-3, … that is not.
+
+    named: is told the name before, to note it in the work folder
+    """
     os.chmod(work, 0o755)  # mkdtemp makes it private
     while True:
         folder = _unused(wanted)

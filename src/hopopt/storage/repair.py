@@ -12,6 +12,7 @@ from hopopt.planner.judge import judge
 from hopopt.planner.refine_and_verify import stated_figure
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import own_functions
+from hopopt.planner.stored_summary import VERSION
 from hopopt.planner.summary import figures
 from hopopt.planner.verdict_entries import verification_entries
 from hopopt.storage.digests import changed_entries
@@ -54,14 +55,14 @@ def _computed_again(solution: Solution) -> tuple[Solution, set[str]]:
     change = change_of([(m.intervals, m.objective, m.drawn_in) for m in s.mesh], program.least)
     change = s.check("change of the objective").residual if searched else change
     verdict = judge(plan, program, goal, constraints, {**plan.claims(), **plan.stated}, errors, change)
-    verdict = verdict.with_checks(co_design_checks(goal, program.objective, s.codesign))
+    verdict = verdict.with_checks(co_design_checks(goal, program.value, s.codesign))
     entries = figures(hop, plan, program, verdict) | verification_entries(verdict)
     for name in ("structure", "exit_code", *(["verification"] if searched else [])):
         del entries[name]
     known = {f"summary.json: {name}" for name in entries}
     known |= {f"solution.nc: {phase}/{name}" for phase in plan.phases for name in UNITS}
     known |= {f"solution.nc: certificate/{group}/{name}" for group, x in verdict.multipliers.items() for name in x}
-    return plan.with_summary(**entries).noted(multipliers=dict(verdict.multipliers)), known
+    return plan.with_summary(**entries, version=VERSION).noted(multipliers=dict(verdict.multipliers)), known
 
 
 def _refuse(solution: Solution, changed: dict[str, list[str] | None], computed: set[str]) -> None:

@@ -13,7 +13,7 @@ from hopopt.nlp.mesh_refinement import change_of
 from hopopt.ocp.hop import Hop
 from hopopt.planner.motion_figures import FINE, motion_figures
 from hopopt.planner.solution import Solution
-from hopopt.planner.stored_summary import FORMER
+from hopopt.planner.stored_summary import FORMER, VERSION
 from hopopt.planner.summary import figures
 from hopopt.planner.summary_entry import as_data
 from hopopt.planner.verdict import Verdict
@@ -26,6 +26,11 @@ RESIDUALS = 0.01  # relative, of what is measured: faults of 1e-8 are known to f
 ROUNDING = 1e-3  # share of what is allowed, that smaller residuals are relative to
 OF_THE_OBJECTIVE = 1e-8  # relative to the objective: the same for its error
 MOST = 4  # figures that are named
+REDEFINED = (
+    "objective_value",
+    "tie_break_weighs",
+    "leans_on",
+)  # version 1 counted the tie-break, and friction of no force
 
 Pair = tuple[str, Any, Any]  # path of an entry, what is stated, what was computed
 
@@ -43,6 +48,8 @@ def stated_checks(
     error, certificate = fresh.pop("objective_error"), fresh.pop("certificate")
     fresh["structure"] = {**s["structure"], **fresh["structure"]}  # of free switches it says more
     fresh["mesh"] = [*s["mesh"][:-1], s["mesh"][-1] | _last_mesh(nlp)]
+    if solution.summary.version < VERSION:
+        error["could_be_beaten_by"] = s["objective_error"]["could_be_beaten_by"]  # without the tie-break then
     size = OF_THE_OBJECTIVE * nlp.magnitude
     off = [(name, difference(a, b, size)) for name, a, b in _pairs(s["objective_error"], error, "objective_error")]
     return [
@@ -60,7 +67,10 @@ def motion_check(solution: Solution) -> Check:
 
 def _figures_check(solution: Solution, fresh: Mapping[str, Any]) -> Check:
     """That the entries of the summary which were computed are as stated, and none contradicts another."""
-    pairs = _pairs(_only(as_data(solution.summary), fresh), fresh)
+    s = as_data(solution.summary)
+    former = REDEFINED if solution.summary.version < VERSION else ()
+    fresh = {name: s[name] if name in former else figure for name, figure in fresh.items()}
+    pairs = _pairs(_only(s, fresh), fresh)
     wrong = [(name, difference(a, b)) for name, a, b in pairs]
     wrong += [(words, float("inf")) for words in solution.summary.contradictions()]
     return _check("figures of the summary as computed", wrong, FIGURES)

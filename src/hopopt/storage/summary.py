@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from hopopt.errors import ResultError
-from hopopt.planner.stored_summary import VERSION, Summary
+from hopopt.planner.stored_summary import OLDEST, VERSION, Summary
 
 
 @cache
@@ -31,7 +31,7 @@ def _fault(error: Any) -> str:
         return "it is damaged, not a JSON object"
     if key == "version":
         found = "no version" if kind == "missing" else f"version {given!s:.20}"
-        return f"it has {found}, and this hopopt reads version {VERSION}"
+        return f"it has {found}, and this hopopt reads versions {OLDEST} to {VERSION}"
     if kind == "missing":
         return f"it is damaged or of an earlier version (an entry is missing: {key})"
     if kind == "unexpected_keyword_argument":

@@ -7,6 +7,7 @@ must reach the same objective.
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from hopopt.amounts import check
 from hopopt.design import Design, Leg, physical_parameters
-from hopopt.errors import ProblemFileError, UsageError
+from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.ipopt import NlpSolution
 from hopopt.ocp.custom import custom
@@ -93,14 +94,16 @@ def _found(hop: Hop, count: int, side_by_side: int, clock: Stopwatch, say: Progr
     answer = _confirmed(hop, outcomes, count, side_by_side, clock, say, until)
     if answer.verified or until.passed:
         return answer
-    if (other := with_larger_tie_break(hop)) is not None:  # where torques that hardly matter have chattered
-        reported(f"not verified: solving again with solver.tie_break = {other.design.solver.tie_break:g}")
-        calmer = [solved_from(other, o, until) for o in contenders(outcomes)]
-        if any(o.success for o in calmer):
-            again = _confirmed(other, calmer, count, side_by_side, clock, say, until)
-            if again.verified:
-                return again
-    return _confirmed(hop, outcomes, count, side_by_side, clock, say, until, restarts=True)
+    with suppress(NotSolvedError):  # what there is, is kept: the time may be up before there is another
+        if (other := with_larger_tie_break(hop)) is not None:  # where torques that hardly matter have chattered
+            reported(f"not verified: solving again with solver.tie_break = {other.design.solver.tie_break:g}")
+            calmer = [solved_from(other, o, until) for o in contenders(outcomes)]
+            if any(o.success for o in calmer):
+                again = _confirmed(other, calmer, count, side_by_side, clock, say, until)
+                if again.verified:
+                    return again
+        return _confirmed(hop, outcomes, count, side_by_side, clock, say, until, restarts=True)
+    return answer
 
 
 def _confirmed(

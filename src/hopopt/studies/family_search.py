@@ -9,7 +9,7 @@ from hopopt.problem.hints import hints
 from hopopt.studies.families import Study
 from hopopt.studies.family_chains import Node
 from hopopt.studies.family_optima import Optimum, Source, followed, refined, remember, searched
-from hopopt.studies.faults import Fault, guarded
+from hopopt.studies.faults import Fault, one_of_many
 from hopopt.studies.sweep.definition import Definition
 
 FOLLOWED = 8  # of the best optima at each value, that are followed
@@ -124,4 +124,4 @@ def _ended(run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes:
 
 
 def _keyed(key: Any, run: Callable[..., Any], job: tuple[Any, ...]) -> tuple[Any, Any]:
-    return key, guarded(run, *job)
+    return key, one_of_many(run, *job)

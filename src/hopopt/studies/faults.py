@@ -6,7 +6,7 @@ from pathlib import Path
 from traceback import format_exception
 from typing import Any
 
-from hopopt.errors import HopoptError, one_line
+from hopopt.errors import HopoptError, SolverError, one_line
 from hopopt.files import write_whole
 
 KEPT = "its traceback lies in the folder, in *.traceback.txt: please report it"
@@ -33,3 +33,11 @@ def guarded(job: Callable[..., Any], *given: Any, **named: Any) -> Any:
     except Exception as error:
         words = f"{type(error).__name__}: {one_line(error)}" if str(error).strip() else type(error).__name__
         return Fault(f"a fault of hopopt ended it ({words}); {KEPT}", "".join(format_exception(error)))
+
+
+def one_of_many(job: Callable[..., Any], *given: Any) -> Any:
+    """``guarded``; a program that no solver can work on is a Fault too, so that it does not end the others' study."""
+    try:
+        return guarded(job, *given)
+    except SolverError as error:
+        return Fault(one_line(error), "".join(format_exception(error)))

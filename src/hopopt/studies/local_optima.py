@@ -28,7 +28,7 @@ from hopopt.planner.multistart import first_solver, grouped, run_chunk, solution
 from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, new_folder, write_json, writing
-from hopopt.studies.faults import Fault, guarded
+from hopopt.studies.faults import Fault, one_of_many
 
 GO_ON = "what has ended is kept: make room, then --resume goes on"
 
@@ -94,9 +94,7 @@ def finished(folder: Path) -> list[Ended]:
     for path in sorted((folder / "starts").glob("*.json")):
         try:
             told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-            told |= {
-                name: float("nan") for name, value in told.items() if value is None
-            }  # of no number, as JSON has it
+            told |= {name: float("nan") for name, x in told.items() if x is None}  # of no number, as JSON has it
             ended = Ended(**told)
             kinds: dict[Any, tuple[type, ...]] = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
             whole = all(isinstance(getattr(ended, f.name), kinds[f.type]) for f in fields(Ended))
@@ -150,7 +148,7 @@ def _program(design: Design, objective: str) -> tuple[Hop, NlpSolver]:
 
 
 def _numbered(design: Design, objective: str, index: int) -> tuple[int, Ended | Fault]:
-    return index, guarded(_ended, design, objective, index)
+    return index, one_of_many(_ended, design, objective, index)
 
 
 def _ended(design: Design, objective: str, index: int) -> Ended:

@@ -145,8 +145,10 @@ def _table(file: Path, wanted: Set[str]) -> Table:
 
 
 def _csv(file: Path) -> list[tuple[str, Sequence[str]]]:
-    """Header and cells of every column of a table whose cells commas, semicolons or tabs separate, with a decimal point; or
-    with a decimal comma, where commas do not separate and no number has a point."""
+    """Header and cells of every column of a table whose cells commas, semicolons or tabs separate.
+
+    Where commas do not separate, and no number has a point, they are decimal commas.
+    """
     try:
         with file.open(encoding="utf-8-sig", newline="") as stream:
             text = stream.read()

@@ -46,8 +46,8 @@ class Worth:
 
     @property
     def leans(self) -> bool:
-        """Whether the hop loses anything without it that its numbers can tell."""
-        return self.worth is None or self.worth > self.error
+        """Whether the hop loses anything without it that its numbers can tell; numbers that are not verified tell nothing."""
+        return self.worth is None or not self.verified or self.worth > self.error
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -52,7 +52,11 @@ def second_order_line(found: "SecondOrder | None") -> list[str]:
     if found is None:
         return []
     total = found.worse + found.flat + found.better
-    verdict = "no direction makes the hop better" if not found.better else f"{found.better} make the hop BETTER"
+    verdict = "no direction makes the hop better"
+    if found.better:
+        verdict = f"{found.better} gain, but limits on which the hop lies forbid that"
+    if found.saddle:
+        verdict = f"{found.saddle} make the hop BETTER"
     return [f"second order, on the last mesh: of {total} directions {found.flat} are flat, {verdict}"]
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hopopt.errors import HopoptError, ResultError, one_line
+from hopopt.errors import HopoptError, one_line
 from hopopt.storage.digests import OWN, changed
 from hopopt.storage.stated_figures import difference
 from hopopt.studies.sweep.definition import Definition
@@ -53,9 +53,7 @@ def recheck_study(folder: Path, say: Callable[[str], None] = lambda text: None) 
         if doubt or (point.verified and point == latest[point.index]):
             say(f"point {point.index + 1} of {len(definition.points)}")
             found.append(_rechecked(folder, definition, path, point, doubt))
-    sealed = any(
-        (folder / name).exists() for name in (OWN, "study.json")
-    )  # unfinished ones of earlier versions are not
+    sealed = (folder / OWN).exists() or (folder / "study.json").exists()  # unfinished ones of earlier versions are not
     return found, changed(folder, FILES) if sealed else []
 
 
@@ -64,7 +62,7 @@ def _rechecked(folder: Path, definition: Definition, path: Path, point: Point, d
         return Rechecked(path, point, point, doubt, "it states no verified hop: remove it and resume")
     try:
         found = again(definition, point, load_begin(folder, point))
-    except (ResultError, ArithmeticError, RuntimeError, ValueError) as error:
+    except (HopoptError, ArithmeticError, RuntimeError, ValueError) as error:
         return Rechecked(
             path, point, replace(point, clearance_m=None), doubt, f"it cannot be computed again: {_words(error)}"
         )
