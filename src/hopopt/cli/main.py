@@ -16,27 +16,27 @@ from typing import TYPE_CHECKING, Any, Literal
 from cyclopts import CycloptsError
 
 from hopopt import amounts
-from hopopt.cli import animate as cli_animate
-from hopopt.cli import catalogue as cli_actuators
-from hopopt.cli import control as cli_runs
-from hopopt.cli import diagnose as cli_diagnose
-from hopopt.cli import doctor as cli_doctor
-from hopopt.cli import evidence as cli_evidence
-from hopopt.cli import export as cli_export
-from hopopt.cli import families as cli_families
-from hopopt.cli import identify as cli_identify
-from hopopt.cli import log as cli_log
-from hopopt.cli import paper as cli_paper
-from hopopt.cli import pareto as cli_pareto
-from hopopt.cli import report as cli_report
-from hopopt.cli import robust as cli_robust
-from hopopt.cli import schema as cli_schema
-from hopopt.cli import sensitivity as cli_studies
-from hopopt.cli import sweep as cli_sweep
-from hopopt.cli import transition as cli_transition
-from hopopt.cli import verify as cli_verify
-from hopopt.cli import view as cli_view
+from hopopt.cli.answer import diagnose as cli_diagnose
+from hopopt.cli.answer import evidence as cli_evidence
+from hopopt.cli.answer import verify as cli_verify
+from hopopt.cli.controllers import compare as cli_runs
+from hopopt.cli.controllers import robust as cli_robust
+from hopopt.cli.hops import transition as cli_transition
 from hopopt.cli.options import AsJson, Constraints, Couple, CrossChecked, Free, Overrides, app, progress, write_new
+from hopopt.cli.paper import calibrate as cli_paper
+from hopopt.cli.robot_data import identify as cli_identify
+from hopopt.cli.robot_data import log as cli_log
+from hopopt.cli.setup import actuators as cli_actuators
+from hopopt.cli.setup import doctor as cli_doctor
+from hopopt.cli.setup import schema as cli_schema
+from hopopt.cli.share import animate as cli_animate
+from hopopt.cli.share import export as cli_export
+from hopopt.cli.share import report as cli_report
+from hopopt.cli.share import view as cli_view
+from hopopt.cli.studies import families as cli_families
+from hopopt.cli.studies import pareto as cli_pareto
+from hopopt.cli.studies import sensitivity as cli_studies
+from hopopt.cli.studies import sweep as cli_sweep
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 from hopopt.nlp.deadline import NEVER
 

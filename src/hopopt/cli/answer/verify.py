@@ -28,7 +28,7 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
         The function of your own that it was found with, if it was: module:function.
     """
     if (result / "sweep.json").is_file():
-        from hopopt.cli.sweep import verify_study
+        from hopopt.cli.studies.sweep import verify_study
 
         if objective or constraint:
             raise UsageError("a study takes no user-defined functions: leave out --objective and --constraint")

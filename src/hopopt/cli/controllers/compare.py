@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from hopopt import amounts
+from hopopt.cli.controllers.ladder import ladder_of
 from hopopt.cli.options import AsJson, Overrides, progress, repeated
-from hopopt.cli.why import ladder_of
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ def compare(
     design = load(problem or (bound / "problem.toml" if bound else "paper"), set_)
     prepare(results)
     if design.hop.periodic:
-        from hopopt.cli.hops import compare_hops
+        from hopopt.cli.hops.compare import compare_hops
 
         if tune:
             raise UsageError("--tune is for the hop from rest: leave it out for a periodic one")
