@@ -21,9 +21,11 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> Any:
     """Import on first use, so that ``hopopt --help`` answers at once; hopopt.api has the one list of names."""
     from importlib import import_module
+    from importlib.util import find_spec
 
-    module = import_module(f"hopopt.{_LIGHT.get(name, 'api')}")
-    if name not in (*_LIGHT, "__all__", *getattr(module, "__all__", ())):
-        raise AttributeError(f"module 'hopopt' has no attribute {name!r}")
-    value = globals()[name] = getattr(module, name)
-    return value
+    if find_spec(f"hopopt.{name}") is None:  # ``from hopopt import amounts`` asks here before it looks for the module
+        module = import_module(f"hopopt.{_LIGHT.get(name, 'api')}")
+        if name in (*_LIGHT, "__all__", *getattr(module, "__all__", ())):
+            value = globals()[name] = getattr(module, name)
+            return value
+    raise AttributeError(f"module 'hopopt' has no attribute {name!r}")

@@ -11,8 +11,7 @@ from types import ModuleType
 import pytest
 
 import hopopt
-import hopopt.cli.main  # registers the commands
-from hopopt.cli.options import app
+from hopopt.cli.main import app
 from hopopt.problem.load import builtin_names, load
 from hopopt.problem.render import rows
 
