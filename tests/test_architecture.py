@@ -64,7 +64,7 @@ COMING: set[str] = set()  # packages with a row that need not be there
 LATE = {  # where hopopt is imported inside functions, so that commands start at once, and why not at the top
     "__init__.py": "what is used first decides what is imported",
     "api.py": "figures need matplotlib",
-    "cli/": "each command imports what it needs",
+    "cli/": "--help imports every command, and each what it needs when it runs",
     "studies/compare.py": "tuning needs joblib",
     "global_search/search.py": "the compiler of its loops takes a third of a second",
     "problem/urdf.py": "only a problem with a URDF needs Pinocchio",

@@ -76,14 +76,14 @@ def command_line() -> App:
         version_flags=["--version"],
         suppress_keyboard_interrupt=False,  # run says what became of the work
     )
-    for place, (title, commands) in enumerate(COMMANDS.items()):
-        group = Group(title, sort_key=place)
+    groups = [Group(title, sort_key=place) for place, title in enumerate(COMMANDS)]
+    for group, commands in zip(groups, COMMANDS.values(), strict=True):
         for row, (name, path) in enumerate(commands.items()):
             made.command(path, name=name, group=group, sort_key=row, help_format="markdown", help_epilogue="")
     complete = "Let the shell complete commands and options.\n\nOf bash, zsh and fish."
-    made.register_install_completion_command(help=complete, group=group, help_epilogue="")
+    made.register_install_completion_command(help=complete, group=groups[-1], help_epilogue="")
     for flag in ("--help", "--version"):
-        made[flag].group = group
+        made[flag].group = groups[-1]
     return made
 
 
