@@ -197,24 +197,31 @@ def resampled(coarse: Program, fine: Program, z: np.ndarray) -> np.ndarray:
     return fine.pack(times, y, v, tau[steps])
 
 
-def refined(program: Program, z: np.ndarray) -> float:
-    """Height [m] of a coarse program's hop on ever finer steps, carried on to none; -inf if it is lost."""
+Stance = tuple[
+    np.ndarray, np.ndarray, np.ndarray, np.ndarray
+]  # times (n,) and joint angles, speeds, accelerations (n, 2)
+
+
+def refined(program: Program, z: np.ndarray) -> tuple[float, Stance] | None:
+    """Height [m] of a coarse program's hop on ever finer steps, carried on to none, and its stance; None if it is lost."""
     heights = list[float]()
     for steps in FINER:
         finer = Program(program.leg, steps)
         if (end := finer.solve(resampled(program, finer, z))) is None:
-            return -np.inf
+            return None
         program, (height, z) = finer, end
         heights.append(height)
-    return 2 * heights[-1] - heights[-2]
+    times, y, v, _ = program.unpack(z)
+    n = program.steps[0]
+    t, speeds = np.linspace(0, times[0], n + 1), v[: n + 1, 2:]
+    a = np.diff(speeds, axis=0) / t[1]
+    return 2 * heights[-1] - heights[-2], (t, y[: n + 1, 2:], speeds, np.vstack([a, a[-1:]]))
 
 
-def best_hop(leg: Leg, starts: int, seed: int) -> float:
-    """The highest hop [m] from so many random starts, on the finest steps; where that is lost, one of the next best; -inf
-    if there is none."""
+def best_hop(leg: Leg, starts: int, seed: int) -> tuple[float, Stance] | None:
+    """The highest hop [m] from so many random starts, on the finest steps, with its stance; where that is lost, one of the
+    next best; None if there is none."""
     coarse, rng = Program(leg, COARSE), np.random.default_rng(seed)
     found = [end for _ in range(starts) if (end := coarse.solve(coarse.drawn(rng)))]
-    for _, z in sorted(found, key=lambda end: -end[0])[:TRIES]:
-        if (height := refined(coarse, z)) > -np.inf:
-            return height
-    return -np.inf
+    ranked = sorted(found, key=lambda end: -end[0])[:TRIES]
+    return next((end for _, z in ranked if (end := refined(coarse, z))), None)

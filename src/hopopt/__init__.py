@@ -23,9 +23,11 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
     from importlib.util import find_spec
 
-    if find_spec(f"hopopt.{name}") is None:  # ``from hopopt import amounts`` asks here before it looks for the module
-        module = import_module(f"hopopt.{_LIGHT.get(name, 'api')}")
-        if name in (*_LIGHT, "__all__", *getattr(module, "__all__", ())):
-            value = globals()[name] = getattr(module, name)
-            return value
-    raise AttributeError(f"module 'hopopt' has no attribute {name!r}")
+    asked_of_all = name.startswith("__") and name != "__all__"  # by tools, of every module
+    if asked_of_all or find_spec(f"hopopt.{name}"):  # a module is imported as one, without the list of names
+        raise AttributeError(f"module 'hopopt' has no attribute {name!r}")
+    module = import_module(f"hopopt.{_LIGHT.get(name, 'api')}")
+    if name not in (*_LIGHT, "__all__", *getattr(module, "__all__", ())):
+        raise AttributeError(f"module 'hopopt' has no attribute {name!r}")
+    value = globals()[name] = getattr(module, name)
+    return value

@@ -67,7 +67,7 @@ def test_every_loop_of_the_search_asks_for_the_time() -> None:
     assert len(run_starts(hop, 400, 2, silent, until=OVER)) == 1
     assert relaxed_starts(hop, QUICK, until=OVER) == []
     with pytest.raises(TimeoutError):
-        search(hop.design, size=99, until=OVER)
+        search(hop.design, size=81, until=OVER)
     assert process_time() - began < GRACE
 
 

@@ -216,7 +216,7 @@ def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
         x = foot(q)[0]
         return np.concatenate([q - lower, upper - q, [window - x, window + x]])
 
-    drawn = lower + (upper - lower) * _spread(POSES, len(leg.joints))
+    drawn = lower + (upper - lower) * spread(POSES, len(leg.joints))
     best = drawn[np.argsort(-merit(drawn))[:4]]
     refined = [
         minimize(lambda q: -foot(q)[1], q, method="SLSQP", constraints={"type": "ineq", "fun": room}).x for q in best
@@ -225,7 +225,7 @@ def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
     return found[np.argmax(merit(found))]
 
 
-def _spread(count: int, dimensions: int) -> np.ndarray:
+def spread(count: int, dimensions: int) -> np.ndarray:
     """Points that fill the unit cube evenly, (count, dimensions): Roberts' sequence of the generalised golden ratio,
     good as Sobol's for this (scipy.stats takes a third of a second to import)."""
     ratio = np.roots([1.0, *np.zeros(dimensions - 1), -1.0, -1.0]).real.max()  # x^(d + 1) = x + 1

@@ -101,6 +101,14 @@ def stance_guess(hop: Hop, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.nd
     return _all_phases(hop, _without_dependent(hop, stance), _flight_guess(hop, stance))
 
 
+def posture_guess(hop: Hop, phases: Mapping[str, Any], pose: np.ndarray) -> dict[str, Guess]:
+    """A hop (as of ``motion_guess``) with another flight, to a pose (n,) [rad] of the joints, as guesses of the phases."""
+    s, push = np.linspace(0, 1, FINE), phases[STANCE]
+    x, u = push.sample(s * push.duration)
+    stance = Guess(push.duration, s, x[:, : 2 * hop.n], u[:, : hop.n])
+    return _all_phases(hop, stance, _flight_guess(hop, stance, pose))
+
+
 def _all_phases(
     hop: Hop, stance: Guess, flight: Guess, down: Guess | None = None, landing: Guess | None = None
 ) -> dict[str, Guess]:
@@ -176,8 +184,8 @@ def inverse_kinematics(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarr
     return least_squares(residual, inner, bounds=(lower, upper), xtol=1e-8, ftol=1e-8).x
 
 
-def _flight_guess(hop: Hop, stance: Guess) -> Guess:
-    """Ballistic flight from the end of stance; joints go smoothly to the tucked pose."""
+def _flight_guess(hop: Hop, stance: Guess, pose: np.ndarray | None = None) -> Guess:
+    """Ballistic flight from the end of stance; joints go smoothly to a pose (n,) [rad], by default that with the foot highest."""
     n, s = hop.n, np.linspace(0, 1, POINTS)
     com, com_v = _com_at(hop, stance.x[-1, :n], stance.x[-1, n:])
     fall = np.array(hop.robot.model.gravity.linear)[[0, 2]]
@@ -185,7 +193,8 @@ def _flight_guess(hop: Hop, stance: Guess) -> Guess:
     T = float(np.clip(-com_v[1] / fall[1], max(shortest, 0.1), min(longest, 0.6)))
     t = s * T
     blend = (s * s * (3 - 2 * s))[:, None]
-    q = stance.x[-1, :n] + (tucked(hop.leg, hop.design.hop.foot_window) - stance.x[-1, :n]) * blend
+    pose = tucked(hop.leg, hop.design.hop.foot_window) if pose is None else pose
+    q = stance.x[-1, :n] + (pose - stance.x[-1, :n]) * blend
     v = np.gradient(q, t, axis=0)
     place, speed = com + t[:, None] * com_v + 0.5 * t[:, None] ** 2 * fall, com_v + t[:, None] * fall
     x = np.hstack([place[:, hop.falling], speed[:, hop.falling], q, v])

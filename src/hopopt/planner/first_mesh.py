@@ -10,21 +10,28 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numpy as np
+
 from hopopt.errors import one_line
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.feasibility import drives_too_weak
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import stance_guess
+from hopopt.ocp.initial_guess import posture_guess, stance_guess
+from hopopt.ocp.phases import FLIGHT
+from hopopt.ocp.posture import Posture
 from hopopt.planner.multistart import (
     Progress,
     StartOutcome,
+    distinct,
     first_solver,
+    first_transcription,
     known_optima,
     noted,
     outcome_of,
     remember,
     run_starts,
+    solution_of,
 )
 from hopopt.planner.relaxations import QUICK, relaxed_starts
 from hopopt.planner.stopwatch import Countdown
@@ -35,6 +42,7 @@ CLOSER = 21  # where the first grid has not found the answer, or promises more
 ROLLOUTS = 6  # of its motions, that are solved from
 GLOBAL = "global method"  # begins the names of its motions
 HEIGHTS = ("clearance", "apex")  # objectives that its motions suit
+LEFT = 1e-3  # share of the reach by which a posture may be lower than the best one
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,8 @@ def search_first_mesh(
     if found is not None:
         say(f"solving from {len(found.rollouts)} motions of the global method")
         outcomes += rollout_starts(hop, found.rollouts, outcomes, say=say, until=until)
+    if count >= SEARCH:
+        outcomes += posture_starts(hop, outcomes, until)
     return FirstMesh(tuple(outcomes), found, reason)
 
 
@@ -81,6 +91,24 @@ def _not_used(hop: Hop) -> str | None:
     if hop.objective.name not in HEIGHTS or hop.constraints:
         return "it knows heights alone, without user-defined constraints"
     return applies(hop.design)
+
+
+def posture_starts(hop: Hop, known: Sequence[StartOutcome], until: Deadline = NEVER) -> list[StartOutcome]:
+    """Hops that are known, and end in a posture that is not the one which clears most, solved again with a flight to that
+    one: where the leg has two ways to fold, the nearer of them is a local optimum."""
+    if hop.objective.name != "clearance" or hop.design.hop.lands or hop.loops or hop.drive_states.size:
+        return []
+    posture, outcomes, t = Posture(hop), list[StartOutcome](), first_transcription(hop)
+    best, solver = posture.best(), first_solver(hop, True, until=until)
+    for known_hop in distinct(known):
+        phases = solution_of(known_hop, t).phases
+        ends = phases[FLIGHT].x_end[-2 * hop.n : -hop.n]
+        if until.passed or np.ptp(posture.height(np.array([ends, best]))) < LEFT * hop.reach:
+            continue
+        began = time.perf_counter()
+        s = solver(posture_guess(hop, phases, best))
+        outcomes.append(outcome_of(f"{known_hop.name}, folded otherwise", s, time.perf_counter() - began))
+    return outcomes
 
 
 def looked_closer(hop: Hop, searched: FirstMesh, say: Progress, until: Deadline) -> FirstMesh:

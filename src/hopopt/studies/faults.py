@@ -9,7 +9,7 @@ from typing import Any
 from hopopt.errors import HopoptError, one_line
 from hopopt.files import write_whole
 
-KEPT = "where that is lies in the study's folder, in *.traceback.txt: please report it"
+KEPT = "its traceback lies in the folder, in *.traceback.txt: please report it"
 
 
 @dataclass(frozen=True)

@@ -165,8 +165,14 @@ def _beside(solution: "Solution") -> "Solution":
     """The answer with what the paper's force control makes of the same leg; exit code 3 if that passes it."""
     from hopopt.storage.solution import with_more
     from hopopt.studies.compare import paper_strategy
+    from hopopt.studies.faults import Fault, guarded
 
-    if (found := paper_strategy(solution)) is None:
+    found = guarded(paper_strategy, solution)
+    if isinstance(found, Fault) and solution.result_dir:
+        found.keep(solution.result_dir, "control")
+        print(f"hopopt: the paper's control is missing: {found.sentence}", file=sys.stderr)
+        return solution
+    if found is None:
         return solution
     code = 3 if found.beyond_bound else solution.summary.exit_code
     return with_more(solution, paper_strategy=found, exit_code=code)
