@@ -168,7 +168,8 @@ def _beside(solution: "Solution") -> "Solution":
     from hopopt.studies.faults import Fault, guarded
 
     found = guarded(paper_strategy, solution)
-    if isinstance(found, Fault) and solution.result_dir:
+    if isinstance(found, Fault):
+        assert solution.result_dir is not None  # the answer was saved before
         found.keep(solution.result_dir, "control")
         print(f"hopopt: the paper's control is missing: {found.sentence}", file=sys.stderr)
         return solution
