@@ -146,11 +146,15 @@ def _allowed(entry: Schema) -> str:
 
 
 def command_page() -> str:
-    """Every command with its options, from the command line itself."""
-    from hopopt.cli.main import app
+    """Every command with its options, from the command line itself and in its groups."""
+    from hopopt.cli.main import COMMANDS, app
 
-    text = app.generate_docs(output_format="markdown", heading_level=1)
-    return text.replace("# hopopt", "# Every command", 1)
+    text = app.generate_docs(output_format="markdown", heading_level=2).replace("## hopopt", "# Every command", 1)
+    text = re.sub(r"#+ Table of Contents\n.*?(?=\*\*)", "", text, flags=re.S)
+    for title, commands in COMMANDS.items():
+        first = f"\n### hopopt {next(iter(commands))}\n"
+        text = text.replace(first, f"\n## {title}\n{first}")
+    return text
 
 
 def python_page() -> str:

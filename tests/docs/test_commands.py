@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 import hopopt as ho
-from hopopt.cli.main import run
-from hopopt.cli.options import app
+from hopopt.cli.main import app, run
 from hopopt.sim.hop_metrics import HopFigures
 
 ROOT = Path(__file__).parents[2]

@@ -12,9 +12,8 @@ from typing import Any
 import pytest
 
 import hopopt as ho
-import hopopt.cli.main  # registers the commands
 from hopopt import api
-from hopopt.cli.options import app
+from hopopt.cli.main import app
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "src" / "hopopt").rglob("*.py"))

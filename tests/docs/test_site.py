@@ -11,8 +11,7 @@ from types import ModuleType
 import pytest
 
 import hopopt
-import hopopt.cli.main  # registers the commands
-from hopopt.cli.options import app
+from hopopt.cli.main import COMMANDS, app
 from hopopt.problem.load import builtin_names, load
 from hopopt.problem.render import rows
 
@@ -51,6 +50,10 @@ def test_every_command_and_option_is_in_the_reference(builder: ModuleType) -> No
     for name in commands:
         assert re.search(rf"^#+ .*\b{name}\b", page, re.M), name
     assert "--why" in page
+    grouped = [
+        line for title, names in COMMANDS.items() for line in (f"## {title}", *(f"### hopopt {n}" for n in names))
+    ]
+    assert [line for line in page.splitlines() if line in grouped] == grouped
 
 
 def test_every_public_name_is_in_the_reference(builder: ModuleType) -> None:

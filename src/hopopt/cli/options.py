@@ -5,20 +5,12 @@ from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
     from hopopt.report.page import Content
-
-app = App(
-    name="hopopt",
-    help="How high can a leg possibly lift its foot in a hop with the motors it has?",
-    help_epilogue="Start with: hopopt solve --objective clearance",
-    version_flags=["--version"],
-    suppress_keyboard_interrupt=False,  # cli.run says what became of the work
-)
 
 
 def repeated(name: str, text: str) -> Parameter:

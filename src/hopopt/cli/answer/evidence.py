@@ -51,7 +51,9 @@ def evidence(
     results: Path = Path("results"),
     json_: AsJson = False,
 ) -> int:
-    """Say how far the best hop may be trusted to be the best: a bound, global methods, relaxed problems, many starts.
+    """Say how far the best hop may be trusted to be the best.
+
+    By a bound, global methods, relaxed problems and many starts.
 
     Exit code: 0 the best optimum is verified and nothing speaks against it, 1 no start was solved, 2 wrong usage.
     Exit code 3: it is not verified, passes the bound, or a global method finds over 1 % more.

@@ -35,7 +35,9 @@ def sweep(
     figures: bool = True,
     json_: AsJson = False,
 ) -> int:
-    """Solve and verify a problem at many values of its entries: a table, figures, and the best of them.
+    """Solve a problem at many values of one entry or several.
+
+    Every point is verified: a table, figures, and the best of them.
 
     Exit code: 0 every point verified or its failure stated, 1 none verified, 2 wrong usage, 3 some not verified.
 

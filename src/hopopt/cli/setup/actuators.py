@@ -31,9 +31,9 @@ Fit = Annotated[bool, Parameter(name="--fit", negative=())]
 
 
 def actuators(*, fit: Fit = False, json_: AsJson = False) -> int:
-    """List the motors and gears that a problem can name: hopopt solve --set leg.gear=csg-20-100.
+    """List the motors and gears that a problem can name.
 
-    A question mark stands behind what is unverified. The files say where every value is from: problems/actuators.
+    As in hopopt solve --set leg.gear=csg-20-100. A question mark stands behind what is unverified. The files say where every value is from: problems/actuators.
 
     Parameters
     ----------

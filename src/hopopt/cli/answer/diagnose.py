@@ -16,7 +16,9 @@ def diagnose(
     constraint: Constraints = None,
     json_: AsJson = False,
 ) -> int:
-    """Say what a stored hop leaves open: motions and durations the objective does not depend on, limits that never act.
+    """Say what in a stored hop does not matter: times, motions, limits.
+
+    Those are motions and durations that the objective does not depend on, and limits that never act.
 
     Parameters
     ----------

@@ -13,9 +13,9 @@ def view(
     port: int = 8080,
     json_: AsJson = False,
 ) -> int:
-    """Show a solved hop in three dimensions in a browser, with a time slider, until Ctrl-C.
+    """Show a solved hop in three dimensions in a browser.
 
-    Links look as the URDF says where its meshes lie on disk, else as cylinders.
+    With a time slider, until Ctrl-C. Links look as the URDF says where its meshes lie on disk, else as cylinders.
 
     Parameters
     ----------

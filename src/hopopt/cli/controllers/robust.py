@@ -22,7 +22,9 @@ def robust(
     figures: bool = True,
     json_: AsJson = False,
 ) -> int:
-    """Find the reserve and the tracked plan with the greatest clearance that a stated share of legs reaches.
+    """Find the best plan for legs whose masses and motors vary.
+
+    That is the reserve and the tracked plan with the greatest clearance that a stated share of legs reaches.
 
     Legs are drawn within the problem's [uncertainty]. A plan for them is found in two ways: with a reserve tuned on a few of
     them, and by one program for several legs that share torques and feedback. The better one is judged on other legs, beside

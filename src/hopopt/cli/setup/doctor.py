@@ -6,7 +6,9 @@ from hopopt.cli.options import AsJson, progress
 
 
 def doctor(*, json_: AsJson = False) -> int:
-    """Look at this installation: versions, solvers, compiler, cache, and a self-test of some seconds.
+    """Check this installation, with a self-test.
+
+    It looks at versions, solvers, the compiler and the cache; some seconds.
 
     Exit code: 0 all that hopopt needs works, 1 not.
     """

@@ -1,21 +1,17 @@
-"""Commands that simulate controllers on the leg: simulate and compare."""
+"""The command that sets controllers beside the optimum: compare."""
 
-import json
 import os
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from hopopt import amounts
+from hopopt.cli.controllers.ladder import ladder_of
+from hopopt.cli.controllers.simulate import save_with_figures
 from hopopt.cli.options import AsJson, Overrides, progress, repeated
-from hopopt.cli.why import ladder_of
 from hopopt.errors import UsageError
-
-if TYPE_CHECKING:
-    from hopopt.design import Design
-    from hopopt.studies.ladder import Ladder
 
 Strategies = Annotated[
     list[str] | None,
@@ -25,87 +21,6 @@ Strategies = Annotated[
         "that suit the leg: all. Default: track, force, force_tuck and the better tuned one.",
     ),
 ]
-Options = Annotated[
-    list[str] | None,
-    repeated("--option", "A setting of the strategy: --option k_p=6000 (repeat)."),
-]
-TrueLeg = Annotated[
-    list[str] | None,
-    repeated(
-        "--plant", "How the true leg differs from what the strategy believes: --plant leg.body.mass=5.9 (repeat)."
-    ),
-]
-
-
-def simulate(
-    problem: str = "paper",
-    *,
-    strategy: str = "force",
-    set_: Overrides = None,
-    plant: TrueLeg = None,
-    option: Options = None,
-    hops: int = 1,
-    plan: Path | None = None,
-    results: Path = Path("results"),
-    figures: bool = True,
-    json_: AsJson = False,
-) -> int:
-    """Hop the simulated leg with a controller: 4 kHz, encoders, saturated motors, impacts.
-
-    Parameters
-    ----------
-    problem
-        A problem file, or the name of a built-in one.
-    strategy
-        force, force_braked, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the
-        paper's, scaled to the leg), track, track_mpc, track_pd (follow the optimum), an entry point of the group
-        hopopt.strategies, or your own class as package.module:Class.
-    hops
-        How many hops one after the other.
-    plan
-        A results folder of hopopt solve to follow; without it, track solves for its own plan.
-    results
-        Folder for the results; each run gets a new folder inside it.
-    figures
-        Draw the figures.
-    """
-    from hopopt.problem.load import load
-
-    design = load(problem, set_ or ())
-    amounts.check("hops", hops)
-    truth, options = load(problem, [*(set_ or ()), *plant]) if plant else None, _options(option or ())
-    from hopopt.control import closed_loop
-    from hopopt.control.strategies import find
-    from hopopt.design import refuse_landed
-    from hopopt.storage.folder import as_json, prepare
-
-    chosen = find(strategy)
-    refuse_landed(design, "a simulation from rest")
-    closed_loop.make_plant(truth or design)  # what cannot be simulated is said before the work
-    prepare(results)
-    with progress(quiet=json_) as say:
-        reference = _plan(design, plan, chosen.needs_plan, say)
-        say(f"simulating {strategy}")
-        run = closed_loop.simulate(design, chosen, plan=reference, plant=truth, hops=hops, options=options)
-        row = {
-            "problem": design.name,
-            "strategy": strategy,
-            "meaning": chosen.meaning,
-            "options": run.options,
-            "hops": hops,
-            **run.figures.as_dict(),
-            "overshoot_m": run.overshoot,
-            "lift_offs": run.trace.times_of("lift-off"),
-            "touchdowns": run.trace.times_of("touchdown"),
-        }
-        where = _saved("simulation", design, row, {strategy: run.trace}, results, figures, {strategy: run.figures})
-    if json_:
-        print(as_json({**row, "exit_code": 0, "result_dir": str(where)}))
-        return 0
-    from hopopt.cli.screen.runs import print_run
-
-    print_run(row, str(where))
-    return 0
 
 
 def compare(
@@ -128,7 +43,9 @@ def compare(
     figures: bool = True,
     json_: AsJson = False,
 ) -> int:
-    """Set the optimum beside its tracked simulation and the paper's strategies: how near, and what is missing.
+    """Compare the paper's controllers, or yours, with the optimum.
+
+    How near each comes in simulation, and what is missing; the tracked optimum is among them.
 
     Exit code: 0 the bound is verified and holds, 1 not solved, 2 wrong usage, 3 not verified or passed by a strategy.
 
@@ -193,7 +110,7 @@ def compare(
     design = load(problem or (bound / "problem.toml" if bound else "paper"), set_)
     prepare(results)
     if design.hop.periodic:
-        from hopopt.cli.hops import compare_hops
+        from hopopt.cli.hops.compare import compare_hops
 
         if tune:
             raise UsageError("--tune is for the hop from rest: leave it out for a periodic one")
@@ -210,7 +127,7 @@ def compare(
         steps = ladder_of(found, data, say) if why else None
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         traces = {name: f.trace for name, f in found.figures.items()}
-        where = _saved("comparison", design, data, traces, results, figures, found.figures, steps)
+        where = save_with_figures("comparison", design, data, traces, results, figures, found.figures, steps)
         for solution in (found.solution, found.plan):
             if solution is not None and solution.result_dir is None:  # what the figures stand on
                 save(solution, where)
@@ -221,58 +138,3 @@ def compare(
 
     print_comparison(data, f"{where}   ({data['wall_s']:.1f} s)")
     return found.exit_code
-
-
-def _options(given: "list[str] | tuple[str, ...]") -> dict[str, Any]:
-    """key=value pairs; values are JSON where they can be, else text."""
-    options = {}
-    for pair in given:
-        key, equals, text = pair.partition("=")
-        if not (key and equals):
-            raise UsageError(f"--option {pair}: write it as name=value, such as k_p=6000")
-        try:
-            options[key] = json.loads(text)
-        except ValueError:
-            options[key] = text
-    return options
-
-
-def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
-    """What the strategy is to follow: the plan given, or one of its own."""
-    if not needed:
-        if folder:
-            raise UsageError("--plan is for strategies that follow one, such as track")
-        return None
-    from hopopt.planner.reserve import plan_to_track
-    from hopopt.storage.folder import fitting
-    from hopopt.storage.solution import read
-    from hopopt.studies.compare import reference_of
-
-    if folder:
-        with fitting(folder):
-            plan = read(folder)
-            reference_of(plan)
-    else:
-        plan = plan_to_track(design, say)
-    if plan.design.leg.joints != design.leg.joints:
-        raise UsageError(f"--plan {folder}: it moves other joints than those of {design.name}")
-    return reference_of(plan)
-
-
-def _saved(
-    what: str,
-    design: "Design",
-    data: Any,
-    traces: Any,
-    results: Path,
-    draw: bool,
-    figures: Any,
-    steps: "Ladder | None" = None,
-) -> Path:
-    from hopopt.storage.runs import save_runs
-
-    if not draw:
-        return save_runs(what, design, data, traces, results)
-    from hopopt.plots.runs import save_all
-
-    return save_runs(what, design, data, traces, results, lambda folder: save_all(figures, folder, steps=steps))

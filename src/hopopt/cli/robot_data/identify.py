@@ -24,9 +24,9 @@ def identify(
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     json_: AsJson = False,
 ) -> int:
-    """Find a leg's masses, torque constant, gear losses and no-load speed in logs of its hops, with 95 % intervals.
+    """Find a leg's masses, motor constants and losses from its logs.
 
-    What the logs cannot tell is named, with the reason, and keeps the problem's value.
+    Torque constant, gear losses and no-load speed are found with 95 % intervals. What the logs cannot tell is named, with the reason, and keeps the problem's value.
 
     Parameters
     ----------

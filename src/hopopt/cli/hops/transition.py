@@ -27,7 +27,9 @@ def transition(
     figures: bool = True,
     json_: AsJson = False,
 ) -> int:
-    """Find the fewest hops that lead from rest, or from one periodic hop, onto another.
+    """Find the fewest hops from rest onto a hop that repeats itself.
+
+    Or from one periodic hop onto another.
 
     All hops are one program: stance, flight, descent and impact, hop by hop, up to the state in which the orbit's stance
     begins. Of all ways in so many hops it is the one of least effort. The plan (runs.nc) is in the results folder.

@@ -14,7 +14,9 @@ def animate(
     slower: float = 4.0,
     json_: AsJson = False,
 ) -> int:
-    """Write hops as a moving picture, one over the other in step. An existing file is never overwritten.
+    """Write hops as a moving picture: GIF, SVG or MP4.
+
+    They move in step, one over the other. An existing file is never overwritten.
 
     Parameters
     ----------

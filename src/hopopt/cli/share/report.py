@@ -13,9 +13,9 @@ def report(
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("report.html"),
     json_: AsJson = False,
 ) -> int:
-    """Write results as one HTML page that needs no network: the answer, the hop moving, limits, evidence, parameters.
+    """Write results as one HTML page, with the hop moving.
 
-    Of a study it has the best point, a curve or map, and every point; of hopopt robust what a share of the legs reaches.
+    It has the answer, limits, evidence and parameters, and needs no network. Of a study it has the best point, a curve or map, and every point; of hopopt robust what a share of the legs reaches.
 
     An existing file is never overwritten.
 

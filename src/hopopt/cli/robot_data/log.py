@@ -17,7 +17,9 @@ def log(
     report: Path | None = None,
     json_: AsJson = False,
 ) -> int:
-    """Read the log of a robot's hop: its clearance, its share of the bound, what it misses, limits exceeded.
+    """Read a robot's hop from its log, and compare it with the optimum.
+
+    Its clearance, its share of the bound, what it misses, and limits exceeded.
 
     Parameters
     ----------

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hopopt import amounts
+from hopopt.cli.controllers.ladder import ladder_of
 from hopopt.cli.options import progress
-from hopopt.cli.why import ladder_of
 
 if TYPE_CHECKING:
     from hopopt.design import Design

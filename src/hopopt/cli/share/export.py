@@ -37,7 +37,9 @@ def export(
     mjcf: Path | None = None,
     json_: AsJson = False,
 ) -> int:
-    """Write a planned hop for a robot, or the leg for other simulators. An existing file is never overwritten.
+    """Write a planned hop for a robot, or the leg for other simulators.
+
+    An existing file is never overwritten.
 
     Parameters
     ----------

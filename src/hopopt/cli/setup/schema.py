@@ -5,7 +5,9 @@ from typing import Literal
 
 
 def schema(of: Literal["problem", "summary"]) -> int:
-    """Print the JSON schema of problem files or of summary.json; both also lie in the package's folder schemas.
+    """Print the JSON schema of problem or result files.
+
+    Both also lie in the package's folder schemas.
 
     Editors complete and check problem files by it: see docs/own_leg.md.
 

@@ -27,9 +27,9 @@ def pareto(
     figures: bool = True,
     json_: AsJson = False,
 ) -> int:
-    """Say what a clearance costs at least: the Pareto front of the clearance against another objective.
+    """Find the least energy, force or time for each clearance.
 
-    Its upper end is the highest hop with what it happens to cost, which may be more than the least at that clearance.
+    That is the Pareto front of the clearance against another objective. Its upper end is the highest hop with what it happens to cost, which may be more than the least at that clearance.
 
     Exit code: 0 every point verified, 1 none (or an end not solved), 2 wrong usage, 3 some not verified, 130 stopped:
     what is finished is kept.

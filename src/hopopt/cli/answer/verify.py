@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 
 def verify(result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False) -> int:
-    """Check a stored result again, from its files alone. Exit code 0 if it is verified, 3 if not.
+    """Check a stored result again, from its files alone.
+
+    Exit code: 0 verified, 2 wrong usage, 3 not verified.
 
     The checks of the hop are those that hopopt solve made; those of the file say that its parts belong together and are as they
     were written. What was changed is named, and nothing is written: hopopt repair does that. The certificate of first-order
@@ -28,7 +30,7 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
         The function of your own that it was found with, if it was: module:function.
     """
     if (result / "sweep.json").is_file():
-        from hopopt.cli.sweep import verify_study
+        from hopopt.cli.studies.sweep import verify_study
 
         if objective or constraint:
             raise UsageError("a study takes no user-defined functions: leave out --objective and --constraint")
@@ -88,7 +90,9 @@ def _print(solution: "Solution", verdict: "Verdict") -> None:
 
 
 def repair(result: Path, *, objective: str | None = None, constraint: Constraints = None) -> int:
-    """Write a result whose files were changed anew, into a folder beside it: what can be computed is computed again.
+    """Recompute a result whose files were changed, in a new folder.
+
+    It is written beside the old one; what can be computed is computed again.
 
     What only the search knew must be as it was written: starts, families, the global method, earlier meshes, and the motion.
     Exit code 2 if that is not so, or if what comes out is not verified. (Of a study, remove the file of a point to have it

@@ -32,9 +32,9 @@ def families(
     results: Path = Path("results"),
     json_: AsJson = False,
 ) -> int:
-    """Tell in words and in a picture which kinds of hop a leg has, and how their clearances cross over an entry.
+    """Tell which kinds of hop a leg has, in words and a picture.
 
-    A family is a local optimum, followed from each value to the next. The best family at each value is refined and
+    And how their clearances cross over an entry. A family is a local optimum, followed from each value to the next. The best family at each value is refined and
     verified; the clearances of the others are those of the first mesh.
 
     Exit code: 0 fine, 1 no hop was found, 2 wrong usage, 3 the best at some value is not verified, or wider limits led
