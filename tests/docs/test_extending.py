@@ -17,6 +17,7 @@ from hopopt.drivetrain import dynamics, half_planes, laws
 from hopopt.leg.robot import BASE
 from hopopt.nlp import schemes
 from hopopt.nlp.interval_errors import interval_errors
+from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.transcription import Transcription
@@ -122,7 +123,7 @@ def test_a_process_that_does_not_know_what_was_added_solves_with_it() -> None:
     rules.RULES[:] = rules.BUILT_IN
     data = hop.design.model_dump(exclude_none=True)
     (again,) = multistart._chunk_in_worker(
-        data, hop.asked, hop.free_parameters, hop.constraints, [0], False, first, 60.0, hop.rules
+        data, hop.asked, hop.free_parameters, hop.constraints, [0], False, first, NEVER, hop.rules
     )
     assert len(again.vectors["lam_g"]) == len(first.vectors["lam_g"])
 
