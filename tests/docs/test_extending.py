@@ -16,8 +16,8 @@ from hopopt.control.closed_loop import simulate
 from hopopt.drivetrain import dynamics, half_planes, laws
 from hopopt.leg.robot import BASE
 from hopopt.nlp import schemes
-from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.deadline import NEVER
+from hopopt.nlp.interval_errors import interval_errors
 from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.transcription import Transcription
