@@ -85,9 +85,11 @@ def evidence(
         check_size(max(nodes, default=FEWEST_NODES))
     if resume is not None and (problem is not None or set_):
         raise UsageError("--resume goes on with what was begun: leave out the problem and --set")
+    grids, nodes = (tuple(sorted(set(sizes))) for sizes in (grids, nodes))  # the last, the finest, is judged by
     from hopopt.problem.load import load
     from hopopt.storage.folder import as_json, prepare, write_json
     from hopopt.studies import local_optima as study
+    from hopopt.studies.faults import kept
 
     if resume is None:
         prepare(results)
@@ -96,7 +98,7 @@ def evidence(
     else:
         folder, (design, objective) = resume, study.reopen_study(resume)
     try:
-        with progress(quiet=json_) as say:
+        with progress(quiet=json_) as say, kept(folder, f"go on with: hopopt evidence --resume {folder}"):
             ended = study.run_starts(folder, starts, processes or os.cpu_count() or 1, say)
             data = _gathered(design, objective, ended, grids, nodes if global_ else (), say)
     except KeyboardInterrupt:
