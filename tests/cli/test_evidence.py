@@ -115,6 +115,8 @@ def test_resume_computes_only_what_is_missing(study: Path, capsys: pytest.Captur
         (["--starts", "1000000000"], "--starts takes 1 to"),
         (["--grids", "2"], "--grids takes sizes from 8"),
         (["--grids", "20000"], "--grids takes sizes from 8"),
+        (["--grids", "--starts", "1"], "--grids takes sizes from 8"),
+        (["--global", "--nodes", "--starts", "1"], "--nodes takes sizes from 9"),
     ],
 )
 def test_wrong_usage_is_a_sentence(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
