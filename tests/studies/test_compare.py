@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.cli.screen.answer import print_answer
 from hopopt.cli.screen.runs import print_comparison
@@ -601,8 +602,11 @@ def test_a_bound_with_limits_of_one_s_own_bounds_no_strategy(solution):
         compare(solution.design, ["force"], bound=limited)
 
 
-def test_a_plan_that_begins_as_it_lands_is_not_followed_from_rest(solution, tmp_path, monkeypatch, capsys):
+def test_a_plan_that_suits_no_simulation_of_the_leg_is_refused(solution, tmp_path, monkeypatch, capsys):
     periodic = dataclasses.replace(solution, design=solution.design.of_kind("periodic"))
-    monkeypatch.setattr("hopopt.storage.solution.read", lambda folder: periodic)
-    words = ["--strategy", "track", "--plan", str(tmp_path), "--results", str(tmp_path)]
-    assert "a periodic hop begins as it lands" in refusal(["simulate", *words], capsys)
+    for problem, plan, why in (("paper", periodic, "begins as it lands"), ("three_joint", solution, "other joints")):
+        with pytest.raises(UsageError, match=why):
+            ho.simulate(problem, "track", plan=plan)
+        monkeypatch.setattr("hopopt.storage.solution.read", lambda folder, plan=plan: plan)
+        words = [problem, "--strategy", "track", "--plan", str(tmp_path), "--results", str(tmp_path)]
+        assert why in refusal(["simulate", *words], capsys)

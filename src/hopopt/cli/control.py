@@ -249,21 +249,12 @@ def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
     from hopopt.planner.reserve import plan_to_track
     from hopopt.storage.folder import fitting
     from hopopt.storage.solution import read
-    from hopopt.studies.compare import reference_of
+    from hopopt.studies.simulation import followed
 
     if folder:
         with fitting(folder):
-            plan = read(folder)
-            reference_of(plan)
-        if plan.design.hop.periodic:
-            raise UsageError(
-                f"--plan {folder}: a periodic hop begins as it lands, a simulation at rest: give a single hop"
-            )
-    else:
-        plan = plan_to_track(design, say)
-    if plan.design.leg.joints != design.leg.joints:
-        raise UsageError(f"--plan {folder}: it moves other joints than those of {design.name}")
-    return reference_of(plan)
+            return followed(design, read(folder))
+    return followed(design, plan_to_track(design, say))
 
 
 def _saved(
