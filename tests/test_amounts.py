@@ -19,6 +19,7 @@ TOO_MUCH = (
     "evidence --starts 1000000", "evidence --processes 100000", "evidence --grids 100000", "evidence --global --nodes 1000",
     "robust --draws 1000000", "robust --evaluations 1000000", "robust --starts 1000000", "sensitivity --starts 1000000",
     "calibrate --processes 100000", "tune --evaluations 1000000", "tune --processes 100000", "pareto --points 1000000",
+    "tune --seed -1", "robust --seed -1", "compare --draws 3 --seed -1", "compare --hop periodic --draws 3 --seed -1",
     "transition --starts 1000000", "transition --most 1000000", "animate x --slower 1000000",
 )  # fmt: skip
 

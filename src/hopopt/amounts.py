@@ -11,6 +11,7 @@ MOST = {
     "hops": 1000,  # one after the other: a megabyte each
     "evaluations": 10_000,
     "tune": 10_000,
+    "seed": 2**32 - 1,  # as solver.seed
 }
 PROCESS = 2.5e8  # bytes of a process that solves
 USABLE = 0.8  # of the computer's memory

@@ -115,6 +115,8 @@ def test_resume_computes_only_what_is_missing(study: Path, capsys: pytest.Captur
         (["--starts", "1000000000"], "--starts takes 1 to"),
         (["--grids", "2"], "--grids takes sizes from 8"),
         (["--grids", "20000"], "--grids takes sizes from 8"),
+        (["--grids", "--starts", "1"], "--grids takes sizes from 8"),
+        (["--global", "--nodes", "--starts", "1"], "--nodes takes sizes from 9"),
     ],
 )
 def test_wrong_usage_is_a_sentence(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -162,3 +164,23 @@ def test_what_the_global_method_finds_more_counts(monkeypatch: pytest.MonkeyPatc
 def test_a_leg_without_a_reduced_hop_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cli.run(["evidence", "three_joint", *SETTINGS, "--starts", "1", "--processes", "1", "--results", str(tmp_path)])
     assert "left out: three_joint: the reduced hop needs a leg of two joints" in capsys.readouterr().out
+
+
+def test_a_start_without_a_number_leaves_the_others_in_order() -> None:
+    starts = [ended(0, 0.7), ended(1, float("nan"), success=False), ended(2, 0.8)]
+    assert [f.best.index for f in families(starts, OBJECTIVES["clearance"])] == [2, 0]
+
+
+def test_grids_are_taken_from_coarse_to_fine(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is judged by is the last of them."""
+    monkeypatch.setattr(local_optima, "run_starts", lambda *given: [])
+
+    def gathered(*given: Any) -> dict[str, Any]:
+        return {"asked": given[3:5], "exit_code": 0}
+
+    monkeypatch.setattr("hopopt.cli.answer.evidence._gathered", gathered)
+    words = ["--grids", "60", "20", "40", "--global", "--nodes", "15", "9", "--results", str(tmp_path), "--json"]
+    assert cli.run(["evidence", *words]) == 0
+    assert json.loads(capsys.readouterr().out)["asked"] == [[20, 40, 60], [9, 15]]

@@ -27,3 +27,9 @@ def test_a_file_that_is_there_stays_as_it_is(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="is not overwritten"):
         write_new(file, "other")
     assert file.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_folder_that_is_a_file_is_not_called_the_file_that_is_there(tmp_path: Path) -> None:
+    (tmp_path / "legs").write_text("", encoding="utf-8")
+    with pytest.raises(UsageError, match="cannot be written"):
+        write_new(tmp_path / "legs" / "mine.toml", "mine")

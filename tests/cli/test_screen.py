@@ -14,7 +14,7 @@ from hopopt.cli.screen.answer import checks_line, in_short
 from hopopt.cli.screen.certificate import structure_lines
 from hopopt.cli.screen.console import console, print_checks, print_lines, progress
 from hopopt.cli.screen.details import print_details
-from hopopt.cli.screen.runs import print_comparison, run_table
+from hopopt.cli.screen.runs import print_comparison, print_run, run_table
 from hopopt.cli.screen.sensitivity import print_sensitivity
 from hopopt.cli.screen.sweep import print_study
 from hopopt.planner.solution import Solution
@@ -195,3 +195,17 @@ def test_progress_that_is_piped_is_a_line_now_and_then(
         say("x")
         time.sleep(0.1)
     assert capsys.readouterr().err == ""
+
+
+def test_brackets_in_what_a_user_wrote_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    row = {"strategy": "mine:Hop", "meaning": "torque [N m], kept in [/reserve]", "parts": {}, "lift_off": {}}
+    print_run({**row, "lift_offs": [], "outcome": "it stands"}, "results/here")
+    assert "mine:Hop: torque [N m], kept in [/reserve]" in capsys.readouterr().out
+
+
+def test_brackets_in_a_line_of_progress_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = Screen()
+    monkeypatch.setattr("sys.stderr", screen)
+    with progress(quiet=False) as say:
+        say("keeping [reserve] and [/torque] back")
+    assert "[reserve] and [/torque]" in screen.getvalue()

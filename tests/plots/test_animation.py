@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from hopopt.cli import main as cli
-from hopopt.errors import UsageError
+from hopopt.errors import ResultError, UsageError
 from hopopt.planner.solution import Solution
 from hopopt.plots import animation
 from hopopt.plots.animation import HOLD, RATE, animate, instants, moving_svg, poses
@@ -100,3 +100,9 @@ def test_the_command_writes_once(hop: Solution, tmp_path: Path, capsys: pytest.C
     assert "is not overwritten" in capsys.readouterr().err
     assert cli.run(["animate", str(folder), "--slower", "0"]) == 2
     assert "from 1 to 100" in capsys.readouterr().err
+
+
+def test_a_folder_that_is_a_file_is_not_called_the_file_that_is_there(shown: ShownHop, tmp_path: Path) -> None:
+    (tmp_path / "films").write_text("", encoding="utf-8")
+    with pytest.raises(ResultError, match="cannot be written"):
+        animate([shown], "hop", tmp_path / "films" / "hop.svg")

@@ -302,3 +302,10 @@ def test_what_has_no_page_is_said_in_a_sentence(
         assert cli.run(["report", *folders, "-o", str(tmp_path / "page.html")]) == 2
         assert message in capsys.readouterr().err
     assert not (tmp_path / "page.html").exists()
+
+
+def test_hops_in_folders_of_one_name_are_told_apart(hop: Solution, tmp_path: Path) -> None:
+    kept = [save(hop, tmp_path / where) for where in ("mine", "yours")]
+    names = [shown.name for shown in of_solutions(kept).hops]
+    assert names == [str(s.result_dir) for s in kept]
+    assert len(set(names)) == 2

@@ -31,6 +31,7 @@ from hopopt.studies.calibration.result import (
     text,
 )
 from hopopt.studies.calibration.tracking_demand import point_masses, tracking_saturation
+from refusals import refusal
 
 QUICK = {"simulation.control_rate": 1000.0, "simulation.encoder_bits": 0}  # coarser steps make C_avg jump
 TRUE = {"leg.motor.max_torque": 1.75, "leg.motor.max_speed": 1150.0}
@@ -318,3 +319,7 @@ def test_point_masses_keep_where_links_point_and_nothing_else() -> None:
     assert leg.link["shank"].com_position is None
     assert leg.link["shank"].com == leg.link["shank"].length
     assert leg.gear.inertia == 0.0
+
+
+def test_a_bound_without_end_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "both finite" in refusal(["calibrate", "--free", "k_p=0:inf", "--processes", "1"], capsys)

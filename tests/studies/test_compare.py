@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.cli.screen.answer import print_answer
 from hopopt.cli.screen.runs import print_comparison
@@ -40,6 +41,7 @@ from hopopt.studies.control_recheck import control_check
 from hopopt.studies.paper_results import is_the_papers
 from hopopt.studies.robustness import can_be_had, drawn, spread
 from once import plan_with_reserve
+from refusals import refusal
 
 
 @pytest.fixture(scope="module")
@@ -364,6 +366,7 @@ def test_the_command_speaks_plainly(comparison, solution, tmp_path, capsys):
     [
         (["compare", "--strategies", "forse"], "there is no strategy 'forse': choose one of force, "),
         (["compare", "--draws", "-1"], "--draws must be at least 0 and at most 10000"),
+        (["compare", "--basin"], "--basin is for the hop that repeats itself"),
         (["simulate", "--strategy", "no.such:Thing"], "cannot be imported"),
         (["simulate", "--option", "k_p"], "write it as name=value"),
         (["simulate", "--option", "k_q=3"], "k_q"),
@@ -591,3 +594,19 @@ def test_a_joint_that_may_pass_the_ground_does_not_end_a_run():
         q = start.q.copy()
         q[1] = plant.machine.points(np.array([0, 0, *q[2:]]))["knee"][1] * -1 - 0.01  # the knee 1 cm below the ground
         assert plant.fault(dataclasses.replace(start, q=q)) == stops
+
+
+def test_a_bound_with_limits_of_one_s_own_bounds_no_strategy(solution):
+    limited = solution.with_summary(functions=Functions(None, ("module:stay_low",)))
+    with pytest.raises(UsageError, match="keeps limits of your own"):
+        compare(solution.design, ["force"], bound=limited)
+
+
+def test_a_plan_that_suits_no_simulation_of_the_leg_is_refused(solution, tmp_path, monkeypatch, capsys):
+    periodic = dataclasses.replace(solution, design=solution.design.of_kind("periodic"))
+    for problem, plan, why in (("paper", periodic, "begins as it lands"), ("three_joint", solution, "other joints")):
+        with pytest.raises(UsageError, match=why):
+            ho.simulate(problem, "track", plan=plan)
+        monkeypatch.setattr("hopopt.storage.solution.read", lambda folder, plan=plan: plan)
+        words = [problem, "--strategy", "track", "--plan", str(tmp_path), "--results", str(tmp_path)]
+        assert why in refusal(["simulate", *words], capsys)

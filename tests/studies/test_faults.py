@@ -162,3 +162,31 @@ def test_a_value_that_no_solver_can_work_on_does_not_end_the_others(
     )
     (folder,) = tmp_path.iterdir()
     assert (folder / "search-at-value-1.traceback.txt").is_file()
+
+
+@pytest.mark.parametrize(
+    ("line", "where", "goes_on"),
+    [
+        ("sweep --vary leg.gear.ratio=100 --starts 1 --no-figures", "hopopt.studies.sweep.run.save_tables", "--resume"),
+        ("pareto --points 3 --starts 1 --no-figures", "hopopt.studies.pareto.Chain", "are kept there"),
+        ("evidence --starts 1", "hopopt.cli.answer.evidence._gathered", "go on with: hopopt evidence --resume"),
+        ("families --starts 1", "hopopt.studies.family_search.find_families", "is kept in families.json"),
+    ],
+)
+def test_a_fault_between_the_parts_of_a_study_is_a_sentence_and_loses_nothing(
+    line: str,
+    where: str,
+    goes_on: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(where, planted)
+    assert run([*line.split(), "--processes", "1", *SETTINGS, "--results", str(tmp_path)]) == 1
+    (folder,) = tmp_path.iterdir()
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith(f"hopopt: {folder}: {WORDS}")
+    assert goes_on in said
+    assert "in planted" in (folder / "study.traceback.txt").read_text(encoding="utf-8")
+    finished = {"sweep": "points/*.json", "pareto": "points/*/solution.nc", "evidence": "starts/*.json"}
+    assert line.startswith("families") or list(folder.glob(finished[line.split()[0]]))

@@ -11,6 +11,7 @@ from hopopt.control.strategies import BUILT_IN
 from hopopt.errors import UsageError
 from hopopt.problem.load import load
 from hopopt.studies.gain_tuning import GAINS, KINDS, POPULATION, PRICE, Search, Trial, Tuned, text, tune
+from refusals import refusal
 
 QUICK = {"simulation.control_rate": 500.0, "simulation.encoder_bits": 0}  # eight times as fast
 DESIGN = load("paper", QUICK)
@@ -106,3 +107,13 @@ def test_the_text_names_gains_and_limits() -> None:
     assert "0.590 and 0.605 m" in lines
     nothing = Tuned("force", untuned, untuned, (0.5, 0.5), 60)
     assert nothing.found.startswith("force: nothing better than the untuned gains in 60 hops; untuned 0.500 m")
+
+
+@pytest.mark.parametrize("strategies", [",", "force,bogus"])
+def test_what_cannot_be_tuned_is_said_before_the_first_is(
+    strategies: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(
+        "hopopt.studies.gain_tuning.differential_evolution", lambda *given, **more: pytest.fail("tuned")
+    )
+    assert "has no gains to tune" in refusal(["tune", "--strategy", strategies, "--processes", "1"], capsys)

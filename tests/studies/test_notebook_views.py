@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -97,3 +98,9 @@ def test_points_that_differ_in_the_last_digits_each_have_a_row(tmp_path: Path) -
     definition = define(ho.load("paper"), {"leg.gear.ratio": [100.0, 100.00001, 100.00002]})
     points = tuple(Point(k, definition.values(k), NOT_SOLVED, "no start led to a hop") for k in range(3))
     assert Study(definition, points, tmp_path, 1.0)._repr_html_().count("<tr>") == 3
+
+
+def test_an_optimum_that_is_not_verified_is_no_number_in_a_notebook(comparison: Comparison) -> None:
+    unverified = replace(comparison, solution=comparison.solution.with_summary(verified=False))
+    assert "<th>optimum</th><td>not verified</td>" in unverified._repr_html_()
+    assert "not verified" not in comparison._repr_html_()

@@ -16,6 +16,7 @@ from hopopt.sim.machine import Machine
 from hopopt.studies import pareto
 from hopopt.studies.pareto import Front, FrontPoint
 from once import solved_once
+from refusals import refusal
 
 POINTS = 4
 
@@ -144,3 +145,9 @@ def test_wrong_usage(arguments: list[str], words: str, tmp_path: Path, capfd: py
 def test_a_front_cannot_begin_above_the_highest_hop() -> None:
     with pytest.raises(UsageError, match="at most"):
         ho.front(ho.load("paper"), "time", points=3, lowest=2.0, starts=1, processes=1)
+
+
+def test_a_front_without_room_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--points", "3", "--from", "3", "--starts", "1", "--processes", "1", "--set", "solver.refine=false"]
+    assert "give a lowest clearance below that" in refusal(["pareto", *words, "--results", str(tmp_path)], capsys)
+    assert not list(tmp_path.iterdir())

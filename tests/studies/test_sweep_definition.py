@@ -22,6 +22,7 @@ from hopopt.studies.sweep.store import (
     save_point,
     table,
 )
+from refusals import refusal
 
 PAPER = ho.load("paper")
 RATIO, SHANK = "leg.gear.ratio", "leg.shank.length"
@@ -287,3 +288,9 @@ def test_table_and_dataset_say_the_same(tmp_path: Path) -> None:
     assert len(lines) == 7
     assert lines[4].startswith("3,80.0,0.34,verified,0.8")
     assert lines[5].endswith('"a ""sentence"", with a comma"')
+
+
+@pytest.mark.parametrize("more", [["--objective", "energy"], ["--seed", "3"], ["--starts", "5"]])
+def test_a_study_is_not_resumed_as_another(more: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = open_folder(define(PAPER, {RATIO: "80,90"}), tmp_path)
+    assert f"leave {more[0]} out" in refusal(["sweep", "--resume", str(folder), *more], capsys)

@@ -2,14 +2,16 @@
 
 import json
 from math import inf
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from hopopt.cli.main import run
+from hopopt.ocp.objectives import find
 from hopopt.planner.solution import Solution
 from hopopt.storage.solution import save
-from hopopt.studies.worth import CLEAR, Worth, leanings
+from hopopt.studies.worth import CLEAR, Worth, _without, leanings, worths
 from once import solved_once
 
 
@@ -75,3 +77,13 @@ def test_what_costs_less_than_the_numbers_can_tell_is_not_leaned_on() -> None:
         gripping.words("m")
         == "leans on a friction above 1, worth 0.02 cm: with contact.friction = 1 the best is 0.4887 m"
     )
+
+
+def test_what_is_no_problem_without_it_is_said_and_ends_nothing(highest: Solution) -> None:
+    found = _without(highest, "a joint", {"hop.least_height": CLEAR, "leg.knee.lower": 6.0}, lambda text: None)
+    assert "no hop was found" in found.words("m")
+
+
+def test_nothing_is_said_of_an_objective_of_one_s_own(highest: Solution) -> None:
+    own = replace(highest, objective="mine:highest", own=(find("clearance"), ()))
+    assert worths(own) == []

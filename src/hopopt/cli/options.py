@@ -1,5 +1,6 @@
 """What all commands of the command line share."""
 
+import os
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
@@ -89,9 +90,9 @@ def write_new(path: Path, text: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
-    except FileExistsError:
-        raise UsageError(f"{path} exists already and is not overwritten: choose another name") from None
     except OSError as error:
+        if os.path.lexists(path) and isinstance(error, FileExistsError):
+            raise UsageError(f"{path} exists already and is not overwritten: choose another name") from None
         with suppress(OSError):
             path.unlink(missing_ok=True)  # what was written of it
         raise UsageError(f"{path} cannot be written ({error.strerror}): choose another name or folder") from None

@@ -40,9 +40,9 @@ def animate(hops: Sequence[ShownHop], title: str, file: Path, slower: float = 4.
         _write(hops, title, work, slower)
         os.chmod(work, 0o644)  # mkstemp makes it private
         os.link(work, file)  # unlike a renaming, it overwrites nothing
-    except FileExistsError:
-        raise UsageError(f"{file} exists already and is not overwritten: choose another name") from None
     except OSError as error:
+        if isinstance(error, FileExistsError) and os.path.lexists(file):
+            raise UsageError(f"{file} exists already and is not overwritten: choose another name") from None
         raise ResultError(f"{file} cannot be written ({reason_of(error)}): choose another name or folder") from error
     finally:
         if work is not None:

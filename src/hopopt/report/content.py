@@ -46,7 +46,10 @@ def of_solutions(solutions: Sequence[Solution]) -> Content:
             raise UsageError(f"{other.result_dir}: it moves other joints than {first.result_dir}: give it alone")
     names = [_named(s) for s in solutions]
     if len(set(names)) < len(names):
-        names = [str(s.result_dir.name if s.result_dir else name) for s, name in zip(solutions, names, strict=True)]
+        folders = [s.result_dir for s in solutions]
+        told = [str(folder and folder.name) for folder in folders]
+        told = told if len(set(told)) == len(told) else list(map(str, folders))
+        names = [where if folder else name for where, folder, name in zip(told, folders, names, strict=True)]
     hops = [planned(s, name) for s, name in zip(solutions, names, strict=True)]
     return Content(first.design, hops, first, provenance=provenance(first))
 

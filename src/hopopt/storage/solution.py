@@ -38,6 +38,12 @@ from hopopt.verify.measures import MEASURES
 
 PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
 FORMAT = 2  # of the folder's contents
+KINDS = {  # what a folder is that another command wrote, by a file in it
+    "front.json": "a Pareto front", "sweep.json": "a study", "table.csv": "a study", "comparison.json": "a comparison",
+    "hops.json": "a comparison hop after hop", "robust.json": "a robust plan", "transition.json": "a transition",
+    "simulation.json": "a simulation", "sensitivity.json": "a study of what to change first",
+    "families.json": "a study of families", "evidence.json": "a gathering of evidence",
+}  # fmt: skip
 Figures = Callable[[Solution, Path], Any]
 
 
@@ -154,8 +160,10 @@ def read(folder: str | Path) -> Solution:
     with _readable(folder):
         if not (folder / "solution.nc").is_file():
             what = "no results folder (solution.nc is missing)" if folder.exists() else "there is no such folder"
+            if kind := next((words for name, words in KINDS.items() if (folder / name).exists()), None):
+                what = f"{kind}, not a single result"
             if (folder / "table.csv").exists():
-                what = "a study, not a single result (its table is table.csv, its figures are in figures/)"
+                what += " (its table is table.csv, its figures are in figures/)"
             raise ResultError(f"{folder}: {what}: give a folder that `hopopt solve` wrote{_results_in(folder)}")
     problem = folder / "problem.toml"
     with _readable(problem):

@@ -1,6 +1,7 @@
 """What a study does where its own program is at fault: the part ends with its traceback kept, and the study goes on."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from traceback import format_exception
@@ -31,8 +32,7 @@ def guarded(job: Callable[..., Any], *given: Any, **named: Any) -> Any:
     except HopoptError:
         raise
     except Exception as error:
-        words = f"{type(error).__name__}: {one_line(error)}" if str(error).strip() else type(error).__name__
-        return Fault(f"a fault of hopopt ended it ({words}); {KEPT}", "".join(format_exception(error)))
+        return _fault(error)
 
 
 def one_of_many(job: Callable[..., Any], *given: Any) -> Any:
@@ -41,3 +41,24 @@ def one_of_many(job: Callable[..., Any], *given: Any) -> Any:
         return guarded(job, *given)
     except SolverError as error:
         return Fault(one_line(error), "".join(format_exception(error)))
+
+
+@contextmanager
+def kept(folder: Path | None, finished: str) -> Iterator[None]:
+    """HopoptError, in a sentence that ends with what is ``finished``, for a fault of hopopt between the parts of a study, whose
+    traceback is kept in the study's folder. Without a folder the fault passes as it is."""
+    try:
+        yield
+    except (HopoptError, OSError):
+        raise
+    except Exception as error:
+        if folder is None:
+            raise
+        fault = _fault(error)
+        fault.keep(folder, "study")
+        raise HopoptError(f"{folder}: {fault.sentence}; {finished}") from error
+
+
+def _fault(error: Exception) -> Fault:
+    words = f"{type(error).__name__}: {one_line(error)}" if str(error).strip() else type(error).__name__
+    return Fault(f"a fault of hopopt ended it ({words}); {KEPT}", "".join(format_exception(error)))

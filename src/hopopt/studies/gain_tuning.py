@@ -18,6 +18,7 @@ from joblib import Parallel, delayed
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
+from hopopt.amounts import check
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.paper_pd import PaperOptions
 from hopopt.control.similarity import Size, factors
@@ -93,16 +94,9 @@ def tune(
     progress: Callable[[str], None] | None = None,
 ) -> Tuned:
     """The best options of ``force`` or ``position`` among about ``evaluations`` simulated hops, the same for the same
-    seed. Raises UsageError for another strategy, or too few evaluations."""
-    refuse_landed(design, "tuning of gains")
-    if strategy not in KINDS:
-        raise UsageError(f"strategy {strategy} has no gains to tune: choose {' or '.join(KINDS)}")
-    if evaluations < 2 * POPULATION:
-        raise UsageError(f"tuning takes at least {2 * POPULATION} evaluations")
-    make_controller(design, BUILT_IN[strategy])  # a leg that it does not suit is said before the search
+    seed. Raises UsageError as ``check_search`` does."""
+    check_search(design, [strategy], evaluations, seed)
     search, say = Search(design.model_dump(exclude_none=True), strategy), progress or (lambda line: None)
-    if nothing := [name for name, gain in search.gains.items() if gain <= 0]:
-        raise UsageError(f"control.{nothing[0]} = 0: gains are tuned by factors, so give more than 0, or leave it out")
     with Parallel(n_jobs=processes or os.cpu_count() or 1, backend="loky") as run:
 
         def side_by_side(function: Any, places: Any) -> Any:
@@ -118,6 +112,24 @@ def tune(
         jobs = [(best, 1.0), (untuned, 1.0), *((best, gain) for gain in gains)]
         hops: Any = run(delayed(search.trial)(*job) for job in jobs)
     return Tuned(strategy, hops[0], hops[1], (hops[2].clearance, hops[3].clearance), int(found.nfev))
+
+
+def check_search(design: Design, strategies: Sequence[str], evaluations: int, seed: int) -> None:
+    """UsageError for no strategy or one without gains to tune, too few evaluations, or a leg that they do not suit."""
+    refuse_landed(design, "tuning of gains")
+    for strategy in strategies or [""]:
+        if strategy not in KINDS:
+            raise UsageError(f"strategy {strategy!r} has no gains to tune: choose {' or '.join(KINDS)}")
+    if evaluations < 2 * POPULATION:
+        raise UsageError(f"tuning takes at least {2 * POPULATION} evaluations")
+    check("seed", seed, 0)
+    for strategy in strategies:
+        make_controller(design, BUILT_IN[strategy])
+        gains = Search(design.model_dump(exclude_none=True), strategy).gains
+        if nothing := [name for name, gain in gains.items() if gain <= 0]:
+            raise UsageError(
+                f"control.{nothing[0]} = 0: gains are tuned by factors, so give more than 0, or leave it out"
+            )
 
 
 @dataclass(frozen=True)

@@ -163,7 +163,7 @@ def _ended(design: Design, objective: str, index: int) -> Ended:
 
 def families(ended: Sequence[Ended], goal: Directed) -> list[Family]:
     """The local optima that were found, best first."""
-    ranked = sorted(ended, key=lambda e: goal.merit(e.objective), reverse=True)
+    ranked = sorted((e for e in ended if e.success), key=lambda e: goal.merit(e.objective), reverse=True)
     return [Family(group[0], len(group), words(asdict(group[0]))) for group in grouped(ranked)]
 
 

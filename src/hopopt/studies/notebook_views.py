@@ -9,7 +9,7 @@ import numpy as np
 from hopopt.leg.kinematics import contact_axes
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
-from hopopt.studies.compare import Comparison
+from hopopt.studies.compare import OPTIMUM, Comparison
 from hopopt.studies.sweep.run import Study
 
 if TYPE_CHECKING:
@@ -120,6 +120,8 @@ def solution_html(solution: Solution) -> str:
 def comparison_html(comparison: Comparison) -> str:
     """What a notebook shows of a comparison."""
     rows = {name: f"{f.clearance:.4f} m" for name, f in comparison.figures.items()}
+    if not comparison.solution.verified:
+        rows[OPTIMUM] = "not verified"
     return html(f"{comparison.solution.design.name}: clearance of every strategy", rows)
 
 

@@ -35,9 +35,9 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.load import as_design, changed
-from hopopt.storage.folder import new_folder, write_json, writing
+from hopopt.storage.folder import new_folder, prepare, write_json, writing
 from hopopt.storage.solution import save
-from hopopt.studies.faults import Fault, guarded
+from hopopt.studies.faults import Fault, guarded, kept
 from hopopt.verify.measures import MEASURES
 
 CLOSER = 1.5  # exponent that brings points closer to the highest hop
@@ -141,17 +141,30 @@ def front(
     """
     design = as_design(design)
     goal = _goal(design, against, points)
-    say, found = progress or (lambda text: None), Front(design, goal, _folder(design, against, results))
-    if begun:
-        begun(found)
+    say = progress or (lambda text: None)
+    if results is not None:
+        prepare(results)
     say("the highest hop")
     top = solve(design, "clearance", starts=starts, processes=processes, progress=say)
     if design.hop.periodic:
         lowest = max(lowest, AT_LEAST * top.clearance)
     if lowest >= top.clearance:
         raise UsageError(f"the leg clears {top.clearance:.4f} m at most: give a lowest clearance below that")
+    found = Front(design, goal, _folder(design, against, results))
+    if begun:
+        begun(found)
+    with kept(found.folder, "the points that are finished are kept there"):
+        _traced(found, top, lowest, points, starts or design.solver.starts, processes or os.cpu_count() or 1, say)
+    return found
+
+
+def _traced(
+    found: Front, top: Solution, lowest: float, points: int, starts: int, processes: int, say: Progress
+) -> None:
+    """All points of a front, from its highest hop."""
+    goal = found.against
     _keep(found, TOP, top, top.clearance, MEASURES[goal.figure](top.robot, top.tables, top.design.hop), 0.0)
-    chain = Chain(design, goal, lowest, starts or design.solver.starts, processes or os.cpu_count() or 1, say)
+    chain = Chain(found.design, goal, lowest, starts, processes, say)
     least = _refined(found, chain, 0, LEAST.format(goal.name.replace("_", " ")), say)
     reached = least.clearance if least is not None and least.verified else lowest
     chain.between(reached, top.clearance, points)
@@ -159,7 +172,6 @@ def front(
         _refined(found, chain, k, f"point {k + 1} of {points}", say)
     found.complete = True
     found.write()
-    return found
 
 
 def _goal(design: Design, against: str, points: int) -> HopObjective:
@@ -285,11 +297,11 @@ def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> So
 
 
 def _distinct(ranked: Sequence[StartOutcome]) -> list[StartOutcome]:
-    kept: list[StartOutcome] = []
+    found: list[StartOutcome] = []
     for o in ranked:
-        if all(abs(o.objective - other.objective) > 2e-3 * abs(other.objective) for other in kept):
-            kept.append(o)
-    return kept
+        if all(abs(o.objective - other.objective) > 2e-3 * abs(other.objective) for other in found):
+            found.append(o)
+    return found
 
 
 def _keep(found: Front, kind: str, s: Solution, asked: float, value: float, seconds: float) -> Solution:

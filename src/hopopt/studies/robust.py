@@ -121,6 +121,7 @@ def robust(
     if design.uncertainty.known:
         raise UsageError(f"{design.name}: [uncertainty] is zero throughout, so there is nothing to be robust against")
     check("draws", draws)
+    check("seed", seed, 0)
     check("starts", starts)
     check("evaluations", evaluations, 0)
     if evaluations < 1:

@@ -55,6 +55,7 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
     Where a link's centre of mass and inertia are given, they go with its mass and length, as a rod's do that are not. What later entries draw comes from a sequence of its own: a spread that is added leaves masses and torques as they were.
     """
     check("draws", draws, 0)
+    check("seed", seed, 0)
     rng, more, last = (Drawing(np.random.default_rng(s), corners) for s in (seed, (seed, 1), (seed, 2)))
     found = list[Draw]()
     n = len(design.leg.joints)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.errors import NotSolvedError
+from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import weight
@@ -70,7 +70,7 @@ def _shown(value: Any) -> str:
 
 def worths(solution: Solution, say: Callable[[str], None] = lambda text: None) -> list[Worth]:
     """Everything that an optimal height leans on, each solved again without it; nothing for other objectives."""
-    if find(solution.objective).figure not in HEIGHTS or solution.own != (None, ()):
+    if solution.own != (None, ()) or find(solution.objective).figure not in HEIGHTS:
         return []
     return [_without(solution, what, entries, say) for what, entries in leanings(solution)]
 
@@ -115,7 +115,7 @@ def _without(solution: Solution, what: str, entries: dict[str, Any], say: Callab
     objective, before = solution.objective, solution.summary.objective_value
     try:
         again = solve(changed(solution.design, entries), objective, starts=STARTS)
-    except NotSolvedError:
+    except (NotSolvedError, ProblemFileError):  # such a hop there is none of, or no such problem
         return Worth(what, entries, None, None, 0.0, False)
     value, goal = again.summary.objective_value, find(objective)
     error = sum(s.summary.objective_error.either_way for s in (solution, again))

@@ -77,19 +77,21 @@ def evidence(
     if not 1 <= starts <= MOST_STARTS:
         raise UsageError(f"--starts takes 1 to {MOST_STARTS}")
     amounts.check_processes(processes)
-    if any(not 8 <= size <= MOST_ROWS for size in grids):
+    if not grids or any(not 8 <= size <= MOST_ROWS for size in grids):
         raise UsageError(f"--grids takes sizes from 8 to {MOST_ROWS}")
-    if any(not FEWEST_NODES <= size <= MOST_NODES for size in nodes):
+    if not nodes or any(not FEWEST_NODES <= size <= MOST_NODES for size in nodes):
         raise UsageError(f"--nodes takes sizes from {FEWEST_NODES} to {MOST_NODES}")
     if global_:
         from hopopt.global_search.search import check_size
 
-        check_size(max(nodes, default=FEWEST_NODES))
+        check_size(max(nodes))
     if resume is not None and (problem is not None or set_):
         raise UsageError("--resume goes on with what was begun: leave out the problem and --set")
+    grids, nodes = (tuple(sorted(set(sizes))) for sizes in (grids, nodes))  # the last, the finest, is judged by
     from hopopt.problem.load import load
     from hopopt.storage.folder import as_json, prepare, write_json
     from hopopt.studies import local_optima as study
+    from hopopt.studies.faults import kept
 
     if resume is None:
         prepare(results)
@@ -98,7 +100,7 @@ def evidence(
     else:
         folder, (design, objective) = resume, study.reopen_study(resume)
     try:
-        with progress(quiet=json_) as say:
+        with progress(quiet=json_) as say, kept(folder, f"go on with: hopopt evidence --resume {folder}"):
             ended = study.run_starts(folder, starts, processes or os.cpu_count() or 1, say)
             data = _gathered(design, objective, ended, grids, nodes if global_ else (), say)
     except KeyboardInterrupt:

@@ -94,6 +94,7 @@ def compare(
         raise UsageError("--tune must be 0 or at least 24")
     amounts.check("tune", tune, 0)
     amounts.check("draws", draws, 0)
+    amounts.check("seed", seed, 0)
     spreads = {"uncertainty.mass": mass, "uncertainty.torque_constant": torque}
     spreads = {entry: share for entry, share in spreads.items() if share is not None}
     if not all(0 <= share <= 0.5 for share in spreads.values()):
@@ -115,6 +116,8 @@ def compare(
         if tune:
             raise UsageError("--tune is for the hop from rest: leave it out for a periodic one")
         return compare_hops(design, names, given, hops, draws, seed, basin, mujoco, why, results, figures, json_)
+    if basin:
+        raise UsageError("--basin is for the hop that repeats itself: give --hop periodic, or leave it out")
     with progress(quiet=json_) as say:
         found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()

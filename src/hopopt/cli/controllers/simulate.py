@@ -122,17 +122,12 @@ def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
     from hopopt.planner.reserve import plan_to_track
     from hopopt.storage.folder import fitting
     from hopopt.storage.solution import read
-    from hopopt.studies.compare import reference_of
+    from hopopt.studies.simulation import followed
 
     if folder:
         with fitting(folder):
-            plan = read(folder)
-            reference_of(plan)
-    else:
-        plan = plan_to_track(design, say)
-    if plan.design.leg.joints != design.leg.joints:
-        raise UsageError(f"--plan {folder}: it moves other joints than those of {design.name}")
-    return reference_of(plan)
+            return followed(design, read(folder))
+    return followed(design, plan_to_track(design, say))
 
 
 def save_with_figures(

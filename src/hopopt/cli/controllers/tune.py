@@ -39,7 +39,8 @@ def tune(
     from hopopt.storage.folder import as_json
     from hopopt.studies import gain_tuning as gain_study
 
-    names = [name.strip() for name in strategy.split(",") if name.strip()]
+    names = list(dict.fromkeys(name.strip() for name in strategy.split(",") if name.strip()))
+    gain_study.check_search(design, names, evaluations, seed)  # all of them, before the first
     with progress(quiet=json_) as say:
         found = [
             gain_study.tune(design, name, evaluations=evaluations, seed=seed, processes=processes, progress=say)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 if TYPE_CHECKING:
     from hopopt.problem.load import Row
@@ -44,7 +45,7 @@ def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
         return
     screen = Console(stderr=True, highlight=False)
     with screen.status("starting") as status:
-        yield lambda text: status.update(textwrap.shorten(text, max(screen.width - 4, 20), placeholder=" …"))
+        yield lambda text: status.update(Text(textwrap.shorten(text, max(screen.width - 4, 20), placeholder=" …")))
 
 
 @contextmanager

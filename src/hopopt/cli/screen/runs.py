@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
@@ -66,7 +67,7 @@ def print_run(row: Mapping[str, Any], where: str) -> None:
     """One strategy's hop."""
     out = console()
     p, lift = row["parts"], row["lift_off"]
-    out.print(f"[bold]{row['strategy']}[/bold]: {row['meaning']}", markup=True)
+    out.print(f"[bold]{escape(row['strategy'])}[/bold]: {escape(row['meaning'])}", markup=True)
     if not row["lift_offs"]:
         out.print(f"  the foot never left the ground; the run ended: {row['outcome']}\n  results {where}")
         return

@@ -59,11 +59,12 @@ def families(
     from hopopt.storage.folder import as_json, prepare
     from hopopt.studies.families import open_folder, save
     from hopopt.studies.family_search import find_families
+    from hopopt.studies.faults import kept
 
     prepare(results)
     folder = open_folder(definition, results)
     try:
-        with progress(quiet=json_) as say:
+        with progress(quiet=json_) as say, kept(folder, "what is known is kept in families.json"):
             study = find_families(
                 definition, processes or os.cpu_count() or 1, verify, say, lambda known: save(known, folder, False)
             )

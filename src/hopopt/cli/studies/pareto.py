@@ -59,11 +59,10 @@ def pareto(
     if not 0 <= lowest < 20:
         raise UsageError(f"--from {lowest}: a clearance from 0 to 20 m is needed")
     from hopopt.problem.load import load
-    from hopopt.storage.folder import as_json, prepare
+    from hopopt.storage.folder import as_json
     from hopopt.studies.pareto import front
 
     design, begun = load(problem, set_ or ()), list["Front"]()
-    prepare(results)
     code = None
     try:
         with progress(quiet=json_) as say:

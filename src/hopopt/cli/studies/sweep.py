@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from hopopt import amounts
 from hopopt.cli.options import AsJson, Overrides, progress, repeated
+from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
     from hopopt.studies.sweep.definition import Definition
@@ -123,7 +124,12 @@ def _definition(
     if resume is not None and not (problem or vary or sample or set_):
         from hopopt.studies.sweep.store import read_definition
 
-        return read_definition(resume)
+        found = read_definition(resume)
+        for name, asked in {"objective": objective, "seed": seed, "starts": starts}.items():
+            if asked not in ("clearance", 0, None, has := getattr(found, name)):
+                stated = "that of the problem" if has is None else has
+                raise UsageError(f"--{name} {asked}: of the study in {resume} it is {stated}: leave --{name} out")
+        return found
     from hopopt.problem.load import load
     from hopopt.studies.sweep.definition import define, parse
 

@@ -133,8 +133,10 @@ def present(experiment: Experiment) -> list[float]:
             raise UsageError(f"{free.path} is free already: leave it out")
         if not isinstance(known.get(free.path), int | float):
             raise UsageError(f"{free.path} is no number of the problem or of a strategy, so it cannot be freed")
-        if not free.lower < free.upper:
-            raise UsageError(f"{free.path}: the lower bound {free.lower:g} must be below the upper one, {free.upper:g}")
+        if not (free.lower < free.upper and np.isfinite([free.lower, free.upper]).all()):
+            raise UsageError(
+                f"{free.path}: the lower bound {free.lower:g} must be below the upper one, {free.upper:g}, both finite"
+            )
     for end in (0.0, 1.0):
         try:
             experiment.design(experiment.values(np.full(len(experiment.free), end)))

@@ -135,8 +135,7 @@ def define(
         raise UsageError(f"a study takes no limits that are added to RULES: take out {', '.join(added)}")
     if not vary:
         raise UsageError(f"nothing is varied: {HOW}")
-    if seed < 0:
-        raise UsageError("the seed must be at least 0")
+    check("seed", seed, 0)
     check("starts", starts)
     count = sampling(sample)[1] if sample else 1
     axes = tuple(axis(entry, given, bool(sample)) for entry, given in vary.items())

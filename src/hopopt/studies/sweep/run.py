@@ -18,6 +18,7 @@ from hopopt.errors import ProblemFileError, UsageError
 from hopopt.files import remove_abandoned
 from hopopt.ocp.objectives import find
 from hopopt.problem.load import as_design
+from hopopt.studies.faults import kept
 from hopopt.studies.sweep.crew import Workers
 from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.order import doubtful, sources
@@ -174,14 +175,15 @@ def run(
     for k in impossible.keys() - first.keys():
         save_point(folder, impossible[k], {})
     first |= {k: p for k, p in impossible.items() if k not in first}
-    with workers(processes or os.cpu_count() or 1, scheduler) as crew:
-        show = Clock(progress or (lambda text: None), len(definition.points) - len(first))
-        _first_pass(definition, folder, first, crew, show)
-        finished = _further_passes(definition, folder, passes, crew, show)
-    points = tuple(finished[k] for k in range(len(definition.points)))
-    study = Study(definition, points, folder, time.perf_counter() - began)
-    save_tables(folder, definition, points, study.as_dict())
-    return study
+    with kept(folder, f"what is finished is kept: hopopt sweep --resume {folder}"):
+        with workers(processes or os.cpu_count() or 1, scheduler) as crew:
+            show = Clock(progress or (lambda text: None), len(definition.points) - len(first))
+            _first_pass(definition, folder, first, crew, show)
+            finished = _further_passes(definition, folder, passes, crew, show)
+        points = tuple(finished[k] for k in range(len(definition.points)))
+        study = Study(definition, points, folder, time.perf_counter() - began)
+        save_tables(folder, definition, points, study.as_dict())
+        return study
 
 
 def _impossible(definition: Definition) -> dict[int, Point]:
