@@ -61,7 +61,7 @@ class Motor(Section):
         "or the four-quadrant line in which braking is not weakened by speed; [] leaves the caps on torque and speed",
         ("paper",),
     )
-    torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-3, 1000, None, physical=True)
+    torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-6, 1000, None, physical=True)
     winding_resistance: float | None = quantity("electrical resistance", "ohm", 1e-4, 1e3, None, physical=True)
     torque_constant: float | None = quantity("k: motor torque for each ampere", "N m/A", 1e-4, 100, None, physical=True)
     catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
@@ -69,7 +69,7 @@ class Motor(Section):
 
 class Gear(Section):
     ratio: float = quantity("R: motor turns for one turn of the joint", "1", 1.0, 1000, physical=True)
-    torque_cap: float | None = quantity("repeated peak torque, joint side", "N m", 0.1, 1e4, None, physical=True)
+    torque_cap: float | None = quantity("repeated peak torque, joint side", "N m", 1e-4, 1e4, None, physical=True)
     speed_cap: float | None = quantity("input speed limit, motor side", "rad/s", 1.0, 6000, None, physical=True)
     inertia: float | None = quantity(
         "moment of inertia of what turns with the rotor, motor side (default: none)",

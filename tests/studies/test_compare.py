@@ -40,6 +40,7 @@ from hopopt.studies.control_recheck import control_check
 from hopopt.studies.paper_results import is_the_papers
 from hopopt.studies.robustness import can_be_had, drawn, spread
 from once import plan_with_reserve
+from similar_legs import similar
 
 
 @pytest.fixture(scope="module")
@@ -591,3 +592,17 @@ def test_a_joint_that_may_pass_the_ground_does_not_end_a_run():
         q = start.q.copy()
         q[1] = plant.machine.points(np.array([0, 0, *q[2:]]))["knee"][1] * -1 - 0.01  # the knee 1 cm below the ground
         assert plant.fault(dataclasses.replace(start, q=q)) == stops
+
+
+@pytest.mark.slow
+def test_all_rows_of_a_similar_leg_are_the_papers(solution, monkeypatch):
+    """A quarter as large: nothing is given but what makes it a copy, and what is asked of it."""
+    names = ["force", "force_tuck", "position_tuned", "track", "track_pd"]
+    small = compare(load("paper", {**similar(0.25), "solver.starts": 1}), names)
+    monkeypatch.setattr("hopopt.studies.compare.plan_to_track", lambda design, say: plan_with_reserve())
+    of = compare(solution.design, names, bound=solution)
+    assert not small.notes
+    assert small.plan.clearance == pytest.approx(0.25 * of.plan.clearance, rel=1e-3)
+    for name in (OPTIMUM, *names):
+        assert small.figures[name].clearance == pytest.approx(0.25 * of.figures[name].clearance, rel=1e-3), name
+        assert len(small.figures[name].limits_exceeded) == len(of.figures[name].limits_exceeded)

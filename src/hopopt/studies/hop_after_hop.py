@@ -172,7 +172,8 @@ class HopsComparison:
     @property
     def beaten_by(self) -> list[str]:
         """Strategies that keep every limit and keep up more than the bound: then the bound is wrong."""
-        return [name for name, h in self.hops.items() if not h.limits_exceeded and h.kept > self.bound + BEATEN]
+        most = self.bound + BEATEN * Scale.of(self.solution.design.leg).length
+        return [name for name, h in self.hops.items() if not h.limits_exceeded and h.kept > most]
 
     @property
     def exit_code(self) -> int:
