@@ -52,8 +52,7 @@ def reserve_of(design: Design) -> Reserve:
 
 def stall_torques(leg: Leg) -> np.ndarray:
     """Torque (n) [N m] of every joint's drive at standstill, its gear's ratio times its motor's torque."""
-    parts = (("gear", "ratio"), ("motor", "max_torque"))
-    return np.array([np.prod([leg.drive(joint, *part)[1] for part in parts]) for joint in leg.joints])
+    return np.array([leg.drive(j, "gear", "ratio")[1] * leg.drive(j, "motor", "max_torque")[1] for j in leg.joints])
 
 
 def weight(model: pin.Model) -> float:
