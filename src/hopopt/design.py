@@ -29,7 +29,7 @@ LEAST_INERTIA = 1e-8  # [kg m^2] of a link: what a point mass is given
 
 
 class Body(Section):
-    mass: float = quantity("mass of the body with both motors", "kg", 0.01, 1000, physical=True)
+    mass: float = quantity("mass of the body with both motors", "kg", 1e-3, 1000, physical=True)
 
 
 class Link(Section):
@@ -53,7 +53,7 @@ class Link(Section):
 
 
 class Motor(Section):
-    max_torque: float = quantity("tau_max: motor torque at standstill", "N m", 1e-3, 1000, physical=True)
+    max_torque: float = quantity("tau_max: motor torque at standstill", "N m", 1e-6, 1000, physical=True)
     max_speed: float = quantity("omega_max: motor speed at no torque", "rad/s", 1.0, 6000, physical=True)
     rotor_inertia: float = quantity("rotor inertia, motor side", "kg m^2", 0.0, 0.05, 0.0, physical=True)
     laws: tuple[Literal["paper", "four-quadrant"], ...] = choice(
@@ -61,7 +61,7 @@ class Motor(Section):
         "or the four-quadrant line in which braking is not weakened by speed; [] leaves the caps on torque and speed",
         ("paper",),
     )
-    torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-3, 1000, None, physical=True)
+    torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-6, 1000, None, physical=True)
     winding_resistance: float | None = quantity("electrical resistance", "ohm", 1e-4, 1e3, None, physical=True)
     torque_constant: float | None = quantity("k: motor torque for each ampere", "N m/A", 1e-4, 100, None, physical=True)
     catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
@@ -69,7 +69,7 @@ class Motor(Section):
 
 class Gear(Section):
     ratio: float = quantity("R: motor turns for one turn of the joint", "1", 1.0, 1000, physical=True)
-    torque_cap: float | None = quantity("repeated peak torque, joint side", "N m", 0.1, 1e4, None, physical=True)
+    torque_cap: float | None = quantity("repeated peak torque, joint side", "N m", 1e-4, 1e4, None, physical=True)
     speed_cap: float | None = quantity("input speed limit, motor side", "rad/s", 1.0, 6000, None, physical=True)
     inertia: float | None = quantity(
         "moment of inertia of what turns with the rotor, motor side (default: none)",
@@ -285,12 +285,15 @@ class Simulation(Section):
 
 
 class Reserve(Section):
-    """What a plan that is to be tracked holds back from the limits, so that feedback has room."""
+    """What a plan that is to be tracked holds back from the limits, so that feedback has room.
+
+    What is left out is as large a share of the leg's weight and length as on the paper's leg.
+    """
 
     torque: float = quantity("share of the motors' torque", "1", 0, 0.9, 0.02)
     speed: float = quantity("share of the motors' speed", "1", 0, 0.9, 0.0)
-    ground_force: float = quantity("vertical ground force", "N", 0, 1e4, 20.0)
-    height: float = quantity("height of the joints above the ground", "m", 0, 0.5, 0.005)
+    ground_force: float | None = quantity("vertical ground force (default: scaled)", "N", 0, 1e4, None)
+    height: float | None = quantity("height of the joints above the ground (default: scaled)", "m", 0, 0.5, None)
     angle: float = quantity("distance from the joint limits", "rad", 0, 1, 0.02)
 
 

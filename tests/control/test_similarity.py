@@ -1,22 +1,52 @@
-"""The paper's gains on other legs: nothing changes on its own, similar legs hop alike, and what is given wins."""
+"""Gains and defaults on other legs: on the paper's nothing changes, similar legs hop alike, and what is given wins."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
 
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.paper_pd import PaperOptions
+from hopopt.control.reference import PlanReference
+from hopopt.control.setting import Setting
 from hopopt.control.similarity import Size, factors, similar_height
 from hopopt.control.strategies import find
+from hopopt.control.tracking import Track, TrackingOptions
+from hopopt.design import Reserve
 from hopopt.leg.robot import build_robot
-from hopopt.leg.scales import weight
+from hopopt.leg.scales import Scale, reserve_of, weight
+from hopopt.planner.reserve import reserved
 from hopopt.problem.load import load
+from hopopt.sim.hop_metrics import HopFigures
+from hopopt.studies.compare import reference_of
+from once import plan_with_reserve
+from similar_legs import similar, similar_plan
 
 PAPERS = ("paper", "paper_four_quadrant", "paper_no_countermovement")
 SHAPES = ("a1_leg", "hyq_leg", "solo12_leg")  # the others are the first in other sizes
 LEGS = ("a1_leg", "b1_leg", "go1_leg", "go2_leg", "hyq_leg", "solo12_leg")
+COARSE = 500.0  # Hz, of the paper's leg: gains of fewer periods
 QUICK = {"simulation.control_rate": 1000.0, "simulation.encoder_bits": 0, "simulation.speed_window": 1}
+
+
+@cache
+def plan(size: float) -> PlanReference:
+    """What is tracked on a leg so many times as large as the paper's: the paper's plan, scaled."""
+    return similar_plan(reference_of(plan_with_reserve()), size)
+
+
+def track(size: float) -> Track:
+    """The tracker of that plan."""
+    return Track(Setting(load("paper", similar(size)), size**0.5 / COARSE, plan(size)))
+
+
+@cache
+def hopped(name: str, size: float) -> HopFigures:
+    """The figures of a strategy's hop on such a leg, with all its sensors."""
+    return simulate(load("paper", similar(size)), find(name), plan=plan(size), past_apex=True).figures
 
 
 @pytest.mark.parametrize("name", PAPERS)
@@ -26,20 +56,54 @@ def test_on_the_papers_leg_every_number_is_the_printed_one(name: str) -> None:
     assert set(factors(Size.of(load(name))).values()) == {1.0}
 
 
-@pytest.mark.parametrize("by", [0.3, pytest.param(1.6, marks=pytest.mark.slow)])
-def test_a_similar_leg_hops_alike(by: float) -> None:
-    """Lengths times ``by``, masses its cube, torques its fourth power, times its root: so is every height, by Newton."""
-    paper = load("paper", QUICK)
-    leg, root = paper.leg, float(np.sqrt(by))
-    entries = {f"leg.{link}.length": leg.link[link].length * by for link in leg.links}
-    entries |= {f"leg.{link}.mass": leg.link[link].mass * by**3 for link in leg.links}
-    entries |= {"leg.body.mass": leg.body.mass * by**3, "leg.motor.max_torque": leg.motor.max_torque * by**4}
-    entries |= {"leg.motor.max_speed": leg.motor.max_speed / root, "start.hip_height": 0.28 * by}
-    entries |= {"leg.motor.rotor_inertia": leg.motor.rotor_inertia * by**5, "hop.foot_window": 0.1 * by}
-    other = load("paper", {**QUICK, **entries, "simulation.control_rate": 1000.0 / root})
-    small, big = (simulate(d, find("force"), past_apex=False).figures for d in (other, paper))
-    assert small.lift_off["time_s"] == pytest.approx(root * big.lift_off["time_s"], rel=1e-3)
-    assert small.clearance == pytest.approx(by * big.clearance, rel=5e-3)
+@given(st.floats(0.1, 4.0))
+@settings(max_examples=3, deadline=None, phases=[Phase.generate])
+def test_regulator_and_filter_of_a_similar_leg_are_similar(size: float) -> None:
+    """Blocks of angles and speeds scale with the units of what they make of what; the cost-to-go is a number."""
+    n, time, own, papers_own = 2, size**0.5, track(size).gains, track(1.0).gains
+    x, u = np.repeat([1.0, 1 / time], n), np.full(n, size**4)  # units of errors and torques
+    for contact, gains in own.items():
+        of = papers_own[contact]
+        for name, rows, columns in (("A", x, x), ("B", x, u), ("K", u, x), ("L", x, x[:n]), ("P", 1 / x, x)):
+            papers, found = getattr(of, name), getattr(gains, name) / (rows[:, None] / columns)
+            largest = np.abs(papers).max(axis=0)  # of every entry along the phase; some are nothing
+            assert np.all(np.abs(found - papers) <= 1e-5 * largest + 1e-9 * largest.max()), name
+
+
+@pytest.mark.parametrize("name", ["force", "position_tuned", "track", "track_pd"])
+@given(st.floats(0.1, 4.0))
+@settings(max_examples=2, deadline=None, phases=[Phase.generate])
+def test_a_similar_leg_hops_alike(name: str, size: float) -> None:
+    """Lengths times ``size``, masses its cube, torques its fourth power, times its root: so is every height, by Newton."""
+    here, there = hopped(name, 1.0), hopped(name, size)
+    assert there.clearance == pytest.approx(size * here.clearance, rel=1e-3)
+    assert there.lift_off["time_s"] == pytest.approx(size**0.5 * here.lift_off["time_s"], rel=1e-3)
+    assert not there.no_hop
+
+
+def test_what_counts_as_little_on_a_similar_leg_is_as_little() -> None:
+    """Every factor of its units is a power of its size; on the paper's leg they are 1, to the last digit."""
+    assert Scale.of(load("paper").leg) == Scale(1.0, 1.0, 1.0)
+    small = Scale.of(load("paper", similar(0.25)).leg)
+    found = (small.length, small.mass, small.stall, small.time, small.inertia)
+    assert found == pytest.approx([0.25**power for power in (1, 3, 4, 0.5, 5)])
+
+
+def test_a_reserve_that_is_left_out_is_a_share_of_the_leg() -> None:
+    """What is stated counts as it is; the paper's leg keeps back what it always did."""
+    assert reserve_of(load("paper")) == Reserve(ground_force=20.0, height=0.005)
+    kept = reserved(load("paper", similar(0.5)))
+    assert (kept.contact.least_force, kept.hop.least_height) == pytest.approx((20 * 0.5**3, 0.0025))
+    stated = reserved(load("paper", {**similar(0.5), "reserve.ground_force": 1.5, "reserve.height": 0.0}))
+    assert (stated.contact.least_force, stated.hop.least_height) == (1.5, 0.0)
+
+
+def test_options_of_the_tracker_that_are_given_stay_as_they_are() -> None:
+    setting = Setting(load("paper", similar(0.5)), 1e-3, options={"effort": 30.0, "k_d": 0.0})
+    found, papers = TrackingOptions.of(setting), TrackingOptions()
+    assert (found.effort, found.k_d) == (30.0, 0.0)
+    assert (found.k_p, found.disturbance) == pytest.approx((papers.k_p * 0.5**4, papers.disturbance * 0.5**4))
+    assert TrackingOptions.of(Setting(load("paper"), 1e-3)) == papers
 
 
 @pytest.mark.parametrize(

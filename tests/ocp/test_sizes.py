@@ -8,29 +8,20 @@ from hopopt.ocp.hop import Hop
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
+from similar_legs import POWERS, similar
 
 SIZES = (0.25, 3.0)  # times the paper's leg
 CLEARANCE = 0.4  # m, of the paper's leg
-POWERS = {"m": 1.0, "s": 0.5, "N": 3.0, "N m": 4.0, "J": 4.0, "1": 0.0}  # of the size, by the objective's unit
 SLOW = ("apex", "time", "saturation", "peak_torque", "electrical_energy", "impact", "energy", "absolute_work")
 ALL = ("clearance", "peak_force", *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW))
 
 
 def entries(size: float) -> dict[str, object]:
-    """The paper's leg so many times as large: lengths by the size, masses by its cube, times by its root."""
-    time = size**0.5
-    lengths = {"leg.thigh.length": 0.38, "leg.shank.length": 0.361, "start.hip_height": 0.28, "hop.foot_window": 0.1}
-    masses = {"leg.body.mass": 5.6, "leg.thigh.mass": 1.87, "leg.shank.mass": 0.8}
+    """The paper's leg so many times as large, with what objectives ask for."""
     return {
-        **{name: size * length for name, length in lengths.items()},
-        **{name: size**3 * mass for name, mass in masses.items()},
-        "leg.motor.max_torque": 2.0 * size**4,
-        "leg.motor.max_speed": 1256.637 / time,
-        "leg.motor.rotor_inertia": 1.19e-5 * size**5,
+        **similar(size),
         "leg.motor.winding_resistance": 0.5,
         "leg.motor.torque_constant": 0.05 * size**2.25,  # heat, resistance x (torque / constant)^2, is a power
-        "hop.stance_duration": [0.03 * time, 0.4 * time],
-        "hop.flight_duration": [0.03 * time, time],
         "hop.clearance": CLEARANCE * size,
     }
 

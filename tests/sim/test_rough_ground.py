@@ -79,7 +79,7 @@ def dynamics_are_pinocchios(leg: Leg, q: np.ndarray, v: np.ndarray, tau: np.ndar
     plant, tau = on_ground(leg, 0.5), tau[BASE:]
     machine = Machine(plant.robot)
     plain = planar.planar_leg(plant.robot, plant.drive, plant.stops, set(), 0.5)
-    c = packed(plain._replace(stiffness=0.0))  # no end stops
+    c = packed(plain._replace(stiffness=np.zeros(plant.n)))  # no end stops
     joints, centres, drift = planar.chain(c, q, v)
     M, M_other = planar.mass_matrix(c, joints, centres), machine.mass_matrix(q)
     np.testing.assert_allclose(M, M_other, rtol=0, atol=1e-11 * np.abs(M_other).max())

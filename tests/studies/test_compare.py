@@ -42,6 +42,7 @@ from hopopt.studies.paper_results import is_the_papers
 from hopopt.studies.robustness import can_be_had, drawn, spread
 from once import plan_with_reserve
 from refusals import refusal
+from similar_legs import similar
 
 
 @pytest.fixture(scope="module")
@@ -229,8 +230,8 @@ def test_mujoco_agrees(comparison, name):
 def test_a_reserve_is_taken_off_every_limit():
     design = load("paper", ["leg.motor.torque_cap=1.5", "leg.gear.torque_cap=107", "reserve.torque=0.1"])
     plan = reserved(design)
-    assert plan.contact.least_force == design.reserve.ground_force
-    assert plan.hop.least_height == design.reserve.height
+    assert plan.contact.least_force == 20.0
+    assert plan.hop.least_height == 0.005
     w = np.linspace(-12, 12, 25)
     for joint in design.leg.joints:
         before, after = design.leg.joint[joint], plan.leg.joint[joint]
@@ -610,3 +611,17 @@ def test_a_plan_that_suits_no_simulation_of_the_leg_is_refused(solution, tmp_pat
         monkeypatch.setattr("hopopt.storage.solution.read", lambda folder, plan=plan: plan)
         words = [problem, "--strategy", "track", "--plan", str(tmp_path), "--results", str(tmp_path)]
         assert why in refusal(["simulate", *words], capsys)
+
+
+@pytest.mark.slow
+def test_all_rows_of_a_similar_leg_are_the_papers(solution, monkeypatch):
+    """A quarter as large: nothing is given but what makes it a copy, and what is asked of it."""
+    names = ["force", "force_tuck", "position_tuned", "track", "track_pd"]
+    small = compare(load("paper", {**similar(0.25), "solver.starts": 1}), names)
+    monkeypatch.setattr("hopopt.studies.compare.plan_to_track", lambda design, say: plan_with_reserve())
+    of = compare(solution.design, names, bound=solution)
+    assert not small.notes
+    assert small.plan.clearance == pytest.approx(0.25 * of.plan.clearance, rel=1e-3)
+    for name in (OPTIMUM, *names):
+        assert small.figures[name].clearance == pytest.approx(0.25 * of.figures[name].clearance, rel=1e-3), name
+        assert len(small.figures[name].limits_exceeded) == len(of.figures[name].limits_exceeded)

@@ -1,8 +1,8 @@
 """What an optimum leans on that no robot has, and what each is worth."""
 
 import json
-from math import inf
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import pytest

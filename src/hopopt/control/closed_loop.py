@@ -18,11 +18,12 @@ from hopopt.control.strategies import Strategy
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import added_states
-from hopopt.drivetrain.gear import Gear
+from hopopt.drivetrain.gear import LIGHTEST, SLOW, Gear
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, UsageError
 from hopopt.leg.kinematics import can_slip, planar, start_angles
 from hopopt.leg.robot import BASE, build_robot
+from hopopt.leg.scales import Scale
 from hopopt.sim import mujoco
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.encoder import Encoder
@@ -35,8 +36,8 @@ from hopopt.sim.trace import Trace
 BALANCED = 1e-4  # of the energy turned over: a greater error is none of rounding, and 0.1 mm of a clearance of 1 m
 FINER = (1, 4, 16)  # parts of every step, tried in turn until the energy balances
 PARTS = 4  # of a control period, to which MuJoCo takes a delay
-LONGEST = 1.0  # [s] of a hop beyond its longest stance
-PAST_APEX = 1.0  # [m/s] of fall, 5 cm below the apex: no leg rises as fast any more
+LONGEST = 1.0  # [s] on the paper's leg, of a hop beyond its longest stance
+PAST_APEX = 1.0  # [m/s] of fall on the paper's leg, 5 cm below the apex: no leg rises as fast any more
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,9 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     own = [design.leg.drive(joint, "gear", "efficiency")[1] for joint in robot.joints]
     efficiency = np.array([s.gear_efficiency if e is None else e for e in own])
     states = added_states(design.leg, robot.parameters)
-    drive = Drive(regions, Gear(efficiency, s.gear_friction, s.gear_damping), torque_gain, states)
+    scale = Scale.of(design.leg)
+    gear = Gear(efficiency, s.gear_friction, s.gear_damping, SLOW / scale.time, LIGHTEST * scale.inertia)
+    drive = Drive(regions, gear, torque_gain, states)
     quick = compiled and not drive.states
     friction = np.inf if design.contact.friction is None and quick else design.contact.friction
     if friction is None or not can_slip(design.leg):
@@ -129,11 +132,11 @@ def simulate(
         trace = make_plant(truth, torque_gain, finer, compiled).run(
             start_angles(design) if start is None else start,
             fresh,
-            hops * (design.hop.stance_duration[1] + LONGEST),
+            hops * longest(design),
             timing=Timing(period, s.torque_delay),
             encoder=Encoder(s.encoder_bits, s.speed_window, period, s.speed_error),
             landings=hops,
-            falling=PAST_APEX if past_apex else np.inf,
+            falling=PAST_APEX * Scale.of(design.leg).time if past_apex else np.inf,
         )
         error = trace.energy_error
         if error <= BALANCED or trace.outcome == RAN_AWAY:
@@ -142,6 +145,11 @@ def simulate(
         f"{design.name}, strategy {strategy.name}: the simulation's energy balance is off by {error:.1e}, more than "
         f"{BALANCED:g} may be, in the finest steps that were tried: give less gear friction or softer gains"
     )
+
+
+def longest(design: Design) -> float:
+    """Time [s] after which a hop that has not landed is given up."""
+    return design.hop.stance_duration[1] + LONGEST * Scale.of(design.leg).time
 
 
 def _copied(controller: Controller | None) -> Controller | None:
@@ -165,7 +173,7 @@ def clearance_in_mujoco(
 def in_mujoco(
     design: Design, controller: Controller, start: State, landings: int = 1, bounce: float = BOUNCE
 ) -> mujoco.MujocoTrace:
-    """A controller's run in MuJoCo from a state to so many landings after flights of at least ``bounce`` [s]; its commands act
+    """A controller's run in MuJoCo from a state to so many landings after flights of at least ``bounce`` [s, on the paper's leg]; its commands act
     later by the problem's delay, to a quarter of a control period."""
     plant, period, s = make_plant(design), 1 / design.simulation.control_rate, design.simulation
     if plant.drive.states:
@@ -179,7 +187,7 @@ def in_mujoco(
     def torque(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
         nonlocal now, command
         if contact and not now.contact:  # a bounce is no hop: its stance goes on
-            hopped = t - now.since >= BOUNCE
+            hopped = t - now.since >= plant.bounce
             now = replace(now, contact=True, since=t if hopped else now.before, landings=now.landings + hopped)
         elif now.contact and not contact:
             now = replace(now, contact=False, since=t, before=now.since)
@@ -189,7 +197,7 @@ def in_mujoco(
         asked.append(command)
         return plant.drive.torque(v[BASE:], asked[0])[1]
 
-    duration = landings * (design.hop.stance_duration[1] + LONGEST)
+    duration = landings * longest(design)
     return mujoco.simulate(
         plant.robot, start.q, start.v, torque, duration, control_period=period / parts, contact=start.contact,
         friction=design.contact.friction, landings=landings, bounce=bounce,

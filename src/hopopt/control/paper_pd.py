@@ -24,13 +24,14 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, foot_offset, reach, tucked, two_joints
 from hopopt.leg.robot import BASE
+from hopopt.leg.scales import Scale
 from hopopt.sim.controller import Measurement
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.machine import StanceTerms
 
-RATE = 1e-5  # [m] step of the reference's own derivative
+RATE = 1e-5  # [m] on the paper's leg: step of the reference's own derivative
 MARGIN = 0.03  # [rad] that references keep from the joint limits
-SHORTEST = 1e-3  # [m] over which a landing brakes at least
+SHORTEST = 1e-3  # [m] on the paper's leg, over which a landing brakes at least
 BRAKING = 0.5  # share of the drives' braking torque that a braked servo counts on: links are coupled
 
 
@@ -101,6 +102,7 @@ class PaperStrategy:
         self.lower, self.upper = (
             np.array([getattr(self.leg.joint[j], side) for j in self.leg.joints]) for side in ("lower", "upper")
         )
+        self.shortest, self.step = (length * Scale.of(self.leg).length for length in (SHORTEST, RATE))
         self.tuck = tucked(self.leg, setting.design.hop.foot_window, MARGIN)
         self.quick = setting.no_load_speed / 2
         self.settled = (setting.design.simulation.speed_window + 1) * setting.period
@@ -123,7 +125,7 @@ class PaperStrategy:
             return self.swing(now)
         s = self.machine.stance_terms(now.q, now.v)
         self.rise = self.machine.com_velocity(s.q, s.v)[1] / self.two_mass.g
-        down = s.v[1] >= 0 or s.q[1] <= self.lowest + SHORTEST  # as low as it will be
+        down = s.v[1] >= 0 or s.q[1] <= self.lowest + self.shortest  # as low as it will be
         if self.pushed is None and now.since > self.settled and down:
             self.pushed, self.begin = now.t, self._begin(s.q[1])
         return self.land(now, s) if self.pushed is None else self.push(now, s)
@@ -151,7 +153,7 @@ class PaperStrategy:
 
     def land(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """Torques (n) [N m] that brake the body evenly, to stand at the height of the start."""
-        distance = max(s.q[1] - self.lowest, SHORTEST)
+        distance = max(s.q[1] - self.lowest, self.shortest)
         wanted = np.array([self._plumb(s), min(s.v[1], 0.0) ** 2 / (2 * distance)])
         a_j = -np.linalg.solve(s.jacobian, wanted + s.drift)
         return self.upright(now, s, (s.mass_matrix @ a_j + s.joint_bias)[1])
@@ -202,7 +204,7 @@ class PaperStrategy:
     def with_rates(self, y: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
         """Joint angles [rad] and speeds [rad/s] with the foot y [m] under the hip, going away at rate [m/s]."""
         angles = self.angles(y)
-        return angles, (self.angles(y + RATE) - angles) / RATE * rate
+        return angles, (self.angles(y + self.step) - angles) / self.step * rate
 
     def angles(self, y: float) -> np.ndarray:
         """Joint angles [rad] that put the foot y [m] under the hip, or as far as limits and reach allow."""

@@ -5,7 +5,7 @@ A strategy is a class that is made from a ``Setting`` and has ``torque(now: Meas
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -19,17 +19,10 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import Robot, build_robot
 from hopopt.sim.machine import Machine
 
-Options = TypeVar("Options")
-
 
 def one_of(*choices: str) -> Any:
     """A field of options that takes one of these words, the first by default."""
     return field(default=choices[0], metadata={"choices": choices})
-
-
-def read_options(kind: type[Options], given: Mapping[str, Any]) -> Options:
-    """A dataclass of numbers and words from settings by name; UsageError for a name or value it does not have."""
-    return kind(**chosen(kind, given))
 
 
 def chosen(kind: type, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,14 +8,16 @@ forwards the Kalman filter that makes joint speeds from coarse encoders, both on
 """
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from hopopt.control.reference import PhaseReference
-from hopopt.control.setting import Setting, one_of, read_options
+from hopopt.control.setting import Setting, chosen, one_of
+from hopopt.control.similarity import Size, factors
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE
+from hopopt.leg.scales import Scale
 from hopopt.sim.controller import Measurement
 from hopopt.sim.machine import Machine
 
@@ -26,7 +28,7 @@ STEP = 1e-5  # of the central differences that linearise the dynamics
 
 @dataclass(frozen=True)
 class TrackingOptions:
-    """feedback: "lqr", "pd" or "none".
+    """feedback: "lqr", "pd" or "none"; the numbers are those of the paper's leg.
 
     For lqr: the errors that count alike, angle [rad], speed [rad/s], effort [N m]; how much more the end of stance
     counts than one period of it; disturbance [N m], the torque error the filter expects. For pd: k_p [N m/rad],
@@ -41,6 +43,15 @@ class TrackingOptions:
     disturbance: float = 5.0
     k_p: float = 1000.0
     k_d: float = 20.0
+
+    @classmethod
+    def of(cls, setting: Setting) -> Self:
+        """For a leg: what is given as it is, the rest scaled to the leg. Raises UsageError for options that there are not."""
+        scale, pd, own = Scale.of(setting.design.leg), factors(Size.of(setting.design)), cls()
+        by = {"speed": 1 / scale.time, "effort": scale.stall, "disturbance": scale.stall}
+        by |= {name: pd[name] for name in ("k_p", "k_d")}
+        scaled = {name: getattr(own, name) * factor for name, factor in by.items()}
+        return cls(**{**scaled, **chosen(cls, setting.options)})
 
     def __post_init__(self) -> None:
         for name in ("angle", "speed", "effort"):
@@ -81,14 +92,15 @@ class Track:
     def __init__(self, setting: Setting):
         if setting.plan is None:
             raise UsageError("the strategy track needs a planned hop to follow: solve the problem first")
-        self.options, self.period = read_options(self.options_of, setting.options), setting.period
+        self.options, self.period = self.options_of.of(setting), setting.period
         self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
         self.state: Estimate | None = None
         self.lost = self.early = False
         self.began = -np.inf  # when the last stance began [s]
         if self.options.feedback == "lqr":
             machine, noise = setting.machine(), setting.angle_noise
-            unsure = {False: noise, True: self.options.speed if self.plan.repeats else noise}  # an impact comes before
+            known = noise / Scale.of(setting.design.leg).time  # [rad/s] of a leg at rest, or one that was tracked
+            unsure = {False: known, True: self.options.speed if self.plan.repeats else known}  # an impact comes before
             self.gains = {
                 contact: regulator(
                     machine, self.reference(contact), self.period, contact, self.options, noise, unsure[contact]

@@ -44,7 +44,8 @@ class Drive:
         w (n) [rad/s], command (n) [N m], armature (n): the rotors' inertia at the joints [kg m^2]; x as in ``torque``.
         """
         motor = self.torque(w, command, x)[0]
-        return kernels.rubbing_parts(motor, self.efficiency, float(self.gear.friction), np.asarray(armature), h)
+        gear, rotors = self.gear, np.asarray(armature)
+        return kernels.rubbing_parts(motor, self.efficiency, float(gear.friction), rotors, h, gear.slow, gear.lightest)
 
     def torque(self, w: np.ndarray, command: np.ndarray, x: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]; x: the drives' states, if
@@ -53,7 +54,8 @@ class Drive:
         if self.states is None:
             return motor, tau
         motor[self.states.at] = self.states.torques(x, motor, w)
-        return motor, kernels.geared(w, motor, self.efficiency, float(self.gear.friction), float(self.gear.damping))
+        gear = self.gear
+        return motor, kernels.geared(w, motor, self.efficiency, float(gear.friction), float(gear.damping), gear.slow)
 
     def rates(self, w: np.ndarray, command: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Derivatives of the drives' states x under a command, (m)."""
@@ -63,5 +65,5 @@ class Drive:
         """What motors and joints have of a command at once."""
         return kernels.driven(
             np.asarray(w, dtype=float), np.asarray(command, dtype=float), self.torque_gain, self.upper, self.lower,
-            self.efficiency, float(self.gear.friction), float(self.gear.damping),
+            self.efficiency, float(self.gear.friction), float(self.gear.damping), self.gear.slow,
         )  # fmt: skip

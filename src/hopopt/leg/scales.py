@@ -1,12 +1,58 @@
-"""What counts as the whole range of a limit that has no other end: the same for planner and verification."""
+"""What amounts count as large or small on a leg: the range of a limit that has no other end, and its size beside the paper's leg."""
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
 
+from hopopt.design import Design, Leg, Reserve
+
 FORCE_RANGE = 5.0  # [weights of the leg]: a push-off's peak
 DESCENT_RANGE = 1.0  # [m/s]: speed at which a body sinks into a counter-movement
+PAPERS_REACH, PAPERS_MASS, PAPERS_STALL = 0.38 + 0.361, 5.6 + 1.87 + 0.8, 200.0  # [m, kg, N m] of the paper's leg
+RESERVED_FORCE, RESERVED_HEIGHT = 20.0, 0.005  # [N, m] of [reserve] on the paper's leg
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A leg's own units over those of the paper's leg, for which defaults are stated: there every factor is 1.
+
+    length: of its reach. mass: of all it carries, and so of its weight. stall: of its drives' mean stall torque.
+    """
+
+    length: float
+    mass: float
+    stall: float
+
+    @classmethod
+    def of(cls, leg: Leg) -> Self:
+        """The units of a leg."""
+        length = sum(link.length for link in leg.link.values())
+        mass = sum((leg.body.mass, *(link.mass for link in leg.link.values())))
+        return cls(length / PAPERS_REACH, mass / PAPERS_MASS, float(stall_torques(leg).mean()) / PAPERS_STALL)
+
+    @property
+    def time(self) -> float:
+        """Of sqrt(length / gravity); speeds along the ground have the same factor, speeds of joints its inverse."""
+        return float(np.sqrt(self.length))
+
+    @property
+    def inertia(self) -> float:
+        """Of mass times length squared."""
+        return self.mass * self.length**2
+
+
+def reserve_of(design: Design) -> Reserve:
+    """The problem's [reserve], with what it leaves out."""
+    scale, r = Scale.of(design.leg), design.reserve
+    default = {"ground_force": RESERVED_FORCE * scale.mass, "height": RESERVED_HEIGHT * scale.length}
+    return r.model_copy(update={name: x for name, x in default.items() if getattr(r, name) is None})
+
+
+def stall_torques(leg: Leg) -> np.ndarray:
+    """Torque (n) [N m] of every joint's drive at standstill, its gear's ratio times its motor's torque."""
+    return np.array([leg.drive(j, "gear", "ratio")[1] * leg.drive(j, "motor", "max_torque")[1] for j in leg.joints])
 
 
 def weight(model: pin.Model) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from hopopt.design import Design
+from hopopt.leg.scales import reserve_of
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,8 @@ def resolved_toml(design: Design, sources: Mapping[str, str] | None = None) -> s
 
 def design_hash(design: Design) -> str:
     """8 hexadecimal digits that change with every entry but the title."""
-    text = _toml(design.model_dump(exclude_none=True, exclude={"title"}), {})
+    whole = design.model_copy(update={"reserve": reserve_of(design)})
+    text = _toml(whole.model_dump(exclude_none=True, exclude={"title"}), {})
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 

@@ -140,7 +140,7 @@ def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: flo
         ahead = q[2 + k] + 1.5 * h * v[2 + k]
         if max(q[2 + k], ahead) > leg.stop_upper[k] or min(q[2 + k], ahead) < leg.stop_lower[k]:
             parts = max(parts, PARTS)
-    parts = max(parts, rubbing_parts(motor, leg.efficiency, leg.friction, leg.armature, h))
+    parts = max(parts, rubbing_parts(motor, leg.efficiency, leg.friction, leg.armature, h, leg.slow, leg.lightest))
     return parts * leg.finer
 
 

@@ -8,13 +8,13 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import BASE
-from hopopt.leg.scales import friction_needed, weight
+from hopopt.leg.scales import Scale, friction_needed, weight
 from hopopt.sim.state import BOUNCE
 from hopopt.sim.trace import Trace
 
 LOADED = 0.1  # of the weight: a foot that carries less slips unseen, and for a moment only
-PULL = 1.0  # [N] by which the ground may have to pull: a foot is kept that its own sideways grip presses down
-SLACK = 1e-3  # rad, s, m/s or share by which a limit may be missed in a simulation
+PULL = 1.0  # [N] on the paper's leg, by which the ground may have to pull: a foot is kept that its own sideways grip presses down
+SLACK = 1e-3  # rad or share by which a limit may be missed in a simulation, and m, s, m/s on the paper's leg
 
 
 def past_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
@@ -32,19 +32,25 @@ def beyond_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class HopFigures:
     """What the first hop of a run amounts to, by the same definitions as the optimum's; a foot off the ground for less
-    than ``bounce`` [s] has not hopped."""
+    than ``bounce`` [s, on the paper's leg] has not hopped."""
 
     design: Design
     trace: Trace
     bounce: float = BOUNCE
 
     @cached_property
+    def scale(self) -> Scale:
+        """The leg's units over those of the paper's leg."""
+        return Scale.of(self.design.leg)
+
+    @cached_property
     def flight(self) -> slice:
         """Samples of the first flight, from lift-off to touchdown; bounces do not count."""
+        least = self.bounce * self.scale.time
         t, edges = self.trace.t, np.flatnonzero(np.diff(np.concatenate([[1], self.trace.contact, [1]])))
         for begin, end in edges.reshape(-1, 2):
-            if t[min(end, len(t) - 1)] - t[begin] >= self.bounce:
-                down = [at for at in self.trace.times_of("touchdown") if at >= t[begin] + self.bounce]
+            if t[min(end, len(t) - 1)] - t[begin] >= least:
+                down = [at for at in self.trace.times_of("touchdown") if at >= t[begin] + least]
                 return slice(int(begin), min(int(end), *(int(np.searchsorted(t, at)) + 1 for at in down[:1]), len(t)))
         return slice(len(t), len(t))
 
@@ -83,7 +89,7 @@ class HopFigures:
     def cut_short(self) -> str:
         """When which joint came to its end stop, if the leg went higher after it, which does not count; else empty."""
         height = float(self.trace.lowest[self.flight][self._in_window & self._stopped].max(initial=0.0))
-        if height <= self.clearance + SLACK:
+        if height <= self.clearance + SLACK * self.scale.length:
             return ""
         k = self.flight.start + int(np.argmax(self._stopped))
         joint = self.design.leg.joints[int(np.argmax(past_limits(self.design, self.trace.q[k, BASE:])))]
@@ -99,13 +105,13 @@ class HopFigures:
         lift = self.lift_off
         if not self.flies:
             return f"the foot never leaves the ground ({self.trace.outcome})"
-        if lift["vertical_m_s"] <= SLACK:
+        if lift["vertical_m_s"] <= SLACK * self.scale.time:
             return f"the leg folds at {lift['time_s']:.3f} s without a push"
         if not self._in_window.any():
             return f"the foot is never within {self.design.hop.foot_window:g} m of the hip's plumb line in flight"
         if self.highest is None:
             return "a joint is at its end stop before the foot is in its window"
-        return "" if self.clearance > SLACK else "the leg's lowest point stays on the ground"
+        return "" if self.clearance > SLACK * self.scale.length else "the leg's lowest point stays on the ground"
 
     @property
     def clearance(self) -> float:
@@ -214,7 +220,7 @@ class HopFigures:
     @property
     def limits_exceeded(self) -> list[str]:
         """Limits of the problem that the hop did not keep, in words; the bound does not hold for such a hop."""
-        trace, hop, found = self.trace, self.design.hop, []
+        trace, hop, scale, found = self.trace, self.design.hop, self.scale, []
         span = slice(0, (self.highest if self.highest is not None else len(trace.t) - 1) + 1)
         past = past_limits(self.design, trace.q[span, BASE:]).max(axis=0)
         for k, (joint, excess) in enumerate(zip(trace.robot.joints, past, strict=True)):
@@ -228,31 +234,32 @@ class HopFigures:
         friction = self.design.contact.friction
         if friction is not None and self.slip_ratio > friction:
             found.append(f"needs friction {self.slip_ratio:.4g}, the ground has {friction:g}")
-        if self.slip_distance > SLACK:
+        if self.slip_distance > SLACK * scale.length:
             found.append(f"the foot slips {1e3 * self.slip_distance:.0f} mm in stance")
-        if (pull := -float(trace.f[self.stance, 1].min())) > PULL:
+        if (pull := -float(trace.f[self.stance, 1].min())) > PULL * scale.mass:
             found.append(f"the ground would have to pull with {pull:.0f} N")
         least, lowest = self.design.contact.least_force, float(self.trace.f[self.stance, 1][:-1].min(initial=np.inf))
-        if least and least - lowest > PULL:
+        if least and least - lowest > PULL * scale.mass:
             found.append(f"{least - lowest:.0f} N less than the least ground force")
+        deepest = hop.least_height - SLACK * scale.length
         for name in (joint for joint in hop.above_ground if joint != "foot"):
-            if hop.least_height and (z := float(trace.points[name][span, 1].min())) < hop.least_height - SLACK:
+            if hop.least_height and (z := float(trace.points[name][span, 1].min())) < deepest:
                 found.append(f"{name} down to {z:.3f} m")
-        if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SLACK:
+        if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SLACK * scale.time:
             found.append("the body descends in stance")
         return found
 
     def _wrong_durations(self) -> list[str]:
         """Phases that last shorter or longer than they may; flight counts up to the clearance."""
         left = self.lift_off["time_s"]
-        lasted = {"stance": left}
+        lasted, slack = {"stance": left}, SLACK * self.scale.time
         if self.highest is not None:
             lasted["flight"] = float(self.trace.t[self.highest]) - left
         ranges = {phase: getattr(self.design.hop, f"{phase}_duration") for phase in lasted}
         return [
             f"{phase} of {lasted[phase]:.3f} s"
             for phase, (shortest, longest) in ranges.items()
-            if not shortest - SLACK <= lasted[phase] <= longest + SLACK
+            if not shortest - slack <= lasted[phase] <= longest + slack
         ]
 
     def as_dict(self) -> dict[str, object]:

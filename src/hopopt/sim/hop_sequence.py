@@ -5,14 +5,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from hopopt.leg.scales import Scale
 from hopopt.sim.trace import SAME, Event, Trace
 
-BOUNCED = 0.1  # [s] off the ground for less is no hop, where hops follow each other: free fall from 1 cm
+BOUNCED = 0.1  # [s] on the paper's leg; off the ground for less is no hop among several: free fall from 1 cm
 
 
 def landings(trace: Trace, least: float = BOUNCED) -> list[float]:
-    """When the foot landed after a flight of at least so long [s]; a run that begins in flight has flown long enough."""
-    found, left = list[float](), -np.inf
+    """When the foot landed after a flight of at least so long [s, on the paper's leg]; a run that begins in flight has flown long enough."""
+    found, left, least = list[float](), -np.inf, least * Scale.of(trace.robot.leg).time
     for event in trace.events:
         if event.kind == "lift-off":
             left = event.t

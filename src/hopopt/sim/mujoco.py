@@ -17,7 +17,8 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
 from hopopt.leg.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot
-from hopopt.sim.state import BOUNCE
+from hopopt.leg.scales import Scale
+from hopopt.sim.state import BOUNCE, SENSELESS
 
 Controller = Callable[[float, np.ndarray, np.ndarray, bool], np.ndarray]  # (t, q, v, contact) -> tau (n) [N m]
 GRIP = 0.02  # of the weight: what the pin may pull before it lets go; a plan without load is at zero give or take
@@ -25,7 +26,6 @@ SETTLING = 8  # time steps: time constant of the pin. MuJoCo's least, 2, disturb
 GRIPS = 100.0  # how much harder friction is than the contact's normal, so that a foot within the cone hardly creeps
 TOUCHES = 1e-5  # m: below which a foot on frictional ground is on it; MuJoCo's contact is soft by less
 PLACED = 1e-6  # m: how far from the origin a foot may be that is to stand there
-SENSELESS = 1e3  # rad/s or m/s: beyond this the motion has run away
 IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # MuJoCo's hardest constraint
 PLANE = [0, 2]  # x and z of a world vector
 
@@ -69,12 +69,14 @@ def simulate(
     controller(t, q, v, contact) is called every ``control_period`` [s] and its torques (n) [N m] are held; they are
     not clamped here. A whole number of Runge-Kutta steps of about ``time_step`` [s] fits into each period. With
     ``contact`` the run begins in stance, the foot at the origin; else in flight. It ends early where the foot has come down
-    ``landings`` times after flights of at least ``bounce`` [s]; a pinned foot only once. friction: coefficient of the ground; by default the foot is pinned.
+    ``landings`` times after flights of at least ``bounce`` [s, on the paper's leg]; a pinned foot only once. friction: coefficient
+    of the ground; by default the foot is pinned.
     Raises MissingExtraError without MuJoCo, UsageError for a foot that is elsewhere, HopoptError if the motion runs away.
     """
     steps = max(1, round(control_period / time_step))
     scene = _Scene(robot, control_period / steps, friction)
     scene.begin(q0, v0, contact)
+    least = bounce * Scale.of(robot.leg).time
     rows, left = [], -np.inf if contact else 0.0  # when the foot last left the ground
     for k in range(round(duration / control_period) + 1):
         if k > 0:
@@ -83,7 +85,7 @@ def simulate(
         t, *_, on_ground, foot, _ = rows[-1]
         if contact and not on_ground:
             left = t
-        landings -= on_ground and not contact and t - left > bounce
+        landings -= on_ground and not contact and t - left > least
         if (scene.pinned and not on_ground and foot[1] < -PLACED) or landings <= 0:
             break
         contact = on_ground
@@ -155,6 +157,7 @@ class _Scene:
             self.model.geom_solref[:], self.model.geom_solimp[:] = (SETTLING * time_step, 1.0), IMPEDANCE
         self.model.eq_solref[0] = SETTLING * time_step, 1.0  # critically damped
         self.model.eq_solimp[0] = IMPEDANCE
+        self.fastest = SENSELESS / Scale.of(robot.leg).time
         self.grip = GRIP * float(np.linalg.norm(option.gravity)) * float(self.model.body_mass.sum())
 
     def begin(self, q: np.ndarray, v: np.ndarray, contact: bool) -> None:
@@ -168,7 +171,7 @@ class _Scene:
         """Ask the controller, let go of the foot if the ground would pull; a row of the trace."""
         q, v = self.data.qpos.copy(), self.data.qvel.copy()
         contact = bool(self.data.eq_active[0]) if self.pinned else bool(self._foot()[1] < TOUCHES)
-        if not np.abs(v).max() < SENSELESS:
+        if not np.abs(v).max() < self.fastest:
             raise HopoptError(f"the motion ran away at {t:.4f} s: the controller is unstable, or its period too long")
         tau = np.array(controller(t, q, v, contact), dtype=float)
         self.data.qfrc_applied[BASE:] = tau

@@ -24,8 +24,8 @@ class PlanarLeg(NamedTuple):
     sign (n,): +1 where a joint turns about +y. tip, com (n, 2): next joint, or foot, and centre of mass in the link's
     frame [m]. mass, inertia, armature (n,) [kg, kg m^2]. body: mass of the body [kg]. gravity (2,): along x and z [m/s^2].
     upper, lower (n, k, 2): lines c - d w of the greatest and the least motor torque [N m]. gain, efficiency (n,),
-    friction [N m], damping [N m s/rad]: as in ``Drive`` and ``Gear``. stop_upper, stop_lower (n,) [rad], stiffness
-    [N m/rad], loss [s/rad]: as in ``Stops``. watched (n,): 1 for joints that must not come to the ground. mu: the
+    friction [N m], damping [N m s/rad], slow [rad/s], lightest [kg m^2]: as in ``Drive`` and ``Gear``. stop_upper,
+    stop_lower (n,) [rad], stiffness (n,) [N m/rad], loss [s/rad]: as in ``Stops``. watched (n,): 1 for joints that must not come to the ground. mu: the
     friction coefficient. finer: parts into which every step is cut.
     """
 
@@ -43,9 +43,11 @@ class PlanarLeg(NamedTuple):
     efficiency: np.ndarray
     friction: float
     damping: float
+    slow: float
+    lightest: float
     stop_upper: np.ndarray
     stop_lower: np.ndarray
-    stiffness: float
+    stiffness: np.ndarray
     loss: float
     watched: np.ndarray
     mu: float
@@ -76,6 +78,8 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: 
         efficiency=drive.efficiency,
         friction=drive.gear.friction,
         damping=drive.gear.damping,
+        slow=drive.gear.slow,
+        lightest=drive.gear.lightest,
         stop_upper=stops.upper,
         stop_lower=stops.lower,
         stiffness=stops.stiffness,
@@ -188,7 +192,9 @@ def solved(M: np.ndarray, B: np.ndarray) -> np.ndarray:
 @kernel
 def driven(leg: Any, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Torques (n) [N m] of the motors after their limits, and of the joints after the gears."""
-    return kernels.driven(w, command, leg.gain, leg.upper, leg.lower, leg.efficiency, leg.friction, leg.damping)
+    return kernels.driven(
+        w, command, leg.gain, leg.upper, leg.lower, leg.efficiency, leg.friction, leg.damping, leg.slow
+    )
 
 
 @kernel
@@ -198,5 +204,5 @@ def stopped(leg: Any, q_j: np.ndarray, w: np.ndarray) -> np.ndarray:
     for k in range(len(q_j)):
         depth = max(q_j[k] - leg.stop_upper[k], 0.0) + min(q_j[k] - leg.stop_lower[k], 0.0)
         if depth != 0.0:
-            torque[k] = -leg.stiffness * depth * max(1 + leg.loss * np.sign(depth) * w[k], 0.0)
+            torque[k] = -leg.stiffness[k] * depth * max(1 + leg.loss * np.sign(depth) * w[k], 0.0)
     return torque

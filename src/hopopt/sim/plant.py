@@ -15,14 +15,15 @@ from scipy.optimize import brentq
 from hopopt.drivetrain.drives import Drive
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE, Robot
+from hopopt.leg.scales import Scale
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.encoder import Encoder
 from hopopt.sim.machine import Machine
-from hopopt.sim.state import BOUNCE, Command, State, Timing, Torque
+from hopopt.sim.state import BOUNCE, SENSELESS, Command, State, Timing, Torque
 from hopopt.sim.stops import Stops
 from hopopt.sim.trace import Event, Trace, TraceWriter
 
-LONGEST = 2.5e-4  # [s] of a step, however slow the controller
+LONGEST = 2.5e-4  # [s] of a step on the paper's leg, however slow the controller
 EVENT = 1e-9  # [s] to which events are located
 JUMP = 1e-8  # [s] before the end of a step within which the torque that follows may already hold
 AHEAD = 1e-5  # [s] over which a foot let go must rise
@@ -41,8 +42,9 @@ class Plant:
         self.finer = finer
         self.above_ground = set(robot.joints if above_ground is None else above_ground) - {"foot"}
         self.robot, self.machine, self.drive, self.n = robot, Machine(robot), drive, len(robot.joints)
-        joints = [robot.leg.joint[name] for name in robot.joints]
-        self.stops = Stops(np.array([j.lower for j in joints]), np.array([j.upper for j in joints]))
+        self.stops = Stops.of(robot.leg)
+        time = Scale.of(robot.leg).time
+        self.bounce, self.fastest, self.longest = BOUNCE * time, SENSELESS / time, LONGEST * time
 
     # ---- equations of motion ---------------------------------------------------------------------------
 
@@ -144,7 +146,9 @@ class Plant:
         A foot that ``lets_go`` at once is the caller's to see to.
         """
         after = self.step(s, torque, h)
-        if not after.sane or self._margin(after, torque) >= 0 or ((here := self._margin(s, torque)) < 0 and s.contact):
+        if not after.sane(self.fastest) or self._margin(after, torque) >= 0:
+            return after, False
+        if (here := self._margin(s, torque)) < 0 and s.contact:
             return after, False
         begin = 0.0 if here > 0 else min(AHEAD, h)  # the foot may just have come off
         if not here > 0 and self._margin(self.step(s, torque, begin), torque) <= 0:
@@ -170,7 +174,7 @@ class Plant:
         x, z = self.machine.foot_motion(s.q, v)[0]
         q = s.q - np.array([0.0, z, *[0.0] * self.n])
         landed = replace(s, q=q, v=v, contact=True, foot=x, since=s.before)
-        if s.t - s.since >= BOUNCE:
+        if s.t - s.since >= self.bounce:
             landed = replace(landed, since=s.t, landings=s.landings + 1)
         return landed, Event("touchdown", s.t, lost)
 
@@ -215,7 +219,7 @@ class Plant:
             if outcome != "the time was up":
                 break
         assert torque is not None
-        if s.sane:
+        if s.sane(self.fastest):
             self._note(writer, s, torque)
         return writer.trace(outcome)
 
@@ -246,11 +250,11 @@ class Plant:
             return lambda t, q, v: torque(min(t, end - JUMP), q, v)
 
         torque = from_here(s)
-        while end - s.t > EVENT and s.sane and not s.halted:
+        while end - s.t > EVENT and s.sane(self.fastest) and not s.halted:
             changes = self.lets_go(s, torque)
             if not changes:
                 self._note(writer, s, torque)
-                s, changes = self.advance(s, torque, min(end - s.t, LONGEST))
+                s, changes = self.advance(s, torque, min(end - s.t, self.longest))
                 before = torque
             if changes:
                 if before:
@@ -258,7 +262,7 @@ class Plant:
                 s, event = self.change(s, torque)
                 if event:
                     writer.events.append(event)
-                if chatters(writer.events):
+                if chatters(writer.events, self.bounce):
                     s = replace(s, halted="the contact chatters")
                 torque, before = from_here(s), None
         return s if s.halted or s.t == end else replace(s, t=end), torque
@@ -269,7 +273,7 @@ class Plant:
 
     def fault(self, s: State) -> str:
         """Why the simulation cannot go on, or nothing."""
-        if s.halted or not s.sane:
+        if s.halted or not s.sane(self.fastest):
             return s.halted or RAN_AWAY
         lowest, height = self.lowest_watched(s)
         return f"the {lowest} hit the ground" if height < 0 else ""
@@ -281,7 +285,7 @@ class Plant:
         return name, float(height)
 
 
-def chatters(events: Sequence[Event]) -> bool:
-    """Whether the foot has left the ground CHATTER times within the last BOUNCE [s]."""
-    recent = [e for e in events[-4 * CHATTER :] if e.kind == "lift-off" and e.t >= events[-1].t - BOUNCE]
+def chatters(events: Sequence[Event], within: float) -> bool:
+    """Whether the foot has left the ground CHATTER times within the last so many seconds."""
+    recent = [e for e in events[-4 * CHATTER :] if e.kind == "lift-off" and e.t >= events[-1].t - within]
     return len(recent) >= CHATTER

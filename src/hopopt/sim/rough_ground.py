@@ -12,7 +12,7 @@ from hopopt.leg.robot import Robot
 from hopopt.sim import contact
 from hopopt.sim.planar import planar_leg
 from hopopt.sim.plant import RAN_AWAY, Plant
-from hopopt.sim.state import BOUNCE, State, Torque
+from hopopt.sim.state import State, Torque
 from hopopt.sim.trace import Event
 
 HAPPENINGS = {
@@ -85,13 +85,13 @@ class RoughGround(Plant):
             after = replace(after, since=s.t, before=s.since)
         elif what == contact.LANDS:
             after = replace(after, since=s.before)
-            if s.t - s.since >= BOUNCE:
+            if s.t - s.since >= self.bounce:
                 after = replace(after, since=s.t, landings=s.landings + 1)
         return after, Event(HAPPENINGS[what], s.t, lost) if what in HAPPENINGS else None
 
     def fault(self, s: State) -> str:
         """Why the simulation cannot go on, or nothing; joints that strike have been noticed at their instant."""
-        return s.halted or ("" if s.sane else RAN_AWAY)
+        return s.halted or ("" if s.sane(self.fastest) else RAN_AWAY)
 
     def _held(self, s: State, torque: Torque) -> np.ndarray:
         return np.asarray(torque(s.t, s.q[-self.n :], s.v[-self.n :]), dtype=float)

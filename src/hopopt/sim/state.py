@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-SENSELESS = 1e3  # [rad/s] beyond this the simulation has broken down
+SENSELESS = 1e3  # [rad/s, m/s] on the paper's leg: beyond this the simulation has broken down
 
 ACCOUNTS = (
     4  # of work [J]: by the motors; lost in the gears, taken by the joints' end stops, lost in friction at the foot
 )
 
-BOUNCE = 0.02  # [s] a foot off the ground for less has not hopped: its stance goes on
+BOUNCE = 0.02  # [s] on the paper's leg: a foot off the ground for less has not hopped, its stance goes on
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,9 @@ class State:
     slip: int = 0
     halted: str = ""
 
-    @property
-    def sane(self) -> bool:
-        """Whether the speeds are those of a leg, not of a simulation that has broken down."""
-        return all(-SENSELESS < speed < SENSELESS for speed in self.v.tolist())
+    def sane(self, fastest: float) -> bool:
+        """Whether all speeds are below the fastest [rad/s, m/s], not those of a simulation that has broken down."""
+        return all(-fastest < speed < fastest for speed in self.v.tolist())
 
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # (t, q_j, v_j) -> command

@@ -17,6 +17,7 @@ from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import two_joints
+from hopopt.leg.scales import Scale
 from hopopt.ocp.phases import STANCE
 from hopopt.planner.reserve import plan_to_track, reserved
 from hopopt.planner.solution import Motion, Solution
@@ -35,7 +36,7 @@ TUNED = ("force", "position")  # strategies whose gains can be tuned
 ALL = "all"  # in place of names: every strategy that suits the leg
 DEFAULT = ("track", "force", "force_tuck")  # and the better of these two:
 TUNED_PD = ("force_tuned", "position_tuned")
-BEATEN = 1e-4  # [m] by which a strategy may pass the bound: what verification allows
+BEATEN = 1e-4  # [m] on the paper's leg, by which a strategy may pass the bound: what verification allows
 EARLY = 0.9  # share of the planned stance, before which a foot should not leave
 OPTIMUM = "optimum"
 PAPERS = "force"  # of the paper's two the one that saturates its drives
@@ -81,10 +82,9 @@ class Comparison:
     @property
     def beaten_by(self) -> list[str]:
         """Strategies that keep every limit and yet pass the bound: then the bound is wrong."""
+        most = self.bound + BEATEN * Scale.of(self.solution.design.leg).length
         return [
-            name
-            for name, f in self.figures.items()
-            if name != OPTIMUM and not f.limits_exceeded and f.clearance > self.bound + BEATEN
+            name for name, f in self.figures.items() if name != OPTIMUM and not f.limits_exceeded and f.clearance > most
         ]
 
     @property

@@ -27,7 +27,7 @@ from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
 from hopopt.sim.hop_metrics import HopFigures
 
-PRICE = 0.05  # [m] that a hop counts less for every limit it does not keep
+PRICE = 0.05  # [m] on the paper's leg that a hop counts less for every limit it does not keep
 GAINS = {
     "k_p": (100.0, 20000.0),
     "k_d": (1.0, 200.0),
@@ -43,16 +43,17 @@ NEARBY = 0.02  # motors so much weaker or stronger show whether a clearance is a
 
 @dataclass(frozen=True)
 class Trial:
-    """Options of a strategy and what its hop came to: clearance [m], limits not kept, and what it counts for [m]."""
+    """Options of a strategy and what its hop came to: clearance [m], limits not kept, and the price of each [m]."""
 
     options: dict[str, Any]
     clearance: float
     limits_exceeded: tuple[str, ...]
+    price: float = PRICE
 
     @property
     def merit(self) -> float:
         """Clearance less a penalty for the limits that were not kept [m]."""
-        return self.clearance - PRICE * len(self.limits_exceeded)
+        return self.clearance - self.price * len(self.limits_exceeded)
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class Tuned:
 
     def as_dict(self) -> dict[str, Any]:
         """Everything in numbers, for ``--json``."""
-        return {**asdict(self), "price_of_a_limit_m": PRICE}
+        return {**asdict(self), "price_of_a_limit_m": self.best.price}
 
 
 def tune(
@@ -193,7 +194,7 @@ class Search:
         hop: HopFigures = simulate(
             design, BUILT_IN[self.strategy], options=options, torque_gain=gains, past_apex=True
         ).figures
-        return Trial(options, hop.clearance, tuple(hop.limits_exceeded))
+        return Trial(options, hop.clearance, tuple(hop.limits_exceeded), PRICE * hop.scale.length)
 
     def cost(self, x: np.ndarray) -> float:
         """What the search makes small: minus the merit [m]."""
@@ -206,7 +207,7 @@ def text(tuned: Sequence[Tuned]) -> str:
     for t in tuned:
         around = f"{t.nearby[0]:.3f} and {t.nearby[1]:.3f} m"
         lines += [t.found, f"  the best with motors {NEARBY:.0%} weaker and stronger: {around}"]
-    return "\n".join([*lines, f"every limit not kept counted as {PRICE:g} m less"])
+    return "\n".join([*lines, f"every limit not kept counted as {tuned[0].best.price:g} m less"])
 
 
 def _limits(trial: Trial) -> str:

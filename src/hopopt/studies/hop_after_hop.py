@@ -20,6 +20,7 @@ from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import start_angles
+from hopopt.leg.scales import Scale
 from hopopt.ocp.phases import FLIGHT
 from hopopt.planner.reserve import plan_to_track
 from hopopt.planner.solution import Solution
@@ -171,7 +172,8 @@ class HopsComparison:
     @property
     def beaten_by(self) -> list[str]:
         """Strategies that keep every limit and keep up more than the bound: then the bound is wrong."""
-        return [name for name, h in self.hops.items() if not h.limits_exceeded and h.kept > self.bound + BEATEN]
+        most = self.bound + BEATEN * Scale.of(self.solution.design.leg).length
+        return [name for name, h in self.hops.items() if not h.limits_exceeded and h.kept > most]
 
     @property
     def exit_code(self) -> int:
@@ -327,7 +329,8 @@ def hops_in_mujoco(trial: Trial, hops: int) -> list[float]:
     run = in_mujoco(trial.design, fresh, trial.start, hops + (trial.apex is not None), BOUNCED)
     edges = np.flatnonzero(np.diff(run.contact.astype(int))) + 1  # no flight before the first landing counts
     flights = [span for span in pairwise([*edges, len(run.t)]) if not run.contact[span[0]]]
-    whole = [(a, b) for a, b in flights if run.t[b - 1] - run.t[a] > BOUNCED]
+    least = BOUNCED * Scale.of(trial.design.leg).time
+    whole = [(a, b) for a, b in flights if run.t[b - 1] - run.t[a] > least]
     each = np.arange(len(run.t))
     return [highest_in(trial.design, run, (each >= a) & (each < b)) for a, b in whole]
 

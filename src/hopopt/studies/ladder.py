@@ -31,8 +31,8 @@ from hopopt.studies.hop_after_hop import HopsComparison
 
 CONTROL = "best control of the same freedoms"
 SLACK = 1e-3  # of what PD uses: room for its own hop
-DESCENDS = 0.02  # [m/s] of the body downwards in stance, below which it counts as not descending
-STRAYS = 0.02  # [m/s] by which PD's mean speed may differ from what is asked, and count as that
+DESCENDS = 0.02  # [m/s] on the paper's leg of the body downwards in stance, below which it counts as not descending
+STRAYS = 0.02  # [m/s] on the paper's leg, by which PD's mean speed may differ from what is asked, and count as that
 STARTS = 2  # of every rung
 BELOW = 1e-5  # [m] by which a rung may be below another that has less
 
@@ -146,7 +146,7 @@ def withheld(f: HopFigures) -> Iterator[Freedom]:
     lasted = (1 + SLACK) * f.lift_off["time_s"]
     if shortest < lasted < longest:
         yield Freedom("a longer stance", {"hop.stance_duration": [shortest, lasted]})
-    if design.hop.counter_movement and trace.v[stance, 1].min() > -DESCENDS:
+    if design.hop.counter_movement and trace.v[stance, 1].min() > -DESCENDS * f.scale.time:
         yield Freedom("a counter-movement", {"hop.counter_movement": False})
     size, hip = reach(design.leg), design.leg.joints[0]
     away = SLACK * size + float(np.abs(trace.points[hip] - trace.points["foot"])[stance, 0].max())
@@ -173,7 +173,7 @@ def _of_a_cycle(f: HopFigures) -> Iterator[Freedom]:
     if lost < (hop.touchdown_loss or np.inf):
         yield Freedom("a harder landing", {"hop.touchdown_loss": lost})
     speed = float((trace.q[-1, 0] - trace.q[0, 0]) / (trace.t[-1] - trace.t[0]))
-    if abs(speed - hop.speed) > STRAYS:
+    if abs(speed - hop.speed) > STRAYS * f.scale.time:
         yield Freedom(
             "no drift" if hop.speed == 0 else "the speed that is asked for", {"hop.speed": speed}, widens=False
         )

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.control.closed_loop import LONGEST, make_plant
+from hopopt.control.closed_loop import longest, make_plant
 from hopopt.design import Design
 from hopopt.leg.robot import BASE
 from hopopt.sim.controller import Controller
@@ -75,7 +75,7 @@ class ReturnMap:
         landed, _ = plant.change(falling, lambda t, q, v: np.zeros(n))
         for bounces in range(BOUNCES):
             trace = plant.run(
-                landed, deepcopy(self.controller), design.hop.stance_duration[1] + LONGEST,
+                landed, deepcopy(self.controller), longest(design),
                 landings=landed.landings + 1 + bounces,
                 timing=Timing(period, s.torque_delay), encoder=Encoder(0, 1, period, s.speed_error),
             )  # fmt: skip

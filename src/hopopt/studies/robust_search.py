@@ -17,7 +17,7 @@ from hopopt.design import Design, Reserve
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import reach, start_angles
 from hopopt.leg.robot import build_robot
-from hopopt.leg.scales import weight
+from hopopt.leg.scales import Scale, weight
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.planner.from_known import solved_from_known
@@ -31,7 +31,7 @@ from hopopt.verify.table import NORMALISED_TIMES
 TRACKER = "track"
 BY_RESERVE, BY_PROGRAM = "reserve", "program"  # the two ways
 TUNING_DRAWS = 16  # legs that every plan is judged on
-# angle [rad], torque, speed [shares], ground force [of the weight], height [m]: where the search begins, its first steps, its ends
+# angle [rad], torque, speed [shares], ground force [of the weight], height [m on the paper's leg]: where the search begins, its first steps, its ends
 FIRST, STEPS = np.array([0.02, 0.0, 0.03, 0.6, 0.005]), np.array([0.08, 0.03, 0.03, -0.1, 0.003])
 LOWEST, HIGHEST = np.zeros(5), np.array([0.3, 0.4, 0.3, 2.0, 0.05])
 SHARES = (0.3, 0.45, 0.6, 0.8)  # of the spreads, by which the program's legs are apart
@@ -128,7 +128,7 @@ class Search:
     def _reserve(self, x: np.ndarray) -> float:
         """Score [m] of the plan with a reserve x; below zero where no plan is left."""
         (angle, torque, speed, force, height), asked = map(float, x), self.bound.design
-        newtons = force * weight(build_robot(asked.leg).model)
+        newtons, height = force * weight(build_robot(asked.leg).model), height * Scale.of(asked.leg).length
         reserve = Reserve(torque=torque, speed=speed, ground_force=newtons, height=height, angle=angle)
         design = asked.model_copy(update={"reserve": reserve})
         try:
