@@ -11,6 +11,7 @@ from hopopt.planner.first_mesh import rollout_starts
 from hopopt.planner.global_verdict import COARSE, LESS, MAY_EXIST, NOTHING, followed, highest, verdict
 from hopopt.planner.multistart import STOPPED
 from hopopt.planner.solve import solve_from
+from rarely import rarely
 from second_program import Leg, best_hop
 
 # Entry, the answer [m], what the grid promises and its best motion reaches with flights that fold the leg in no time [m].
@@ -22,6 +23,7 @@ RECORDED = [
     ("leg.gear.ratio=20", 0.9046, 0.6212, 0.8623),
     ("start.hip_height=0.735", 0.7526, 0.6960, 0.7217),
 ]
+IN_CI = 4  # of the twenty legs; the others with HOPOPT_TESTS=all
 OF_THE_SECOND = 0.01  # relative error of the second program
 SLOW = 3  # legs at the beginning of that list whose drives fold slowly
 
@@ -122,7 +124,7 @@ def drawn_legs(count: int, seed: int) -> list[list[str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("leg", range(20))
+@pytest.mark.parametrize("leg", [pytest.param(k, marks=[] if k < IN_CI else [rarely]) for k in range(20)])
 def test_a_second_program_finds_nothing_better(leg: int) -> None:
     """From 24 random starts: not within its own error, nor solved from its motion by hopopt. And there is neither a false
     alarm nor a "nothing better" by less than the answer."""

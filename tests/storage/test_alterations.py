@@ -22,7 +22,7 @@ from hopopt.storage.recheck import recheck
 from hopopt.storage.solution import read, save
 
 SEED = 52
-FEW, MANY = 40, int(os.environ.get("HOPOPT_ALTERATIONS", "2000"))
+FEW, MANY = 40, int(os.environ.get("HOPOPT_ALTERATIONS", "300"))  # 2000 before a release
 Alter = Callable[[Path, random.Random], str]
 
 
