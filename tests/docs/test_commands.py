@@ -28,9 +28,6 @@ RUN = (
     "certificate",
     "objectives",
     "own_leg",
-    "periodic",
-    "report",
-    "studies",
 )  # pages that are run whole, in minutes; with HOPOPT_PAGES=all every page is, in an hour
 ALL = os.environ.get("HOPOPT_PAGES") == "all"
 REFUSED = ("pareto --against impact",)  # the page says that there is no such front

@@ -8,10 +8,12 @@ import pytest
 
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
+from rarely import rarely
 
 PAGE = 4096  # bytes
 
 
+@rarely
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the size of a process is read from /proc")
 def test_memory_does_not_grow_with_the_number_of_solves() -> None:

@@ -31,6 +31,7 @@ from hopopt.studies.calibration.result import (
     text,
 )
 from hopopt.studies.calibration.tracking_demand import point_masses, tracking_saturation
+from rarely import rarely
 from refusals import refusal
 
 QUICK = {"simulation.control_rate": 1000.0, "simulation.encoder_bits": 0}  # coarser steps make C_avg jump
@@ -63,6 +64,7 @@ def round_trip(printed: Sequence[Figure], rate: float) -> Calibration:
     return calibrate(leg, figures, held_out=(), free=free, options=SOFT, scanned=0, starts=1, processes=1)
 
 
+@rarely
 @pytest.mark.slow
 def test_a_known_motor_is_recovered_from_its_own_figures() -> None:
     c = round_trip(SIMULATION, rate=1000.0)
@@ -83,6 +85,7 @@ def test_an_exact_fit_is_no_identification() -> None:
     assert c.undetermined
 
 
+@rarely
 @pytest.mark.slow
 def test_one_saturation_does_not_determine_two_values() -> None:
     only = SIMULATION[1:2]
