@@ -75,6 +75,7 @@ class Machine:
 
     def __init__(self, robot: Robot):
         self.model, self.data, self.n = robot.model, robot.model.createData(), len(robot.joints)
+        self.leg = robot.leg
         self.contact = list(contact_axes(robot.leg))
         self.held = [] if "x" in robot.leg.guides else [0]  # coordinates of the body that no guide lets move
         self.frames = {name: self.model.getFrameId(f"point_{name}") for name in robot.points}

@@ -21,6 +21,7 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.limits import limit_words, limits_of, windowed
@@ -28,7 +29,7 @@ from hopopt.verify.measures import MEASURES
 from hopopt.verify.periodic import closure, joints_at
 from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, ON_GROUND, POWERS, STANCE, TO_POWERS, Table
 
-HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions
+HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it dear
 FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's value
@@ -196,7 +197,8 @@ def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contac
 def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> Law:
     """The plan's torque in one interval (values at NORMALISED_TIMES), held to its motion by feedback and to the regions."""
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
-    stiffness, damping = HOLD**2 * inertia, 2 * HOLD * inertia
+    hold = HOLD / Scale.of(machine.leg).time
+    stiffness, damping = hold**2 * inertia, 2 * hold * inertia
     ahead = (TO_POWERS @ (tau + q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T)).T
 
     def torque(place: float, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
