@@ -253,4 +253,4 @@ def test_a_neighbour_that_stops_leaves_the_others(monkeypatch: pytest.MonkeyPatc
 
 
 def stop() -> Never:
-    raise RuntimeError("planted")
+    raise SolverError("planted")
