@@ -17,6 +17,7 @@ import xarray as xr
 
 import hopopt as ho
 from command_line import said
+from hopopt.errors import SolverError
 from hopopt.planner.refine_and_verify import refine_and_verify
 from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define
