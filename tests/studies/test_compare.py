@@ -621,6 +621,8 @@ def test_all_rows_of_a_similar_leg_are_the_papers(solution, monkeypatch):
     monkeypatch.setattr("hopopt.studies.compare.plan_to_track", lambda design, say: plan_with_reserve())
     of = compare(solution.design, names, bound=solution)
     assert not small.notes
+    assert small.plan is not None
+    assert of.plan is not None
     assert small.plan.clearance == pytest.approx(0.25 * of.plan.clearance, rel=1e-3)
     for name in (OPTIMUM, *names):
         assert small.figures[name].clearance == pytest.approx(0.25 * of.figures[name].clearance, rel=1e-3), name

@@ -176,8 +176,9 @@ def solve_from(
     hop: Hop, chosen: Sequence[StartOutcome], outcomes: Sequence[StartOutcome], say: Progress = lambda text: None,
     until: Deadline = NEVER,
 ) -> Solution:  # fmt: skip
-    """The best of the chosen outcomes of the first mesh, refined and verified; NotSolvedError if there is none."""
-    clock = Stopwatch()
+    """The best of the chosen outcomes of the first mesh, refined and verified, within TIME_LIMIT; NotSolvedError if there is
+    none."""
+    clock, until = Stopwatch(), until.within(TIME_LIMIT)
     if not chosen:
         raise not_solved(hop, outcomes, until=until)
     finished = [refined_and_verified(hop, outcome, outcomes, say, clock, until=until) for outcome in chosen]
