@@ -121,9 +121,15 @@ def test_feedback_brings_the_leg_back_to_the_plan(
 ) -> None:
     """Started a hundredth of a radian off, with motors that leave room: left alone half of it stays, LQG ends it."""
     strong = load("paper", {**CHEAP, "leg.motor.max_torque": 8.0, "leg.motor.max_speed": 6000.0})
+    weights = {
+        "effort": 30.0,
+        "disturbance": 5.0,
+        "k_p": 1000.0,
+        "k_d": 20.0,
+    }  # of the paper's motors: shares of stall torque
     errors = {}
     for feedback in ("none", "pd", "lqr"):
-        controller = Track(Setting(strong, PERIOD, plan, {"feedback": feedback}))
+        controller = Track(Setting(strong, PERIOD, plan, {"feedback": feedback, **weights}))
         start = plan.stance.q[0, 0] + np.array(offset)
         trace = make_plant(strong).run(start, controller, 0.19, encoder=Encoder(14, 8, PERIOD))
         assert not trace.events
