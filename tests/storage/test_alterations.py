@@ -155,9 +155,7 @@ def test_an_altered_entry_is_told(stored: Path, tmp_path: Path, capsys: pytest.C
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("nothing_else_notices")
-def test_two_thousand_altered_entries_are_told(
-    stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_many_altered_entries_are_told(stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     all_told(stored, MANY, tmp_path, capsys)
 
 
