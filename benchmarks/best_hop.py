@@ -20,13 +20,13 @@ import random_legs
 import hopopt as ho
 from hopopt.design import Design
 from hopopt.errors import HopoptError, NotSolvedError, one_line
+from hopopt.evidence.family_optima import Source, followed, searched
 from hopopt.global_search import applies, search
 from hopopt.ocp.hop import Hop
-from hopopt.planner.first_mesh import rollout_starts
-from hopopt.planner.multistart import StartOutcome, first_solver, run_chunk
 from hopopt.planner.refine_and_verify import refined_and_verified
+from hopopt.planner.search.first_mesh import rollout_starts
+from hopopt.planner.search.multistart import StartOutcome, first_solver, run_chunk
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.studies.family_optima import Source, followed, searched
 
 STARTS, NODES = 60, 41
 AROUND = (0.7, 0.85, 1.2, 1.5)  # times the leg's friction

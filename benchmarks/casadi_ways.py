@@ -22,13 +22,13 @@ import numpy as np
 
 import hopopt as ho
 from hopopt.nlp import terms
-from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.program import Program
 from hopopt.nlp.schemes import scheme
+from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import NAMED, make_guess
 from hopopt.ocp.phases import FLIGHT, STANCE
 
 LIMIT = 60.0  # [s] for all repeats of a way with hopopt's own beside it

@@ -103,7 +103,7 @@ def monomials(powers, x, out):
 @kernel
 def terms(hop, y):
     """Of the stance at (t, q1, q2, w1, w2): m12, h1, h2, x1, x2, f_z without acceleration, height and rise of the
-    centre of mass, energy; as in hopopt.global_search.dynamics."""
+    centre of mass, energy; as in hopopt.global_search.equations.dynamics."""
     a, b, r1, r2 = y[1], y[1] + y[2], y[3], y[3] + y[4]
     s1, c1, s2, c2 = np.sin(a), np.cos(a), np.sin(b), np.cos(b)
     m12, slope = hop.coupling * np.cos(b - a) + hop.rotor, -hop.coupling * np.sin(b - a)

@@ -11,12 +11,12 @@ import time
 from dataclasses import dataclass
 
 import hopopt as ho
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import NAMED, make_guess
 from hopopt.ocp.phases import FLIGHT, STANCE
 
 SIZES = (10, 20, 40, 80, 160, 320, 640)

@@ -22,7 +22,7 @@ import hopopt as ho
 from hopopt.design import Design
 from hopopt.errors import HopoptError, NotSolvedError, one_line
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.feasibility import drives_too_weak, joints_without_inertia
+from hopopt.ocp.guesses.feasibility import drives_too_weak, joints_without_inertia
 
 PROCESSES = 2
 GRAVITY = 9.81

@@ -17,12 +17,12 @@ from typing import Any
 from random_legs import feasible_legs, loaded
 
 import hopopt as ho
+from hopopt.comparison.gain_tuning import tune
 from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.problem.load import changed
 from hopopt.sim.hop_metrics import HopFigures
-from hopopt.studies.gain_tuning import tune
 
 BUILT_IN = (
     "paper", "paper_four_quadrant", "paper_no_countermovement", "a1_leg", "b1_leg", "go1_leg", "go2_leg", "hyq_leg",

@@ -4,7 +4,7 @@
 
 The first mesh of the problem, built once (the entries are numbers of the program). "Start" is the first guess again;
 "answer" the last solution as a guess with the same options; "warm" that solution with its multipliers and the options
-WARM of hopopt.nlp.ipopt. Times of the solve alone, the best of the repeats (5 unless told), and the share that "warm" is
+WARM of hopopt.nlp.solver.ipopt. Times of the solve alone, the best of the repeats (5 unless told), and the share that "warm" is
 of "start" and of building and solving, as peers.py counts a cold solve. All three must agree.
 """
 
@@ -15,10 +15,10 @@ from collections.abc import Callable
 import numpy as np
 
 import hopopt as ho
-from hopopt.nlp.ipopt import WARM, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import WARM, NlpSolution, NlpSolver
+from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import NAMED, make_guess
-from hopopt.planner.multistart import first_transcription
+from hopopt.planner.search.multistart import first_transcription
 
 ENTRIES = ("leg.gear.ratio", "leg.motor.max_torque", "leg.motor.max_speed", "leg.body.mass", "leg.shank.length")
 SAME = 1e-6  # [objective's unit]: answers closer than this are one

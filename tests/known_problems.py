@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import (
     BoundaryConstraint,

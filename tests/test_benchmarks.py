@@ -57,10 +57,10 @@ def test_hopopt_meets_the_known_optimum(name: str, scripts: dict[str, ModuleType
 def test_the_stored_hop_is_the_hop_of_the_planner(scripts: dict[str, ModuleType], hop_folder: Path) -> None:
     """The same program, whether posed through the planner's own classes or from the stored formulas."""
     import hopopt as ho
-    from hopopt.nlp.ipopt import NlpSolver
+    from hopopt.nlp.solver.ipopt import NlpSolver
+    from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
     from hopopt.ocp.hop import Hop
-    from hopopt.ocp.initial_guess import NAMED, make_guess
-    from hopopt.planner.multistart import first_transcription
+    from hopopt.planner.search.multistart import first_transcription
 
     hop = Hop(ho.load("paper"))
     own = NlpSolver(first_transcription(hop))(make_guess(hop, NAMED[0]))
@@ -104,9 +104,9 @@ def test_full_force_is_the_best_jump(scripts: dict[str, ModuleType]) -> None:
 
 def test_mesh_size_and_warm_measure_the_same_hop(scripts: dict[str, ModuleType]) -> None:
     import hopopt as ho
-    from hopopt.nlp.ipopt import WARM, NlpSolver
+    from hopopt.nlp.solver.ipopt import WARM, NlpSolver
     from hopopt.ocp.hop import Hop
-    from hopopt.planner.multistart import first_transcription
+    from hopopt.planner.search.multistart import first_transcription
 
     hop = Hop(ho.load("paper", ["solver.stance_intervals=16", "solver.flight_intervals=4"]))
     cost = scripts["mesh_size"].measured(hop, 20)

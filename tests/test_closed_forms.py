@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import build_robot
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import Scheme, radau
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT

@@ -17,8 +17,8 @@ from hopopt.cli.main import run
 from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import BUILT_IN
 from hopopt.errors import HopoptError, NotSolvedError
-from hopopt.leg.urdf import read_leg
-from hopopt.leg.urdf_xml import UrdfError
+from hopopt.leg.files.urdf import read_leg
+from hopopt.leg.files.urdf_xml import UrdfError
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
 from hopopt.storage.solution import save

@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 import hopopt as ho
-from hopopt.studies.versions import PYTHON, TESTED
+from hopopt.cli.setup.versions import PYTHON, TESTED
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))

@@ -9,11 +9,11 @@ import numpy as np
 from posed import DEGREE, MOST_ITERATIONS, TOLERANCE, Posed, Run, main
 from posed import Phase as PosedPhase
 
-from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
+from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.guess import Guess
+from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, Parameter, PathConstraint, Phase, Problem, State
 
 NOTE = "Radau degree 3, the right end of an interval collocated; controls with a value at every point"

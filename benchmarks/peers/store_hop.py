@@ -11,8 +11,8 @@ from posed import OPERATIONS
 
 import hopopt as ho
 from hopopt.nlp.layout import make_stage
+from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import NAMED, make_guess
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.ocp.problem import Ends, Instant, Phase, split, symbols
 

@@ -10,12 +10,12 @@ import pytest
 
 from hopopt.cli import main as cli
 from hopopt.errors import ResultError
-from hopopt.ocp.objectives import OBJECTIVES
-from hopopt.planner.families import words
+from hopopt.evidence import dynamic_programming as upright
+from hopopt.evidence import local_optima
+from hopopt.evidence.local_optima import Ended, families, finished
+from hopopt.ocp.objectives.registry import OBJECTIVES
+from hopopt.planner.search.families import words
 from hopopt.problem.load import load
-from hopopt.studies import dynamic_programming as upright
-from hopopt.studies import local_optima
-from hopopt.studies.local_optima import Ended, families, finished
 
 COARSE = ("solver.refine=false", "solver.stance_intervals=12", "solver.flight_intervals=5")
 SETTINGS = [word for entry in COARSE for word in ("--set", entry)]

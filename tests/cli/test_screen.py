@@ -17,12 +17,12 @@ from hopopt.cli.screen.details import print_details
 from hopopt.cli.screen.runs import print_comparison, print_run, run_table
 from hopopt.cli.screen.sensitivity import print_sensitivity
 from hopopt.cli.screen.sweep import print_study
+from hopopt.comparison.compare import compare
+from hopopt.planner.answer.summary_extras import Stretch, Structure
+from hopopt.planner.answer.summary_parts import LeansOn, NamedCheck
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Countdown
-from hopopt.planner.summary_extras import Stretch, Structure
-from hopopt.planner.summary_parts import LeansOn, NamedCheck
 from hopopt.problem.load import load
-from hopopt.studies.compare import compare
 from hopopt.studies.influence import Influence
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point_file import VERIFIED, Point

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from hopopt.comparison.compare import reference_of
+from hopopt.comparison.robust.robustness import drawn, reached
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.receding_horizon import PENALTY, PlanLimits, Program, TrackWithinLimits, solved
 from hopopt.control.reference import PlanReference
@@ -18,8 +20,6 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.plant import PAST_APEX
-from hopopt.studies.compare import reference_of
-from hopopt.studies.robustness import drawn, reached
 from once import solved_once
 from rarely import rarely
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from hopopt.comparison.compare import reference_of
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.paper_pd import PaperOptions
 from hopopt.control.reference import PlanReference
@@ -21,7 +22,6 @@ from hopopt.leg.scales import Scale, reserve_of, weight
 from hopopt.planner.reserve import reserved
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
-from hopopt.studies.compare import reference_of
 from once import plan_with_reserve
 from similar_legs import similar, similar_plan
 

@@ -17,18 +17,19 @@ from hopopt.drivetrain import dynamics, half_planes, laws
 from hopopt.leg.robot import BASE
 from hopopt.nlp import schemes
 from hopopt.nlp.deadline import NEVER
-from hopopt.nlp.interval_errors import interval_errors
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
+from hopopt.nlp.refinement.interval_errors import interval_errors
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp import objectives, rules
+from hopopt.ocp import rules
+from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import NAMED, make_guess
+from hopopt.ocp.objectives import registry as objectives
 from hopopt.ocp.problem import Instant
 from hopopt.ocp.transitions import impact
-from hopopt.planner import multistart
-from hopopt.planner.multistart import first_solver
-from hopopt.planner.program_limits import program_limits
+from hopopt.planner.checks.program_limits import program_limits
+from hopopt.planner.search import multistart
+from hopopt.planner.search.multistart import first_solver
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve

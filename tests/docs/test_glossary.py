@@ -11,7 +11,7 @@ import pytest
 import hopopt
 from hopopt.drivetrain.limits import Line
 from hopopt.leg.limit_id import Kind
-from hopopt.ocp.objectives import OBJECTIVES
+from hopopt.ocp.objectives.registry import OBJECTIVES
 from hopopt.storage.summary import summary_schema
 from hopopt.verify import whole_hop
 

@@ -24,7 +24,7 @@ PAGES = [
     *sorted((ROOT / "notebooks").glob("*.py")),
 ]
 SPAN = r"(`{1,2})((?:(?!\1).)+)\1"  # inline code, of pages and of docstrings
-RETURNED = {"Identification": "hopopt.studies.identification"}  # annotated without import
+RETURNED = {"Identification": "hopopt.robot_data.identification"}  # annotated without import
 OF_OTHERS = ("--shell", "--help", "--nthreads")  # options of all commands, and of dask
 MEMBER = re.compile(r"\b([A-Z][A-Za-z]+)\.([a-z_]+)\b(?!\.(?:py|md|toml))")
 

@@ -19,7 +19,7 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
 from hopopt.sim.state import Timing
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 
 LAG = 0.01  # [s]

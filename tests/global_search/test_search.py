@@ -11,15 +11,15 @@ from hopopt.compiled.kernel import packed
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
+from hopopt.evidence.dynamic_programming import by_dynamic_programming, reduced
 from hopopt.global_search import GlobalSearch, Rollout, applies, search
 from hopopt.global_search.constants import stance_constants, to_link_angles
-from hopopt.global_search.flight import flight_of, fold_loss
-from hopopt.global_search.four_states import fastest_joints
+from hopopt.global_search.equations.flight import flight_of, fold_loss
+from hopopt.global_search.equations.four_states import fastest_joints
 from hopopt.global_search.posture import tuck_height
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.sim.machine import Machine
-from hopopt.studies.dynamic_programming import by_dynamic_programming, reduced
 
 SIZE = 11
 BEST_KNOWN = 0.79935  # m: clearance of the paper's leg on ideal ground

@@ -8,10 +8,10 @@ from hopopt import load
 from hopopt.compiled.kernel import packed
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
-from hopopt.global_search.accelerations import VERTICES, polygon
 from hopopt.global_search.constants import stance_constants, to_joint_angles, to_link_angles
-from hopopt.global_search.dynamics import apex_height, stance_terms
-from hopopt.global_search.flight import _accelerations, flight_of, fold_loss
+from hopopt.global_search.equations.accelerations import VERTICES, polygon
+from hopopt.global_search.equations.dynamics import apex_height, stance_terms
+from hopopt.global_search.equations.flight import _accelerations, flight_of, fold_loss
 from hopopt.global_search.posture import tuck_height
 from hopopt.leg.kinematics import joint_positions, start_angles
 from hopopt.leg.robot import BASE, build_robot

@@ -12,7 +12,7 @@ from hypothesis import assume, given
 
 from drawn_legs import legs_in_motion, mass_matrix, quick
 from hopopt.design import Leg
-from hopopt.leg.export import to_mjcf, to_urdf
+from hopopt.leg.files.export import to_mjcf, to_urdf
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.problem.load import load
 

@@ -16,11 +16,11 @@ from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.export import to_urdf
+from hopopt.leg.files.export import to_urdf
+from hopopt.leg.files.urdf import read_leg
+from hopopt.leg.files.urdf_xml import UrdfError
 from hopopt.leg.kinematics import joint_positions
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.leg.urdf import read_leg
-from hopopt.leg.urdf_xml import UrdfError
 from hopopt.problem.load import changed
 from hopopt.sim.machine import Machine
 from rarely import rarely

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from hopopt.errors import NotSolvedError
-from hopopt.nlp.casadi_solver import CasadiSolver
-from hopopt.nlp.ipopt import FOREIGN, OPTIONS, NlpSolver
-from hopopt.nlp.known_optima import Known, KnownOptima
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
+from hopopt.nlp.solver.casadi_solver import CasadiSolver
+from hopopt.nlp.solver.ipopt import FOREIGN, OPTIONS, NlpSolver
+from hopopt.nlp.solver.known_optima import Known, KnownOptima
 from hopopt.nlp.transcription import Transcription
 from known_problems import bryson_denham, guesses
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from hopopt.errors import NotSolvedError
-from hopopt.nlp import compiled as module
-from hopopt.nlp.compiled import FOLDER, WORTH_IT, compiled, compiling
+from hopopt.nlp.solver import compiled as module
+from hopopt.nlp.solver.compiled import FOLDER, WORTH_IT, compiled, compiling
 from hopopt.ocp.hop import Hop
-from hopopt.planner.multistart import run_chunk
+from hopopt.planner.search.multistart import run_chunk
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.studies.sweep.run import sweep

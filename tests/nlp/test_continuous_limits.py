@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from hopopt.nlp.continuous_limits import bernstein, bernstein_at, centres, held_between
-from hopopt.nlp.interval_errors import interval_errors
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
-from hopopt.nlp.kkt_residuals import residuals
 from hopopt.nlp.mesh import PhaseMesh, uniform
+from hopopt.nlp.refinement.continuous_limits import bernstein, bernstein_at, centres, held_between
+from hopopt.nlp.refinement.interval_errors import interval_errors
+from hopopt.nlp.refinement.tightening_cost import normalised_switch_times, tightening_cost, tightening_costs
 from hopopt.nlp.schemes import Scheme, radau
-from hopopt.nlp.tightening_cost import normalised_switch_times, tightening_cost, tightening_costs
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
+from hopopt.nlp.solver.kkt_residuals import residuals
 from hopopt.ocp.problem import Objective, PathConstraint, Problem
 from known_problems import SCHEMES, Known, moved, solve
 

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hopopt.nlp import mesh_refinement as refine
-from hopopt.nlp.continuous_limits import held_between
-from hopopt.nlp.interval_errors import IntervalErrors, interval_errors, stage_values
-from hopopt.nlp.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import mesh_of_arcs, uniform
-from hopopt.nlp.mesh_refinement import (
+from hopopt.nlp.refinement import mesh_refinement as refine
+from hopopt.nlp.refinement.continuous_limits import held_between
+from hopopt.nlp.refinement.interval_errors import IntervalErrors, interval_errors, stage_values
+from hopopt.nlp.refinement.mesh_refinement import (
     MET,
     NO_NEARER,
     NOT_ASKED,
@@ -23,13 +22,14 @@ from hopopt.nlp.mesh_refinement import (
     Aims,
     Refinement,
 )
-from hopopt.nlp.mesh_step import cut, equal, fitting
+from hopopt.nlp.refinement.mesh_step import cut, equal, fitting
+from hopopt.nlp.refinement.tightened_refinement import TighteningRefinement, refinement_of
+from hopopt.nlp.refinement.tightening import limit_nodes, passed, tightened, tightened_by_excess
+from hopopt.nlp.refinement.tightening_cost import tightening_cost
 from hopopt.nlp.schemes import Scheme, radau
-from hopopt.nlp.tightened_refinement import TighteningRefinement, refinement_of
-from hopopt.nlp.tightening import limit_nodes, passed, tightened, tightened_by_excess
-from hopopt.nlp.tightening_cost import tightening_cost
+from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
-from hopopt.nlp.warm_start import carried
 from hopopt.ocp.problem import Objective, Problem
 from known_problems import SCHEMES, Known, brachistochrone, bryson_denham, moved, solve
 

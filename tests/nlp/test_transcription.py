@@ -10,9 +10,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import mesh_of_arcs, uniform
 from hopopt.nlp.schemes import TRAPEZOIDAL, Scheme, radau
+from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import Control, Ends, Objective, Phase, Problem, State
 from known_problems import (
@@ -178,9 +178,9 @@ def test_maximize_changes_the_sign_only() -> None:
 def test_an_answer_as_a_guess_is_the_answer() -> None:
     """Its trajectories alone leave out the free parameters, the height among them."""
     import hopopt as ho
+    from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
     from hopopt.ocp.hop import Hop
-    from hopopt.ocp.initial_guess import NAMED, make_guess
-    from hopopt.planner.multistart import first_transcription
+    from hopopt.planner.search.multistart import first_transcription
 
     hop = Hop(ho.load("paper", ["solver.stance_intervals=16", "solver.flight_intervals=4"]))
     t = first_transcription(hop)

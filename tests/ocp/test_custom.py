@@ -13,12 +13,12 @@ from hopopt.cli.main import run
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import Moment, as_objective, custom
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.objectives import find
-from hopopt.planner.custom_check import custom_checks
+from hopopt.ocp.objectives.registry import find
+from hopopt.planner.answer.summary_extras import Functions
+from hopopt.planner.checks.custom_check import custom_checks
 from hopopt.planner.solution import Solution
-from hopopt.planner.summary_extras import Functions
 from hopopt.problem.load import load
-from hopopt.storage.recheck import with_functions
+from hopopt.storage.seal.recheck import with_functions
 from hopopt.verify.measures import positive_work
 
 FORCE = 400.0  # N
@@ -141,7 +141,7 @@ def test_the_checks_leg_is_pinocchios(softly: Solution) -> None:
         points = [now.points[name] for name in ("hip", "knee", "foot", "com")]
         return ca.vertcat(now.t, now.q, now.v, now.a, now.tau, now.f, *points, now.com_v)
 
-    from hopopt.planner.custom_check import along
+    from hopopt.planner.checks.custom_check import along
 
     table = softly.tables["flight"]
     found = along(softly.robot, "flight", table, custom(everything), np.array([0.5]))[:, 0]

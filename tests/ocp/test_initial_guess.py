@@ -10,8 +10,8 @@ import pytest
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import foot_offset, tucked
 from hopopt.leg.robot import BASE, build_robot
+from hopopt.ocp.guesses.initial_guess import NAMED, make_guess, saturated_push, starts
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import NAMED, make_guess, saturated_push, starts
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine

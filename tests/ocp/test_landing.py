@@ -18,7 +18,7 @@ from hopopt.planner.solve import solve
 from hopopt.plots.hop import FIGURES
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.verify.check import failed
 from hopopt.verify.measures import impact

@@ -12,7 +12,7 @@ from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.robot import BASE
 from hopopt.ocp.hop import Hop
-from hopopt.planner.required_clearance import from_highest
+from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load

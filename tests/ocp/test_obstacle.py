@@ -11,11 +11,11 @@ from hopopt.api import plot
 from hopopt.cli.main import run
 from hopopt.errors import UsageError
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.obstacle import distance
+from hopopt.ocp.hops.obstacle import distance
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from hopopt.verify.obstacle import height_over
+from hopopt.verify.hops.obstacle import height_over
 from hopopt.verify.plan import verify_plan
 from hopopt.verify.table import FLIGHT
 

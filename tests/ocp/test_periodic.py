@@ -12,12 +12,13 @@ import pinocchio as pin
 import pytest
 
 from hopopt.cli.main import run
+from hopopt.comparison.compare import compare
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
+from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Objective, Parameter, Phase, Problem, State, linkage
@@ -27,10 +28,9 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
-from hopopt.studies.compare import compare
-from hopopt.verify.periodic import periodic_checks
+from hopopt.verify.hops.periodic import periodic_checks
 from hopopt.verify.plan import verify_plan
 from hopopt.verify.table import DESCENT, STANCE
 from once import solved_once

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from hopopt.ocp.guesses.posture import Posture
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.posture import Posture
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine

@@ -11,8 +11,14 @@ from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.shared_control import CLEARANCE, TrueLeg, highest_gains, under_one_controller, with_torque_constants
-from hopopt.planner.multistart import first_transcription, run_starts, solution_of
+from hopopt.ocp.hops.shared_control import (
+    CLEARANCE,
+    TrueLeg,
+    highest_gains,
+    under_one_controller,
+    with_torque_constants,
+)
+from hopopt.planner.search.multistart import first_transcription, run_starts, solution_of
 from hopopt.planner.shared_plan import of_leg, shared_plan, true_legs
 from hopopt.planner.solution import Motion
 from hopopt.problem.load import load

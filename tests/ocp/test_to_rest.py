@@ -15,7 +15,7 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.studies.sensitivity import sensitivity
 from hopopt.verify.plan import verify_plan

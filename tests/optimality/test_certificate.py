@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hopopt.nlp.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import mesh_of_arcs, uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
+from hopopt.nlp.solver.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import Objective, Problem, State
 from hopopt.optimality.certificate import Certificate, certify
-from hopopt.optimality.costates import phase_multipliers
+from hopopt.optimality.minimum_principle.costates import phase_multipliers
 from known_problems import (
     PROBLEMS,
     Known,

@@ -11,19 +11,26 @@ import pytest
 from hopopt.cli.main import run
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.constraints import HEIGHT
 from hopopt.ocp.problem import Component
-from hopopt.optimality.arcs import Activity
 from hopopt.optimality.certificate import Certificate, certify
-from hopopt.optimality.switch_times import plan
-from hopopt.optimality.switching_structure import Acting, described, runs, sentences, stretches, structure
+from hopopt.optimality.minimum_principle.arcs import Activity
+from hopopt.optimality.minimum_principle.switch_times import plan
+from hopopt.optimality.minimum_principle.switching_structure import (
+    Acting,
+    described,
+    runs,
+    sentences,
+    stretches,
+    structure,
+)
 from hopopt.planner.refine_and_verify import with_tighter_tolerances
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 from once import solved_once
 
@@ -279,7 +286,7 @@ def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
 
 
 def test_a_hop_without_switches_that_may_move_says_so(coarse: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hopopt.optimality.switch_times.AWAY", 10.0)
+    monkeypatch.setattr("hopopt.optimality.minimum_principle.switch_times.AWAY", 10.0)
     s = solve(load("paper", COARSE), starts=1, structure=True)
     assert s.summary.structure.solved_again is False
     assert "no switch" in str(s.summary.structure.note)

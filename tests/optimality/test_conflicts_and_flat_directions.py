@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import (
     BoundaryConstraint,
@@ -24,9 +24,16 @@ from hopopt.ocp.problem import (
     State,
     linkage,
 )
-from hopopt.optimality import flat_directions as nlp_flat
-from hopopt.optimality.flat_directions import INSENSITIVE, Flat, NotInvertible, flat, longer_or_shorter, sensitivities
-from hopopt.optimality.infeasibility import PUSHES, Conflict, Part, conflict
+from hopopt.optimality.directions import flat_directions as nlp_flat
+from hopopt.optimality.directions.flat_directions import (
+    INSENSITIVE,
+    Flat,
+    NotInvertible,
+    flat,
+    longer_or_shorter,
+    sensitivities,
+)
+from hopopt.optimality.directions.infeasibility import PUSHES, Conflict, Part, conflict
 from known_problems import (
     PROBLEMS,
     Known,

@@ -11,23 +11,23 @@ import pytest
 
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import build_robot
-from hopopt.nlp.interval_errors import interval_errors
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, uniform
-from hopopt.nlp.mesh_refinement import Refinement
+from hopopt.nlp.refinement.interval_errors import interval_errors
+from hopopt.nlp.refinement.mesh_refinement import Refinement
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, radau
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.guess import Guess
+from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import Objective, Problem
-from hopopt.optimality.costates import sign
 from hopopt.optimality.error_estimate import STATED, ObjectiveError, objective_error
-from hopopt.planner.judge import numerical_checks
+from hopopt.optimality.minimum_principle.costates import sign
+from hopopt.planner.checks.judge import numerical_checks
 from hopopt.planner.refine_and_verify import aims_of
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.problem.load import load
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.verify.table import FLIGHT, STANCE, Table
 from hopopt.verify.whole_hop import joint_clamp, not_simulated, whole_hop_rollout

@@ -6,13 +6,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State
-from hopopt.optimality.kinks import kink
-from hopopt.optimality.parametric_sensitivity import slopes
+from hopopt.optimality.directions.kinks import kink
+from hopopt.optimality.directions.parametric_sensitivity import slopes
 from known_problems import double_integrator
 
 D = 1.3  # [m]

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from hopopt.cli.screen.certificate import second_order_line
-from hopopt.nlp.ipopt import LEAST, NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
+from hopopt.nlp.solver.ipopt import LEAST, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import Control, Objective, Phase, Problem, State
 from hopopt.optimality import second_order
 from hopopt.optimality.second_order import Curvature, curvature
-from hopopt.planner.notes import saddle_note
-from hopopt.planner.notes import second_order as entry
+from hopopt.planner.answer.notes import saddle_note
+from hopopt.planner.answer.notes import second_order as entry
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from known_problems import Known, bryson_denham, guesses, minimum_effort, solve

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.planner.solution import Solution

@@ -2,12 +2,12 @@
 
 import pytest
 
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.solver.ipopt import NlpSolution
+from hopopt.ocp.guesses.initial_guess import starts_of
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import starts_of
-from hopopt.planner.calm_first import CALM, calmest, uncalmed
-from hopopt.planner.multistart import SAME, first_transcription, run_chunk, solution_of
 from hopopt.planner.refine_and_verify import aims_of
+from hopopt.planner.search.calm_first import CALM, calmest, uncalmed
+from hopopt.planner.search.multistart import SAME, first_transcription, run_chunk, solution_of
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 

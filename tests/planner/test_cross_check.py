@@ -16,8 +16,9 @@ from hopopt.cli.screen.cross_check import cross_check_lines
 from hopopt.errors import SolverError
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop
-from hopopt.planner import cross_check
-from hopopt.planner.cross_check import (
+from hopopt.planner.answer.stored_summary import Summary
+from hopopt.planner.checks import cross_check
+from hopopt.planner.checks.cross_check import (
     CrossCheckAnswer,
     CrossCheckOutcome,
     Failed,
@@ -26,12 +27,11 @@ from hopopt.planner.cross_check import (
     cross_checked,
     with_cross_checks,
 )
-from hopopt.planner.multistart import first_transcription
+from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.stored_summary import Summary
 from hopopt.problem.load import load
 from hopopt.storage.solution import read, save
 from once import solved_once

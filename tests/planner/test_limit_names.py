@@ -11,9 +11,9 @@ from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import HEIGHT, NO_DESCENT
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import Component, components
-from hopopt.optimality.infeasibility import Conflict, Part
+from hopopt.optimality.directions.infeasibility import Conflict, Part
 from hopopt.optimality.limits import Limit
-from hopopt.planner.limit_names import conflict_words, path_value, words_of
+from hopopt.planner.answer.limit_names import conflict_words, path_value, words_of
 from hopopt.problem.load import load
 
 pytestmark = pytest.mark.filterwarnings("error")

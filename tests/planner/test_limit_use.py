@@ -12,13 +12,13 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.design import Design
 from hopopt.errors import ResultError
-from hopopt.optimality.flat_directions import NotInvertible
-from hopopt.planner.limit_use import as_dict, idle_uses
-from hopopt.planner.motion_figures import FINE, active_limits
+from hopopt.evidence.diagnosis import diagnose
+from hopopt.optimality.directions.flat_directions import NotInvertible
+from hopopt.planner.answer.limit_use import as_dict, idle_uses
+from hopopt.planner.answer.motion_figures import FINE, active_limits
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
 from hopopt.storage.solution import save
-from hopopt.studies.diagnosis import diagnose
 from once import solved_once
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -169,7 +169,7 @@ def test_diagnose_keeps_the_rest_where_matrices_are_singular(plan: Solution, tmp
         def raised(*_: object) -> None:
             raise error
 
-        monkeypatch.setattr("hopopt.studies.diagnosis.flat", raised)
+        monkeypatch.setattr("hopopt.evidence.diagnosis.flat", raised)
 
     saved = save(plan, tmp_path, None)
     fails(RuntimeError("Error in Function::call"))

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hopopt.comparison.compare import planned_trace
 from hopopt.leg.scales import force_range
 from hopopt.ocp.phases import STANCE
-from hopopt.planner.motion_figures import FINE, leans_on
+from hopopt.planner.answer.motion_figures import FINE, leans_on
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import changed
 from hopopt.sim.hop_metrics import HopFigures
-from hopopt.studies.compare import planned_trace
 
 
 def test_the_papers_hop_leans_on_ground_that_no_friction_is(hop: Solution) -> None:

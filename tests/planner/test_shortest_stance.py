@@ -5,7 +5,7 @@ import pytest
 from hopopt.cli.screen.answer import in_short
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
-from hopopt.planner.shortest_stance import with_shortest_stance
+from hopopt.planner.search.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.planner.stopwatch import Stopwatch

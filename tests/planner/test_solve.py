@@ -9,27 +9,27 @@ import pytest
 from hopopt.cli.screen.answer import _headline
 from hopopt.cli.screen.search import global_line
 from hopopt.errors import UsageError
-from hopopt.nlp import mesh_refinement as refine
+from hopopt.nlp.refinement import mesh_refinement as refine
+from hopopt.ocp.guesses.initial_guess import starts
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import starts
-from hopopt.planner import multistart
 from hopopt.planner import refine_and_verify as finishing
 from hopopt.planner import solve as planner
-from hopopt.planner.first_mesh import search_first_mesh
-from hopopt.planner.global_verdict import COARSE
-from hopopt.planner.multistart import distinct, run_starts, solved_from
-from hopopt.planner.notes import notes_on
+from hopopt.planner.answer.notes import notes_on
+from hopopt.planner.answer.stored_summary import Summary
+from hopopt.planner.answer.summary_extras import GlobalMethod
 from hopopt.planner.refine_and_verify import (
     PRICE_TOLERANCE,
     TOLERANCE,
     hop_with_tighter_tolerances,
     refined_and_verified,
 )
+from hopopt.planner.search import multistart
+from hopopt.planner.search.first_mesh import search_first_mesh
+from hopopt.planner.search.global_verdict import COARSE
+from hopopt.planner.search.multistart import distinct, run_starts, solved_from
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, calmer, solve, with_larger_tie_break
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.stored_summary import Summary
-from hopopt.planner.summary_extras import GlobalMethod
 from hopopt.problem.load import load
 from hopopt.verify.check import Check
 from once import solved_once

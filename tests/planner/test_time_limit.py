@@ -11,16 +11,16 @@ from hopopt.cli.screen.answer import print_late
 from hopopt.errors import NotSolvedError
 from hopopt.global_search import search
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.ipopt import LONGEST, NlpSolver, time_given
-from hopopt.nlp.mesh_refinement import OUT_OF_TIME
+from hopopt.nlp.refinement.mesh_refinement import OUT_OF_TIME
+from hopopt.nlp.solver.ipopt import LONGEST, NlpSolver, time_given
 from hopopt.ocp.hop import Hop
-from hopopt.planner import first_mesh
-from hopopt.planner.multistart import first_transcription, run_chunk, run_starts
+from hopopt.planner.answer.stored_summary import LATE
 from hopopt.planner.refine_and_verify import refine_outcome
-from hopopt.planner.relaxations import QUICK, relaxed_starts
+from hopopt.planner.search import first_mesh
+from hopopt.planner.search.multistart import first_transcription, run_chunk, run_starts
+from hopopt.planner.search.relaxations import QUICK, relaxed_starts
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
-from hopopt.planner.stored_summary import LATE
 from hopopt.problem.load import load
 from hopopt.studies.codesign import codesign
 

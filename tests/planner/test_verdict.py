@@ -9,13 +9,13 @@ import pytest
 import hopopt as ho
 from hopopt.ocp.hop import Hop
 from hopopt.planner import refine_and_verify as road
-from hopopt.planner.judge import judge
-from hopopt.planner.multistart import run_chunk
+from hopopt.planner.answer.verdict import Verdict
+from hopopt.planner.checks.judge import judge
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
+from hopopt.planner.search.multistart import run_chunk
 from hopopt.planner.solution import Solution
-from hopopt.planner.verdict import Verdict
 from hopopt.problem.load import load
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define

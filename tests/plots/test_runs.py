@@ -13,19 +13,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import Bbox
 
+from hopopt.comparison.compare import OPTIMUM
 from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
-from hopopt.plots.runs import FIGURES, save_all
-from hopopt.plots.runs_style import by_stance, looks
+from hopopt.paper.stiffness import MARGIN, neutral, secant_stiffness
+from hopopt.plots.controllers.runs import FIGURES, save_all
+from hopopt.plots.controllers.runs_style import by_stance, looks
 from hopopt.plots.style import BLACK, SIZE
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
 from hopopt.sim.hop_metrics import HopFigures
-from hopopt.studies.compare import OPTIMUM
-from hopopt.studies.stiffness import MARGIN, neutral, secant_stiffness
 
 Runs = dict[str, HopFigures]
 NEUTRAL = neutral(load("paper"))

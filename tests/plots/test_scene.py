@@ -18,8 +18,8 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli import main as cli
+from hopopt.leg.files.urdf_visuals import BODY, visuals
 from hopopt.leg.robot import build_robot
-from hopopt.leg.urdf_visuals import BODY, visuals
 from hopopt.planner.solution import Solution
 from hopopt.plots import scene as plots
 from hopopt.plots.scene import HopScene, serve

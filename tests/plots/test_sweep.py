@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from hopopt.plots.sweep import figures
+from hopopt.plots.studies.sweep import figures
 from hopopt.problem.load import load
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.point_file import NOT_SOLVED, VERIFIED, Point

@@ -15,8 +15,8 @@ from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import build_robot
 from hopopt.problem import catalogue as actuators
 from hopopt.problem.catalogue import MARKS, PARTS, catalogue, names
+from hopopt.problem.checking.mass_law import fit, mass_law, weighed
 from hopopt.problem.load import changed, design_hash, load, resolved_toml, template
-from hopopt.problem.mass_law import fit, mass_law, weighed
 
 RPM, GCM2 = 2 * np.pi / 60, 1e-7
 GEARS = {  # ratio, repeated peak torque [N m], largest input speed [rpm], as the makers' tables have them

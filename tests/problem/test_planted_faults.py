@@ -15,8 +15,8 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.robot import build_robot
-from hopopt.ocp.feasibility import drives_too_weak, joints_without_inertia
-from hopopt.problem.hints import hints
+from hopopt.ocp.guesses.feasibility import drives_too_weak, joints_without_inertia
+from hopopt.problem.checking.hints import hints
 from hopopt.problem.load import builtin_names, load, template
 
 pytestmark = pytest.mark.filterwarnings("error")

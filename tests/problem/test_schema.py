@@ -13,9 +13,9 @@ from jsonschema import Draft7Validator, Draft202012Validator
 
 from hopopt.cli.main import run
 from hopopt.ocp.custom import FIGURE
+from hopopt.planner.answer.summary_entry import as_data
+from hopopt.planner.answer.summary_parts import Measures
 from hopopt.planner.solution import Solution
-from hopopt.planner.summary_entry import as_data
-from hopopt.planner.summary_parts import Measures
 from hopopt.problem.catalogue import problems_folder
 from hopopt.problem.load import load, resolved_toml, template
 from hopopt.problem.schema import problem_schema

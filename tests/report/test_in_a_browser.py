@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 import hopopt as ho
+from hopopt.comparison.compare import compare
 from hopopt.planner.solution import Solution
 from hopopt.report.result import page_of
 from hopopt.storage.runs import save_runs
 from hopopt.storage.solution import save
-from hopopt.studies.compare import compare
 from stored_results import ROBUST, stored_study
 
 api = pytest.importorskip("playwright.sync_api", reason="pages in a browser need pip install 'hopopt[browser]'")

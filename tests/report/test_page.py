@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from hopopt.cli import main as cli
+from hopopt.comparison.compare import Comparison, compare
 from hopopt.planner.solution import Solution
 from hopopt.report.chart import Chart, round_numbers
 from hopopt.report.content import content_of, of_solutions
@@ -21,7 +22,6 @@ from hopopt.report.html import written
 from hopopt.report.page import page
 from hopopt.storage.runs import read_runs, save_runs
 from hopopt.storage.solution import save
-from hopopt.studies.compare import Comparison, compare
 
 ROUNDED = 1e-4  # m, rad/s, N m: what is drawn
 LARGEST = 1_500_000  # bytes

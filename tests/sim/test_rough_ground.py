@@ -19,10 +19,10 @@ from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.problem.load import load
-from hopopt.sim import contact, planar
 from hopopt.sim.controller import Measurement
+from hopopt.sim.ground import contact, planar
+from hopopt.sim.ground.rough_ground import RoughGround
 from hopopt.sim.machine import Machine
-from hopopt.sim.rough_ground import RoughGround
 from hopopt.sim.state import State
 
 G = 9.81

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from hopopt.cli.main import run
+from hopopt.planner.answer.verdict import Verdict
 from hopopt.planner.solution import Solution
-from hopopt.planner.verdict import Verdict
-from hopopt.storage import recheck as recheck_module
-from hopopt.storage.digests import DATA, OWN, digests
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal import recheck as recheck_module
+from hopopt.storage.seal.digests import DATA, OWN, digests
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 
 SEED = 52

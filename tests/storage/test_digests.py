@@ -13,9 +13,9 @@ from hopopt.cli.main import run
 from hopopt.errors import ResultError
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
-from hopopt.storage.digests import DATA, changed, digests, seal
-from hopopt.storage.recheck import recheck, reverified
-from hopopt.storage.repair import repaired
+from hopopt.storage.seal.digests import DATA, changed, digests, seal
+from hopopt.storage.seal.recheck import recheck, reverified
+from hopopt.storage.seal.repair import repaired
 from hopopt.storage.solution import read, save, with_more
 from hopopt.studies.sweep.run import Study, sweep
 from hopopt.studies.sweep.store import FILES

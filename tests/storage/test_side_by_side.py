@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from joblib import Parallel, delayed
 
+from hopopt.evidence.families import one_entry
+from hopopt.evidence.families import open_folder as open_families
+from hopopt.evidence.local_optima import open_study as open_evidence
 from hopopt.problem.load import load
 from hopopt.storage.folder import new_work_folder, prepare, published
 from hopopt.storage.runs import save_runs
-from hopopt.studies.families import one_entry
-from hopopt.studies.families import open_folder as open_families
-from hopopt.studies.local_optima import open_study as open_evidence
 from hopopt.studies.pareto import _folder as open_front
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.store import open_folder as open_sweep

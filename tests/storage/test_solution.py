@@ -17,7 +17,7 @@ from hopopt.planner.solution import Solution
 from hopopt.storage.folder import prepare
 from hopopt.storage.netcdf import Group, to_bytes
 from hopopt.storage.netcdf import read as read_netcdf
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import KINDS, read, save
 from once import solved_once
 

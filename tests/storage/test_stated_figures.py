@@ -7,13 +7,13 @@ from typing import Any
 import pytest
 
 from hopopt.cli.main import run
-from hopopt.nlp.interval_errors import interval_errors
-from hopopt.planner.judge import judge
+from hopopt.nlp.refinement.interval_errors import interval_errors
+from hopopt.planner.answer.summary_entry import as_data
+from hopopt.planner.checks.judge import judge
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import hop_of, stored_nlp
-from hopopt.planner.summary_entry import as_data
-from hopopt.storage.digests import seal
-from hopopt.storage.recheck import recheck
+from hopopt.storage.seal.digests import seal
+from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.storage.stated_figures import stated_checks
 from hopopt.storage.summary import adapter

@@ -17,23 +17,23 @@ from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.nlp.deadline import NEVER
-from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
+from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling, parse_free
-from hopopt.ocp.guess import Guess
+from hopopt.ocp.guesses.guess import Guess
+from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import NAMED, make_guess
-from hopopt.ocp.objectives import find
+from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
-from hopopt.planner.from_known import from_motion
-from hopopt.planner.multistart import first_transcription
+from hopopt.planner.answer.summary_extras import CoDesign
+from hopopt.planner.search.from_known import from_motion
+from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.summary_extras import CoDesign
-from hopopt.problem.mass_law import mass_law
-from hopopt.storage.recheck import co_design_checks, recheck
+from hopopt.problem.checking.mass_law import mass_law
+from hopopt.storage.seal.recheck import co_design_checks, recheck
 from hopopt.storage.solution import read, save
 from hopopt.studies import codesign
 from hopopt.studies.mass_coupling import catalogue_coupling
@@ -331,7 +331,7 @@ def test_the_design_that_came_out_is_solved_from_the_whole_motion(monkeypatch: p
             asked.append(parameters)
             return super().__call__(guess, parameters, *more)
 
-    monkeypatch.setattr("hopopt.planner.from_known.NlpSolver", Noting)
+    monkeypatch.setattr("hopopt.planner.search.from_known.NlpSolver", Noting)
     assert from_motion(hop, motion).objective == pytest.approx(motion.objective, rel=1e-7)
     assert asked[0]["clearance"] == motion.parameters["clearance"]
 

@@ -10,13 +10,14 @@ import pytest
 
 from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, SolverError
-from hopopt.nlp.ipopt import Bounds, NlpSolver
+from hopopt.evidence import family_optima, local_optima
+from hopopt.nlp.solver.ipopt import Bounds, NlpSolver
 from hopopt.ocp.hop import Hop
-from hopopt.planner.first_mesh import search_first_mesh
-from hopopt.planner.multistart import first_transcription, run_chunk
 from hopopt.planner.refine_and_verify import refine_and_verify
+from hopopt.planner.search.first_mesh import search_first_mesh
+from hopopt.planner.search.multistart import first_transcription, run_chunk
 from hopopt.problem.load import load
-from hopopt.studies import family_optima, local_optima, pareto
+from hopopt.studies import pareto
 from hopopt.studies.faults import Fault, guarded
 from hopopt.studies.sweep import point
 from hopopt.studies.sweep.point_file import ENDED, VERIFIED
@@ -170,7 +171,7 @@ def test_a_value_that_no_solver_can_work_on_does_not_end_the_others(
         ("sweep --vary leg.gear.ratio=100 --starts 1 --no-figures", "hopopt.studies.sweep.run.save_tables", "--resume"),
         ("pareto --points 3 --starts 1 --no-figures", "hopopt.studies.pareto.Chain", "are kept there"),
         ("evidence --starts 1", "hopopt.cli.answer.evidence._gathered", "go on with: hopopt evidence --resume"),
-        ("families --starts 1", "hopopt.studies.family_search.find_families", "is kept in families.json"),
+        ("families --starts 1", "hopopt.evidence.family_search.find_families", "is kept in families.json"),
     ],
 )
 def test_a_fault_between_the_parts_of_a_study_is_a_sentence_and_loses_nothing(

@@ -7,12 +7,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hopopt.evidence import family_optima, local_optima
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner.multistart import first_transcription
+from hopopt.planner.search.multistart import first_transcription
 from hopopt.problem.load import load
-from hopopt.studies import family_optima, local_optima
 from hopopt.studies.sweep import point
 from hopopt.studies.sweep.definition import Definition, define
 

@@ -86,7 +86,7 @@ def test_folder_holds_table_points_and_json(front: Front) -> None:
 
 @pytest.mark.slow
 def test_figure_shows_every_point(front: Front) -> None:
-    from hopopt.plots.pareto import figure
+    from hopopt.plots.studies.pareto import figure
 
     lost = FrontPoint("point", 0.5, None, None, False, "not verified: stance replay")
     picture = figure(Front(front.design, front.against, None, [*front.points, lost], []))

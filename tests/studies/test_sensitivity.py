@@ -17,12 +17,12 @@ from hopopt.cli.main import run
 from hopopt.cli.screen.sensitivity import ROWS, left_out, sentences
 from hopopt.design import physical_parameters
 from hopopt.leg.kinematics import start_angles
-from hopopt.nlp.ipopt import NlpSolver
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
 from hopopt.nlp.schemes import Scheme, radau
+from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State
-from hopopt.optimality.parametric_sensitivity import Slopes, slopes
+from hopopt.optimality.directions.parametric_sensitivity import Slopes, slopes
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve
@@ -444,7 +444,7 @@ def test_screen(
 
 
 def test_figure_shows_the_figures(paper: Solution, found: list[Influence]) -> None:
-    from hopopt.plots.sensitivity import tornado
+    from hopopt.plots.studies.sensitivity import tornado
 
     (ax,) = tornado(paper, found).axes
     widths = [bar.get_width() for bar in ax.patches]  # type: ignore[attr-defined]

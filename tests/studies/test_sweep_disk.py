@@ -15,8 +15,8 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.errors import HopoptError, ResultError
 from hopopt.files import remove_abandoned, write_whole
-from hopopt.studies.sweep.dask_workers import dask_workers
 from hopopt.studies.sweep.run import sweep
+from hopopt.studies.sweep.workers.dask_workers import dask_workers
 from stored_tables import table
 from waiting import descendants
 

@@ -27,9 +27,9 @@ from hopopt.leg.scales import Scale
 from hopopt.sim import mujoco
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.encoder import Encoder
+from hopopt.sim.ground.rough_ground import RoughGround
 from hopopt.sim.hop_metrics import HopFigures, beyond_limits
 from hopopt.sim.plant import RAN_AWAY, Plant
-from hopopt.sim.rough_ground import RoughGround
 from hopopt.sim.state import BOUNCE, State, Timing
 from hopopt.sim.trace import Trace
 

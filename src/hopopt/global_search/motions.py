@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hopopt.compiled.kernel import kernel, packed
-from hopopt.global_search.accelerations import VERTICES, polygon, possible, with_limits
-from hopopt.global_search.dynamics import MARGINS, state_margins
-from hopopt.global_search.flight import after_flight
+from hopopt.global_search.equations.accelerations import VERTICES, polygon, possible, with_limits
+from hopopt.global_search.equations.dynamics import MARGINS, state_margins
+from hopopt.global_search.equations.flight import after_flight
 from hopopt.global_search.grid import on_grid
 
 HALVINGS = 8  # of an edge, to find where a state limit is just kept

@@ -10,8 +10,8 @@ import numpy as np
 
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.global_search.constants import StanceConstants, to_joint_angles
-from hopopt.global_search.dynamics import apex_height
-from hopopt.global_search.flight import Flight, highest
+from hopopt.global_search.equations.dynamics import apex_height
+from hopopt.global_search.equations.flight import Flight, highest
 from hopopt.global_search.grid import interpolate, joint_heights, place
 from hopopt.global_search.motions import KEEPS, between, extreme_motions, last_kept, workspace
 from hopopt.global_search.result import Rollout, different

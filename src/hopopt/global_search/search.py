@@ -29,9 +29,9 @@ def search(
         raise TimeoutError
     began = time.perf_counter()
     if "x" in design.leg.guides:  # imported here: the compiler of these modules takes a third of a second
-        from hopopt.global_search.four_states import search_stance as on_grid
+        from hopopt.global_search.equations.four_states import search_stance as on_grid
     else:
-        from hopopt.global_search.slider import search_slider as on_grid
+        from hopopt.global_search.equations.slider import search_slider as on_grid
     found = on_grid(design, size, rollouts, max(threads, 1), progress, until)
     return replace(found, seconds=time.perf_counter() - began)
 

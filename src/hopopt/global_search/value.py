@@ -14,8 +14,8 @@ import numpy as np
 
 from hopopt.compiled.kernel import kept, kernel, packed
 from hopopt.global_search.constants import StanceConstants
-from hopopt.global_search.dynamics import apex_height
-from hopopt.global_search.flight import Flight, losses
+from hopopt.global_search.equations.dynamics import apex_height
+from hopopt.global_search.equations.flight import Flight, losses
 from hopopt.global_search.grid import NOWHERE, Grid, interpolate, joint_heights, second_differences
 from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, leaving, workspace
 from hopopt.nlp.deadline import NEVER, Deadline

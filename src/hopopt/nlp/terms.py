@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
-from hopopt.nlp.compiled import compiled
+from hopopt.nlp.solver.compiled import compiled
 
 Matrix = Any  # a SciPy sparse matrix: its kinds have no useful common type
 Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # values, rows, columns

@@ -19,7 +19,7 @@ from hopopt.nlp.program import Program
 from hopopt.nlp.schemes import Scheme
 from hopopt.nlp.terms import Local, Matrix, Term, Triplets, blocks, csc, entries, stacked, together
 from hopopt.nlp.trajectory import PhaseTrajectory
-from hopopt.ocp.guess import Guess as Guess
+from hopopt.ocp.guesses.guess import Guess as Guess
 from hopopt.ocp.problem import Component, Ends, Instant, Problem, components, split, stack, symbols
 
 SHORTEST_ARC = 1e-4  # of the phase's guessed duration: an arc that shrinks to this is spurious

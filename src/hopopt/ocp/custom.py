@@ -15,8 +15,8 @@ import numpy as np
 from hopopt.errors import UsageError
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
+from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.objectives.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
 from hopopt.user_code import last_line, load
 

@@ -12,7 +12,7 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE
 from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.motion import MovingLeg
+from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.problem import BoundaryConstraint, Control, Ends, Instant, Phase, State, linkage
 
 DRIVE, COMMAND = "drive", "command"  # the state and the control that are added

@@ -10,7 +10,7 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import TwoJoints, start_angles
-from hopopt.ocp.motion import MovingLeg
+from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Numbers, Parameter
 
 NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"

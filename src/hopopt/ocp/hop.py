@@ -12,16 +12,16 @@ from hopopt.ocp.custom import Custom, checked
 from hopopt.ocp.custom import path as custom_path
 from hopopt.ocp.drives import carried_on
 from hopopt.ocp.free_parameters import FreeParameters
-from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.objective import HopObjective
-from hopopt.ocp.objectives import find
-from hopopt.ocp.periodic import hop_after_hop
+from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.hops.periodic import hop_after_hop
+from hopopt.ocp.hops.sequence import PhaseSequence
+from hopopt.ocp.hops.to_rest import to_rest
+from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.ocp.objectives.registry import find
+from hopopt.ocp.objectives.tie_break import EFFORT, LOOPED, effort, largest_effort
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import BoundaryConstraint, Ends, Instant, Objective, PathConstraint, Phase, Problem
 from hopopt.ocp.rules import RULES, added_rules
-from hopopt.ocp.sequence import PhaseSequence
-from hopopt.ocp.tie_break import EFFORT, LOOPED, effort, largest_effort
-from hopopt.ocp.to_rest import to_rest
 
 FIXED = FreeParameters()
 SEQUENCES = {"periodic": hop_after_hop, "landing": to_rest}  # by hop.kind; of a single hop the objective's

@@ -12,9 +12,9 @@ import numpy as np
 from hopopt.leg.limit_id import Kind, kind_of
 from hopopt.ocp.constraints import HEIGHT, MotionAt
 from hopopt.ocp.drives import with_drives
-from hopopt.ocp.motion import FLIGHT as FLIGHT
-from hopopt.ocp.motion import STANCE as STANCE
-from hopopt.ocp.motion import MovingLeg
+from hopopt.ocp.guesses.motion import FLIGHT as FLIGHT
+from hopopt.ocp.guesses.motion import STANCE as STANCE
+from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.problem import INF, Control, Ends, Instant, Numbers, PathConstraint, Phase, State
 from hopopt.ocp.rules import path_constraints
 

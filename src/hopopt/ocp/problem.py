@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hopopt.ocp.direction import Directed
+from hopopt.ocp.objectives.direction import Directed
 
 INF = float("inf")
 Numbers = float | Sequence[float] | np.ndarray

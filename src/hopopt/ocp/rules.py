@@ -16,7 +16,7 @@ from hopopt.ocp.constraints import (
     unilateral_contact,
 )
 from hopopt.ocp.drives import asked
-from hopopt.ocp.motion import FLIGHT, STANCE, MovingLeg
+from hopopt.ocp.guesses.motion import FLIGHT, STANCE, MovingLeg
 from hopopt.ocp.problem import PathConstraint
 
 Rule = Callable[[MovingLeg, str], tuple[PathConstraint, ...]]

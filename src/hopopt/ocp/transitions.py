@@ -12,7 +12,7 @@ from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import PLANE
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
-from hopopt.ocp.motion import MovingLeg
+from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.phases import BODY_SPEED, SPEED
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, linkage
 

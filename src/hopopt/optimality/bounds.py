@@ -7,9 +7,9 @@ are those of the problem's statement, not those that the program was solved with
 
 import numpy as np
 
-from hopopt.nlp.ipopt import NlpSolution
-from hopopt.optimality.costates import sign
-from hopopt.optimality.pontryagin import missed
+from hopopt.nlp.solver.ipopt import NlpSolution
+from hopopt.optimality.minimum_principle.costates import sign
+from hopopt.optimality.minimum_principle.pontryagin import missed
 
 
 def initial_state_residual(solution: NlpSolution, phase: str) -> tuple[float, str]:

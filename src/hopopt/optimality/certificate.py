@@ -1,7 +1,7 @@
 """Certificate of first-order optimality: Pontryagin's conditions along a solution, checked one by one.
 
-Costates and limits' multipliers come from the program's multipliers (optimality/costates.py). What they must satisfy
-in continuous time is evaluated along the trajectory, between the nodes too (optimality/pontryagin.py). The integration
+Costates and limits' multipliers come from the program's multipliers (optimality/minimum_principle/costates.py). What they must satisfy
+in continuous time is evaluated along the trajectory, between the nodes too (optimality/minimum_principle/pontryagin.py). The integration
 and the derivatives of the phases' functions are not those of the program. Signs: docs/certificate.md.
 """
 
@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.nlp.ipopt import NlpSolution
-from hopopt.optimality.arcs import activity, arcs
+from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.optimality.bounds import duration_bounds_residual, free_parameters_residual, initial_state_residual
-from hopopt.optimality.costates import phase_multipliers, sign
-from hopopt.optimality.phase_functions import Along, PhaseFunctions
-from hopopt.optimality.pontryagin import FINE, PhaseCertificate, missed
-from hopopt.optimality.transversality import TransversalityConditions, transversality_conditions
+from hopopt.optimality.minimum_principle.arcs import activity, arcs
+from hopopt.optimality.minimum_principle.costates import phase_multipliers, sign
+from hopopt.optimality.minimum_principle.phase_functions import Along, PhaseFunctions
+from hopopt.optimality.minimum_principle.pontryagin import FINE, PhaseCertificate, missed
+from hopopt.optimality.minimum_principle.transversality import TransversalityConditions, transversality_conditions
 from hopopt.verify.check import Check
 
 COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from hopopt.nlp.ipopt import NlpSolution
 from hopopt.nlp.layout import PhaseLayout
 from hopopt.nlp.schemes import lagrange
-from hopopt.optimality.costates import phase_multipliers
-from hopopt.optimality.transversality import TransversalityConditions, transversality_conditions
+from hopopt.nlp.solver.ipopt import NlpSolution
+from hopopt.optimality.minimum_principle.costates import phase_multipliers
+from hopopt.optimality.minimum_principle.transversality import TransversalityConditions, transversality_conditions
 from hopopt.verify.check import Check
 
 STATED = 1e-4  # relative: the largest error a verified claim may have; figures are printed to about that

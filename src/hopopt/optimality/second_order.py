@@ -24,9 +24,9 @@ import numpy as np
 from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.terms import Matrix, csc
-from hopopt.optimality.flat_directions import ACTS, STILL
+from hopopt.optimality.directions.flat_directions import ACTS, STILL
 
 FLAT = 1e-6  # of the objective, by a move of size 1
 ON = 1e-4  # scaled: a solution that is nearer to a limit lies on it, as verification has it

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Rows
 from hopopt.ocp.problem import Component
 

@@ -5,20 +5,20 @@ from dataclasses import dataclass, replace
 
 from hopopt.design import Design
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.ipopt import NlpSolution
-from hopopt.nlp.mesh_refinement import MET, Aims, MeshStep, Refinement, Report
-from hopopt.nlp.tightened_refinement import refinement_of
+from hopopt.nlp.refinement.mesh_refinement import MET, Aims, MeshStep, Refinement, Report
+from hopopt.nlp.refinement.tightened_refinement import refinement_of
+from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.objective import HEIGHTS
-from hopopt.optimality.free_switches import Resolved
-from hopopt.planner.calm_first import calmest, uncalmed
-from hopopt.planner.judge import judge
-from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, solution_of
+from hopopt.ocp.objectives.objective import HEIGHTS
+from hopopt.optimality.minimum_principle.free_switches import Resolved
+from hopopt.planner.answer.summary import summarize
+from hopopt.planner.answer.verdict import Verdict
+from hopopt.planner.checks.judge import judge
+from hopopt.planner.search.calm_first import calmest, uncalmed
+from hopopt.planner.search.multistart import Progress, StartOutcome, first_transcription, solution_of
 from hopopt.planner.solution import Motion, Solution
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.summary import summarize
-from hopopt.planner.verdict import Verdict
 from hopopt.verify.check import LIMIT
 
 Refined = Refinement | Resolved
@@ -85,7 +85,7 @@ def refine_and_verify(
 ) -> Answer:
     """One start's optimum refined, with its verdict; with tighter tolerances if those of the problem are met and it is
     not verified. ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that is aimed at;
-    ``calmed``: what the start leads to with a larger tie-break, if that is known (planner/calm_first.py)."""
+    ``calmed``: what the start leads to with a larger tie-break, if that is known (planner/search/calm_first.py)."""
     clock = clock or Stopwatch()
     refinement = refine_outcome(hop, outcome, say, first, restarts, margin, until, calmed)
     clock.mark("refinement")

@@ -1,4 +1,4 @@
-"""Several hops as one plan: the program of ocp/several_hops.py solved, refined and verified."""
+"""Several hops as one plan: the program of ocp/hops/several_hops.py solved, refined and verified."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,26 +10,26 @@ from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
-from hopopt.nlp.mesh_refinement import MeshStep, Refinement
+from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement
+from hopopt.nlp.refinement.tightened_refinement import refinement_of
 from hopopt.nlp.schemes import scheme
-from hopopt.nlp.tightened_refinement import refinement_of
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import FromTrajectory, Guess, Transcription
+from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.initial_guess import make_guess, starts_of
+from hopopt.ocp.hops.several_hops import PHASES, JointState, in_words, numbered, several_hops
+from hopopt.ocp.objectives.tie_break import EFFORT
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
-from hopopt.ocp.several_hops import PHASES, JointState, in_words, numbered, several_hops
-from hopopt.ocp.tie_break import EFFORT
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.violations import violations
-from hopopt.planner.judge import numerical_checks
-from hopopt.planner.multistart import infeasibility
+from hopopt.planner.answer.verdict import Verdict
+from hopopt.planner.checks.judge import numerical_checks
 from hopopt.planner.refine_and_verify import aims_of, hop_with_tighter_tolerances
+from hopopt.planner.search.multistart import infeasibility
 from hopopt.planner.solution import Motion, Solution
-from hopopt.planner.verdict import Verdict
-from hopopt.verify.several_hops import several_hops_checks
+from hopopt.verify.hops.several_hops import several_hops_checks
 
 PUSHES = 2  # first pushes from rest that are tried as a guess
 ITERATIONS = 600  # of Ipopt on the first mesh: programs that are solved take fewer

@@ -1,4 +1,4 @@
-"""One plan for several legs under one controller: the program of ocp/shared_control.py, solved from a motion that is known."""
+"""One plan for several legs under one controller: the program of ocp/hops/shared_control.py, solved from a motion that is known."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,13 +9,13 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
+from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import FromTrajectory, Transcription
+from hopopt.ocp.hops.shared_control import CLEARANCE, DAMPING, STIFFNESS, TrueLeg, highest_gains, under_one_controller
 from hopopt.ocp.phases import FLIGHT, STANCE
-from hopopt.ocp.shared_control import CLEARANCE, DAMPING, STIFFNESS, TrueLeg, highest_gains, under_one_controller
 from hopopt.optimality.violations import violations
 from hopopt.planner.solution import Motion, Solution
 

@@ -17,12 +17,12 @@ from hopopt.errors import UsageError
 from hopopt.leg.robot import Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
-from hopopt.ocp.motion import MovingLeg
-from hopopt.ocp.objective import HopObjective
+from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE, flight, stance
 from hopopt.ocp.problem import Instant, stack, symbols
-from hopopt.planner.stored_summary import Summary
-from hopopt.planner.verdict import Multipliers, Verdict
+from hopopt.planner.answer.stored_summary import Summary
+from hopopt.planner.answer.verdict import Multipliers, Verdict
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import NORMALISED_TIMES, Table
 
@@ -228,8 +228,8 @@ class Solution(Motion):
     summary: every figure that is printed of it
     kkt: the nonlinear program's vectors, by name
     result_dir: the folder that it lies in
-    multipliers: of the certificate, by phase (planner/stored_multipliers.py)
-    verdict: what the checks said; None for one that was read (storage/recheck.py makes it)
+    multipliers: of the certificate, by phase (planner/answer/stored_multipliers.py)
+    verdict: what the checks said; None for one that was read (storage/seal/recheck.py makes it)
     doubts: why its files are not to be trusted, a sentence each; such a solution is not verified
     """
 

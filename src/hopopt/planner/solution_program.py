@@ -6,14 +6,14 @@ import casadi as ca
 import numpy as np
 
 from hopopt.errors import ResultError, UsageError
-from hopopt.nlp.ipopt import Bounds, NlpSolution
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import scheme
+from hopopt.nlp.solver.ipopt import Bounds, NlpSolution
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.objective import HopObjective
-from hopopt.ocp.objectives import find
+from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.problem import Problem
 from hopopt.ocp.rules import added_rules
 from hopopt.planner.solution import Solution

@@ -8,19 +8,24 @@ from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.mesh_refinement import UNSOLVED, relative
+from hopopt.nlp.refinement.mesh_refinement import UNSOLVED, relative
 from hopopt.ocp.custom import custom
-from hopopt.ocp.feasibility import joints_without_inertia
+from hopopt.ocp.guesses.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.objective import HopObjective
-from hopopt.ocp.objectives import given
-from hopopt.planner.calm_first import calmest
-from hopopt.planner.cross_check import with_cross_checks
-from hopopt.planner.families import families, told_apart
-from hopopt.planner.first_mesh import SEARCH, FirstMesh, looked_closer, search_first_mesh
-from hopopt.planner.global_verdict import NOTHING, alarm_note, global_figures
-from hopopt.planner.limit_names import flat_words
-from hopopt.planner.multistart import (
+from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.ocp.objectives.registry import given
+from hopopt.planner.answer.limit_names import flat_words
+from hopopt.planner.answer.notes import flat_directions, notes_on, saddle_note, second_order
+from hopopt.planner.answer.stored_summary import LATE
+from hopopt.planner.answer.summary import start_figures
+from hopopt.planner.answer.summary_extras import FlatDirection
+from hopopt.planner.checks.cross_check import with_cross_checks
+from hopopt.planner.refine_and_verify import aims_of, refined_and_verified, told_of_calm, with_tighter_tolerances
+from hopopt.planner.search.calm_first import calmest
+from hopopt.planner.search.families import families, told_apart
+from hopopt.planner.search.first_mesh import SEARCH, FirstMesh, looked_closer, search_first_mesh
+from hopopt.planner.search.global_verdict import NOTHING, alarm_note, global_figures
+from hopopt.planner.search.multistart import (
     CLOSE,
     Progress,
     StartOutcome,
@@ -31,18 +36,13 @@ from hopopt.planner.multistart import (
     solution_of,
     solved_from,
 )
-from hopopt.planner.notes import flat_directions, notes_on, saddle_note, second_order
-from hopopt.planner.refine_and_verify import aims_of, refined_and_verified, told_of_calm, with_tighter_tolerances
-from hopopt.planner.required_clearance import from_highest
-from hopopt.planner.shortest_stance import with_shortest_stance
+from hopopt.planner.search.required_clearance import from_highest
+from hopopt.planner.search.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.stored_summary import LATE
-from hopopt.planner.summary import start_figures
-from hopopt.planner.summary_extras import FlatDirection
 from hopopt.planner.with_free_switches import with_free_switches
-from hopopt.problem.hints import hints
+from hopopt.problem.checking.hints import hints
 from hopopt.problem.load import as_design
 
 TIME_LIMIT = 600.0  # s; one random leg in ten takes over a minute from two starts, the slowest known 270 s
@@ -69,8 +69,8 @@ def solve(
     design is a problem, or its name or file. objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (optimality/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another
-    solver and other schemes too, in the summary's ``second_opinions`` (planner/cross_check.py); time_limit [s] (default:
+    (optimality/minimum_principle/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another
+    solver and other schemes too, in the summary's ``second_opinions`` (planner/checks/cross_check.py); time_limit [s] (default:
     TIME_LIMIT): when it is reached the best hop so far is the answer, or the reason why there is none; progress is called
     with a line of text now and then. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.

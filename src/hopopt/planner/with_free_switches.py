@@ -5,11 +5,11 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from hopopt.nlp.deadline import Deadline
-from hopopt.nlp.mesh_refinement import MeshStep, relative
+from hopopt.nlp.refinement.mesh_refinement import MeshStep, relative
 from hopopt.ocp.hop import Hop
-from hopopt.optimality.free_switches import resolve
-from hopopt.planner.multistart import Progress, StartOutcome
+from hopopt.optimality.minimum_principle.free_switches import resolve
 from hopopt.planner.refine_and_verify import aims_of, judged, progress_line, summed_up
+from hopopt.planner.search.multistart import Progress, StartOutcome
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch

@@ -15,6 +15,7 @@ from hopopt.ocp.constraints import steepness
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
 from hopopt.planner.solution import Samples, Solution
 from hopopt.plots.stick import stick
+from hopopt.plots.studies.swept import obstacle
 from hopopt.plots.style import (
     BAND,
     BLACK,
@@ -41,7 +42,6 @@ from hopopt.plots.style import (
     motion_of,
     solution_figure,
 )
-from hopopt.plots.swept import obstacle
 
 FORMATS = ("png", "svg")
 

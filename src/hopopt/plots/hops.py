@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from hopopt.comparison.hops.hop_after_hop import HopsComparison
+from hopopt.comparison.ladder import Ladder
 from hopopt.errors import ResultError
 from hopopt.leg.robot import BASE
+from hopopt.plots.controllers.ladder import staircase
+from hopopt.plots.controllers.runs_style import looks
 from hopopt.plots.hop import save_figure
-from hopopt.plots.ladder import staircase
-from hopopt.plots.runs_style import looks
 from hopopt.plots.style import BLACK, GREEN, GREY, PALE, SIZE, SMALL, called_after, describe, legend, new_figure
-from hopopt.studies.hop_after_hop import HopsComparison
-from hopopt.studies.ladder import Ladder
 
 MOST = 5  # orbits in a figure; with more it cannot be read
 

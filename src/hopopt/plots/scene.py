@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.errors import MissingExtraError, UsageError
-from hopopt.leg.urdf_visuals import BODY, Visual
+from hopopt.leg.files.urdf_visuals import BODY, Visual
 from hopopt.planner.solution import Solution
 
 STEP = 0.002  # [s] between two poses

@@ -5,8 +5,9 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hopopt.comparison.hops.transition import Transition
+from hopopt.ocp.hops.several_hops import in_words
 from hopopt.ocp.phases import FLIGHT, STANCE
-from hopopt.ocp.several_hops import in_words
 from hopopt.planner.solution import Motion
 from hopopt.plots.hop import save_figure
 from hopopt.plots.style import (
@@ -20,7 +21,6 @@ from hopopt.plots.style import (
     legend,
     new_figure,
 )
-from hopopt.studies.transition import Transition
 
 ORBIT = 0.45  # opacity of the hops of an orbit: they are not what was planned
 

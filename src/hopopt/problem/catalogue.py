@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from hopopt.errors import ProblemFileError
-from hopopt.problem.faults import Report
+from hopopt.problem.checking.faults import Report
+from hopopt.problem.checking.wording import did_you_mean, is_number
 from hopopt.problem.render import shown
-from hopopt.problem.wording import did_you_mean, is_number
 
 PARTS = ("motor", "gear")
 MASSES = (1e-3, 100.0)  # kg: what a motor or gear may weigh

@@ -11,11 +11,11 @@ from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.files import read_regular
 from hopopt.problem.catalogue import named, problems_folder, with_numbers
-from hopopt.problem.check import check
-from hopopt.problem.faults import OVERRIDE, Report
+from hopopt.problem.checking.check import check
+from hopopt.problem.checking.faults import OVERRIDE, Report
+from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.render import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path
 from hopopt.problem.urdf import ENTRIES, located, with_leg
-from hopopt.problem.wording import did_you_mean
 
 __all__ = ["Row", "as_json", "builtin_names", "design_hash", "load", "resolved_toml", "rows", "template"]
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from hopopt.files import read_regular
-from hopopt.leg.urdf_xml import MAX_BYTES
-from hopopt.problem.faults import Report
+from hopopt.leg.files.urdf_xml import MAX_BYTES
+from hopopt.problem.checking.faults import Report
 from hopopt.problem.render import shown, shown_path
 
 ENTRIES = ("urdf", "foot_frame", "locked")  # of [leg], besides what a leg without a URDF has
@@ -78,8 +78,8 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
         return {**data, "leg": rest}
     if not _usable(given, rest, report):
         return {**data, "leg": rest}
-    from hopopt.leg.urdf import read_leg
-    from hopopt.leg.urdf_xml import UrdfError
+    from hopopt.leg.files.urdf import read_leg
+    from hopopt.leg.files.urdf_xml import UrdfError
 
     path = Path(given["urdf"])
     try:

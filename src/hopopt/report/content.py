@@ -9,8 +9,8 @@ from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash
 from hopopt.report.motion import ShownHop, planned, simulated
 from hopopt.report.page import COLORS, Content
-from hopopt.storage.digests import manifest_of
 from hopopt.storage.runs import StoredRuns, read_runs
+from hopopt.storage.seal.digests import manifest_of
 from hopopt.storage.solution import read
 
 FIRST = ("optimum", "force", "track", "position")  # runs of a comparison that move, before others

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from hopopt.errors import ResultError
-from hopopt.ocp.objectives import find
+from hopopt.ocp.objectives.registry import find
 from hopopt.problem.render import rows
 from hopopt.report.chart import Chart, round_numbers, span
 from hopopt.report.html import render
-from hopopt.storage.digests import changed, manifest_of
+from hopopt.storage.seal.digests import changed, manifest_of
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED, Point
 from hopopt.studies.sweep.run import Study
 from hopopt.studies.sweep.store import FILES, load_points, read_definition

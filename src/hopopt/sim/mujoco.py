@@ -15,7 +15,7 @@ import numpy as np
 
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
-from hopopt.leg.export import to_mjcf
+from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import Scale
 from hopopt.sim.state import BOUNCE, SENSELESS

@@ -18,9 +18,9 @@ from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import Scale
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.sim.encoder import Encoder
+from hopopt.sim.ground.stops import Stops
 from hopopt.sim.machine import Machine
 from hopopt.sim.state import BOUNCE, SENSELESS, Command, State, Timing, Torque
-from hopopt.sim.stops import Stops
 from hopopt.sim.trace import Event, Trace, TraceWriter
 
 LONGEST = 2.5e-4  # [s] of a step on the paper's leg, however slow the controller

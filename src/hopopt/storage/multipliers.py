@@ -5,7 +5,7 @@ Signs and units: docs/certificate.md. Every multiplier is the objective's deriva
 
 from collections.abc import Mapping
 
-from hopopt.planner.verdict import Multipliers
+from hopopt.planner.answer.verdict import Multipliers
 from hopopt.storage.netcdf import Group
 
 GROUP = "certificate"

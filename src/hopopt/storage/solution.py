@@ -4,7 +4,7 @@ results/<problem>-<hash8>/
     solution.nc     netCDF: the plan's table of each phase with units, its collocation data, the NLP's vectors;
                     in certificate/ costates, Hamiltonian and multipliers (storage/multipliers.py)
     summary.json    every printed number          problem.toml   all defaults filled in, runs again
-    manifest.json   versions, seed, mesh history, digests (storage/digests.py)      figures/       PNG and SVG
+    manifest.json   versions, seed, mesh history, digests (storage/seal/digests.py)      figures/       PNG and SVG
 
 Figures come last, when the data are safe: one that fails leaves a note in the summary, nothing else.
 """
@@ -23,16 +23,16 @@ from typing import Any
 from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.ocp.custom import FIGURE
+from hopopt.planner.answer.stored_summary import Summary
+from hopopt.planner.answer.summary_entry import as_data
 from hopopt.planner.solution import Solution
-from hopopt.planner.stored_summary import Summary
-from hopopt.planner.summary_entry import as_data
 from hopopt.problem.load import design_hash, load, resolved_toml
-from hopopt.storage.digests import changed, digest, seal
 from hopopt.storage.folder import new_work_folder, published, reason_of, write_json
 from hopopt.storage.multipliers import groups, multipliers
 from hopopt.storage.netcdf import Group, to_bytes
 from hopopt.storage.netcdf import read as read_netcdf
 from hopopt.storage.phases import phase_group, table_of, trajectory_of
+from hopopt.storage.seal.digests import changed, digest, seal
 from hopopt.storage.summary import read_summary
 from hopopt.verify.measures import MEASURES
 

@@ -1,23 +1,23 @@
 """What a stored summary states, against the same computed again from the stored motion, program and verdict.
 
 What only the search knew cannot be computed again without it: starts, families, the global method, cross-checks, earlier
-meshes, times. Digests alone guard those (storage/digests.py).
+meshes, times. Digests alone guard those (storage/seal/digests.py).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from hopopt.nlp.interval_errors import IntervalErrors
-from hopopt.nlp.ipopt import NlpSolution
-from hopopt.nlp.mesh_refinement import change_of
+from hopopt.nlp.refinement.interval_errors import IntervalErrors
+from hopopt.nlp.refinement.mesh_refinement import change_of
+from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
-from hopopt.planner.motion_figures import FINE, motion_figures
+from hopopt.planner.answer.motion_figures import FINE, motion_figures
+from hopopt.planner.answer.stored_summary import FORMER, VERSION
+from hopopt.planner.answer.summary import figures
+from hopopt.planner.answer.summary_entry import as_data
+from hopopt.planner.answer.verdict import Verdict
+from hopopt.planner.answer.verdict_entries import verification_entries
 from hopopt.planner.solution import Solution
-from hopopt.planner.stored_summary import FORMER, VERSION
-from hopopt.planner.summary import figures
-from hopopt.planner.summary_entry import as_data
-from hopopt.planner.verdict import Verdict
-from hopopt.planner.verdict_entries import verification_entries
 from hopopt.verify.check import Check
 
 FIGURES = 1e-6  # relative, of figures

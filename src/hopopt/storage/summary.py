@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from hopopt.errors import ResultError
-from hopopt.planner.stored_summary import OLDEST, VERSION, Summary
+from hopopt.planner.answer.stored_summary import OLDEST, VERSION, Summary
 
 
 @cache

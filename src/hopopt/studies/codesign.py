@@ -17,15 +17,19 @@ from hopopt.amounts import check
 from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.custom import custom
 from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.objectives import given
-from hopopt.optimality.parametric_sensitivity import slopes
-from hopopt.planner.first_mesh import search_first_mesh
-from hopopt.planner.from_known import from_motion
-from hopopt.planner.multistart import (
+from hopopt.ocp.objectives.registry import given
+from hopopt.optimality.directions.parametric_sensitivity import slopes
+from hopopt.planner.answer.stored_summary import LATE
+from hopopt.planner.answer.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
+from hopopt.planner.answer.verdict_entries import verification_entries
+from hopopt.planner.refine_and_verify import refine_outcome, refined_and_verified
+from hopopt.planner.search.first_mesh import search_first_mesh
+from hopopt.planner.search.from_known import from_motion
+from hopopt.planner.search.multistart import (
     Progress,
     StartOutcome,
     contenders,
@@ -34,18 +38,14 @@ from hopopt.planner.multistart import (
     solution_of,
     solved_from,
 )
-from hopopt.planner.refine_and_verify import refine_outcome, refined_and_verified
-from hopopt.planner.required_clearance import from_highest
+from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import SEARCHING, TIME_LIMIT, best_of, with_larger_tie_break
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.stored_summary import LATE
-from hopopt.planner.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
-from hopopt.planner.verdict_entries import verification_entries
+from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.load import as_design, changed
 from hopopt.problem.render import rows
-from hopopt.problem.wording import did_you_mean
-from hopopt.storage.recheck import CONFIRMED, co_design_checks
+from hopopt.storage.seal.recheck import CONFIRMED, co_design_checks
 from hopopt.studies.codesign_kinks import between
 from hopopt.studies.mass_coupling import asks_catalogue, beyond, catalogue_coupling, laws
 

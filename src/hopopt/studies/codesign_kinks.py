@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from hopopt.nlp.ipopt import NEAR, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import NEAR, Bounds, NlpSolution, NlpSolver
 from hopopt.ocp.hop import Hop
-from hopopt.optimality.kinks import DIFFERS, kink
+from hopopt.optimality.directions.kinks import DIFFERS, kink
+from hopopt.optimality.directions.parametric_sensitivity import gradient_by_parameters, slopes
 from hopopt.optimality.limits import Limit
-from hopopt.optimality.parametric_sensitivity import gradient_by_parameters, slopes
-from hopopt.planner.summary_extras import Between, WithoutLimit
+from hopopt.planner.answer.summary_extras import Between, WithoutLimit
 
 
 def between(hop: Hop, best: NlpSolution, entry: str) -> Between | None:

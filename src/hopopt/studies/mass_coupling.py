@@ -15,8 +15,8 @@ import numpy as np
 from hopopt.design import Leg, physical_parameters
 from hopopt.errors import UsageError
 from hopopt.ocp.free_parameters import Coupling, FreeParameters
-from hopopt.problem.mass_law import TORQUES, mass_law
-from hopopt.problem.wording import did_you_mean
+from hopopt.problem.checking.mass_law import TORQUES, mass_law
+from hopopt.problem.checking.wording import did_you_mean
 
 ASKED = re.compile(r"\s*catalogue\s*:\s*([\w.-]+)\s+by\s+([\w.-]+(?:\s+and\s+[\w.-]+)*)\s*")
 HOW = 'write "catalogue: leg.body.mass by leg.motor.max_torque", further torques after "and"'

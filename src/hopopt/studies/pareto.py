@@ -21,16 +21,16 @@ from hopopt.design import Design
 from hopopt.errors import NotSolvedError, SolverError, UsageError, one_line
 from hopopt.files import write_whole
 from hopopt.nlp.deadline import NEVER
-from hopopt.nlp.ipopt import CARRIED, NlpSolver
-from hopopt.nlp.reuse import with_numbers_of
+from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
+from hopopt.nlp.solver.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.objective import HopObjective
-from hopopt.ocp.objectives import OBJECTIVES, find
-from hopopt.planner.first_mesh import search_first_mesh
-from hopopt.planner.multistart import Progress, StartOutcome, first_transcription, outcome_of
+from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.ocp.objectives.registry import OBJECTIVES, find
 from hopopt.planner.refine_and_verify import refined_and_verified
-from hopopt.planner.required_clearance import begun_from, maximum_clearance_hop, reaches
+from hopopt.planner.search.first_mesh import search_first_mesh
+from hopopt.planner.search.multistart import Progress, StartOutcome, first_transcription, outcome_of
+from hopopt.planner.search.required_clearance import begun_from, maximum_clearance_hop, reaches
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.planner.stopwatch import Stopwatch

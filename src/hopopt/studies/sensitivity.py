@@ -1,6 +1,6 @@
 """What to change first: the derivative of the best hop's height by every number of its problem, from the multipliers.
 
-The leg's masses, lengths and drives are parameters of the nonlinear program (optimality/parametric_sensitivity.py); limits of joints,
+The leg's masses, lengths and drives are parameters of the nonlinear program (optimality/directions/parametric_sensitivity.py); limits of joints,
 durations and heights are its bounds. The start pose is both: its angles are given values, which follow from the
 lengths and the hip's height by inverse kinematics, so they enter by the chain rule.
 """
@@ -15,16 +15,16 @@ from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
-from hopopt.nlp.ipopt import NlpSolution
+from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.phases import STANCE, duration_entry
-from hopopt.optimality.kinks import DIFFERS, kink
-from hopopt.optimality.parametric_sensitivity import Slopes, gradient_by_parameters, slopes
+from hopopt.optimality.directions.kinks import DIFFERS, kink
+from hopopt.optimality.directions.parametric_sensitivity import Slopes, gradient_by_parameters, slopes
+from hopopt.optimality.directions.touchdown_slopes import touchdown_slopes
+from hopopt.planner.answer.summary import by_friction
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
-from hopopt.planner.summary import by_friction
 from hopopt.problem.render import rows
 from hopopt.studies.influence import Influence
-from hopopt.studies.touchdown_slopes import touchdown_slopes
 
 FELT = 1e-6  # [m] that twice an entry's value must make of two sides that differ
 STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretched
@@ -156,7 +156,7 @@ def _contributions(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
 def _rows(by: Slopes) -> Iterator[tuple[str, float]]:
     """Entries that are limits of path and boundary constraints, or the factor of one: |f_x| <= mu f_z.
 
-    Where a limit is enforced between the nodes, multipliers at the nodes have both signs (nlp/continuous_limits.py): both are of its side.
+    Where a limit is enforced between the nodes, multipliers at the nodes have both signs (nlp/refinement/continuous_limits.py): both are of its side.
     """
     for r in by.solution.transcription.rows:
         low, high = by.of_rows(r)

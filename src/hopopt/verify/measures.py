@@ -14,7 +14,7 @@ from hopopt.design import Hop
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.machine import Machine
-from hopopt.verify.obstacle import highest_box
+from hopopt.verify.hops.obstacle import highest_box
 from hopopt.verify.table import NORMALISED_TIMES, Table
 
 FINE = np.linspace(0.0, 1.0, 201)  # normalised times of an interval; trapezoids are good to about 1e-5 of it

@@ -18,12 +18,12 @@ from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, FIGURE, LIMIT, Check
 from hopopt.verify.drives import drive_checks
-from hopopt.verify.landing import landing, lift_off
+from hopopt.verify.hops.landing import landing, lift_off
+from hopopt.verify.hops.periodic import periodic_checks
+from hopopt.verify.hops.rest import landed_checks
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import AT_LEAST, LEAST, MEASURES, joint_work, quadrature
-from hopopt.verify.periodic import periodic_checks
 from hopopt.verify.replay import replay
-from hopopt.verify.rest import landed_checks
 from hopopt.verify.table import DESCENT, FLIGHT, LANDING, NORMALISED_TIMES, STANCE, Table
 
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval

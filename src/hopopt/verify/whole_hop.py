@@ -24,9 +24,9 @@ from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
+from hopopt.verify.hops.periodic import closure, joints_at
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import MEASURES
-from hopopt.verify.periodic import closure, joints_at
 from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, ON_GROUND, POWERS, STANCE, TO_POWERS, Table
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg

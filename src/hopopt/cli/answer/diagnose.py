@@ -29,17 +29,17 @@ def diagnose(
     objective
         The function of your own that it was found with, if it was: module:function.
     """
+    from hopopt.evidence import diagnosis
     from hopopt.storage.folder import as_json, fitting
-    from hopopt.storage.recheck import with_functions
+    from hopopt.storage.seal.recheck import with_functions
     from hopopt.storage.solution import read
-    from hopopt.studies import diagnosis
 
     with fitting(result), progress(quiet=json_) as say:
         say("moving the durations, all else solved anew")
         solution = with_functions(read(result), objective, constraint or ())
         found = diagnosis.diagnose(solution)
         if worth:
-            from hopopt.studies.worth import worths
+            from hopopt.evidence.worth import worths
 
             leaning, unit = worths(solution, say), solution.summary.objective_unit
             found["leans_on"] = [w.as_dict() for w in leaning]

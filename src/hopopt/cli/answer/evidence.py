@@ -88,9 +88,9 @@ def evidence(
     if resume is not None and (problem is not None or set_):
         raise UsageError("--resume goes on with what was begun: leave out the problem and --set")
     grids, nodes = (tuple(sorted(set(sizes))) for sizes in (grids, nodes))  # the last, the finest, is judged by
+    from hopopt.evidence import local_optima as study
     from hopopt.problem.load import load
     from hopopt.storage.folder import as_json, prepare, write_json
-    from hopopt.studies import local_optima as study
     from hopopt.studies.faults import kept
 
     if resume is None:
@@ -121,16 +121,16 @@ def _gathered(
     design: Any, objective: str, ended: Any, grids: tuple[int, ...], nodes: tuple[int, ...], say: Any
 ) -> dict[str, Any]:
     """Everything that is said, as one object."""
+    from hopopt.evidence import local_optima as study
+    from hopopt.evidence.dynamic_programming import CONTRADICTED, TELLING
     from hopopt.nlp.deadline import NEVER
     from hopopt.ocp.hop import Hop
-    from hopopt.ocp.objectives import find
-    from hopopt.planner.families import families
-    from hopopt.planner.global_verdict import MAY_EXIST, highest, led_to, verdict
-    from hopopt.planner.multistart import contenders, run_chunk
+    from hopopt.ocp.objectives.registry import find
+    from hopopt.planner.answer.summary_entry import as_data
+    from hopopt.planner.search.families import families
+    from hopopt.planner.search.global_verdict import MAY_EXIST, highest, led_to, verdict
+    from hopopt.planner.search.multistart import contenders, run_chunk
     from hopopt.planner.solve import TIME_LIMIT, solve_from
-    from hopopt.planner.summary_entry import as_data
-    from hopopt.studies import local_optima as study
-    from hopopt.studies.dynamic_programming import CONTRADICTED, TELLING
     from hopopt.verify.upper_bound import upper_bound
 
     found = study.families(ended, find(objective))
@@ -168,10 +168,10 @@ def _gathered(
 
 def _searched(hop: Any, known: Any, nodes: tuple[int, ...], say: Any) -> tuple[list[Any], dict[str, Any]]:
     """Hops from relaxed problems and, on grids or by basin hopping, from all over; and the grids' account."""
+    from hopopt.evidence import thorough_search as thorough
     from hopopt.global_search import applies
     from hopopt.nlp.deadline import NEVER
     from hopopt.planner.solve import TIME_LIMIT
-    from hopopt.studies import thorough_search as thorough
 
     more = thorough.relaxed(hop, known, say, NEVER.within(TIME_LIMIT))
     if reason := applies(hop.design):
@@ -187,7 +187,7 @@ def _searched(hop: Any, known: Any, nodes: tuple[int, ...], say: Any) -> tuple[l
 
 def _reduced(design: Any, grids: tuple[int, ...], say: Any) -> dict[str, Any]:
     """The reduced hop by both methods; or the reason why not."""
-    from hopopt.studies.dynamic_programming import by_dynamic_programming, by_transcription, reduced
+    from hopopt.evidence.dynamic_programming import by_dynamic_programming, by_transcription, reduced
 
     try:
         simple = reduced(design)

@@ -100,7 +100,7 @@ def solve(
     if couple and not free:
         raise UsageError("--couple relates numbers that are free: give them as --free leg.thigh.length=0.3:0.45")
     _check_draws(draws, objective, constraint or (), design)
-    from hopopt.problem.hints import hints
+    from hopopt.problem.checking.hints import hints
     from hopopt.storage.folder import prepare
 
     prepare(results)
@@ -113,7 +113,7 @@ def solve(
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}
         more |= {"time_limit": time_limit, "progress": say}
         once = {"structure": structure, "cross_check": cross_check}
-        later = {"hopopt.storage.solution": True, "hopopt.plots.hop": figures, "hopopt.studies.compare": control}
+        later = {"hopopt.storage.solution": True, "hopopt.plots.hop": figures, "hopopt.comparison.compare": control}
         _import_beside(*(name for name, wanted in later.items() if wanted))
         from hopopt.planner.solve import TIME_LIMIT
 
@@ -163,8 +163,8 @@ def _import_beside(*later: str) -> None:
 
 def _beside(solution: "Solution") -> "Solution":
     """The answer with what the paper's force control makes of the same leg; exit code 3 if that passes it."""
+    from hopopt.comparison.compare import paper_strategy
     from hopopt.storage.solution import with_more
-    from hopopt.studies.compare import paper_strategy
     from hopopt.studies.faults import Fault, guarded
 
     found = guarded(paper_strategy, solution)
@@ -194,8 +194,8 @@ def _check_draws(draws: int, objective: str, constraints: Sequence[str], design:
 
 def _had(solution: "Solution", draws: int, say: Callable[[str], None]) -> "Solution":
     """The answer with what controllers make of it on drawn legs; the answer is there, so what goes wrong is only reported."""
+    from hopopt.comparison.robust.robustness import can_be_had
     from hopopt.storage.solution import with_more
-    from hopopt.studies.robustness import can_be_had
 
     try:
         return with_more(solution, can_be_had=can_be_had(solution, draws, 0, os.cpu_count() or 1, say))

@@ -8,8 +8,8 @@ from hopopt.cli.options import AsJson, Constraints
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
+    from hopopt.planner.answer.verdict import Verdict
     from hopopt.planner.solution import Solution
-    from hopopt.planner.verdict import Verdict
 
 
 def verify(result: Path, *, objective: str | None = None, constraint: Constraints = None, json_: AsJson = False) -> int:
@@ -35,9 +35,9 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
         if objective or constraint:
             raise UsageError("a study takes no user-defined functions: leave out --objective and --constraint")
         return verify_study(result, json_)
-    from hopopt.storage.recheck import recheck, with_functions
+    from hopopt.comparison.control_recheck import control_check
+    from hopopt.storage.seal.recheck import recheck, with_functions
     from hopopt.storage.solution import read
-    from hopopt.studies.control_recheck import control_check
 
     solution = with_functions(read(result), objective, constraint or ())
     for words in solution.doubts:
@@ -52,8 +52,8 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
 
 
 def _print_json(verdict: "Verdict") -> None:
-    from hopopt.planner.summary_entry import as_data
-    from hopopt.planner.verdict_entries import conditions
+    from hopopt.planner.answer.summary_entry import as_data
+    from hopopt.planner.answer.verdict_entries import conditions
     from hopopt.storage.folder import as_json
 
     made = bool(verdict.conditions)
@@ -106,8 +106,8 @@ def repair(result: Path, *, objective: str | None = None, constraint: Constraint
         The function of your own that it was found with, if it was: module:function.
     """
     from hopopt.plots.hop import save_all
-    from hopopt.storage.recheck import with_functions
-    from hopopt.storage.repair import repaired
+    from hopopt.storage.seal.recheck import with_functions
+    from hopopt.storage.seal.repair import repaired
     from hopopt.storage.solution import read
 
     found = repaired(with_functions(read(result), objective, constraint or ()), save_all)

@@ -99,12 +99,12 @@ def compare(
     spreads = {entry: share for entry, share in spreads.items() if share is not None}
     if not all(0 <= share <= 0.5 for share in spreads.values()):
         raise UsageError("--mass and --torque are shares from 0 to 0.5")
-    from hopopt.planner.summary_entry import as_data
+    from hopopt.comparison import compare as comparing
+    from hopopt.comparison.robust.robustness import chosen, four_numbers, spread
+    from hopopt.planner.answer.summary_entry import as_data
     from hopopt.storage.folder import as_json, prepare
-    from hopopt.storage.recheck import reverified
+    from hopopt.storage.seal.recheck import reverified
     from hopopt.storage.solution import read, save
-    from hopopt.studies import compare as comparing
-    from hopopt.studies.robustness import chosen, four_numbers, spread
 
     given = reverified(read(bound)) if bound else None
     set_ = [*(set_ or ()), *([f'hop.kind="{hop}"'] if hop else ()), *(f"{entry}={x}" for entry, x in spreads.items())]

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 from hopopt.errors import HopoptError
 
 if TYPE_CHECKING:
-    from hopopt.studies.compare import Comparison
-    from hopopt.studies.hop_after_hop import HopsComparison
-    from hopopt.studies.ladder import Ladder
+    from hopopt.comparison.compare import Comparison
+    from hopopt.comparison.hops.hop_after_hop import HopsComparison
+    from hopopt.comparison.ladder import Ladder
 
 
 def ladder_of(
     found: "Comparison | HopsComparison", data: dict[str, Any], say: Callable[[str], None]
 ) -> "Ladder | None":
     """The ladder of a comparison, and its entries in the data; a note where there is none, for all else is found."""
-    from hopopt.studies.ladder import ladder
+    from hopopt.comparison.ladder import ladder
 
     try:
         steps = ladder(found, say)

@@ -57,11 +57,11 @@ def robust(
     from hopopt.problem.load import load
 
     design = load(problem, set_ or ())
-    from hopopt.plots.robust import save_all
+    from hopopt.comparison.compare import planned_trace
+    from hopopt.comparison.robust import robust as studying
+    from hopopt.plots.controllers.robust import save_all
     from hopopt.storage.folder import as_json, prepare
     from hopopt.storage.runs import save_runs
-    from hopopt.studies import robust as studying
-    from hopopt.studies.compare import planned_trace
 
     prepare(results)
     with progress(quiet=json_) as say:

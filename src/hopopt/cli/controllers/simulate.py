@@ -9,8 +9,8 @@ from hopopt.cli.options import AsJson, Overrides, progress, repeated
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
+    from hopopt.comparison.ladder import Ladder
     from hopopt.design import Design
-    from hopopt.studies.ladder import Ladder
 
 Options = Annotated[
     list[str] | None,
@@ -119,10 +119,10 @@ def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
         if folder:
             raise UsageError("--plan is for strategies that follow one, such as track")
         return None
+    from hopopt.comparison.simulation import followed
     from hopopt.planner.reserve import plan_to_track
     from hopopt.storage.folder import fitting
     from hopopt.storage.solution import read
-    from hopopt.studies.simulation import followed
 
     if folder:
         with fitting(folder):
@@ -145,6 +145,6 @@ def save_with_figures(
 
     if not draw:
         return save_runs(what, design, data, traces, results)
-    from hopopt.plots.runs import save_all
+    from hopopt.plots.controllers.runs import save_all
 
     return save_runs(what, design, data, traces, results, lambda folder: save_all(figures, folder, steps=steps))

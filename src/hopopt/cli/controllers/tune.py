@@ -36,8 +36,8 @@ def tune(
     design = load(problem, set_ or ())
     amounts.check("evaluations", evaluations)
     amounts.check_processes(processes)
+    from hopopt.comparison import gain_tuning as gain_study
     from hopopt.storage.folder import as_json
-    from hopopt.studies import gain_tuning as gain_study
 
     names = list(dict.fromkeys(name.strip() for name in strategy.split(",") if name.strip()))
     gain_study.check_search(design, names, evaluations, seed)  # all of them, before the first

@@ -32,12 +32,12 @@ def compare_hops(
     """Solve, hop on, save and print; the exit code."""
     began = time.perf_counter()
     amounts.check("hops", hops, 2)
+    from hopopt.comparison.hops import hop_after_hop as studying
+    from hopopt.comparison.robust.robustness import drawn
     from hopopt.plots.hops import save_all
     from hopopt.storage.folder import as_json
     from hopopt.storage.runs import save_runs
     from hopopt.storage.solution import save
-    from hopopt.studies import hop_after_hop as studying
-    from hopopt.studies.robustness import drawn
 
     with progress(quiet=json_) as say:
         found = studying.compare_hops(

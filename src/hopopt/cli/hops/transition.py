@@ -54,13 +54,13 @@ def transition(
         Draw the figure.
     """
     began = time.perf_counter()
+    from hopopt.comparison.compare import planned_trace
+    from hopopt.comparison.hops import transition as studying
     from hopopt.plots.transition import save_all
     from hopopt.problem.load import load
     from hopopt.storage.folder import as_json, prepare
     from hopopt.storage.runs import save_runs
     from hopopt.storage.solution import read, save
-    from hopopt.studies import transition as studying
-    from hopopt.studies.compare import planned_trace
 
     begin, orbit = (None if folder is None else read(folder) for folder in (from_, to))
     words = ["hop.kind=periodic", *(set_ or ())]

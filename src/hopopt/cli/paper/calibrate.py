@@ -46,11 +46,11 @@ def calibrate(
         raise UsageError(f"--write changes a problem file: give its path, not the name {problem}")
     if write and set_:
         raise UsageError("--write and --set do not go together: the file would not be the problem that was fitted")
+    from hopopt.paper import fit as calibrating
+    from hopopt.paper.experiment import MOTOR, parse_free
+    from hopopt.paper.problem_file import write_motor
+    from hopopt.paper.result import text
     from hopopt.storage.folder import as_json
-    from hopopt.studies.calibration import fit as calibrating
-    from hopopt.studies.calibration.experiment import MOTOR, parse_free
-    from hopopt.studies.calibration.problem_file import write_motor
-    from hopopt.studies.calibration.result import text
 
     values = (*MOTOR, *(parse_free(words) for words in free or ()))
     with progress(quiet=json_) as say:

@@ -20,8 +20,8 @@ def reproduce(problem: str = "paper", *, set_: Overrides = None, json_: AsJson =
 
     from hopopt.control.closed_loop import simulate
     from hopopt.control.strategies import find
+    from hopopt.paper.paper_results import is_the_papers, markdown, paper_results
     from hopopt.storage.folder import as_json
-    from hopopt.studies.paper_results import is_the_papers, markdown, paper_results
 
     force, *others = (simulate(design, find(name)).figures for name in ("force", "position", "position_soft"))
     names = ("position with force's k_p", "position_soft")

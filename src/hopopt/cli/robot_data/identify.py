@@ -40,9 +40,9 @@ def identify(
         Also write the problem with what was identified, such as my_leg_identified.toml.
     """
     from hopopt.problem.load import load
+    from hopopt.robot_data.identification import identify as identification
+    from hopopt.robot_data.robot_log import read_log, read_map
     from hopopt.storage.folder import as_json
-    from hopopt.studies.identification import identify as identification
-    from hopopt.studies.robot_log import read_log, read_map
 
     design, names = load(leg), read_map(map_)
     if output is not None and output.exists():

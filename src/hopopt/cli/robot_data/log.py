@@ -37,10 +37,10 @@ def log(
     """
     from hopopt.errors import UsageError
     from hopopt.problem.load import load
+    from hopopt.robot_data.robot_hop import account, sentences, trace_of
+    from hopopt.robot_data.robot_log import read_log, read_map
     from hopopt.storage.folder import as_json
     from hopopt.storage.solution import read
-    from hopopt.studies.robot_hop import account, sentences, trace_of
-    from hopopt.studies.robot_log import read_log, read_map
 
     design, best = load(leg), read(bound) if bound else None
     if best is not None and (best.design.leg.joints != design.leg.joints or best.objective != "clearance"):

@@ -15,14 +15,14 @@ from hopopt.cli.screen.console import console, print_lines
 from hopopt.cli.screen.runs import OVERSHOOT
 from hopopt.cli.screen.search import global_line, measure, measured, starts_lines
 from hopopt.leg.kinematics import reach
-from hopopt.ocp.direction import sign
+from hopopt.ocp.objectives.direction import sign
 from hopopt.planner.solution import at_apex
 
 if TYPE_CHECKING:
     from hopopt.design import Design
+    from hopopt.planner.answer.stored_summary import Summary
+    from hopopt.planner.answer.summary_parts import Impact
     from hopopt.planner.solution import Solution
-    from hopopt.planner.stored_summary import Summary
-    from hopopt.planner.summary_parts import Impact
 
 MOST = 4  # limits that are named
 LITTLE = 0.005  # share of stance that is no word worth

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 from hopopt.cli.screen.console import console, print_residuals
 
 if TYPE_CHECKING:
-    from hopopt.planner.stored_summary import Summary
-    from hopopt.planner.summary_extras import SecondOrder
+    from hopopt.planner.answer.stored_summary import Summary
+    from hopopt.planner.answer.summary_extras import SecondOrder
     from hopopt.verify.check import Check
 
 FIRST, FEW = 4, 4  # so many stretches of a long line are told before its last, where more than FEW are left out
@@ -62,7 +62,7 @@ def second_order_line(found: "SecondOrder | None") -> list[str]:
 
 def structure_lines(s: "Summary") -> list[str]:
     """The switching structure of stance, a line for each joint and whatever else has limits that act."""
-    from hopopt.optimality.switching_structure import THEN, by_subject
+    from hopopt.optimality.minimum_principle.switching_structure import THEN, by_subject
 
     found = s.structure
     lines = [f"{subject}: {THEN.join(_shortened(parts))}" for subject, parts in by_subject(found.stance).items()]

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from hopopt.cli.screen.console import console, print_lines
 
 if TYPE_CHECKING:
-    from hopopt.planner.stored_summary import Summary
-    from hopopt.planner.summary_extras import CrossCheck
+    from hopopt.planner.answer.stored_summary import Summary
+    from hopopt.planner.answer.summary_extras import CrossCheck
 
 
 def print_cross_checks(summary: "Summary") -> None:

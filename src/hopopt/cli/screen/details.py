@@ -20,9 +20,9 @@ from hopopt.cli.screen.search import global_line, measure, starts_lines
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from hopopt.planner.answer.stored_summary import Summary
+    from hopopt.planner.answer.summary_parts import IdleLimit, NamedCheck
     from hopopt.planner.solution import Solution
-    from hopopt.planner.stored_summary import Summary
-    from hopopt.planner.summary_parts import IdleLimit, NamedCheck
 
 
 def print_details(solution: "Solution") -> None:

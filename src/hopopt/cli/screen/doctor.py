@@ -8,7 +8,7 @@ from rich.table import Table
 from hopopt.cli.screen.console import console, print_table
 
 if TYPE_CHECKING:
-    from hopopt.studies.installation import Finding
+    from hopopt.cli.setup.installation import Finding
 
 
 def print_findings(findings: "Sequence[Finding]") -> None:

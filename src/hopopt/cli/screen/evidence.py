@@ -7,7 +7,7 @@ from rich.table import Table
 
 from hopopt.cli.screen.answer import bound_line
 from hopopt.cli.screen.console import console, print_lines, print_table
-from hopopt.studies.dynamic_programming import TELLING
+from hopopt.evidence.dynamic_programming import TELLING
 
 
 def print_evidence(data: Mapping[str, Any]) -> None:

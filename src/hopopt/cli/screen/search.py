@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from hopopt.planner.global_verdict import followed, highest, verdict
-from hopopt.planner.multistart import STOPPED
+from hopopt.planner.search.global_verdict import followed, highest, verdict
+from hopopt.planner.search.multistart import STOPPED
 
 if TYPE_CHECKING:
-    from hopopt.planner.stored_summary import Summary
-    from hopopt.planner.summary_extras import HopFamily
+    from hopopt.planner.answer.stored_summary import Summary
+    from hopopt.planner.answer.summary_extras import HopFamily
 
 FAMILIES = 3  # different hops that are listed
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
-from hopopt.ocp.objectives import find
+from hopopt.ocp.objectives.registry import find
 from hopopt.planner.stopwatch import duration
 
 if TYPE_CHECKING:

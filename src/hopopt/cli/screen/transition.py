@@ -6,7 +6,7 @@ from typing import Any
 from rich.table import Table
 
 from hopopt.cli.screen.console import console, print_table
-from hopopt.ocp.several_hops import in_words
+from hopopt.ocp.hops.several_hops import in_words
 
 
 def print_transition(found: Mapping[str, Any], where: str) -> None:

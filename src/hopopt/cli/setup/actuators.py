@@ -64,7 +64,7 @@ def _as_json(part: str) -> dict[str, Any]:
     """{name: {"title", entry or "mass": {"value", "unit", "source"}}} of all motors or gears."""
     from hopopt.design import Gear, Motor
     from hopopt.problem.catalogue import MARKS, catalogue, names
-    from hopopt.problem.wording import unit_of
+    from hopopt.problem.checking.wording import unit_of
 
     fields, found = {"motor": Motor, "gear": Gear}[part].model_fields, {}
     units = {key: unit_of(info) or "1" for key, info in fields.items()} | {"mass": "kg"}
@@ -78,7 +78,7 @@ def _as_json(part: str) -> dict[str, Any]:
 
 
 def _law_as_json(part: str) -> dict[str, Any]:
-    from hopopt.problem.mass_law import as_json
+    from hopopt.problem.checking.mass_law import as_json
 
     return as_json(part)
 

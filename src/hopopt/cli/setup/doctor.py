@@ -12,8 +12,8 @@ def doctor(*, json_: AsJson = False) -> int:
 
     Exit code: 0 all that hopopt needs works, 1 not.
     """
+    from hopopt.cli.setup.installation import findings
     from hopopt.storage.folder import as_json
-    from hopopt.studies.installation import findings
 
     with progress(quiet=json_) as say:
         found = []

@@ -63,7 +63,7 @@ def export(
             "say what to write: --format csv, json, ros2 or c for a planned hop; --urdf leg.urdf or --mjcf leg.xml for "
             "the leg"
         )
-    from hopopt.leg.export import to_mjcf, to_urdf
+    from hopopt.leg.files.export import to_mjcf, to_urdf
     from hopopt.leg.robot import build_robot
     from hopopt.problem.load import load
 

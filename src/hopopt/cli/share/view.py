@@ -29,7 +29,7 @@ def view(
         The port to listen at; 0: any that is free.
     """
     from hopopt.plots.scene import HopScene, quiet, serve
-    from hopopt.problem.looks import looks_if_known, looks_of
+    from hopopt.problem.checking.looks import looks_if_known, looks_of
     from hopopt.storage.folder import as_json, fitting
     from hopopt.storage.solution import read
 

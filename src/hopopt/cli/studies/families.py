@@ -12,7 +12,7 @@ from hopopt.cli.options import AsJson, Overrides, progress, repeated
 from hopopt.errors import NotSolvedError
 
 if TYPE_CHECKING:
-    from hopopt.studies.families import Study
+    from hopopt.evidence.families import Study
     from hopopt.studies.sweep.definition import Definition
 
 Vary = Annotated[
@@ -56,9 +56,9 @@ def families(
     amounts.check("starts", starts)
     amounts.check_processes(processes)
     definition = _definition(problem, vary, set_, starts)
+    from hopopt.evidence.families import open_folder, save
+    from hopopt.evidence.family_search import find_families
     from hopopt.storage.folder import as_json, prepare
-    from hopopt.studies.families import open_folder, save
-    from hopopt.studies.family_search import find_families
     from hopopt.studies.faults import kept
 
     prepare(results)
@@ -84,8 +84,8 @@ def families(
 
 def _definition(problem: str, vary: list[str] | None, set_: list[str] | None, starts: int | None) -> "Definition":
     """What is asked for; without an entry, the problem alone."""
+    from hopopt.evidence.families import one_entry
     from hopopt.problem.load import load
-    from hopopt.studies.families import one_entry
     from hopopt.studies.sweep.definition import Definition, define, parse
 
     design = load(problem, set_ or ())
@@ -95,7 +95,7 @@ def _definition(problem: str, vary: list[str] | None, set_: list[str] | None, st
 
 
 def _draw(study: "Study", folder: Path) -> None:
-    from hopopt.plots.families import save
+    from hopopt.plots.studies.families import save
     from hopopt.storage.folder import reason_of
 
     try:

@@ -90,7 +90,7 @@ def pareto(
 def _draw(found: "Front") -> None:
     import logging
 
-    from hopopt.plots.pareto import save
+    from hopopt.plots.studies.pareto import save
     from hopopt.storage.folder import reason_of
 
     assert found.folder is not None

@@ -86,14 +86,14 @@ def _optimum(
 ) -> "tuple[Solution, list[str]]":
     """The optimum, stored or solved for, and the checks that it fails."""
     if folder is not None:
-        from hopopt.storage.recheck import recheck
+        from hopopt.storage.seal.recheck import recheck
         from hopopt.storage.solution import read
 
         say("verifying")
         solution = read(folder)
         return solution, [*solution.doubts, *recheck(solution).failed_checks]
-    from hopopt.ocp.objective import HEIGHTS
-    from hopopt.ocp.objectives import find
+    from hopopt.ocp.objectives.objective import HEIGHTS
+    from hopopt.ocp.objectives.registry import find
     from hopopt.planner.solve import solve
     from hopopt.problem.load import load
 
@@ -130,6 +130,6 @@ def _saved(
 
     if not draw:
         return save_runs("sensitivity", solution.design, data, {}, results)
-    from hopopt.plots.sensitivity import save_all
+    from hopopt.plots.studies.sensitivity import save_all
 
     return save_runs("sensitivity", solution.design, data, {}, results, lambda f: save_all(solution, influences, f))

@@ -140,7 +140,7 @@ def _definition(
 def _draw(study: "Study") -> None:
     import logging
 
-    from hopopt.plots.sweep import save_all
+    from hopopt.plots.studies.sweep import save_all
     from hopopt.storage.folder import reason_of
 
     try:

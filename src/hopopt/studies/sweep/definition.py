@@ -13,7 +13,7 @@ import numpy as np
 from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
-from hopopt.ocp.objectives import OBJECTIVES
+from hopopt.ocp.objectives.registry import OBJECTIVES
 from hopopt.ocp.rules import added_rules
 from hopopt.problem.load import changed
 from hopopt.problem.render import design_hash, rows, shown, shown_path

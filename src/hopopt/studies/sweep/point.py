@@ -17,17 +17,20 @@ import numpy as np
 
 from hopopt.design import Leg, physical_parameters
 from hopopt.errors import NotSolvedError, ProblemFileError, SolverError, one_line
-from hopopt.nlp.compiled import compiling
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.ipopt import CARRIED, NlpSolver
-from hopopt.nlp.mesh_refinement import UNSOLVED, relative
-from hopopt.nlp.reuse import with_numbers_of
+from hopopt.nlp.refinement.mesh_refinement import UNSOLVED, relative
+from hopopt.nlp.solver.compiled import compiling
+from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
+from hopopt.nlp.solver.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.feasibility import joints_without_inertia
+from hopopt.ocp.guesses.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
-from hopopt.planner.first_mesh import search_first_mesh
-from hopopt.planner.motion_figures import parts
-from hopopt.planner.multistart import (
+from hopopt.planner.answer.motion_figures import parts
+from hopopt.planner.answer.summary import limit_gains
+from hopopt.planner.answer.summary_entry import as_data
+from hopopt.planner.refine_and_verify import Answer, refine_and_verify
+from hopopt.planner.search.first_mesh import search_first_mesh
+from hopopt.planner.search.multistart import (
     StartOutcome,
     contenders,
     first_transcription,
@@ -35,11 +38,8 @@ from hopopt.planner.multistart import (
     outcome_of,
     solved_from,
 )
-from hopopt.planner.refine_and_verify import Answer, refine_and_verify
-from hopopt.planner.required_clearance import from_highest
+from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.solve import TIME_LIMIT, with_larger_tie_break
-from hopopt.planner.summary import limit_gains
-from hopopt.planner.summary_entry import as_data
 from hopopt.studies.faults import Fault, guarded
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import unlike

@@ -11,8 +11,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from hopopt.errors import ResultError
 from hopopt.files import write_whole
-from hopopt.storage.digests import digest
 from hopopt.storage.folder import as_json, reason_of
+from hopopt.storage.seal.digests import digest
 from hopopt.studies.sweep.definition import Definition
 
 SUM = 1e-9  # m: by which a clearance may differ from the sum of its parts
@@ -27,7 +27,7 @@ class Point:
 
     index: its number in the study
     values: of the varied entries, by entry [its unit]
-    outcome: one of OUTCOMES; VERIFIED means the checks of a single solve (planner/judge.py)
+    outcome: one of OUTCOMES; VERIFIED means the checks of a single solve (planner/checks/judge.py)
     sentence: why it is not verified
     objective_value: [the objective's unit]
     clearance_m, parts: height of the lowest point and what it is the sum of [m], only if verified

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hopopt.errors import HopoptError, one_line
-from hopopt.storage.digests import OWN, changed
+from hopopt.storage.seal.digests import OWN, changed
 from hopopt.storage.stated_figures import difference
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.point import again

@@ -16,10 +16,9 @@ from typing import Any, ClassVar
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.files import remove_abandoned
-from hopopt.ocp.objectives import find
+from hopopt.ocp.objectives.registry import find
 from hopopt.problem.load import as_design
 from hopopt.studies.faults import kept
-from hopopt.studies.sweep.crew import Workers
 from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.order import doubtful, sources
 from hopopt.studies.sweep.point import Source, solve_again, solve_point
@@ -33,7 +32,8 @@ from hopopt.studies.sweep.store import (
     save_point,
     save_tables,
 )
-from hopopt.studies.sweep.workers import Clock, Progress, workers
+from hopopt.studies.sweep.workers.crew import Workers
+from hopopt.studies.sweep.workers.processes import Clock, Progress, workers
 
 PASSES = 8  # after the first, at most
 

@@ -21,10 +21,10 @@ import numpy as np
 
 from hopopt.errors import ResultError, UsageError
 from hopopt.files import write_whole
-from hopopt.ocp.objectives import find
+from hopopt.ocp.objectives.registry import find
 from hopopt.problem.load import load, resolved_toml
-from hopopt.storage.digests import changed, digest, manifest_of, seal
 from hopopt.storage.folder import as_json, new_folder, reason_of, writing
+from hopopt.storage.seal.digests import changed, digest, manifest_of, seal
 from hopopt.studies.faults import Fault
 from hopopt.studies.sweep.definition import Definition, define
 from hopopt.studies.sweep.point_file import ENDED, Point, point_files, read_point, write_point

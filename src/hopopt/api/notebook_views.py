@@ -1,0 +1,142 @@
+"""Results as a notebook shows them and as xarray and pandas hold them, with names of joints and units."""
+
+from collections.abc import Mapping
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopopt.comparison.compare import OPTIMUM, Comparison
+from hopopt.leg.kinematics import contact_axes
+from hopopt.leg.robot import BASE
+from hopopt.planner.solution import Solution
+from hopopt.studies.sweep.run import Study
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+INSTANTS = 201  # of a hop, if no times are given
+ROWS = 12  # of a table in a notebook
+
+
+def solution_dataset(solution: Solution, t: Any = None) -> "xr.Dataset":
+    """The hop at times t [s] since stance began (default: 201 equal steps): body x, z [m], v and a of it; of every joint
+    angle [rad], speed, acceleration, torque [N m]; the contact force [N]; heights and places of all points [m].
+
+    Raises UsageError for times outside the hop.
+    """
+    import xarray as xr  # takes a while
+
+    s = solution.sample(np.linspace(0.0, solution.end, INSTANTS) if t is None else t)
+    parts: dict[str, Any] = {"phase": ("t", s.phase)}
+    names = (("position", "angle", ""), ("velocity", "speed", "/s"), ("acceleration", "angular_acceleration", "/s^2"))
+    for (of_body, of_joint, per), values in zip(names, (s.q, s.v, s.a), strict=True):
+        parts[of_body] = (("t", "axis"), values[:, :BASE], {"units": f"m{per}"})
+        parts[of_joint] = (("t", "joint"), values[:, BASE:], {"units": f"rad{per}"})
+    parts["torque"] = (("t", "joint"), s.tau, {"units": "N m"})
+    parts["force"] = (("t", "direction"), s.f, {"units": "N"})
+    parts["point"] = (("t", "name", "axis"), np.stack(list(s.points.values()), axis=1), {"units": "m"})
+    labels = {
+        "t": ("t", s.t, {"units": "s"}),
+        "axis": ["x", "z"],
+        "joint": list(solution.robot.joints),
+        "direction": ["xyz"[k] for k in contact_axes(solution.design.leg)],
+        "name": list(s.points),
+    }
+    about = {"problem": solution.design.name, "objective": solution.objective, "verified": int(solution.verified)}
+    return xr.Dataset(parts, labels, about)
+
+
+def solution_frame(solution: Solution, t: Any = None) -> "pd.DataFrame":
+    """The same as a table: a row for every time, columns such as "knee torque [N m]"."""
+    import pandas as pd
+
+    data, columns = solution_dataset(solution, t), dict[str, Any]()
+    for name, values in data.data_vars.items():
+        unit = f" [{values.attrs['units']}]" if "units" in values.attrs else ""
+        if values.ndim == 1:
+            columns[str(name)] = values.values
+        for labels in np.ndindex(values.shape[1:]) if values.ndim > 1 else ():
+            words = [str(data[dim].values[k]) for dim, k in zip(values.dims[1:], labels, strict=True)]
+            kind = {
+                "position": ["body", *words],
+                "velocity": ["body", *words, name],
+                "acceleration": ["body", *words, name],
+            }
+            of = {"point": words, "force": ["force", *words]}
+            columns[f"{' '.join(map(str, {**kind, **of}.get(str(name), [*words, name])))}{unit}"] = values.values[
+                :, *labels
+            ]
+    return pd.DataFrame(columns, index=pd.Index(data["t"].values, name="t [s]"))
+
+
+def comparison_frame(comparison: Comparison) -> "pd.DataFrame":
+    """A row for every strategy, the optimum first, with the figures that are numbers; the unit ends a column's name."""
+    import pandas as pd
+
+    rows = {name: _numbers(row) for name, row in comparison.as_dict()["strategies"].items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("strategy")
+
+
+def _numbers(row: Mapping[str, Any], path: str = "") -> dict[str, float]:
+    """The numbers of nested tables by their path, joined by dots."""
+    found: dict[str, float] = {}
+    for key, value in row.items():
+        if isinstance(value, Mapping):
+            found |= _numbers(value, f"{path}{key}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            found[f"{path}{key}"] = float(value)
+    return found
+
+
+def comparison_dataset(comparison: Comparison) -> "xr.Dataset":
+    """The same as a dataset along the strategies."""
+    return comparison_frame(comparison).to_xarray()
+
+
+def study_dataset(study: Study) -> "xr.Dataset":
+    """The points with a dimension for each varied entry if they are a grid."""
+    return study.dataset
+
+
+def study_frame(study: Study) -> "pd.DataFrame":
+    """A row for every point: the varied entries, then what came of it."""
+    return study.dataset.to_dataframe().reset_index()
+
+
+def solution_html(solution: Solution) -> str:
+    """What a notebook shows of a solution."""
+    s = solution.shown
+    rows: dict[str, Any] = {s.objective_figure: f"{s.reached:.4f} {s.objective_unit}", "status": s.status}
+    rows |= {"stance [s]": f"{solution.lift_off:.3f}", "flight [s]": f"{solution.duration - solution.lift_off:.3f}"}
+    if s.gains:
+        rows["limiting constraint"] = next(iter(s.gains))
+    if s.result_dir:
+        rows["folder"] = s.result_dir
+    return html(f"{s.title or s.problem}, objective {s.objective}", rows)
+
+
+def comparison_html(comparison: Comparison) -> str:
+    """What a notebook shows of a comparison."""
+    rows = {name: f"{f.clearance:.4f} m" for name, f in comparison.figures.items()}
+    if not comparison.solution.verified:
+        rows[OPTIMUM] = "not verified"
+    return html(f"{comparison.solution.design.name}: clearance of every strategy", rows)
+
+
+def study_html(study: Study) -> str:
+    """What a notebook shows of a study: its points, the last left out where there are many."""
+    rows: dict[str, Any] = {}
+    for p in study.points[:ROWS]:
+        where = ", ".join(f"{entry} = {value:.12g}" for entry, value in p.values.items())
+        rows[where] = f"{p.clearance_m:.4f} m" if p.clearance_m is not None else p.outcome
+    if len(study.points) > ROWS:
+        rows[f"{len(study.points) - ROWS} more"] = "to_dataframe() has them"
+    return html(repr(study).strip("<>"), rows)
+
+
+def html(title: str, rows: Mapping[str, Any]) -> str:
+    """A table of names and values."""
+    body = "".join(f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>" for name, value in rows.items())
+    return f"<table><caption>{escape(title)}</caption>{body}</table>"

@@ -1,0 +1,121 @@
+"""How a leg looks by its URDF: meshes and simple bodies, each placed in the frame of the joint that moves it."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+
+import numpy as np
+import pinocchio as pin
+
+from hopopt.leg.files.urdf import reduced_model
+from hopopt.leg.files.urdf_xml import Tree, root_of
+
+BODY = -1  # the joint of what does not move with any
+SIZES = {"box": ("size", 3), "cylinder": ("radius length", 1), "sphere": ("radius", 1)}  # attributes, numbers in each
+
+
+@dataclass(frozen=True)
+class Visual:
+    """A mesh, or a simple body, of a leg.
+
+    link: of the URDF. joint: number of the joint that moves it, from the body down, or BODY.
+    own: whether it is of the very link that the joint moves, or of the body; else it is of what is fixed to that link.
+    rotation (3, 3), position (3) [m]: in the joint's frame, whose axes are the robot's with all angles zero; of the
+    body from the first joint.
+    file: the mesh where it lies on disk; None of a simple body, or of a mesh that is not there.
+    shape: "mesh", "box", "cylinder" or "sphere". size: of a mesh its scale (3), else its measures [m].
+    """
+
+    link: str
+    joint: int
+    own: bool
+    rotation: np.ndarray
+    position: np.ndarray
+    file: Path | None
+    shape: str
+    size: tuple[float, ...]
+
+
+def visuals(raw: bytes, folder: Path, joints: Sequence[str], foot: str, locked: Mapping[str, float]) -> list[Visual]:
+    """How the moving links look, what is fixed to them, and the links from the root to the first joint; no other limbs.
+
+    raw: the URDF. folder: where it lies, for its meshes. joints, foot, locked: as ``read_leg`` takes them.
+    Raises UrdfError.
+    """
+    tree = Tree(root_of(raw))
+    chain = tree.chain_to(foot, joints)
+    model = reduced_model(tree, chain, locked)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    order = [model.getJointId(name) for name in chain]
+    hip, found = data.oMi[order[0]].translation, list[Visual]()
+    above = set(_links_above(tree, chain[0]))
+    for name, link in tree.links.items():
+        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
+        joint = order.index(frame.parentJoint) if frame.parentJoint in order else BODY
+        if joint == BODY and name not in above:
+            continue
+        turn = data.oMi[frame.parentJoint].rotation
+        rotation, position = turn @ frame.placement.rotation, turn @ frame.placement.translation
+        if joint == BODY:
+            position = data.oMf[model.getFrameId(name, pin.FrameType.BODY)].translation - hip
+        for visual in link.iter("visual"):
+            shape = _shape(visual, folder)
+            if shape is not None:
+                origin = visual.find("origin")
+                spin, shift = (_numbers(origin, entry, 3, 0.0) for entry in ("rpy", "xyz"))
+                own = pin.rpy.rpyToMatrix(*spin)
+                place = rotation @ own, position + rotation @ np.array(shift)
+                itself = joint == BODY or name == tree.ends(chain[joint])[1]
+                found.append(Visual(name, joint, itself, *place, *shape))
+    return found
+
+
+def _links_above(tree: Tree, joint: str) -> Iterator[str]:
+    """The links from a joint up to the root."""
+    link = tree.ends(joint)[0]
+    yield link
+    while link in tree.above:
+        link = tree.ends(tree.above[link])[0]
+        yield link
+
+
+def _shape(visual: ET.Element, folder: Path) -> tuple[Path | None, str, tuple[float, ...]] | None:
+    """File, shape and size of a visual; None if it has none that is known."""
+    mesh = visual.find("geometry/mesh")
+    if mesh is not None:
+        return _file(mesh.get("filename", ""), folder), "mesh", _numbers(mesh, "scale", 3, 1.0)
+    for shape, (entries, count) in SIZES.items():
+        simple = visual.find(f"geometry/{shape}")
+        if simple is not None:
+            size = tuple(x for entry in entries.split() for x in _numbers(simple, entry, count, 0.0))
+            return (None, shape, size) if min(size) > 0 else None
+    return None
+
+
+def _numbers(element: ET.Element | None, entry: str, count: int, other: float) -> tuple[float, ...]:
+    """The finite numbers of an attribute, or as many others: looks matter to no answer, so that nothing is refused."""
+    words = "" if element is None else element.get(entry, "")
+    try:
+        values = tuple(float(word) for word in words.split())
+    except ValueError:
+        values = ()
+    return values if len(values) == count and np.isfinite(values).all() else (other,) * count
+
+
+def _file(name: str, folder: Path) -> Path | None:
+    """The mesh that a URDF names, on disk: a package is looked for in the folders above the URDF."""
+    url = urlparse(name)
+    if url.scheme not in ("package", "file", "model", ""):
+        return None
+    inside = unquote(f"{url.netloc}{url.path}") if url.scheme in ("package", "model") else unquote(url.path)
+    places = [folder / inside]
+    if url.scheme in ("package", "model"):
+        homes = [folder, *folder.resolve().parents]
+        places = [home / inside for home in homes] + [home / unquote(url.path).lstrip("/") for home in homes]
+    try:
+        return next((place for place in places if place.is_file()), None)
+    except (OSError, ValueError):  # no name of a file
+        return None

@@ -1,0 +1,59 @@
+"""The posture in which a leg clears most at the apex, whatever its push: its lowest point as high over the centre of mass
+as joint limits and foot window allow."""
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import minimize
+
+from hopopt.leg.dynamics import LegDynamics
+from hopopt.leg.kinematics import spread
+from hopopt.leg.robot import BASE
+from hopopt.ocp.guesses.motion import MovingLeg
+
+POSES, REFINED = 1024, 4  # that are looked at, and of the best of them that are refined
+OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
+
+
+class Posture:
+    """How high poses of a leg have its lowest point over the centre of mass."""
+
+    def __init__(self, leg: MovingLeg):
+        self.limits, self.window = leg.limits, leg.design.hop.foot_window
+        q = ca.SX.sym("q", leg.n)
+        dynamics = LegDynamics(leg.robot, leg.robot.parameters)
+        points = dynamics.points(ca.vertcat(ca.SX.zeros(BASE), q))
+        over = ca.vertcat(*[points[name][1] - points["com"][1] for name in leg.point_names])
+        beside = points["foot"][0] - points[leg.leg.joints[0]][0]
+        self._places = ca.Function("places", [q], [over, beside])
+        self._slopes = ca.Function("slopes", [q], [ca.jacobian(over, q), ca.jacobian(beside, q)])
+
+    def height(self, q: np.ndarray) -> np.ndarray:
+        """Lowest point over the centre of mass (k,) [m] in poses q (k, n) [rad], less where the foot is beyond its window."""
+        over, beside = (np.array(part) for part in self._places.map(len(q))(q.T))
+        return over.min(axis=0) - OUTSIDE * np.maximum(np.abs(beside[0]) - self.window, 0.0)
+
+    def best(self) -> np.ndarray:
+        """The pose (n,) [rad] in which that is highest: the best of many, refined."""
+        lower, upper = self.limits
+        drawn = lower + (upper - lower) * spread(POSES, len(lower))
+        begun = drawn[np.argsort(-self.height(drawn))[:REFINED]]
+        found = np.clip([*begun, *(self._refined(q) for q in begun)], lower, upper)
+        return found[np.argmax(self.height(found))]
+
+    def _refined(self, q: np.ndarray) -> np.ndarray:
+        """The nearest optimum; unknowns are the pose and a height that no point is below."""
+
+        def room(x: np.ndarray) -> np.ndarray:
+            over, beside = (np.array(part).ravel() for part in self._places(x[:-1]))
+            return np.concatenate([over - x[-1], self.window - beside, self.window + beside])
+
+        def slope(x: np.ndarray) -> np.ndarray:
+            over, beside = (np.array(part) for part in self._slopes(x[:-1]))
+            return np.hstack([np.vstack([over, -beside, beside]), np.array([[-1.0]] * len(over) + [[0.0], [0.0]])])
+
+        result = minimize(
+            lambda x: -x[-1], np.append(q, self.height(q[None])[0]), jac=lambda x: np.append(np.zeros(len(q)), -1.0),
+            method="SLSQP", bounds=[*zip(*self.limits, strict=True), (None, None)],
+            constraints={"type": "ineq", "fun": room, "jac": slope},
+        )  # fmt: skip
+        return result.x[:-1]

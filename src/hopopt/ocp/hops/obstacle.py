@@ -1,0 +1,129 @@
+"""The highest obstacle of a given width that the whole leg clears: a box on the ground, which no link ever enters.
+
+A link and the box are convex, so they do not meet if and only if a line separates them; in the plane one of four does
+(separating axes: Ericson, Real-Time Collision Detection, 5.2). The box is ahead of the link, behind it, below the link's lower
+end, or below the line through the link. The distance along the best of these is the greatest of four, made smooth so that
+it is never too large: greatest values are averages with Boltzmann weights, least ones and those of two ends soft minima.
+That keeps the leg away from the box by less than SMOOTH of its length where two of these are equal.
+"""
+
+from collections.abc import Sequence
+from functools import reduce
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+
+from hopopt.design import Design
+from hopopt.leg.limit_id import Kind, LimitId
+from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, LegPhase
+from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, Parameter, PathConstraint, linkage
+from hopopt.ocp.transitions import RISE
+
+HEIGHT, AT, STEP = "obstacle", "obstacle at", "obstacle step"  # height, near side, how far ahead the foot lands [m]
+WIDTH = "hop.obstacle.width"
+SMOOTH = 2e-3  # of the leg's length
+OBSTACLE = LimitId(Kind.OBSTACLE, key=WIDTH, unit="m")
+
+
+def _links(leg: MovingLeg) -> list[tuple[str, str]]:
+    """The ends of every link, by the names of the points."""
+    return list(pairwise((*leg.leg.joints, "foot")))
+
+
+def _clear(leg: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
+    """No link within the box ahead, or behind where the foot has landed beyond it; a hop that goes on and on has both."""
+    links, landed = _links(leg), phase.phase.name == LANDING
+
+    def value(s: Instant) -> ca.SX:
+        points = leg.dynamics(s).points(phase.motion(s).q)
+        begins = [s.p[AT] - s.p[STEP]] * landed or [s.p[AT], *[s.p[AT] - s.p[STEP]] * leg.design.hop.periodic]
+        return ca.vertcat(
+            *[
+                distance(points[top], points[end], begin, s.p[WIDTH], s.p[HEIGHT], SMOOTH * leg.reach)
+                for begin in begins for top, end in links
+            ]
+        )  # fmt: skip
+
+    beside = ("", " (behind)")[: 1 + leg.design.hop.periodic]
+    labels = tuple(f"{top} to {end}{after}" for after in beside for top, end in links)
+    return (PathConstraint(OBSTACLE, value, 0.0, INF, scale=leg.reach, unit="m", labels=labels, smooth=False),)
+
+
+def distance(a: ca.SX, b: ca.SX, begin: Any, width: Any, height: Any, smooth: float) -> ca.SX:
+    """How far the link from a to b, (x, z) each, is from a box [m]; never more than it is, less by about ``smooth`` [m] at
+    most, negative within."""
+    (xa, za), (xb, zb) = (ca.vertsplit(end) for end in (a, b))
+    along, up = xb - xa, zb - za
+    steep = ca.sqrt(along**2 + (smooth / 10) ** 2) * ca.sqrt(along**2 + up**2)
+
+    def over(x: Any) -> ca.SX:
+        """Of a corner from the line through the link, 0 for an upright one."""
+        return along * ((za - height) * along + up * (x - xa)) / steep
+
+    ahead = least([begin - xa, begin - xb], smooth)
+    behind = least([xa - begin - width, xb - begin - width], smooth)
+    above = least([za - height, zb - height], smooth)
+    return greatest([ahead, behind, above, least([over(begin), over(begin + width)], smooth)], smooth)
+
+
+def least(values: Sequence[ca.SX], smooth: float) -> ca.SX:
+    """Soft minimum, not above the least."""
+    lowest = reduce(ca.fmin, values)
+    return lowest - smooth * ca.log(sum(ca.exp((lowest - value) / smooth) for value in values))
+
+
+def greatest(values: Sequence[ca.SX], smooth: float) -> ca.SX:
+    """Average with Boltzmann weights, not above the greatest."""
+    highest = reduce(ca.fmax, values)
+    weights = [ca.exp((value - highest) / smooth) for value in values]
+    return sum(w * value for w, value in zip(weights, values, strict=True)) / sum(weights)
+
+
+def _numbers(leg: MovingLeg) -> tuple[Parameter, ...]:
+    """Height and place of the box, both free, and its width."""
+    size = leg.reach
+    return (
+        Parameter(HEIGHT, lower=-5.0, upper=20.0, unit="m", value=0.2 * size, free=True),
+        Parameter(AT, lower=0.0, upper=100 * size, scale=size, unit="m", value=0.3 * size, free=True),
+        Parameter(WIDTH, value=leg.design.hop.obstacle.width or 0.0, unit="m"),
+        Parameter(STEP, lower=0.0, upper=100 * size, scale=size, unit="m", value=size, free=True),
+    )
+
+
+def _beyond(leg: MovingLeg) -> tuple[BoundaryConstraint, ...]:
+    """The foot lands beyond the box; flight ends at the apex."""
+
+    def foot(e: Ends) -> ca.SX:
+        return leg.flight_points(e.final[DESCENT])["foot"][0]
+
+    def body(e: Ends) -> ca.SX:
+        return leg.flight_pose(e.final[FLIGHT])[0][0]
+
+    beyond = BoundaryConstraint(
+        "foot beyond the obstacle", lambda e: foot(e) - e.p[AT] - e.p[WIDTH], 0.0, INF, leg.reach, "m"
+    )
+    return (
+        beyond,
+        linkage("obstacle behind", lambda e: foot(e) - e.p[STEP], unit="m"),
+        linkage("apex", lambda e: e.final[FLIGHT].com_v[-1], RISE, unit="m/s"),
+        linkage("obstacle below the apex", lambda e: e.p[AT] + e.p[WIDTH] / 2 - body(e), unit="m"),
+    )
+
+
+def _no_width(design: Design) -> str | None:
+    """What to say if the problem does not say how wide the obstacle is, or the leg cannot travel."""
+    if design.hop.obstacle.width is None:
+        return "it needs the obstacle's width: give hop.obstacle.width [m], such as --set hop.obstacle.width=0.2"
+    if "x" not in design.leg.guides:
+        return "it needs a leg whose body moves along x and z in a plane (leg.guides)"
+    return None
+
+
+OVER = HopObjective(
+    "obstacle", "height of the highest box of the given width that the whole leg clears on its way forwards", "m",
+    lambda leg, e: e.p[HEIGHT], "obstacle_m", "free", parameters=_numbers, boundary=_beyond, path=_clear,
+    kind="landing", fault=_no_width, tie_break=lambda leg: 100.0,
+)  # fmt: skip

@@ -1,0 +1,229 @@
+"""Objectives of an economical hop: the least work, time, share of the drives, torque or ground force for a clearance.
+
+All reach the clearance that the problem asks for (``hop.clearance``) and make something as small as possible until then.
+Positive parts and peaks are not smooth: a power gets a control of its own that is at least the power and at least zero,
+a peak a parameter that no value passes.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+
+from hopopt.design import Design
+from hopopt.drivetrain.limits import BACKWARD, FORWARD
+from hopopt.drivetrain.region import operating_region
+from hopopt.leg.limit_id import JointWay, Kind, LimitId
+from hopopt.leg.robot import BASE
+from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.drives import asked
+from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.objectives.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
+from hopopt.ocp.phases import LegPhase
+from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
+
+FLAT = 5e4  # times the usual tie-break, in the leg's own time: work without heat hardly depends on when it is done
+SPEED = 10.0  # [rad/s]: joint speed of a push, for the scale of power
+SHARP = 0.1  # a peak may be passed by a smaller share of its range than a limit: it is the answer
+KINK = 3.0  # a power may be passed by a larger one where work is flat: what that gains is in the estimate of its error
+ELECTRICAL = ("winding_resistance", "torque_constant")
+
+
+def _economical(name: str, meaning: str, unit: str, figure: str, value: Any, **more: Any) -> HopObjective:
+    """An objective to be made small at the clearance that the problem asks for."""
+    own = more.pop("parameters", lambda hop: ())
+    fault = more.pop("fault", lambda design: None)
+    return HopObjective(
+        name, meaning, unit, value, figure, "required clearance",
+        maximize=False,
+        parameters=lambda hop: (required_clearance(hop), *own(hop)),
+        boundary=lambda hop: lowest_point(hop, "hop.clearance"),
+        fault=lambda design: no_required_clearance(design) or fault(design),
+        **more,
+    )  # fmt: skip
+
+
+def total(e: Ends, what: str) -> ca.SX:
+    """An integral over all phases."""
+    return sum((integrals[what] for integrals in e.integral.values()), ca.SX(0))
+
+
+# ---- work ---------------------------------------------------------------------------------------------------
+
+
+def work_scale(hop: MovingLeg) -> float:
+    """What it takes to lift the leg by its length [J]."""
+    return hop.weight * hop.reach
+
+
+def power_scale(hop: MovingLeg) -> float:
+    """Power of the leg's weight at the length of the leg and a push's joint speed [W]."""
+    return hop.weight * hop.reach * SPEED
+
+
+def _power(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
+    """tau w of every joint [W], (n,)."""
+    m = motion(s)
+    return m.tau * m.v[BASE:]
+
+
+def _losses(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
+    """Joule heat in every motor's winding [W], (n,): resistance times (motor torque / torque constant)^2."""
+    heat = []
+    for k, joint in enumerate(hop.leg.joints):
+        resistance, constant = (s.p[hop.leg.drive(joint, "motor", entry)[0]] for entry in ELECTRICAL)
+        ratio = s.p[hop.leg.drive(joint, "gear", "ratio")[0]]
+        heat.append(resistance * (motion(s).tau[k] / (ratio * constant)) ** 2)
+    return ca.vertcat(*heat)
+
+
+def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], share: float = SHARP) -> dict[str, Any]:
+    """A control for every joint that is at least its power and at least zero: at the optimum the positive part; ``share``
+    of the power's scale: what its range is taken to be."""
+
+    def controls(hop: MovingLeg) -> tuple[Control, ...]:
+        return (
+            Control(
+                "drawn", hop.n, lower=0.0, scale=power_scale(hop), unit="W", labels=hop.leg.joints, only_bounds=True
+            ),
+        )
+
+    def path(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
+        return (
+            PathConstraint(
+                LimitId(Kind.POWER, unit="W"), lambda s: s.drawn - power(hop, phase.motion, s), lower=0.0, scale=share * power_scale(hop),
+                unit="W", labels=hop.leg.joints,
+            ),
+        )  # fmt: skip
+
+    return {"controls": controls, "path": path, "scale": work_scale}
+
+
+def _mechanical() -> dict[str, Any]:
+    """What work without heat needs: a tie-break that counts, and to be solved with a larger one first."""
+    return {**_drawn(_power, KINK), "tie_break": lambda hop: FLAT / hop.time_scale, "calm_first": True}
+
+
+def _drawn_work(hop: MovingLeg, motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:
+    return {"work": lambda s: ca.sum1(s.drawn)}
+
+
+def _work_both_ways(hop: MovingLeg, motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:
+    """|p| = 2 max(p, 0) - p."""
+    return {"work": lambda s: 2 * ca.sum1(s.drawn) - ca.sum1(_power(hop, motion, s))}
+
+
+def _no_winding(design: Design) -> str | None:
+    """What to say if a motor's electrical figures are missing."""
+    for joint in design.leg.joints:
+        for entry in ELECTRICAL:
+            path, value = design.leg.drive(joint, "motor", entry)
+            if value is None:
+                return (
+                    f"it needs {path} (of the {joint}'s motor): give winding_resistance [ohm], torque_constant [N m/A]"
+                )
+    return None
+
+
+# ---- peaks --------------------------------------------------------------------------------------------------
+
+
+def _peak(name: str, unit: str, scale: Callable[[MovingLeg], float], upper: float = 100.0) -> Any:
+    """A free parameter that nothing may pass, up to ``upper`` times its scale."""
+    return lambda hop: (
+        Parameter(name, lower=0.0, upper=upper * scale(hop), scale=scale(hop), unit=unit, value=scale(hop), free=True),
+    )
+
+
+def _region_share(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
+    """-share <= a tau + b w <= share for every pair of half-planes of every joint."""
+
+    def value(joint: str, k: int) -> Callable[[Instant], ca.SX]:
+        torque = asked(hop, joint, phase.motion)
+
+        def both(s: Instant) -> ca.SX:
+            w, share = phase.motion(s).v[BASE + k], s.p["share"]
+            used = ca.vertcat(*operating_region(hop.leg, joint, s.p).use(w, torque(s))[::2])
+            return ca.vertcat(share - used, share + used)
+
+        return both
+
+    return tuple(
+        PathConstraint(LimitId(Kind.SHARE, joint, unit="1"), value(joint, k), lower=0.0, scale=SHARP)
+        for k, joint in enumerate(hop.leg.joints)
+    )
+
+
+def largest_stall(hop: MovingLeg) -> float:
+    """The largest stall torque of any joint [N m]."""
+    p = hop.robot.parameters
+    return max(
+        p[hop.leg.drive(j, "gear", "ratio")[0]] * p[hop.leg.drive(j, "motor", "max_torque")[0]] for j in hop.leg.joints
+    )
+
+
+def _torque_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
+    def both(s: Instant) -> ca.SX:
+        tau = phase.motion(s).tau
+        return ca.vertcat(s.p["peak torque"] - tau, s.p["peak torque"] + tau)
+
+    labels = tuple(JointWay(j, way) for way in (FORWARD, BACKWARD) for j in hop.leg.joints)
+    return (
+        PathConstraint(
+            LimitId(Kind.PEAK_TORQUE, unit="N m"),
+            both,
+            lower=0.0,
+            scale=SHARP * largest_stall(hop),
+            unit="N m",
+            labels=labels,
+        ),
+    )
+
+
+def _force_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
+    """peak - f^2 / peak >= 0: the force's magnitude without its root, which is not smooth at zero."""
+    if phase.kind != "stance":
+        return ()
+
+    def value(s: Instant) -> ca.SX:
+        peak = s.p["peak force"]
+        return peak - ca.sumsqr(phase.motion(s).f) / peak
+
+    return (
+        PathConstraint(LimitId(Kind.PEAK_FORCE, unit="N"), value, lower=0.0, scale=SHARP * hop.force_range, unit="N"),
+    )
+
+
+EFFORTS = (
+    _economical(
+        "energy", "positive mechanical work of the joints over the hop, nothing recovered", "J", "energy_J",
+        lambda hop, e: total(e, "work"), integrands=_drawn_work, **_mechanical(),
+    ),
+    _economical(
+        "absolute_work", "mechanical work of the joints over the hop, braking counted like driving", "J",
+        "absolute_work_J", lambda hop, e: total(e, "work"), integrands=_work_both_ways, **_mechanical(),
+    ),
+    _economical(
+        "electrical_energy", "electrical energy drawn over the hop: Joule heat and mechanical power, nothing fed back",
+        "J", "electrical_energy_J", lambda hop, e: total(e, "work"), integrands=_drawn_work, fault=_no_winding,
+        **_drawn(lambda hop, motion, s: _power(hop, motion, s) + _losses(hop, motion, s)),
+    ),
+    _economical(
+        "time", "time from the start of stance to the end of the hop", "s", "time_s",
+        lambda hop, e: sum(e.duration.values(), ca.SX(0)),
+    ),
+    _economical(
+        "saturation", "largest share of its operating region that any joint uses: by as much could torque and speed of "
+        "all motors be smaller", "1", "saturation", lambda hop, e: e.p["share"],
+        parameters=_peak("share", "1", lambda hop: 1.0), path=_region_share,
+    ),
+    _economical(
+        "peak_torque", "largest torque of any joint", "N m", "peak_torque_Nm", lambda hop, e: e.p["peak torque"],
+        parameters=_peak("peak torque", "N m", largest_stall), path=_torque_peak, scale=largest_stall,
+    ),
+    _economical(
+        "peak_force", "largest ground force, its magnitude", "N", "peak_force_N", lambda hop, e: e.p["peak force"],
+        parameters=_peak("peak force", "N", lambda hop: hop.force_range), path=_force_peak,
+        scale=lambda hop: hop.force_range,
+    ),
+)  # fmt: skip

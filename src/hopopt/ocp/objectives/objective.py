@@ -1,0 +1,97 @@
+"""What an objective of a hop consists of, and the clearance that an economical hop must reach."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+
+from hopopt.design import Design
+from hopopt.leg.limit_id import Kind, LimitId
+from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.hops.sequence import Sequence, from_rest
+from hopopt.ocp.objectives.direction import Directed
+from hopopt.ocp.phases import FLIGHT, LegPhase, points_at_apex
+from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint
+
+HEIGHTS = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
+REQUIRED = "hop.clearance"  # the parameter (and the problem's entry) that an economical hop must reach [m]
+
+CLEARANCE = LimitId(Kind.CLEARANCE, key=REQUIRED, unit="m")
+WINDOW = LimitId(Kind.WINDOW, key="hop.foot_window", unit="m")
+
+
+@dataclass(frozen=True)
+class HopObjective(Directed):
+    """What a hop is asked for; functions of ``hop`` get the leg at an instant (ocp/guesses/motion.py).
+
+    value(hop, ends): made as large as possible, or as small without ``maximize`` [unit].
+    figure: what the value is called among the printed figures.
+    ends: whether the foot must end within its window, must reach hop.clearance too, or is free.
+    scale(hop): magnitude of the value [unit].
+    parameters, boundary, controls, path (by phase), integrands: the objective's additions to the problem.
+    sequence: the phases that it is asked of, and their transitions.
+    kind: which hop.kind it is asked of where the problem says "single".
+    fault(design): in a sentence, what the problem lacks for it.
+    custom: the user's function that it is made of (ocp/custom.py).
+    tie_break(hop): times the problem's own, where optima are flat.
+    calm_first: whether it is solved with a larger tie-break first (planner/search/calm_first.py).
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    value: Callable[[MovingLeg, Ends], ca.SX]
+    figure: str
+    ends: Literal["window", "required clearance", "free"] = "window"
+    maximize: bool = True
+    scale: Callable[[MovingLeg], float] = lambda hop: 1.0
+    parameters: Callable[[MovingLeg], tuple[Parameter, ...]] = lambda hop: ()
+    boundary: Callable[[MovingLeg], tuple[BoundaryConstraint, ...]] = lambda hop: ()
+    controls: Callable[[MovingLeg], tuple[Control, ...]] = lambda hop: ()
+    path: Callable[[MovingLeg, LegPhase], tuple[PathConstraint, ...]] = lambda hop, phase: ()
+    integrands: Callable[[MovingLeg, MotionAt], Mapping[str, Callable[[Instant], ca.SX]]] = lambda hop, motion: {}
+    sequence: Sequence = from_rest
+    kind: str | None = None
+    fault: Callable[[Design], str | None] = lambda design: None
+    custom: Any = None
+    tie_break: Callable[[MovingLeg], float] = lambda hop: 1.0
+    calm_first: bool = False
+
+
+def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:
+    """When flight ends every point of the leg is at least as high as the parameter ``name`` [m], the foot within
+    its window."""
+
+    def foot_offset(e: Ends) -> ca.SX:
+        points = points_at_apex(hop, e)
+        return points["foot"][0] - points[hop.leg.joints[0]][0]
+
+    window = hop.design.hop.foot_window
+    return (
+        cleared(hop, FLIGHT, lambda e: e.p[name]),
+        BoundaryConstraint(WINDOW, foot_offset, -window, window, unit="m"),
+    )
+
+
+def cleared(hop: MovingLeg, flight: str, least: Callable[[Ends], Any]) -> BoundaryConstraint:
+    """Every point of the leg is at least so high [m] when a flight ends."""
+
+    def heights(e: Ends) -> ca.SX:
+        points = hop.flight_points(e.final[flight])
+        return ca.vertcat(*[points[name][1] - least(e) for name in hop.point_names])
+
+    return BoundaryConstraint(CLEARANCE, heights, 0.0, INF, unit="m", labels=hop.point_names)
+
+
+def required_clearance(hop: MovingLeg) -> Parameter:
+    """The clearance that the problem asks for, a number of the program: it changes without building it again."""
+    return Parameter(REQUIRED, value=hop.design.hop.clearance or 0.0, unit="m")
+
+
+def no_required_clearance(design: Design) -> str | None:
+    """What to say if the problem does not say how high the hop must be."""
+    if design.hop.clearance is None:
+        return "it needs a clearance to reach: give hop.clearance [m], such as --set hop.clearance=0.4"
+    return None

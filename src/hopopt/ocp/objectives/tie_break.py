@@ -1,0 +1,40 @@
+"""The tie-break: of optima that are equally good, the one with the gentlest torques."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hopopt.drivetrain.region import operating_region
+from hopopt.ocp.constraints import MotionAt
+from hopopt.ocp.drives import asked
+from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.problem import Instant
+
+EFFORT = "effort"  # the name of its integral
+LOOPED = 10.0  # times its weight, of a leg that closes a loop in stance: there torques can hold against each other
+
+
+def effort(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
+    """Sum over the joints of (tau / stall torque)^2, to be integrated; tau is what the motors are asked for."""
+    torques = [asked(leg, j, motion) for j in leg.leg.joints] if leg.drive_states.size else None
+
+    def rate(s: Instant) -> ca.SX:
+        tau = motion(s).tau if torques is None else ca.vertcat(*[torque(s) for torque in torques])
+        return ca.sumsqr(tau / ca.vertcat(*[_stall(leg, j, s.p) for j in leg.leg.joints]))
+
+    return rate
+
+
+def largest_effort(leg: MovingLeg) -> float:
+    """The most that ``effort`` can be; a region that no half-plane closes is taken up to twice its stall torque."""
+    total, p = 0.0, leg.robot.parameters
+    for joint in leg.leg.joints:
+        stall = _stall(leg, joint, p)
+        total += float(np.max(np.abs(operating_region(leg.leg, joint, p).corners()[:, 1]))) ** 2 / stall**2
+    return total
+
+
+def _stall(leg: MovingLeg, joint: str, p: Mapping[str, Any]) -> Any:
+    return p[leg.leg.drive(joint, "gear", "ratio")[0]] * p[leg.leg.drive(joint, "motor", "max_torque")[0]]

@@ -1,0 +1,89 @@
+"""What an answer does not say by itself."""
+
+from dataclasses import asdict
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.errors import SolverError
+from hopopt.nlp.solver.ipopt import NlpSolution
+from hopopt.ocp.hop import Hop
+from hopopt.optimality.directions.flat_directions import Flat, NotInvertible, flat
+from hopopt.optimality.second_order import curvature
+from hopopt.planner.answer.summary_extras import SecondOrder
+from hopopt.planner.refine_and_verify import AT_MOST
+from hopopt.planner.solution import Solution
+from hopopt.planner.solution_program import without_tie_break
+from hopopt.problem.checking.hints import hints
+
+LOUD = 0.01  # share of the answer that the tie-break may weigh without a word
+
+
+def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: Solution | None) -> list[str]:
+    """What the answer does not say by itself: ``best`` of a ``hop`` whose solver may differ from what was ``asked``."""
+    notes, goal, leg = hints(hop.design), hop.objective, hop.leg
+    notes += _tolerances(best.design, asked, structure)
+    if hop.design.solver.tie_break != asked.solver.tie_break:
+        notes.append(
+            f"with solver.tie_break = {asked.solver.tie_break:g} torques that hardly matter may chatter, and the hop was not verified: "
+            f"this is the hop with {hop.design.solver.tie_break:g}"
+        )
+    if better is not None:
+        value = f"{better.summary.objective_value:.4f} {goal.unit}, {'higher' if goal.sign > 0 else 'lower'}"
+        notes.append(f"a start led to {value}, which failed verification: it may be the better hop")
+    if goal.ends != "required clearance" and (asked_for := best.design.hop.clearance) is not None:
+        notes.append(f"hop.clearance = {asked_for:g} plays no part: the objective {goal.name} asks for no height")
+    over = float(best.apex.points["foot"][0, 1] - best.apex.q[0, 1])
+    if over > 0:
+        notes.append(
+            f"the foot ends {over:.2f} m above the hip: the body is a point here, and no link is in its way (limits of the "
+            "joints' angles can forbid it)"
+        )
+    weighs = best.summary.tie_break_weighs
+    if (np.inf if best.summary.impact_J is None else best.summary.impact_J) < 1e-3 * weighs:
+        notes.append("the foot can land at rest, as in many hops: of these, this is one with gentle torques")
+    elif goal.sign < 0 and weighs > LOUD * abs(best.summary.reached):
+        notes.append(
+            f"gentle torques are preferred, which weighs {weighs:.2g} {goal.unit}: the least may be lower by a part of that "
+            f"(a smaller solver.tie_break than {best.design.solver.tie_break:g} tells, and takes longer)"
+        )
+    shares = {path: e for path, e in (leg.drive(j, "gear", "efficiency") for j in leg.joints) if e}
+    if any(e < 1 for e in shares.values()):
+        stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())
+        notes.append(f"the gears of this plan lose nothing; {stated} counts in hopopt simulate and hopopt compare")
+    return notes
+
+
+def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
+    """That the plan was made with tighter tolerances than the problem's, and why."""
+    names = [name for name in AT_MOST if getattr(used.solver, name) != getattr(asked.solver, name)]
+    if not names:
+        return []
+    stated = " and ".join(f"solver.{name} = {getattr(used.solver, name):g}" for name in names)
+    why = "as --structure needs" if structure else "as the hop was not verified and certified with the problem's own"
+    return [f"solved with {stated}, {why}"]
+
+
+def second_order(solution: NlpSolution) -> SecondOrder | None:
+    """The second-order test of a program's solution; None if it cannot be made."""
+    try:
+        found = curvature(solution)
+    except (np.linalg.LinAlgError, RuntimeError):  # no reason to lose the answer
+        return None
+    return found and SecondOrder(**asdict(found))
+
+
+def saddle_note(found: SecondOrder | None) -> tuple[str, ...]:
+    """That the hop is no optimum, if the second-order test says so."""
+    if found is None or not found.saddle:
+        return ()
+    ways = f"{found.saddle} direction{'s' if found.saddle > 1 else ''}"
+    return (f"second order: {ways} would make it better: a saddle of the program, not its optimum: try more starts",)
+
+
+def flat_directions(hop: Hop, best: Solution) -> list[Flat] | None:
+    """What the objective does not depend on; None if that cannot be computed."""
+    try:
+        return flat(without_tie_break(best, hop))
+    except (NotInvertible, SolverError, RuntimeError):  # of CasADi too: no reason to lose the answer
+        return None

@@ -1,0 +1,56 @@
+"""What is stated of a touchdown from which the leg goes on, into the next cycle or to rest, and of what it hopped over."""
+
+from typing import Any
+
+import numpy as np
+
+from hopopt.planner.answer.summary_parts import Landing, Obstacle, Orbit
+from hopopt.planner.solution import Motion
+from hopopt.sim.machine import Machine
+from hopopt.verify.hops.obstacle import highest_box
+from hopopt.verify.hops.periodic import period, touchdown_of
+from hopopt.verify.measures import joint_work
+from hopopt.verify.table import DESCENT, LANDING
+
+
+def orbit(plan: Motion) -> Orbit | None:
+    """The cycle of a periodic hop and its impact, from the plan's tables; None for any other hop."""
+    return Orbit(**_impact(plan), period_s=period(plan.tables)) if plan.design.hop.periodic else None
+
+
+def landing(plan: Motion) -> Landing | None:
+    """The touchdown of a hop that is landed, and how it comes to rest; None for any other hop."""
+    if LANDING not in plan.tables:
+        return None
+    table = plan.tables[LANDING]
+    return Landing(
+        **_impact(plan),
+        touchdown_s=float(plan.tables[DESCENT].t[-1, -1]),
+        rest_s=float(table.t[-1, -1]),
+        peak_ground_force_N=float(np.linalg.norm(table.f, axis=-1).max()),
+        deepest_m=float(table.q[..., 1].min()),
+    )
+
+
+def obstacle(plan: Motion) -> Obstacle | None:
+    """The highest box that the plan's leg clears, from its tables; None if it was not made to."""
+    if plan.objective != "obstacle":
+        return None
+    height, begins = highest_box(Machine(plan.robot), plan.design.hop, plan.tables)
+    return Obstacle(float(plan.design.hop.obstacle.width or 0.0), height, begins)
+
+
+def _impact(plan: Motion) -> dict[str, Any]:
+    """Figures of the impact, by name."""
+    found, hop = touchdown_of(Machine(plan.robot), plan.tables), plan.design.hop
+    gear = float(np.abs(found.gear).max())
+    return {
+        "closure": found.closure,
+        "step_m": float(found.place[0]),
+        "work_J": sum(joint_work(table)[0] for table in plan.tables.values()),
+        "impulse_Ns": float(np.linalg.norm(found.impulse)),
+        "impact_loss_J": found.loss,
+        "foot_speed_m_s": float(np.linalg.norm(found.speed)),
+        "gear_impulse_Nms": gear,
+        "gear_impact_torque_Nm": gear / hop.touchdown_time,
+    }

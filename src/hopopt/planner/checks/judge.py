@@ -1,0 +1,104 @@
+"""Whether a plan may be called verified: one function decides, for a solve, a study's point, a co-design, a stored result.
+
+The checks: the program's first-order conditions and errors, the plan's own table checked by code that the planner did not
+use, and the whole hop simulated in one piece. The certificate of first-order optimality is part of the verdict.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from hopopt.design import Design
+from hopopt.nlp.refinement.interval_errors import IntervalErrors
+from hopopt.nlp.refinement.tightening_cost import tightening_cost
+from hopopt.nlp.solver.ipopt import NlpSolution
+from hopopt.nlp.solver.kkt_residuals import residuals
+from hopopt.ocp.custom import FIGURE, Custom
+from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.optimality.certificate import certify
+from hopopt.optimality.error_estimate import ObjectiveError, objective_error
+from hopopt.planner.answer.stored_multipliers import stored
+from hopopt.planner.answer.verdict import StatedError, Verdict
+from hopopt.planner.checks.custom_check import custom_checks
+from hopopt.planner.checks.program_limits import program_limits
+from hopopt.planner.solution import Motion
+from hopopt.planner.stopwatch import Stopwatch
+from hopopt.verify.check import KKT, Check
+from hopopt.verify.plan import verify_plan
+from hopopt.verify.whole_hop import left_out, not_simulated, whole_hop_rollout
+
+
+def judge(
+    plan: Motion,
+    solution: NlpSolution,
+    goal: HopObjective,
+    constraints: Sequence[Custom],
+    claims: Mapping[str, float],
+    errors: Mapping[str, IntervalErrors],
+    change: float,
+    clock: Stopwatch | None = None,
+) -> Verdict:
+    """The verdict on a plan.
+
+    plan: its motion and tables
+    solution: of the nonlinear program that it comes from, with multipliers
+    goal, constraints: the objective, and the user's own constraints
+    claims: what is to be stated of the plan, by name [the name's unit]
+    errors: local errors of every interval, by phase
+    change: of the objective with the last mesh, relative
+    clock: told how long verification and certificate took
+    """
+    clock, estimate = clock or Stopwatch(), objective_error(solution)
+    checks = numerical_checks(plan.design, solution, errors, change, estimate)
+    checks += plan_checks(plan, goal, constraints, claims)
+    checks += program_limits(solution, errors, {check.name for check in checks})
+    rollout, error = stated_error(plan, solution, goal, estimate, claims)
+    clock.mark("verification")
+    certificate = certify(solution)
+    error = error.beside(certificate, solution)
+    clock.mark("certificate")
+    return Verdict((*checks, *rollout), error, certificate.checks, stored(certificate))
+
+
+def plan_checks(
+    plan: Motion, goal: HopObjective, constraints: Sequence[Custom], claims: Mapping[str, float]
+) -> list[Check]:
+    """The checks of a plan's table by code that the planner did not use; arguments as those of ``judge``."""
+    own = custom_checks(plan.robot, plan.tables, goal, constraints, claims.get(FIGURE))
+    return [*verify_plan(plan.design, plan.tables, claims, goal.ends), *own]
+
+
+def numerical_checks(
+    design: Design,
+    solution: NlpSolution,
+    errors: Mapping[str, IntervalErrors],
+    change: float,
+    error: ObjectiveError | None = None,
+) -> list[Check]:
+    """First-order conditions recomputed, error of every interval, settled objective, tightening cost, and the error
+    of the objective, unless ``error`` is it already."""
+    r, s = residuals(solution), design.solver
+    local = max(float(e.local.max()) for e in errors.values())
+    return [
+        Check("stationarity", r.stationarity, KKT, "scaled"),
+        Check("constraints", r.feasibility, KKT, "scaled"),
+        Check("complementarity", r.complementarity, KKT, "scaled"),
+        Check("local error of the intervals", local, s.tolerance, "scaled"),
+        Check("change of the objective", change, s.objective_tolerance, "relative"),
+        Check("tightening cost", tightening_cost(solution), s.price_tolerance, "relative"),
+        (error or objective_error(solution)).check(),
+    ]
+
+
+def stated_error(
+    plan: Motion, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float]
+) -> tuple[list[Check], StatedError]:
+    """Checks of the hop simulated in one piece, and the stated error; ``claims``: what is stated, by name."""
+    gain = tightening_cost(solution) * solution.magnitude
+    if note := not_simulated(plan.design):
+        return left_out(note), StatedError(
+            estimate.too_high_by, estimate.relative, estimate, {"note": note}, gain_of_relaxing=gain
+        )
+    claim = (goal.figure, claims[goal.figure], goal.sign)
+    found = whole_hop_rollout(plan.design, plan.tables, goal.figure, goal.ends)
+    largest = max(estimate.too_high_by, found.short(*claim)) if found.followed else estimate.too_high_by
+    error = StatedError(largest, largest / estimate.size, estimate, found.as_dict(*claim), gain)
+    return found.checks(*claim, estimate.size), error

@@ -1,0 +1,322 @@
+"""Every starting point solved on the first mesh, side by side, and what they led to."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from hopopt.amounts import check
+from hopopt.design import Design
+from hopopt.errors import NotSolvedError
+from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.nlp.mesh import uniform
+from hopopt.nlp.schemes import scheme
+from hopopt.nlp.solver.ipopt import CARRIED, GENTLE, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.solver.known_optima import Known, KnownOptima
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.custom import Custom
+from hopopt.ocp.free_parameters import FreeParameters
+from hopopt.ocp.guesses.feasibility import drives_too_weak
+from hopopt.ocp.guesses.initial_guess import Start, make_guess, starts_of
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.ocp.phases import ON_GROUND, STANCE
+from hopopt.ocp.rules import RULES, Rule
+from hopopt.optimality.directions.infeasibility import conflict
+from hopopt.optimality.violations import violations
+from hopopt.planner.answer.limit_names import conflict_words
+from hopopt.planner.stopwatch import Countdown
+from hopopt.problem.checking.hints import hints
+
+Progress = Callable[[str], None]
+SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
+PATIENCE = 200  # iterations of a start where another is known to lead to a hop
+CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
+STOPPED = "stopped near a hop that is known"
+BEYOND = "limits cannot hold together near its guess"
+WORKER = 1.5  # s that a process takes to begin, and more: what takes less in one is not divided
+
+
+class _Ended(Protocol):
+    @property
+    def success(self) -> bool: ...
+    @property
+    def objective(self) -> float: ...
+
+
+Ended = TypeVar("Ended", bound=_Ended)
+
+
+@dataclass(frozen=True)
+class StartOutcome:
+    """How one start ended on the first mesh: in words and figures, and the NLP's vectors (as in ``NlpSolution``);
+    ``objective``: the program's, in which the tie-break weighs ``tie_break`` [its unit]."""
+
+    name: str
+    status: str
+    success: bool
+    objective: float
+    iterations: int
+    seconds: float
+    vectors: dict[str, np.ndarray] = field(repr=False)
+    sign: float = 1.0  # of the objective in the merit
+    near: str | None = None  # the start whose hop it was stopped near: objective and vectors are that hop's
+    tie_break: float = 0.0  # what of the objective is that [its unit]
+
+    @property
+    def merit(self) -> float:
+        """More is better."""
+        return self.sign * self.objective
+
+    @property
+    def value(self) -> float:
+        """The objective without its tie-break [its unit]."""
+        return self.objective + self.sign * self.tie_break
+
+
+def first_transcription(hop: Hop) -> Transcription:
+    """The program that every start is solved on, built once for a hop's problem and these meshes."""
+    s = hop.design.solver
+    counts = {p.name: s.stance_intervals if p.name in ON_GROUND else s.flight_intervals for p in hop.problem.phases}
+    mesh, method = {name: uniform(count) for name, count in counts.items()}, scheme(s.scheme, s.degree)
+    key = f"first mesh of {method.name}, {counts}"  # a text: a problem with another objective takes none of it over
+    return hop.problem.once(key, lambda: Transcription(hop.problem, method, mesh))
+
+
+def first_solver(hop: Hop, known: bool = False, watch: KnownOptima | None = None, until: Deadline = NEVER) -> NlpSolver:
+    """That program, ready to be solved from any start; not for long if a hop is ``known`` already, and no further than to
+    one of those that ``watch`` knows."""
+    return NlpSolver(first_transcription(hop), first_options(hop, known), watch, until)
+
+
+def known_optima(hop: Hop, outcomes: Sequence[StartOutcome] = ()) -> KnownOptima:
+    """A watch for hops of the first mesh that are known: the stances of these outcomes, and of all that it is told."""
+    watch = watch_on(first_transcription(hop))
+    for outcome in outcomes:
+        remember(watch, outcome)
+    return watch
+
+
+def watch_on(t: Transcription) -> KnownOptima:
+    """A watch for hops of a program, by their stances; none is known yet."""
+    where, every = t.variables[STANCE], np.arange(len(t.scale))
+    return KnownOptima(len(t.scale), t.lbg, t.ubg, np.concatenate([every[where.x], every[where.durations]]))
+
+
+def remember(watch: KnownOptima, outcome: StartOutcome) -> None:
+    """One more hop that is known, if the outcome is one and it is new."""
+    if outcome.success and all(outcome.vectors is not k.origin.vectors for k in watch.known):
+        watch.known.append(Known(outcome.vectors["z"], -outcome.merit, outcome))
+
+
+def first_options(hop: Hop, known: bool) -> dict[str, Any]:
+    most = hop.design.solver.max_iterations
+    if not known:
+        return {"ipopt.max_iter": most}
+    return {"ipopt.max_iter": min(most, PATIENCE)} | GENTLE
+
+
+def run_starts(
+    hop: Hop, count: int, processes: int, say: Progress, besides: Sequence[StartOutcome] = (), until: Deadline = NEVER
+) -> list[StartOutcome]:
+    """Solve every start on the first mesh, or as many as there is time for, in chunks side by side where that pays.
+
+    In the order of the starts, then those ``besides``: if any of these leads to a hop, no start need be followed for long.
+    """
+    return [*_run_all(hop, count, processes, say, any(o.success for o in besides), until), *besides]
+
+
+def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool, until: Deadline) -> list[StartOutcome]:
+    check("starts", count)
+    weak = bool(drives_too_weak(hop.design, hop.robot))
+    if weak and (ended := _beyond_limits(hop, until)):
+        return [ended]
+    say(f"solving from {count} starting point{'s' if count > 1 else ''}")
+    began, watch, count_down = time.perf_counter(), known_optima(hop), Countdown(say, "starting points", count)
+    solver = first_solver(hop, known, watch, until)
+    first = run_chunk(hop, [0], solver, known, count_down.more)
+    remember(watch, first[0])  # and no other, so that what starts lead to does not depend on how they are divided
+    each, others = time.perf_counter() - began, range(1, count)
+    if until.passed or (not first[0].success and weak):  # seldom does another start help such a leg
+        return first
+    processes = min(processes, len(others))
+    if processes < 2 or min(each * len(others) * (1 - 1 / processes), until.seconds_left) < WORKER:
+        return first + (run_chunk(hop, others, solver, known, count_down.more) if others else [])
+    from joblib import Parallel, delayed
+
+    data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
+    more = (hop.asked, hop.free_parameters, hop.constraints)
+    rest = (known, first[0], until, hop.rules)
+    jobs = (delayed(_chunk_in_worker)(data, *more, chunk, *rest) for chunk in chunks)
+    parts = list[list[StartOutcome]]()
+    for part in Parallel(n_jobs=processes, backend="loky", return_as="generator")(jobs):
+        parts.append(part)  # type: ignore[arg-type]
+        count_down.more(len(parts[-1]))
+    ended = ((parts[k % processes], k // processes) for k in range(len(others)))
+    return first + [part[place] for part, place in ended if place < len(part)]
+
+
+def _beyond_limits(hop: Hop, until: Deadline) -> StartOutcome | None:
+    """How the first start ends if limits cannot hold together near its guess: where they give least. Ipopt takes hundreds
+    of slow steps of restoration to end there."""
+    began, start = time.perf_counter(), starts_of(hop, 1)[0]
+    glance = NlpSolver(first_transcription(hop), {"ipopt.max_iter": 0})
+    found = conflict(glance(make_guess(hop, start)), until)
+    if found is None or not any(part.gives for part in found.parts):
+        return None
+    ended = outcome_of(start.name, glance.from_vector(found.z), time.perf_counter() - began)
+    return replace(ended, status=BEYOND)
+
+
+def _chunk_in_worker(
+    data: dict[str, Any],
+    objective: str | HopObjective,
+    free_parameters: FreeParameters,
+    constraints: tuple[Custom, ...],
+    chunk: Sequence[int],
+    known: bool,
+    first: StartOutcome,
+    until: Deadline,
+    rules: Sequence[Rule],
+) -> list[StartOutcome]:
+    if until.passed:
+        return []
+    RULES[:] = rules  # what was added to them this process does not know
+    hop = Hop(Design.model_validate(data), objective, free_parameters, constraints)
+    return run_chunk(hop, chunk, first_solver(hop, known, known_optima(hop, [first]), until), known)
+
+
+def run_chunk(
+    hop: Hop,
+    chunk: Sequence[int],
+    solver: NlpSolver | None = None,
+    known: bool = False,
+    done: Callable[[], object] = lambda: None,
+) -> list[StartOutcome]:
+    """Some of the starts, by number, on the first mesh: the first, and more while there is time; ``solver``: its program,
+    with its deadline, if it is built already; ``done`` is called after each."""
+    solver = solver or first_solver(hop, known)
+    chosen, outcomes = starts_of(hop, max(chunk) + 1), list[StartOutcome]()
+    for k in chunk:
+        if outcomes and solver.until.passed:
+            break
+        outcomes.append(run_start(hop, solver, chosen[k], known))
+        done()
+    return outcomes
+
+
+def run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOutcome:
+    """One start on the first mesh; ``known``: another is known to lead to a hop."""
+    began = time.perf_counter()
+    guess = make_guess(hop, start)
+    s = solver(guess)
+    if (
+        not s.success and not solver.stopped and not solver.until.passed and not violations(s)
+    ):  # a hop, but no optimum: the adaptive barrier can lose its way to one
+        monotone = first_options(hop, known) | {"ipopt.mu_strategy": "monotone"}
+        s = NlpSolver(s.transcription, monotone, until=solver.until)(guess)
+    return noted(solver, outcome_of(start.name, s, time.perf_counter() - began))
+
+
+def noted(solver: NlpSolver, outcome: StartOutcome) -> StartOutcome:
+    """The outcome of the solver's last solve or, if it was stopped on its way to a known hop, that hop."""
+    watch = solver.known
+    if watch is None:
+        return outcome
+    if (met := watch.met) is not None:
+        mine = {"name": outcome.name, "iterations": outcome.iterations, "seconds": outcome.seconds}
+        return replace(met, **mine, status=STOPPED, near=met.near or met.name)
+    return outcome
+
+
+def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
+    """How a solve on the first mesh ended; ``name`` says from where it began."""
+    vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
+    sign = s.transcription.problem.objective.sign
+    return StartOutcome(
+        name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign, tie_break=s.tie_break
+    )
+
+
+def solved_from(hop: Hop, outcome: StartOutcome, until: Deadline = NEVER) -> StartOutcome:
+    """A problem of the same form, solved on its first mesh from the hop that a start led to and its multipliers: from
+    the point alone the barrier may lead to another optimum."""
+    began, t = time.perf_counter(), first_transcription(hop)
+    begin = outcome.vectors["lam_g"], outcome.vectors["lam_x"]
+    solver = NlpSolver(t, {**CARRIED, "ipopt.max_iter": hop.design.solver.max_iterations}, until=until)
+    s = solver.from_vector(outcome.vectors["z"], begin)
+    if not s.success and not until.passed:
+        s = first_solver(hop, until=until).from_vector(outcome.vectors["z"])
+    return outcome_of(outcome.name, s, time.perf_counter() - began)
+
+
+def solution_of(outcome: StartOutcome, t: Transcription) -> NlpSolution:
+    """The outcome as a solution of the first mesh's program."""
+    phases, values = t.unpack(outcome.vectors["z"], outcome.vectors["p"])
+    bounds = Bounds(*t.bounds(t.guess_from(phases)), t.lbg, t.ubg)
+    return NlpSolution(
+        t, phases, values, outcome.objective, outcome.status, outcome.success, outcome.iterations,
+        **outcome.vectors, bounds=bounds,
+    )  # fmt: skip
+
+
+def distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
+    """The best representative of each local optimum that was found, best first."""
+    return [group[0] for group in grouped(sorted(outcomes, key=lambda o: -o.merit))]
+
+
+def grouped(ranked: Sequence[Ended], apart: float | None = None) -> list[list[Ended]]:
+    """The successful ones of ``ranked``, best first, gathered by the local optimum that they ended in: objectives closer
+    than ``apart`` [its unit], or SAME of themselves, are one."""
+    groups: list[list[Ended]] = []
+    for outcome in ranked:
+        if outcome.success:
+            group = next((g for g in groups if same(g[0].objective, outcome.objective, apart)), None)
+            if group is None:
+                groups.append([outcome])
+            else:
+                group.append(outcome)
+    return groups
+
+
+def contenders(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
+    """The distinct optima that may prove the best once refined."""
+    found = distinct(outcomes)
+    return [o for o in found if abs(o.objective - found[0].objective) <= CLOSE * abs(found[0].objective)]
+
+
+def same(a: float, b: float, apart: float | None = None) -> bool:
+    """Whether two coarse objectives belong to the same local optimum: closer than ``apart``, or SAME of themselves."""
+    return abs(a - b) <= (SAME * max(abs(a), abs(b), 1e-3) if apart is None else apart)
+
+
+def not_solved(
+    hop: Hop, outcomes: Sequence[StartOutcome], thorough: bool = False, until: Deadline = NEVER
+) -> NotSolvedError:
+    """What went wrong, from the start that came closest to meeting the constraints; ``thorough``: which of them cannot
+    hold together too, which takes seconds. Where the time was up, that is the reason."""
+    weak = drives_too_weak(hop.design, hop.robot)
+    if until.passed:
+        late = f"{hop.design.name}: the time limit was reached before there was an answer: try a larger one."
+        return NotSolvedError(late, weak)
+    transcription = first_transcription(hop)
+    closest = min((solution_of(o, transcription) for o in outcomes), key=infeasibility)
+    statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
+    worst = violations(closest)
+    reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
+    message = f"{hop.design.name}: {reason} ({statuses})."
+    found = [
+        *weak,
+        *hints(hop.design),
+        *(conflict_words(hop.design, conflict(closest, until)) if thorough and worst else []),
+    ]
+    if worst:
+        return NotSolvedError(message, [*found, "Worst constraints of the closest start:", *worst])
+    return NotSolvedError(f"{message} Try a larger solver.max_iterations or more starts.", found)
+
+
+def infeasibility(s: NlpSolution) -> float:
+    """By how much a point violates its constraints in all, scaled."""
+    return float(np.maximum(0.0, np.maximum(s.bounds.low_g - s.g, s.g - s.bounds.high_g)).sum())

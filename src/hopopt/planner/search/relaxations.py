@@ -1,0 +1,181 @@
+"""Relaxed problems as starts: the optimum of an easier problem, tightened to what was asked,
+from its point and its multipliers.
+
+A relaxation is the same program within wider bounds, so nothing is built again. Its optimum often lies near a better hop
+than the guessed starts do: without the friction cone, say, the leg lies down before it pushes.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopopt.leg.limit_id import Kind, LimitId
+from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.nlp.solver.ipopt import CARRIED, Bounds, NlpSolver
+from hopopt.nlp.transcription import Rows, Transcription
+from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
+from hopopt.ocp.hop import Hop
+from hopopt.planner.search.multistart import (
+    Progress,
+    StartOutcome,
+    first_options,
+    first_solver,
+    first_transcription,
+    known_optima,
+    noted,
+    outcome_of,
+    remember,
+)
+from hopopt.planner.stopwatch import Countdown
+
+Widen = Callable[[Transcription, Bounds], None]  # writes into the bounds
+BEGUN_FROM = (0, 1)  # starts that each relaxed problem is solved from
+DEEPER = 0.3  # of the leg's length, by which joints may pass through the ground
+WIDER = 0.4  # rad by which each joint may pass its limits
+STRONGER = 1.3  # times the drives' range
+LONGER = 1.5  # times the longest stance
+
+
+@dataclass(frozen=True)
+class Relaxation:
+    """A problem with wider limits.
+
+    name: in words
+    limits: kinds of limits without which it is no relaxation of the problem
+    widen: writes the wider bounds
+    """
+
+    name: str
+    limits: tuple[Kind, ...]
+    widen: Widen
+
+    def suits(self, t: Transcription) -> bool:
+        """Whether the problem has the limits that this widens."""
+        return all(any(rows_of(t, kind)) for kind in self.limits)
+
+
+def rows_of(t: Transcription, kind: Kind) -> Iterator[Rows]:
+    """The rows of all limits of a kind."""
+    return (r for r in t.rows if isinstance(r.name, LimitId) and r.name.kind is kind)
+
+
+def friction_cone(t: Transcription, b: Bounds) -> None:
+    """Without the friction cone."""
+    for r in rows_of(t, Kind.FRICTION):
+        b.low_g[r.start : r.stop] = -np.inf
+
+
+def joints_below_ground(t: Transcription, b: Bounds) -> None:
+    """Joints, but not the foot, may pass through the ground."""
+    for r in rows_of(t, Kind.HEIGHT):
+        joints = np.tile([label.label != "foot" for label in r.labels], max(1, len(r.interval)))
+        b.low_g[r.start : r.stop] -= DEEPER * joints
+
+
+def joint_range(t: Transcription, b: Bounds) -> None:
+    """Joints may pass their limits, but at the start."""
+    for name, layout in t.layouts.items():
+        phase, where, at = layout.phase, t.variables[name].x, 0
+        first = 1 if phase is t.problem.phases[0] else 0
+        for state in phase.states:
+            if state.name == "q":
+                for side, sign in ((b.low_z, -1), (b.high_z, 1)):
+                    nodes = side[where].reshape(layout.state_nodes, -1)  # a view
+                    nodes[first:, at : at + state.size] += sign * WIDER / state.column("scale")
+            at += state.size
+
+
+def drives(t: Transcription, b: Bounds) -> None:
+    """Drives with a larger operating region."""
+    for r in rows_of(t, Kind.REGION):
+        b.low_g[r.start : r.stop] *= STRONGER
+        b.high_g[r.start : r.stop] *= STRONGER
+
+
+def stance_time(t: Transcription, b: Bounds) -> None:
+    """A longer stance."""
+    b.high_z[t.variables[t.problem.phases[0].name].durations] *= LONGER
+
+
+def together(*each: Widen) -> Widen:
+    """Several at once."""
+
+    def widen(t: Transcription, b: Bounds) -> None:
+        for one in each:
+            one(t, b)
+
+    return widen
+
+
+QUICK = (
+    Relaxation("no friction limit", (Kind.FRICTION,), friction_cone),
+    Relaxation("wider joint range", (), joint_range),
+    Relaxation("no ground for joints", (Kind.HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
+)
+THOROUGH = (
+    *QUICK,
+    Relaxation("stronger drives", (), drives),
+    Relaxation("longer stance", (), stance_time),
+    Relaxation("joints below the ground", (Kind.HEIGHT,), joints_below_ground),
+)
+
+
+def relaxed_starts(
+    hop: Hop,
+    chosen: Sequence[Relaxation],
+    known: Sequence[StartOutcome] = (),
+    begun_from: Sequence[int] = BEGUN_FROM,
+    say: Progress = lambda text: None,
+    until: Deadline = NEVER,
+) -> list[StartOutcome]:
+    """What the relaxed problems lead to once they are tightened, on the first mesh, as many as there is time for.
+
+    chosen: the relaxations, of which those are tried that suit the problem; known: hops to which none need be followed
+    again; begun_from: numbers of the starts that each relaxed problem is solved from; say: told how far it is.
+    """
+    watch, relaxed_watch = known_optima(hop, known), known_optima(hop)
+    asked = NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch, until)
+    relaxed = first_solver(hop, True, relaxed_watch, until)
+    outcomes, suiting = [], [r for r in chosen if r.suits(asked.transcription)]
+    count_down = Countdown(say, "relaxed problems, each tightened to what is asked", len(suiting) * len(begun_from))
+    for relaxation in suiting:
+        relaxed_watch.known.clear()  # each relaxed problem has its own optima
+        for k in begun_from:
+            if until.passed:
+                return outcomes
+            outcome = _tightened(hop, asked, relaxed, relaxation, k)
+            if outcome is not None:
+                outcomes.append(outcome)
+                remember(watch, outcome)
+            count_down.more()
+    return outcomes
+
+
+def _tightened(hop: Hop, asked: NlpSolver, relaxed: NlpSolver, relaxation: Relaxation, k: int) -> StartOutcome | None:
+    """The relaxed problem from start k and, from its optimum and multipliers, what is asked; None if the relaxed optimum
+    was known already."""
+    began, start, t = time.perf_counter(), starts_of(hop, k + 1)[k], asked.transcription
+    s = relaxed(make_guess(hop, start), bounds=wider(t, relaxation))
+    if relaxed.stopped:
+        return None
+    if s.success and relaxed.known is not None:
+        remember(relaxed.known, outcome_of(relaxation.name, s, 0.0))
+        s = asked.again(s, own_bounds(t))
+    name = relaxation.name if k == 0 else f"{relaxation.name}, from {start.name}"
+    outcome = outcome_of(name, s, time.perf_counter() - began)
+    return noted(asked, outcome) if asked.stopped else outcome
+
+
+def own_bounds(t: Transcription) -> Bounds:
+    """The program's own bounds, as copies."""
+    low, high = t.bounds({})
+    return Bounds(low, high, np.array(t.lbg, dtype=float), np.array(t.ubg, dtype=float))
+
+
+def wider(t: Transcription, relaxation: Relaxation) -> Bounds:
+    """The program's bounds, widened by a relaxation."""
+    bounds = own_bounds(t)
+    relaxation.widen(t, bounds)
+    return bounds

@@ -1,0 +1,43 @@
+"""Why PD control is lower than the optimum: a staircase from its clearance to the bound, one freedom a step."""
+
+from matplotlib.figure import Figure
+
+from hopopt.comparison.ladder import Ladder
+from hopopt.plots.style import BLACK, GREY, PALE, SMALL, TEXT, describe, new_figure
+
+CM = 100.0  # [cm/m]
+STEP = "#0072B2"
+LEAST = 3.0  # [cm] of an axis around the clearances
+
+
+def staircase(found: Ladder, title: str) -> Figure:
+    """Clearances [cm] of the rungs, from PD at the top to the bound; the whisker of a step: its gain over all orders."""
+    figure = new_figure(f"{title}: what PD control lacks", (11.0, 2.4 + 0.55 * (len(found.rungs) + 2)))
+    ax, rows = figure.subplots(), len(found.rungs) + 1
+    ax.barh(0, CM * found.from_m, 0.7, color=PALE)
+    end, low = found.from_m, CM * found.from_m
+    names = [f"{found.strategy}, simulated"]
+    for row, rung in enumerate(found.rungs, start=1):
+        ax.barh(row, CM * rung.gain_m, 0.7, left=CM * end, color=STEP)
+        ax.plot([CM * end, CM * end], [row - 1, row + 0.35], color=GREY, lw=0.8)
+        if rung.most_gain_m > rung.least_gain_m + 1e-4:
+            span = [CM * (end + rung.least_gain_m), CM * (end + rung.most_gain_m)]
+            ax.plot(span, [row, row], color=BLACK, lw=1.4, marker="|", ms=9)
+        end = rung.clearance_m
+        doubt = "" if rung.verified else ", not verified"
+        ax.annotate(
+            f"{round(CM * rung.gain_m, 1) or 0:+.1f} cm{doubt}", (CM * max(end, end - rung.gain_m + rung.most_gain_m), row),
+            xytext=(8, 0), textcoords="offset points", fontsize=SMALL, va="center", zorder=3,
+            bbox={"color": "white", "lw": 0, "pad": 1.5},  # the bound's line may pass behind it
+        )  # fmt: skip
+        names.append(rung.allows)
+    ax.text(CM * found.from_m, 0, f"  {CM * found.from_m:.1f} cm", fontsize=SMALL, va="center")
+    high = CM * max(rung.clearance_m - rung.gain_m + rung.most_gain_m for rung in found.rungs)
+    room = 0.18 * (high - low) + LEAST
+    ax.axvline(CM * end, color=BLACK, lw=1.2)
+    ax.text(CM * end, -0.62, f"bound {CM * end:.1f} cm ", fontsize=TEXT, ha="right", va="center")
+    ax.set_yticks(range(rows), names, fontsize=TEXT)
+    ax.set(xlim=(low - room, high + room), ylim=(rows - 0.5, -1.0))
+    describe(ax, "clearance [cm]; black: the same gain in other orders", "")
+    ax.grid(False, axis="y")
+    return figure

@@ -1,0 +1,83 @@
+"""Runs as rows of stick figures, one row a strategy."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from hopopt.plots.controllers.runs_style import Runs, called, few, last, looks, reached, runs_figure, since_lift_off
+from hopopt.plots.stick import POSE_STEP as STEP
+from hopopt.plots.style import GREY, SMALL, describe, height_arrow
+from hopopt.sim.hop_metrics import HopFigures
+
+LONGEST = 1.0  # [s] of a run that is drawn
+CROWDED = 8  # columns, above which every other one has its time written
+PALER = 0.4  # opacity of the poses in stance
+
+
+@few
+def stick(runs: Runs) -> Figure:
+    """The leg of every run every 40 ms up to its clearance [m], as in the paper's Fig. exp_picture.
+
+    Poses as long after their lift-off stand in one column, all to one scale [m], side by side however far the leg
+    travels; the last of a row is that of the clearance. Poses in stance are paler. It has the shape of a slide.
+    """
+    poses, look = [_Poses(run) for run in runs.values()], looks(runs)
+    first, last_one = min(p.first for p in poses), max(p.first + len(p.t) for p in poses)
+    widths = [max((p.width(k) for p in poses), default=0.0) for k in range(first, last_one)]
+    middles, width, top = np.cumsum(widths) - np.array(widths) / 2, sum(widths), max(p.top for p in poses)
+    figure = runs_figure(runs, "every 40 ms up to the clearance, paler in stance")
+    axes = figure.subplots(len(runs), squeeze=False)[:, 0]
+    for ax, p, (name, run) in zip(axes, poses, runs.items(), strict=True):
+        p.draw(ax, middles[p.first - first :][: len(p.t)], look[name]["color"])
+        ax.axhline(0, color=GREY, lw=2, zorder=1)
+        ax.set(xlim=(0, 1.005 * width), ylim=(-0.04 * top, top), aspect="equal")
+        describe(ax, "time since lift-off [s]" if ax is axes[-1] else "", "height [m]" if len(runs) < 4 else "z [m]")
+        ax.grid(False, axis="x")
+        every = 2 if len(middles) > CROWDED else 1
+        ticks = [(m, f"{STEP * k:.2f}") for k, m in enumerate(middles, first) if k % every == 0 and ax is axes[-1]]
+        ax.set_xticks([m for m, _ in ticks], [text for _, text in ticks], fontsize=SMALL)
+        at = f" at {p.t[-1]:.3f} s" if run.highest is not None else ""
+        ax.set_title(f"{called(name, run)}: {reached(run)}{at}", loc="left", fontsize=SMALL, fontweight="bold")
+    return figure
+
+
+class _Poses:
+    """The poses of a run: t (k,) [s] since lift-off, of which the first is ``first`` steps from it; x about their own
+    middle and z (k, points) [m], and the width each needs [m]."""
+
+    def __init__(self, run: HopFigures):
+        trace, links, clock = run.trace, run.design.leg.link.values(), since_lift_off(run)
+        end = min(last(run), int(np.searchsorted(trace.t, LONGEST)) - 1)
+        self.first = int(np.ceil(clock[0] / STEP - 1e-9))
+        early = STEP * np.arange(self.first, clock[end] / STEP - 0.25)  # none just before the last
+        reach = sum(link.length for link in links)
+        self.radius, self.t = 0.09 * reach, np.append(early, clock[end])
+        self.contact = trace.contact[np.maximum(np.searchsorted(clock, self.t, side="right") - 1, 0)]
+        chain = np.stack([_at(self.t, clock, trace.points[name]) for name in (*trace.robot.joints, "foot")], axis=1)
+        left = np.minimum(chain[..., 0].min(axis=1), chain[:, 0, 0] - self.radius)
+        right = np.maximum(chain[..., 0].max(axis=1), chain[:, 0, 0] + self.radius)
+        self.x, self.z = chain[..., 0] - 0.5 * (left + right)[:, None], chain[..., 1]
+        self.widths = right - left + 0.15 * reach
+        self.top = 1.04 * (self.z.max() + self.radius)
+        self.clearance = run.clearance if end == run.highest else None
+
+    def width(self, column: int) -> float:
+        """What the pose in a column, counted in steps from lift-off, needs [m]; 0 where there is none."""
+        k = column - self.first
+        return float(self.widths[k]) if 0 <= k < len(self.t) else 0.0
+
+    def draw(self, ax: Axes, middles: np.ndarray, color: str) -> None:
+        """Body, links, joints and foot of every pose, and the clearance at the last."""
+        across = self.x + middles[:, None]
+        for x, z, contact in zip(across, self.z, self.contact, strict=True):
+            look = {"color": color, "alpha": PALER if contact else 1.0}
+            ax.plot(x, z, "-o", lw=2.5, ms=4, mfc="white", zorder=3, **look)
+            ax.add_patch(Circle((x[0], z[0]), self.radius, lw=0, zorder=4, **look))
+        if self.clearance is not None and self.clearance > 0.1 * self.top:  # there is room for an arrow
+            height_arrow(ax, across[-1, self.z[-1].argmin()], self.clearance)
+
+
+def _at(t: np.ndarray, known: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """A point's way [m], (samples, 2), at other instants [s], between its samples."""
+    return np.stack([np.interp(t, known, points[:, k]) for k in range(points.shape[1])], axis=1)

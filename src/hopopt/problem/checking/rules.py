@@ -1,0 +1,263 @@
+"""Rules between the entries of a problem: names, orders, counts, and whether the start is a possible pose."""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from hopopt.design import Design, Hop, Leg, Simulation, Start
+from hopopt.fields import RESERVED, RESERVED_JOINTS
+from hopopt.leg.inertia import obeys_triangle, principal_moments
+from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
+from hopopt.problem.checking.faults import Report
+from hopopt.problem.checking.wording import did_you_mean, is_number, lookalike
+from hopopt.problem.render import shown
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
+TINY = 1e-9  # below which a vector has no direction
+ROUNDING = 1e-9  # m or rad: a pose given in decimals is not refused for its last digit
+
+
+def entry_rules(data: Mapping[str, Any], report: Report) -> None:
+    """Report what is wrong between entries of the file, of whatever the file has so far."""
+    leg, hop = _table(data, "leg"), _table(data, "hop")
+    refused = {path for path, _ in report.faults}  # of these enough is said
+    joints, links = _texts(leg.get("joints")), _texts(leg.get("links"))
+    for path, words in (
+        *_name_faults("leg.joints", joints, RESERVED_JOINTS),
+        *_name_faults("leg.links", links, RESERVED),
+        *_chain_faults(joints, links),
+        *(fault for name in joints for fault in _joint_faults(f"leg.{name}", _table(leg, name))),
+        *(fault for name in links for fault in _link_faults(f"leg.{name}", _table(leg, name))),
+        *(
+            fault
+            for name in ("stance_duration", "flight_duration", "landing_duration")
+            for fault in _range_faults(name, hop)
+        ),
+        *_periodic_faults(hop),
+        *_above_ground_faults(_texts(hop.get("above_ground")), joints),
+    ):
+        if path not in refused:
+            report.add(path, words)
+
+
+def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = data.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _texts(value: Any) -> list[str]:
+    return [item for item in value if isinstance(item, str)] if isinstance(value, tuple) else []
+
+
+def _name_faults(path: str, names: list[str], reserved: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            yield path, f"has {shown(name)} {names.count(name)} times: give each a name of its own"
+        if name in reserved:
+            yield path, f"has {shown(name)}, which is reserved: choose a name other than {', '.join(reserved)}"
+        elif not NAME.fullmatch(name):
+            yield path, f"has {shown(name)}: a name is a letter, then at most 31 letters, digits, _ or -"
+
+
+def _chain_faults(joints: list[str], links: list[str]) -> Iterator[tuple[str, str]]:
+    if joints and links and len(joints) != len(links):
+        yield "leg.links", f"names {len(links)} where leg.joints names {len(joints)}: each joint carries one link"
+    for name in sorted(set(joints) & set(links)):
+        yield "leg.links", f"has {shown(name)}, which is a joint too: their tables would both be [leg.{name}]"
+
+
+def _joint_faults(path: str, joint: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    yield from _vector_faults(path, joint, "axis")
+    lower, upper = joint.get("lower"), joint.get("upper")
+    if is_number(lower) and is_number(upper) and not lower < upper:
+        yield (
+            f"{path}.lower",
+            f"= {shown(lower)} rad is not below {path}.upper = {shown(upper)} rad: exchange or widen them",
+        )
+
+
+def _vector_faults(path: str, table: Mapping[str, Any], entry: str) -> Iterator[tuple[str, str]]:
+    vector = table.get(entry)
+    if isinstance(vector, tuple) and all(map(is_number, vector)) and not any(abs(x) > TINY for x in vector):
+        yield f"{path}.{entry}", f"= {shown(vector)} has no direction: one of its numbers has to be other than 0"
+
+
+def _solid_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """A link's own tensor and centre of mass: given once, near the link, of a body that can exist."""
+    for one, other in (("com", "com_position"), ("inertia", "inertia_tensor")):
+        if link.get(one) is not None and link.get(other) is not None:
+            yield f"{path}.{other}", f"says again what {path}.{one} says: remove one of them"
+    place, length, moments = link.get("com_position"), link.get("length"), link.get("inertia_tensor")
+    if _numbers(place, 3) and is_number(length) and np.linalg.norm(place) > 2 * length:
+        yield (
+            f"{path}.com_position",
+            f"= {shown(place)} m is further from the joint than twice {path}.length = {length} m",
+        )
+    if _numbers(moments, 6):
+        low, middle, high = principal_moments(moments)
+        if low < 0 or not obeys_triangle(low, middle, high):
+            yield (
+                f"{path}.inertia_tensor",
+                f"= {shown(moments)} kg m^2 has the principal moments {low:.3g}, {middle:.3g} and {high:.3g}, which no body "
+                "has: none is negative, each at most the sum of the others",
+            )
+
+
+def _numbers(value: Any, count: int) -> TypeGuard[tuple[float, ...]]:
+    return isinstance(value, tuple) and len(value) == count and all(is_number(x) and abs(x) < 1e6 for x in value)
+
+
+def _link_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    yield from _vector_faults(path, link, "direction")
+    yield from _solid_faults(path, link)
+    com, length = link.get("com"), link.get("length")
+    if is_number(com) and is_number(length) and com > length:
+        most = f"{path}.length = {shown(length)} m"
+        yield f"{path}.com", f"= {shown(com)} m is beyond the end of the link: a number from 0 to {most} is needed"
+
+
+def _periodic_faults(hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What only a periodic hop has, a mean speed; and what only hops that land have, limits of the touchdown."""
+    kind = hop.get("kind", "single")
+    if kind != "periodic" and (value := hop.get("speed")):
+        yield "hop.speed", f'= {shown(value)} is for periodic hops: set hop.kind = "periodic", or remove it'
+    if kind == "single":
+        for name in ("touchdown_impulse", "touchdown_loss", "touchdown_speed", "touchdown_gear_torque"):
+            if value := hop.get(name):
+                words = 'hops that land: set hop.kind = "landing" or "periodic", or remove it'
+                yield f"hop.{name}", f"= {shown(value)} is for {words}"
+
+
+def _range_faults(name: str, hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    value = hop.get(name)
+    if isinstance(value, tuple) and len(value) == 2 and all(map(is_number, value)) and value[0] > value[1]:
+        yield f"hop.{name}", f"= {shown(value)} s begins above its end: write [shortest, longest]"
+
+
+def _above_ground_faults(names: list[str], joints: list[str]) -> Iterator[tuple[str, str]]:
+    known = [*joints, "foot"]
+    for name in dict.fromkeys(names):
+        if joints and name not in known:
+            yield "hop.above_ground", f"has {shown(name)}{did_you_mean(name, known)}: it takes {', '.join(known)}"
+        if names.count(name) > 1:
+            yield "hop.above_ground", f"has {shown(name)} {names.count(name)} times: once is enough"
+
+
+# ---- the drives ---------------------------------------------------------------------------------------------
+
+
+def drive_rules(leg: Leg, report: Report) -> None:
+    """Report drives whose torque or speed nothing would bound: without a law both need a cap."""
+    open_ended: dict[tuple[str, str], list[str]] = {}
+    for joint in leg.joints:
+        path, laws = leg.drive(joint, "motor", "laws")
+        if not laws and (missing := _uncapped(leg, joint)):
+            open_ended.setdefault((path, missing), []).append(joint)
+    for (path, missing), joints in open_ended.items():
+        words = f'give these caps, or "paper" or "four-quadrant" in {path}'
+        report.add(path, f"= [] leaves nothing to bound {missing} of {', '.join(joints)}: {words}")
+
+
+def _uncapped(leg: Leg, joint: str) -> str:
+    """What no cap bounds in a joint's drive, with the entries that would; empty if torque and speed have one."""
+    torque = leg.drive(joint, "motor", "torque_cap")[1] or leg.drive(joint, "gear", "torque_cap")[1]
+    found = [] if torque else ["the torque (motor.torque_cap or gear.torque_cap)"]
+    return " and ".join(found if leg.drive(joint, "gear", "speed_cap")[1] else [*found, "the speed (gear.speed_cap)"])
+
+
+def loss_rules(leg: Leg, simulation: Simulation, report: Report) -> None:
+    """Report an efficiency that would hold for no gear, as each has its own."""
+    own = [leg.drive(joint, "gear", "efficiency") for joint in leg.joints]
+    if simulation.gear_efficiency != 1 and all(value is not None for _, value in own):
+        paths = ", ".join(dict.fromkeys(path for path, _ in own))
+        words = f"holds for no gear, as each has its own: change {paths}, or set simulation.gear_efficiency to 1"
+        report.add("simulation.gear_efficiency", f"= {simulation.gear_efficiency:g} {words}")
+
+
+# ---- the start ------------------------------------------------------------------------------------------------
+
+
+def stated_once(start: Start, report: Report) -> None:
+    """Report a start that says nothing about the pose, or says it twice."""
+    given = [name for name in ("hip_height", "joint_angles") if getattr(start, name) is not None]
+    if not given:
+        report.add("start", "says nothing about the pose: give hip_height (legs of two joints) or joint_angles")
+    if len(given) == 2:
+        report.add("start", "has both hip_height and joint_angles: each says where the leg starts, remove one")
+
+
+def start_rules(leg: Leg, start: Start, hop: Hop | None, report: Report) -> None:
+    """Report why the leg cannot start as the file says; without ``hop`` heights above ground are not checked."""
+    if len(leg.joints) <= len(loop_axes(leg)):
+        held = " and ".join("xyz"[axis] for axis in loop_axes(leg))
+        words = f"= {shown(leg.joints)} cannot move while the foot stands: the body cannot follow it along {held}"
+        return report.add(
+            "leg.joints", f"{words}; a leg needs more joints than that, or both guides and axes across x-z"
+        )
+    faults = _angle_faults(leg, start.joint_angles) if start.joint_angles is not None else _height_faults(leg, start)
+    found = list(faults)
+    for path, words in found or (_ground_faults(leg, start, hop) if hop else ()):
+        report.add(path, words)
+
+
+def _angle_faults(leg: Leg, angles: tuple[float, ...]) -> Iterator[tuple[str, str]]:
+    path = "start.joint_angles"
+    if len(angles) != len(leg.joints):
+        yield (
+            path,
+            f"= {shown(angles)} has the wrong number of angles ({len(angles)}): "
+            f"one is needed for each of {', '.join(leg.joints)}",
+        )
+        return
+    for k, (name, angle) in enumerate(zip(leg.joints, angles, strict=True)):
+        low, high = leg.joint[name].lower, leg.joint[name].upper
+        if not low <= angle <= high:
+            limits = f"a number from leg.{name}.lower = {low:g} to leg.{name}.upper = {high:g} rad is needed"
+            yield (
+                f"{path}[{k}]",
+                f"= {angle} rad is outside the limits of {name}: {limits}{lookalike(angle, 'rad', (low, high))}",
+            )
+
+
+def _height_faults(leg: Leg, start: Start) -> Iterator[tuple[str, str]]:
+    height, foot = start.hip_height, start.foot_x
+    assert height is not None
+    if not two_joints(leg):
+        other = "with other than two joints" if len(leg.joints) != 2 else "whose links or joints leave the x-z plane"
+        words = f"does not give the pose of a leg {other}: give start.joint_angles instead"
+        yield "start.hip_height", f"= {height} m {words}"
+        return
+    solutions = TwoJoints.of(leg).angles(np.array([foot, -height]))
+    if not any(within_limits(leg, q) for q in solutions):
+        why = start_fault(Design.model_construct(leg=leg, start=start), solutions)
+        yield (
+            "start.hip_height",
+            f"= {height} m with start.foot_x = {foot} m is not possible: {why}; {_possible(leg, foot)}",
+        )
+
+
+def _possible(leg: Leg, foot: float) -> str:
+    """Which hip heights there are for this foot position, to the millimetre."""
+    heights, geometry = np.arange(0.0, reach(leg), 1e-3), TwoJoints.of(leg)
+    fit = [h for h in heights if any(within_limits(leg, q) for q in geometry.angles(np.array([foot, -h])))]
+    if not fit:
+        return f"no height is possible with this foot_x{'' if foot else ' and these joint limits'}"
+    return f"with this foot_x choose it from {min(fit):.3f} to {max(fit):.3f} m"
+
+
+def _ground_faults(leg: Leg, start: Start, hop: Hop) -> Iterator[tuple[str, str]]:
+    """Joints below the ground at the start that the hop wants above it."""
+    pose = start.joint_angles
+    if pose is None:
+        solutions = TwoJoints.of(leg).angles(np.array([start.foot_x, -(start.hip_height or 0.0)]))
+        pose = next(tuple(q) for q in solutions if within_limits(leg, q))
+    positions = joint_positions(leg, pose)[:, 2]
+    heights = positions - positions[-1]
+    path = "start.hip_height" if start.joint_angles is None else "start.joint_angles"
+    for name, height in zip(leg.joints, heights, strict=False):
+        if name in (hop.above_ground or leg.joints) and height < -ROUNDING:
+            value = start.hip_height if start.joint_angles is None else start.joint_angles
+            below = f"puts {name} {-height:.3f} m below the ground"
+            yield path, f"= {shown(value)} {below}: choose another pose, or leave {name} out of hop.above_ground"

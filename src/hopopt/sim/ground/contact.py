@@ -1,0 +1,305 @@
+"""Contact of the foot with rough ground, compiled: stick, slip, flight, and what changes one into another.
+
+Coulomb's law for a point on level ground: it sticks while |f_x| <= mu f_z, and slips against f_x = -mu f_z sign(x').
+All modes come from one linear map, the foot's acceleration c + G f, where f is the contact force and G the inverse of
+the foot's inertia. An impact is plastic across the ground and keeps to the cone along it (the impact law of Moreau's
+time stepping with restitution zero: Stewart, Rigid-body dynamics with friction and impact, SIAM Review 42, 2000).
+It never adds energy: the impulse works on the mean of the foot's velocity before and after.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from hopopt.compiled.kernel import kernel
+from hopopt.drivetrain.kernels import rubbing_parts
+from hopopt.sim.ground.planar import bias, chain, driven, foot_jacobian, mass_matrix, solved, stopped
+
+STICK, FORWARD, BACKWARD, FLIGHT = 0, 1, -1, 2  # modes; the foot slips in the direction of the number
+STAYS, LIFTS, LANDS, SLIPS, STICKS, JAMS, STRIKES = 0, 1, 2, 3, 4, 5, 6  # what happens
+AHEAD = 1e-5  # [s] after a change within which no further one is looked for
+FRESH = 1e-9  # [m, m/s or N] of margin below which a mode has just begun
+WITHIN = 1e-12  # [s] to which a change is located
+RESTS = 1e-9  # [m/s] below which a foot that slowed down rests
+PARTS = 32  # of a step where a joint touches its end stop: they are stiff
+
+
+@kernel
+def loads(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[Any, ...]:
+    """Accelerations without contact, and by unit forces along x and z at the foot, (n + 2, 3); c (2) [m/s^2] and
+    G (2, 2) [1/kg] of the foot; its velocity (2) [m/s]; power of the motors, lost in the gears, into the stops [W]."""
+    joints, centres, drift = chain(leg, q, v)
+    n = len(q) - 2
+    w = v[2:]
+    motor, tau = driven(leg, w, command)
+    stop = stopped(leg, q[2:], w)
+    J, h = foot_jacobian(leg, joints), bias(leg, joints, centres, drift)
+    B = np.zeros((n + 2, 3))
+    for k in range(n + 2):
+        B[k, 0], B[k, 1], B[k, 2] = -h[k], J[0, k], J[1, k]
+        if k >= 2:
+            B[k, 0] += tau[k - 2] + stop[k - 2]
+    X = solved(mass_matrix(leg, joints, centres), B)
+    c, G, velocity = np.zeros(2), np.zeros((2, 2)), np.zeros(2)
+    for a in range(2):
+        c[a] = drift[n, a]
+        for k in range(n + 2):
+            c[a] += J[a, k] * X[k, 0]
+            G[a, 0] += J[a, k] * X[k, 1]
+            G[a, 1] += J[a, k] * X[k, 2]
+            velocity[a] += J[a, k] * v[k]
+    power = np.zeros(3)
+    for k in range(n):
+        power[0] += motor[k] * w[k]
+        power[1] += (motor[k] - tau[k]) * w[k]
+        power[2] -= stop[k] * w[k]
+    return X, c, G, velocity, power
+
+
+@kernel
+def slipping(mode: int, mu: float, c: np.ndarray, G: np.ndarray) -> tuple[float, float]:
+    """Vertical force [N] on a foot that slips in a mode's direction, and how much a unit of it with its friction
+    accelerates the foot upwards [1/kg]: where that is not above zero, no force keeps the foot on the ground."""
+    ease = G[1, 1] - mode * mu * G[1, 0]
+    return -c[1] / ease, ease
+
+
+@kernel
+def contact_force(mode: int, mu: float, c: np.ndarray, G: np.ndarray) -> tuple[float, float]:
+    """Force (x, z) [N] on the foot in a mode."""
+    if mode == FLIGHT:
+        return 0.0, 0.0
+    if mode == STICK:
+        det = G[0, 0] * G[1, 1] - G[0, 1] * G[1, 0]
+        return (G[0, 1] * c[1] - G[1, 1] * c[0]) / det, (G[1, 0] * c[0] - G[0, 0] * c[1]) / det
+    fz, _ = slipping(mode, mu, c, G)
+    return -mode * mu * fz, fz
+
+
+@kernel
+def torques(
+    leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Torques (n) [N m] of motors and joints, and the force (x, z) [N] on the foot."""
+    motor, tau = driven(leg, v[2:], command)
+    _, c, G, _, _ = loads(leg, q, v, command)
+    return motor, tau, np.array(contact_force(mode, leg.mu, c, G))
+
+
+@kernel
+def rise(leg: Any, q: np.ndarray, v: np.ndarray) -> float:
+    """Upward velocity [m/s] of the centre of mass."""
+    joints, centres, _ = chain(leg, q, v)
+    mass, momentum = leg.body, leg.body * v[1]
+    for i in range(len(centres)):
+        upward = v[1]
+        for j in range(i + 1):
+            upward -= leg.sign[j] * (centres[i, 0] - joints[j, 0]) * v[2 + j]
+        mass += leg.mass[i]
+        momentum += leg.mass[i] * upward
+    return momentum / mass
+
+
+@kernel
+def rates(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations (n + 2), and powers (4) [W]: of motors, lost in gears, into stops, lost in friction at the foot."""
+    X, c, G, velocity, power = loads(leg, q, v, command)
+    fx, fz = contact_force(mode, leg.mu, c, G)
+    a = X[:, 0] + fx * X[:, 1] + fz * X[:, 2]
+    work = np.zeros(4)
+    work[:3] = power
+    if mode in (FORWARD, BACKWARD):
+        work[3] = -fx * velocity[0]
+    return a, work
+
+
+@kernel
+def settled(leg: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray) -> None:
+    """Put the body where the foot is on the ground: it stands at x = foot [m] if it sticks."""
+    if mode == FLIGHT:
+        return
+    joints, _, _ = chain(leg, q, v)
+    J, n = foot_jacobian(leg, joints), len(q) - 2
+    q[1] -= joints[n, 1]
+    v[1] = 0.0
+    for k in range(2, n + 2):
+        v[1] -= J[1, k] * v[k]
+    if mode == STICK:
+        q[0] += foot - joints[n, 0]
+        v[0] = 0.0
+        for k in range(2, n + 2):
+            v[0] -= J[0, k] * v[k]
+
+
+@kernel
+def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: float) -> int:
+    """Into how many parts a step of h [s] is cut: more where a joint meets its end stop, or gear friction turns round."""
+    parts = 1
+    motor, _ = driven(leg, v[2:], command)
+    for k in range(len(q) - 2):
+        ahead = q[2 + k] + 1.5 * h * v[2 + k]
+        if max(q[2 + k], ahead) > leg.stop_upper[k] or min(q[2 + k], ahead) < leg.stop_lower[k]:
+            parts = max(parts, PARTS)
+    parts = max(parts, rubbing_parts(motor, leg.efficiency, leg.friction, leg.armature, h, leg.slow, leg.lightest))
+    return parts * leg.finer
+
+
+@kernel
+def step(
+    leg: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray, work: np.ndarray, command: np.ndarray, h: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q, v, work after h [s] in one mode, by Runge-Kutta steps of fourth order."""
+    parts = parts_of(leg, q, v, command, h)
+    d = h / parts
+    for _ in range(parts):
+        a1, w1 = rates(leg, mode, q, v, command)
+        v2 = v + d / 2 * a1
+        a2, w2 = rates(leg, mode, q + d / 2 * v, v2, command)
+        v3 = v + d / 2 * a2
+        a3, w3 = rates(leg, mode, q + d / 2 * v2, v3, command)
+        v4 = v + d * a3
+        a4, w4 = rates(leg, mode, q + d * v3, v4, command)
+        q = q + d / 6 * (v + 2 * v2 + 2 * v3 + v4)
+        v = v + d / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+        work = work + d / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
+        settled(leg, mode, foot, q, v)
+    return q, v, work
+
+
+@kernel
+def grips(mu: float, fx: float, fz: float, G: np.ndarray) -> float:
+    """Below zero where a foot cannot stick under the force that this takes [N]. On ideal ground (mu infinite) it stays
+    until it would rise if it were let go: its sideways grip may press it down."""
+    if mu == np.inf:
+        return fz if fz >= 0 else fz + max(0.0, G[1, 0] / G[1, 1] * fx)
+    return mu * fz - abs(fx)
+
+
+@kernel
+def holds(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> float:
+    """Below zero where the ground cannot hold the mode: force outside the cone, or none that presses [N]."""
+    if mode == FLIGHT:
+        return 1.0
+    _, c, G, _, _ = loads(leg, q, v, command)
+    fx, fz = contact_force(mode, leg.mu, c, G)
+    if mode == STICK:
+        return grips(leg.mu, fx, fz, G)
+    return fz if slipping(mode, leg.mu, c, G)[1] > 0 else -1.0
+
+
+@kernel
+def margin(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> float:
+    """Below zero where the mode has ended: ``holds``, a slipping foot that turned round, a foot or joint underground."""
+    joints, _, _ = chain(leg, q, v)
+    n = len(q) - 2
+    found = np.inf
+    for k in range(n):
+        if leg.watched[k] > 0:
+            found = min(found, joints[k, 1])
+    if mode == FLIGHT:
+        return min(found, joints[n, 1])
+    if mode != STICK:
+        J, along = foot_jacobian(leg, joints), 0.0
+        for k in range(n + 2):
+            along += J[0, k] * v[k]
+        found = min(found, mode * along)
+    return min(found, holds(leg, mode, q, v, command))
+
+
+@kernel
+def advance(
+    leg: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray, work: np.ndarray, command: np.ndarray, h: float
+) -> tuple[Any, ...]:
+    """A step of at most h [s], cut short where the mode ends: q, v, work, how long [s], and whether it ended."""
+    last = step(leg, mode, foot, q, v, work, command, h)
+    if margin(leg, mode, last[0], last[1], command) >= 0:
+        return last[0], last[1], last[2], h, False
+    low, high = 0.0, h
+    if margin(leg, mode, q, v, command) < FRESH:  # the foot has just come off, or begun to slip: it is still there
+        low = min(AHEAD, h)
+        early = step(leg, mode, foot, q, v, work, command, low)
+        if low == h or margin(leg, mode, early[0], early[1], command) < 0:
+            return early[0], early[1], early[2], low, True
+    while high - low > WITHIN:
+        middle = 0.5 * (low + high)
+        half = step(leg, mode, foot, q, v, work, command, middle)
+        if margin(leg, mode, half[0], half[1], command) < 0:
+            high, last = middle, half
+        else:
+            low = middle
+    return last[0], last[1], last[2], high, True
+
+
+@kernel
+def at_rest(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> int:
+    """The mode into which a foot goes that rests on the ground."""
+    _, c, G, _, _ = loads(leg, q, v, command)
+    fx, fz = contact_force(STICK, leg.mu, c, G)
+    if grips(leg.mu, fx, fz, G) >= 0:
+        return STICK
+    if leg.mu == np.inf:
+        return FLIGHT
+    first = BACKWARD if fx > 0 else FORWARD
+    for mode in (first, -first):
+        force, ease = slipping(mode, leg.mu, c, G)
+        if ease > 0 and force >= 0 and mode * (c[0] + (G[0, 1] - mode * leg.mu * G[0, 0]) * force) >= 0:
+            return mode
+    return FLIGHT
+
+
+@kernel
+def impact(leg: Any, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float, int]:
+    """Speeds after the foot has met the ground, the energy that took [J], and the mode it leaves."""
+    joints, centres, _ = chain(leg, q, v)
+    J, m = foot_jacobian(leg, joints), len(v)
+    X = solved(mass_matrix(leg, joints, centres), J.T.copy())
+    before, G = np.zeros(2), np.zeros((2, 2))
+    for a in range(2):
+        for k in range(m):
+            before[a] += J[a, k] * v[k]
+            G[a, 0] += J[a, k] * X[k, 0]
+            G[a, 1] += J[a, k] * X[k, 1]
+    px, pz = contact_force(STICK, leg.mu, before, G)
+    mode = STICK
+    if leg.mu < np.inf and leg.mu * pz < abs(px):
+        first = FORWARD if before[0] > 0 else BACKWARD
+        for way in (first, -first):
+            p, ease = slipping(way, leg.mu, before, G)
+            if ease > 0 and p >= 0 and way * (before[0] + (G[0, 1] - way * leg.mu * G[0, 0]) * p) >= 0:
+                px, pz, mode = -way * leg.mu * p, p, way
+                break
+    after = v + px * X[:, 0] + pz * X[:, 1]
+    x = before[0] + 0.5 * (G[0, 0] * px + G[0, 1] * pz)  # mean velocity of the foot
+    z = before[1] + 0.5 * (G[1, 0] * px + G[1, 1] * pz)
+    return after, -(px * x + pz * z), mode
+
+
+@kernel
+def changed(
+    leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int, int, float]:
+    """q, v and mode after the change at the end of a mode, what happened, and the energy [J] it took."""
+    joints, _, _ = chain(leg, q, v)
+    n, lost = len(q) - 2, 0.0
+    for k in range(n):
+        if leg.watched[k] > 0 and joints[k, 1] < 0:
+            return q, v, mode, STRIKES, lost
+    q, v = q.copy(), v.copy()
+    _, c, G, velocity, _ = loads(leg, q, v, command)
+    if mode == FLIGHT:
+        v, lost, now = impact(leg, q, v)
+        settled(leg, BACKWARD, 0.0, q, v)
+        return q, v, now, LANDS, lost  # if the ground cannot hold it so, that is a change of its own
+    what = STAYS
+    if mode == STICK or mode * velocity[0] <= RESTS:
+        now = at_rest(leg, q, v, command)
+    elif c[1] > 0:
+        now = FLIGHT
+    elif slipping(mode, leg.mu, c, G)[1] > 0:
+        now = mode
+    else:  # Painleve: the ground grips the slipping foot at once
+        v, lost, now = impact(leg, q, v)
+        what = JAMS
+    if what == STAYS and now != mode:
+        what = LIFTS if now == FLIGHT else STICKS if now == STICK else SLIPS
+    return q, v, now, what, lost

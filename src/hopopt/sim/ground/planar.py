@@ -1,0 +1,208 @@
+"""The leg's equations of motion in the plane, compiled: what a plant with slipping needs, fast.
+
+q = (x, z, joint angles), as Pinocchio has it (``Machine``, which the tests hold against it). Each link turns by the sum of
+the angles above it; the mass matrix and the bias are sums over the links of their centres of mass (Featherstone, Rigid
+Body Dynamics Algorithms, 2008, chapter 6, in coordinates of the plane).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hopopt.compiled.kernel import kernel
+from hopopt.drivetrain import kernels
+from hopopt.drivetrain.drives import Drive
+from hopopt.errors import UsageError
+from hopopt.leg.kinematics import can_slip
+from hopopt.leg.robot import BASE, Robot
+from hopopt.sim.ground.stops import Stops
+
+
+class PlanarLeg(NamedTuple):
+    """What the compiled functions need of a leg and its drives.
+
+    sign (n,): +1 where a joint turns about +y. tip, com (n, 2): next joint, or foot, and centre of mass in the link's
+    frame [m]. mass, inertia, armature (n,) [kg, kg m^2]. body: mass of the body [kg]. gravity (2,): along x and z [m/s^2].
+    upper, lower (n, k, 2): lines c - d w of the greatest and the least motor torque [N m]. gain, efficiency (n,),
+    friction [N m], damping [N m s/rad], slow [rad/s], lightest [kg m^2]: as in ``Drive`` and ``Gear``. stop_upper,
+    stop_lower (n,) [rad], stiffness (n,) [N m/rad], loss [s/rad]: as in ``Stops``. watched (n,): 1 for joints that must not come to the ground. mu: the
+    friction coefficient. finer: parts into which every step is cut.
+    """
+
+    sign: np.ndarray
+    tip: np.ndarray
+    com: np.ndarray
+    mass: np.ndarray
+    inertia: np.ndarray
+    armature: np.ndarray
+    body: float
+    gravity: np.ndarray
+    upper: np.ndarray
+    lower: np.ndarray
+    gain: np.ndarray
+    efficiency: np.ndarray
+    friction: float
+    damping: float
+    slow: float
+    lightest: float
+    stop_upper: np.ndarray
+    stop_lower: np.ndarray
+    stiffness: np.ndarray
+    loss: float
+    watched: np.ndarray
+    mu: float
+    finer: int
+
+
+def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: float, finer: int = 1) -> PlanarLeg:
+    """The compiled functions' view of a leg on ground of friction coefficient mu; watched: joints that must not come to
+    the ground. UsageError for a leg that leaves the plane or stands on a vertical slider."""
+    if not can_slip(robot.leg):
+        raise UsageError("ground with friction is simulated for legs on x and z guides that move in the x-z plane only")
+    n, model = len(robot.joints), robot.model
+    inertias, axes = list(model.inertias)[BASE + 1 :], [robot.leg.joint[name].axis[1] for name in robot.joints]
+    ends = [model.jointPlacements[k].translation for k in range(BASE + 2, BASE + 1 + n)]
+    tips = np.array([*ends, np.array(robot.points["foot"][1], dtype=float)])[:, [0, 2]]
+    return PlanarLeg(
+        sign=np.sign(axes).astype(float),
+        tip=tips,
+        com=np.array([i.lever for i in inertias])[:, [0, 2]],
+        mass=np.array([i.mass for i in inertias]),
+        inertia=np.array([i.inertia[1, 1] for i in inertias]),
+        armature=np.array(model.armature)[BASE:],
+        body=float(model.inertias[BASE].mass),
+        gravity=np.array(model.gravity.linear)[[0, 2]],
+        upper=drive.upper,
+        lower=drive.lower,
+        gain=drive.torque_gain,
+        efficiency=drive.efficiency,
+        friction=drive.gear.friction,
+        damping=drive.gear.damping,
+        slow=drive.gear.slow,
+        lightest=drive.gear.lightest,
+        stop_upper=stops.upper,
+        stop_lower=stops.lower,
+        stiffness=stops.stiffness,
+        loss=stops.loss,
+        watched=np.array([float(name in watched) for name in robot.joints]),
+        mu=mu,
+        finer=finer,
+    )
+
+
+@kernel
+def chain(leg: Any, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places of joints and foot (n + 1, 2) [m]; centres of mass (n, 2) [m]; accelerations that the turning alone
+    gives them, joints and foot first, then the centres, (2 n + 1, 2) [m/s^2]."""
+    n = len(q) - 2
+    joints, centres, drift = np.zeros((n + 1, 2)), np.zeros((n, 2)), np.zeros((2 * n + 1, 2))
+    joints[0, 0], joints[0, 1] = q[0], q[1]
+    angle = speed = 0.0
+    for i in range(n):
+        angle += leg.sign[i] * q[2 + i]
+        speed += leg.sign[i] * v[2 + i]
+        c, s, w2 = np.cos(angle), np.sin(angle), speed * speed
+        x, z = c * leg.com[i, 0] + s * leg.com[i, 1], -s * leg.com[i, 0] + c * leg.com[i, 1]
+        centres[i, 0], centres[i, 1] = joints[i, 0] + x, joints[i, 1] + z
+        drift[n + 1 + i, 0], drift[n + 1 + i, 1] = drift[i, 0] - w2 * x, drift[i, 1] - w2 * z
+        x, z = c * leg.tip[i, 0] + s * leg.tip[i, 1], -s * leg.tip[i, 0] + c * leg.tip[i, 1]
+        joints[i + 1, 0], joints[i + 1, 1] = joints[i, 0] + x, joints[i, 1] + z
+        drift[i + 1, 0], drift[i + 1, 1] = drift[i, 0] - w2 * x, drift[i, 1] - w2 * z
+    return joints, centres, drift
+
+
+@kernel
+def foot_jacobian(leg: Any, joints: np.ndarray) -> np.ndarray:
+    """Velocity of the foot by the coordinates' speeds, (2, n + 2)."""
+    n = len(joints) - 1
+    J = np.zeros((2, n + 2))
+    J[0, 0] = J[1, 1] = 1.0
+    for j in range(n):
+        J[0, 2 + j] = leg.sign[j] * (joints[n, 1] - joints[j, 1])
+        J[1, 2 + j] = -leg.sign[j] * (joints[n, 0] - joints[j, 0])
+    return J
+
+
+@kernel
+def mass_matrix(leg: Any, joints: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """(n + 2 square) [kg, kg m, kg m^2]."""
+    n = len(centres)
+    M = np.zeros((n + 2, n + 2))
+    M[0, 0] = M[1, 1] = leg.body
+    for i in range(n):
+        m = leg.mass[i]
+        M[0, 0] += m
+        M[1, 1] += m
+        for j in range(i + 1):
+            xj, zj = leg.sign[j] * (centres[i, 1] - joints[j, 1]), -leg.sign[j] * (centres[i, 0] - joints[j, 0])
+            M[0, 2 + j] += m * xj
+            M[1, 2 + j] += m * zj
+            for k in range(j + 1):
+                xk, zk = leg.sign[k] * (centres[i, 1] - joints[k, 1]), -leg.sign[k] * (centres[i, 0] - joints[k, 0])
+                M[2 + k, 2 + j] += m * (xj * xk + zj * zk) + leg.inertia[i] * leg.sign[j] * leg.sign[k]
+    for j in range(n + 2):
+        if j >= 2:
+            M[j, j] += leg.armature[j - 2]
+        for k in range(j):
+            M[j, k] = M[k, j]
+    return M
+
+
+@kernel
+def bias(leg: Any, joints: np.ndarray, centres: np.ndarray, drift: np.ndarray) -> np.ndarray:
+    """Generalised forces (n + 2) of gravity, centrifugal and Coriolis forces [N, N m]: M a + bias = forces."""
+    n = len(centres)
+    h = np.zeros(n + 2)
+    h[0], h[1] = -leg.body * leg.gravity[0], -leg.body * leg.gravity[1]
+    for i in range(n):
+        fx = leg.mass[i] * (drift[n + 1 + i, 0] - leg.gravity[0])
+        fz = leg.mass[i] * (drift[n + 1 + i, 1] - leg.gravity[1])
+        h[0] += fx
+        h[1] += fz
+        for j in range(i + 1):
+            h[2 + j] += leg.sign[j] * ((centres[i, 1] - joints[j, 1]) * fx - (centres[i, 0] - joints[j, 0]) * fz)
+    return h
+
+
+@kernel
+def solved(M: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """X with M X = B for a positive definite M, which is overwritten by its Cholesky factor."""
+    m, columns = B.shape
+    for j in range(m):
+        for k in range(j):
+            M[j, j] -= M[j, k] * M[j, k]
+        M[j, j] = np.sqrt(M[j, j])
+        for i in range(j + 1, m):
+            for k in range(j):
+                M[i, j] -= M[i, k] * M[j, k]
+            M[i, j] /= M[j, j]
+    X = B.copy()
+    for c in range(columns):
+        for i in range(m):
+            for k in range(i):
+                X[i, c] -= M[i, k] * X[k, c]
+            X[i, c] /= M[i, i]
+        for i in range(m - 1, -1, -1):
+            for k in range(i + 1, m):
+                X[i, c] -= M[k, i] * X[k, c]
+            X[i, c] /= M[i, i]
+    return X
+
+
+@kernel
+def driven(leg: Any, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Torques (n) [N m] of the motors after their limits, and of the joints after the gears."""
+    return kernels.driven(
+        w, command, leg.gain, leg.upper, leg.lower, leg.efficiency, leg.friction, leg.damping, leg.slow
+    )
+
+
+@kernel
+def stopped(leg: Any, q_j: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Torques (n) [N m] of the end stops: ``Stops.torque``."""
+    torque = np.zeros(len(q_j))
+    for k in range(len(q_j)):
+        depth = max(q_j[k] - leg.stop_upper[k], 0.0) + min(q_j[k] - leg.stop_lower[k], 0.0)
+        if depth != 0.0:
+            torque[k] = -leg.stiffness[k] * depth * max(1 + leg.loss * np.sign(depth) * w[k], 0.0)
+    return torque

@@ -1,0 +1,70 @@
+"""Are several hops true that follow each other? Their phases, impacts and both ends, by Pinocchio's C++."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hopopt.design import Design
+from hopopt.drivetrain.region import operating_region
+from hopopt.leg.robot import Robot
+from hopopt.sim.machine import Machine
+from hopopt.verify.check import EXACT, Check
+from hopopt.verify.hops.landing import lift_off
+from hopopt.verify.hops.periodic import (
+    CLOSED,
+    Touchdown,
+    closure,
+    impact_checks,
+    joints_at,
+    touchdown_checks,
+    touchdown_of,
+)
+from hopopt.verify.plan import durations, largest, phase_checks
+from hopopt.verify.table import FLIGHT, STANCE, Table
+from hopopt.verify.whole_hop import joint_clamp, simulated_hop
+
+Tables = Mapping[str, Table]  # of one hop's phases; x and time count from where and when it began
+MISSED = 1e-3  # rad, rad/s: by which the hops simulated in one piece may miss the orbit
+
+
+def several_hops_checks(
+    robot: Robot, design: Design, hops: Sequence[Tables], begin: np.ndarray, end: np.ndarray
+) -> Iterator[Check]:
+    """That every hop obeys the equations of motion and the limits, that each begins as the impact before it leaves the leg, and
+    that they lead from ``begin`` to ``end``: joint angles [rad] and speeds [rad/s] with which a stance begins, (2 n) each."""
+    machine = Machine(robot)
+    yield Check("start", largest([joints_at(hops[0][STANCE], 0) - begin]), EXACT, "SI")
+    for k, tables in enumerate(hops, 1):
+        last = k == len(hops)
+        found = touchdown_of(machine, tables, end if last else joints_at(hops[k][STANCE], 0))
+        for check in _one_hop(machine, robot, design, tables, found):
+            yield replace(check, name=f"hop {k}: {check.name}")
+        words = "the last impact leads to the orbit" if last else f"hop {k + 1} begins as the impact leaves the leg"
+        yield Check(words, found.closure, CLOSED, "SI")
+    yield Check("the orbit, simulated in one piece", missed(machine, robot, design, hops, end), MISSED, "SI")
+
+
+def _one_hop(machine: Machine, robot: Robot, design: Design, tables: Tables, found: Touchdown) -> Iterator[Check]:
+    """That one hop begins at time zero, its phases follow each other, and they and the impact keep every limit."""
+    yield durations(design, tables)
+    yield Check("lift-off", largest(lift_off(machine, tables[STANCE], tables[FLIGHT])), EXACT, "SI")
+    yield from touchdown_checks(found, tables, tables[STANCE].t[0, 0], found.place[1:])
+    yield from impact_checks(machine, design, found)
+    for name, table in tables.items():
+        yield from phase_checks(machine, robot, design, name, table)
+
+
+def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables], end: np.ndarray) -> float:
+    """By how much the joints miss ``end`` (2 n) [rad, rad/s] where all hops are simulated in one piece, torques clamped to the
+    drives; infinite if that cannot be."""
+    first = hops[0][STANCE]
+    clamp = joint_clamp([operating_region(design.leg, joint, robot.parameters) for joint in robot.joints])
+    last = state = first.q[0, 0], first.v[0, 0]
+    try:
+        for tables in hops:
+            _, last = simulated_hop(machine, clamp, tables, state)
+            state = last[0], machine.touch_down(*last)
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return np.inf
+    return closure(machine, end, *last)

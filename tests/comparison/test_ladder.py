@@ -1,0 +1,94 @@
+"""Why PD is lower, freedom by freedom: what is withheld, and rungs that add up."""
+
+import json
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hopopt.cli.main import run
+from hopopt.comparison.compare import Comparison, compare
+from hopopt.comparison.ladder import CONTROL, Ladder, Rung, ladder, withheld
+from hopopt.control.closed_loop import simulate
+from hopopt.control.strategies import find
+from hopopt.ocp.custom import Moment
+from hopopt.planner.solution import Solution
+from hopopt.plots.controllers.ladder import staircase
+from hopopt.problem.load import load
+from hopopt.sim.hop_metrics import HopFigures
+from hopopt.storage.solution import save
+from once import plan_with_reserve
+
+
+@pytest.fixture(scope="module")
+def pd() -> HopFigures:
+    return simulate(load("paper"), find("force_tuck")).figures
+
+
+def test_the_simulated_hop_keeps_all_that_is_withheld(pd: HopFigures) -> None:
+    """So PD's own hop is one of those that the first rung chooses from."""
+    freedoms = {f.allows: f for f in withheld(pd)}
+    assert len(freedoms) == 5
+    shortest, longest = freedoms["a longer stance"].entries["hop.stance_duration"]
+    assert shortest < pd.lift_off["time_s"] < longest
+    assert pd.trace.v[pd.stance, 1].min() > -0.05
+    assert freedoms["more grip"].entries["contact.friction"] == pytest.approx(pd.slip_ratio)
+    points, end = pd.trace.points, (pd.highest or 0) + 1
+    for f, span in (
+        ("the body off the plumb line", pd.stance),
+        ("the leg drawn up fully", slice(pd.flight.start, end)),
+    ):
+        (limit,) = freedoms[f].constraints
+        for k in range(len(pd.trace.t))[span]:
+            at = {name: ca.DM(p[k]) for name, p in points.items()}
+            value = float(ca.DM(limit.function(Moment(0.0, "stance", None, None, at, None))))
+            assert limit.terms.lower <= value <= limit.terms.upper
+
+
+@pytest.mark.slow
+def test_the_rungs_rise_to_the_bound_in_every_order(hop: Solution) -> None:
+    """Each is a verified optimum, and the gains of every order sum to the whole gap."""
+    comparison = compare(hop.design, ["force_tuck"], bound=hop)
+    found = ladder(comparison, orders=2)
+    gap = comparison.bound - comparison.figures["force_tuck"].clearance
+    assert found.verified
+    assert found.rungs[0].allows == CONTROL
+    assert found.rungs[-1].clearance_m == comparison.bound
+    heights = [found.from_m, *(rung.clearance_m for rung in found.rungs)]
+    assert np.diff(heights).min() > -1e-5
+    assert len(found.orders) == len(set(found.orders)) == 2
+    for order, gains in zip(found.orders, found.gains, strict=True):
+        assert sorted(order) == sorted(rung.allows for rung in found.rungs[1:])
+        assert sum(gains) == pytest.approx(gap, abs=1e-4)
+        assert min(gains) > -1e-5
+    for rung in found.rungs:
+        assert rung.least_gain_m <= rung.gain_m <= rung.most_gain_m
+
+
+def test_where_no_pd_strategy_hops_the_comparison_stays(
+    hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The ladder is left out with a sentence; all else was found and is kept."""
+    monkeypatch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, say: plan_with_reserve())
+    words = ["compare", "paper", "--strategies", "track", "--why", "--no-figures", "--json", "--results", str(tmp_path)]
+    assert run([*words, "--bound", str(save(hop, tmp_path).result_dir)]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert "ladder" not in answer
+    assert "why PD is lower: no PD strategy of this comparison hops within every limit" in answer["notes"]
+    assert answer["strategies"]["track"]["clearance_m"] > 0
+
+
+def test_the_staircase_is_drawn(tmp_path: Path, pd: HopFigures) -> None:
+    """A step for each rung, named beside it."""
+    rungs = (Rung(CONTROL, 0.6, 0.02, 0.02, 0.02, True), Rung("more grip", 0.7, 0.1, 0.05, 0.15, False))
+    figure = staircase(Ladder("force", 0.58, rungs, (("more grip",),), ((0.02, 0.1),)), "A leg")
+    (ax,) = figure.axes
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["force, simulated", CONTROL, "more grip"]
+    assert any("not verified" in text.get_text() for text in ax.texts)
+
+
+def test_nothing_is_said_of_a_bound_that_was_not_verified(hop: Solution) -> None:
+    comparison = Comparison(hop.with_summary(verified=False), None, {})
+    with pytest.raises(Exception, match="the bound is not verified"):
+        ladder(comparison)

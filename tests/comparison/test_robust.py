@@ -1,0 +1,272 @@
+"""What a share of drawn legs reaches: draws within their spreads, and a promise that holds as often as it says."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.stats import binom
+
+from hopopt.cli.main import run
+from hopopt.cli.screen.robust import print_robust
+from hopopt.comparison.robust.robust_search import TRACKER, Search
+from hopopt.comparison.robust.robustness import Reached, can_be_had, drawn, extremes, rank, reached
+from hopopt.design import Design, Uncertainty
+from hopopt.errors import UsageError
+from hopopt.leg.robot import build_robot, link_bodies
+from hopopt.problem.load import load
+from hopopt.sim.plant import PAST_APEX
+
+
+def test_a_promise_is_broken_no_more_often_than_its_confidence_says() -> None:
+    """2000 samples of a skewed distribution whose quantile is known: the order statistic is at most it, often enough."""
+    rng, share, confidence, draws = np.random.default_rng(0), 0.9, 0.8, 40
+    quantile = -np.log(share)  # of the exponential distribution: a share of all is above it
+    samples = rng.exponential(size=(2000, draws))
+    kept = float(np.mean([Reached(row, ()).promised(share, confidence) <= quantile for row in samples]))
+    k = rank(draws, share, confidence)
+    exact = 1 - sum(binom.pmf(j, draws, 1 - share) for j in range(k))
+    assert exact >= confidence
+    assert abs(kept - exact) < 4 * np.sqrt(exact * (1 - exact) / len(samples))
+
+
+def test_a_promise_of_the_better_of_several_strategies_is_kept_as_often_as_it_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Clearances of a known distribution, the same for all strategies, so that only luck chooses between them: 2000 times what
+    95 % of legs reach with the better tracker and the better PD strategy, from 59 draws each."""
+    names, trial = ["track", "track_mpc", "force_tuned", "position_tuned"], 0
+    strategies = [SimpleNamespace(name=n, needs_plan=n.startswith("track"), options=None) for n in names]
+    runs = {s.name: SimpleNamespace(strategy=s, figures=SimpleNamespace(clearance=1.0)) for s in strategies}
+    bound = SimpleNamespace(design=SimpleNamespace(uncertainty=Uncertainty()), clearance=2.0, verified=True)
+
+    def clearances(design: object, name: str, plan: object, legs: list[int], *rest: object) -> Reached:
+        return Reached(np.random.default_rng((trial, names.index(name), legs[0])).exponential(size=len(legs)), ())
+
+    for function, value in {
+        "chosen_names": lambda design, asked: (names, {}),
+        "compare": lambda *asked, **more: SimpleNamespace(
+            solution=bound, plan=SimpleNamespace(clearance=1.0), runs=runs
+        ),
+        "reference_of": lambda plan: None,
+        "on_ideal_ground": lambda solution, say: solution,
+        "drawn": lambda design, uncertainty, draws, seed: [seed] * draws,
+        "reached": clearances,
+    }.items():
+        monkeypatch.setattr(f"hopopt.comparison.robust.robustness.{function}", value)
+    true, kept, confidence = -np.log(0.95), np.zeros(2), 0.0
+    for trial in range(2000):  # noqa: B007  # clearances reads it
+        had = can_be_had(bound, 59, seed=1)  # type: ignore[arg-type]
+        assert had.tracked is not None
+        assert had.pd is not None
+        confidence = had.confidence
+        kept += np.array([had.tracked.clearance_m, had.pd.clearance_m]) <= true
+    assert confidence == pytest.approx(1 - 0.95**59)
+    np.testing.assert_allclose(kept / 2000, confidence, rtol=0, atol=4 * np.sqrt(0.95 * 0.05 / 2000))
+
+
+@pytest.mark.parametrize(("draws", "expected"), [(93, 2), (124, 3), (153, 4)])
+def test_ranks_of_wilks(draws: int, expected: int) -> None:
+    """95 % at 95 %: the least numbers of draws for these ranks, and 59 for the first (Wilks, 1941)."""
+    assert (rank(draws, 0.95, 0.95), rank(draws - 1, 0.95, 0.95)) == (expected, expected - 1)
+    assert rank(59, 0.95, 0.95) == 1
+    with pytest.raises(UsageError, match="58 draws cannot promise"):
+        rank(58, 0.95, 0.95)
+
+
+def test_draws_stay_within_every_spread_and_share_masses() -> None:
+    design = load("paper", {"contact.friction": 0.6, "simulation.gear_efficiency": 0.9})
+    wide = Uncertainty(length=0.02, friction=0.2, start_angle=0.03, torque_delay=1e-3, gear_loss=0.1, speed_error=0.2)
+    draws, plain = drawn(design, wide, 40, 5), drawn(design, Uncertainty(), 40, 5)
+    assert [d.leg.leg.body.mass for d in draws] == [d.leg.leg.body.mass for d in plain]
+    lengths = np.array([d.leg.leg.link["thigh"].length for d in draws]) / design.leg.link["thigh"].length - 1
+    assert 0.01 < np.abs(lengths).max() <= 0.02
+    friction = np.array([d.leg.contact.friction for d in draws], dtype=float)
+    assert 0.1 < np.abs(friction / 0.6 - 1).max() <= 0.2
+    errors = np.array([d.leg.simulation.speed_error for d in draws])
+    assert -0.2 <= errors.min() < -0.15 < 0.15 < errors.max() <= 0.2
+    delays = np.array([d.leg.simulation.torque_delay for d in draws])
+    assert 0 <= delays.min() < 3e-4 < 7e-4 < delays.max() <= 1e-3
+    kept = np.array([d.leg.leg.drive("knee", "gear", "efficiency")[1] for d in draws], dtype=float)
+    assert 0.81 <= kept.min() < 0.85 < kept.max() <= 0.9
+    starts = np.array([d.start for d in draws]) - plain[0].start
+    assert 0.02 < np.abs(starts).max() <= 0.03
+
+
+@pytest.mark.parametrize(
+    "given", ["three_joint", "leg.thigh.inertia=0.0225", "leg.shank.inertia_tensor=[1e-2,1e-2,1e-4,0,0,0]"]
+)
+def test_inertias_that_are_given_go_with_the_mass(given: str) -> None:
+    """As a rod's do that are not given: a URDF's, a number and a tensor, on drawn legs and on those at the ends."""
+    believed = load(given) if given == "three_joint" else load("paper", [given])
+
+    def by_mass(design: Design) -> np.ndarray:
+        bodies = link_bodies(design.leg, build_robot(design.leg).parameters)[2:]
+        return np.array([np.array(body.inertia, dtype=float) / body.mass for body in bodies])
+
+    legs = [*drawn(believed, Uncertainty(), 5, 1), *extremes(believed, Uncertainty(), 1.0)]
+    assert len({d.leg.leg.link[believed.leg.links[0]].mass for d in legs}) > 5
+    for draw in legs:
+        np.testing.assert_allclose(by_mass(draw.leg), by_mass(believed), rtol=1e-12)
+
+
+def test_a_rod_that_is_written_out_is_drawn_as_one_that_is_not() -> None:
+    """Mass, length, centre of mass and inertia of every drawn link are the same."""
+    rod: dict[str, object] = {"leg.thigh.com": 0.19, "leg.thigh.inertia": 1.87 * 0.38**2 / 12}
+    rod["leg.shank.com_position"], moment = [0.0, 0.0, -0.1805], 0.8 * 0.361**2 / 12
+    rod["leg.shank.inertia_tensor"] = [moment, moment, 0.0, 0.0, 0.0, 0.0]
+    spread = Uncertainty(length=0.1)
+    for plain, written in zip(drawn(load("paper"), spread, 5, 1), drawn(load("paper", rod), spread, 5, 1), strict=True):
+        one, other = (link_bodies(d.leg.leg, build_robot(d.leg.leg).parameters)[2:] for d in (plain, written))
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_allclose(
+                [*a.com, a.mass, a.inertia[1]], [*b.com, b.mass, b.inertia[1]], rtol=1e-12, atol=1e-15
+            )
+
+
+@pytest.mark.parametrize("legs", [lambda d: drawn(d, d.uncertainty, 20, 0), lambda d: extremes(d, d.uncertainty, 1.0)])
+def test_a_leg_that_no_problem_may_have_is_said(legs: Callable[[Design], object]) -> None:
+    with pytest.raises(UsageError, match=r"paper: \[uncertainty\] leads to leg.body.mass = 10\d\d.*: give less of it"):
+        legs(load("paper", {"leg.body.mass": 1000.0}))
+
+
+def test_runs_on_draws_are_those_of_single_runs_and_falls_are_counted() -> None:
+    """PD control on rough ground, in this process and by the workers; a leg without torque falls."""
+    design = load("paper", {"contact.friction": 0.6})
+    draws = drawn(design, Uncertainty(), 3, 1)
+    found = reached(design, "force_tuck", None, draws, 1)
+    assert found.fell == 0
+    assert set(found.outcomes) == {PAST_APEX}
+    assert np.all((found.clearances > 0.4) & (found.clearances < 0.7))
+    weak = [type(d)(d.leg, 0.05 * d.torque_gain, d.start) for d in draws[:1]]
+    fallen = reached(design, "force_tuck", None, weak, 1)
+    assert fallen.fell == 1
+    assert fallen.clearances[0] < 0.05
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--share", "1.5"], "share 1.5, confidence 0.95: both lie between 0 and 1"),
+        (
+            ["--draws", "20"],
+            "20 draws cannot promise what 0.95 of the legs reach with confidence 0.95: give at least 59",
+        ),
+        (["--set", "uncertainty.mass=0", "--set", "uncertainty.torque_constant=0"], "[uncertainty] is zero throughout"),
+        (["--set", "uncertainty.mass=-0.1"], "uncertainty.mass = -0.1"),
+        (["--evaluations", "0"], "0 evaluations: at least 1 reserve must be tried"),
+        (["--set", "hop.kind=periodic"], "the search for a reserve does not know the periodic hop yet"),
+    ],
+)
+def test_what_cannot_be_promised_is_said_in_a_sentence(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str], tmp_path: object
+) -> None:
+    assert run(["robust", "paper", "--results", str(tmp_path), *arguments]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) -> None:
+    """Four numbers, the promise in words, and a table for the problem file."""
+    numbers = {
+        "clearance_m": 0.6,
+        "lowest_m": 0.59,
+        "median_m": 0.63,
+        "plan_m": 0.64,
+        "bound_m": None,
+        "ideal_bound_m": 0.8,
+    }
+    counts = {"share": 0.95, "confidence": 0.9, "draws": 60, "rank": 1, "fell": 2, "evaluations": 3, "wall_s": 1.0}
+    rest = {
+        "tracker": "track",
+        "reserve": {"torque": 0.1},
+        "plan_verified": False,
+        "lowest_by_way_m": {"reserve": 0.55, "program": None},
+        "feedback": {"k_p": [1000.0, 500.0], "k_d": [20.0, 10.0]},
+        "pd": {"pd": 0.5},
+        "pd_best": "pd",
+        "pd_fell": {"pd": 0},
+    }
+    print_robust({**numbers, **counts, **rest}, "there")
+    words = " ".join(capsys.readouterr().out.split())
+    assert "bound, ideal ground 0.8000 m bound, this ground not verified" in words
+    assert "track, 95 % of the legs 0.6000 m 2 pd, 95 % of the legs 0.5000 m 0" in words
+    assert (
+        "95 % of all legs within [uncertainty] reach this, with confidence 90 %: it is number 1 from below of 60"
+        in words
+    )
+    assert "best of 3 that were tried; it was NOT verified" in words
+    assert "by way: a reserve tuned on them 0.5500 m" in words
+    assert "k_p = 1000, 500 N m/rad" in words
+    assert "[reserve] torque = 0.1" in words
+    assert "reaches more than any plan" not in words
+    print_robust({**numbers, **counts, **rest, "pd": {"pd": 0.61}}, "there")
+    assert "pd reaches more than any plan that was tracked" in " ".join(capsys.readouterr().out.split())
+
+
+def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Below every plan under which none does; among themselves by how few fall. A leg that folds has fallen."""
+    folds = "the leg folds at 0.020 s without a push"
+    ends = iter([[0.6, 0.0, 0.0], [0.6, 0.6, 0.0], [0.4, 0.5, 0.4]])
+
+    def reached_of(design: object, name: str, plan: object, legs: list[object], processes: int) -> Reached:
+        heights = np.array(next(ends)) if len(legs) == 3 else np.full(len(legs), {0: 0.6, 1: 0.58, 2: 0.4}[found.count])
+        return Reached(heights, tuple(folds if h == 0 else "past the apex" for h in heights))
+
+    class Counted(Search):
+        count = 0
+
+    monkeypatch.setattr("hopopt.comparison.robust.robust_search.reached", reached_of)
+    found = Counted(None, [None] * 4, [None] * 3, 1, lambda text: None)  # type: ignore[arg-type, list-item]
+    reference = SimpleNamespace(clearance=0.6)
+    for found.count in range(3):
+        found.keep("reserve", None, None, reference, True)  # type: ignore[arg-type]
+    most, fewer, none = (trial.score for trial in found.trials if trial is not None)
+    assert most < fewer < none == 0.4
+    assert found.best.lowest == 0.4
+    assert Reached(np.zeros(2), (folds, "past the apex")).fell == 1
+
+
+@pytest.mark.slow
+def test_what_is_promised_of_simulated_legs_is_kept() -> None:
+    """PD control, 20 promises of 5 legs each: they are above what half of 80 other legs reaches no more often than
+    their confidence says."""
+    design = load("paper", {"contact.friction": 0.6, "simulation.control_rate": 500.0, "simulation.encoder_bits": 0})
+    share, confidence = 0.5, 0.8
+    kept = [reached(design, "force_tuck", None, drawn(design, Uncertainty(), 5, seed), 1) for seed in range(20)]
+    many = reached(design, "force_tuck", None, drawn(design, Uncertainty(), 80, 999), 1)
+    true = float(np.quantile(many.clearances, 1 - share))
+    broken = sum(each.promised(share, confidence) > true for each in kept)
+    k = rank(5, share, confidence)
+    chance = sum(binom.pmf(j, 5, 1 - share) for j in range(k))  # of one that is broken
+    assert chance <= 1 - confidence
+    assert broken <= binom.ppf(0.99, 20, chance)
+
+
+@pytest.mark.slow
+def test_the_command_prints_one_object(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Small budgets: the promise is below the plan, above PD, and the bounds are above all; its page says the same."""
+    monkeypatch.setattr("hopopt.comparison.robust.robust.TUNING_DRAWS", 4)
+    arguments = ["--set", "contact.friction=0.6", "--set", "hop.stance_duration=[0.03, 0.2]"]
+    arguments += ["--set", "solver.stance_intervals=20", "--set", "simulation.control_rate=1000"]
+    budget = ["--share", "0.8", "--confidence", "0.8", "--draws", "12", "--evaluations", "2", "--starts", "1"]
+    assert run(["robust", "paper", *arguments, *budget, "--json", "--results", str(tmp_path)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["fell"] == 0
+    assert found["pd"]["force_tuck"] < found["clearance_m"] < found["bound_m"] <= found["ideal_bound_m"]
+    assert (found["draws"], found["share"], found["confidence"]) == (12, 0.8, 0.8)
+    assert found["reserve"]["torque"] >= 0
+    assert found["tracker"] == TRACKER
+    assert found["lowest_by_way_m"][found["way"]] == max(x for x in found["lowest_by_way_m"].values() if x is not None)
+    assert (found["feedback"] is None) == (found["way"] == "reserve")
+    with xr.open_dataset(Path(found["result_dir"]) / "runs.nc", group="plan", engine="h5netcdf") as plan:
+        assert float(plan.t[-1]) > 0.2  # what is tracked, in the folder
+    assert sorted(found["clearances_m"]["track"])[found["rank"] - 1] == found["clearance_m"]
+    assert set(found["clearances_m"]) == {"track", *found["pd"]}
+    page = tmp_path / "robust.html"
+    assert run(["report", found["result_dir"], "-o", str(page)]) == 0
+    assert f'<data value="{found["clearance_m"]}" data-key="clearance_m">' in page.read_text(encoding="utf-8")
