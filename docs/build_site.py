@@ -23,7 +23,7 @@ PARTS = {  # of the site, in the order in which they are read
     "Studies": ("sensitivity", "studies", "codesign"),
     "Gallery": ("notebooks/*",),
     "Theory and evidence": ("method", "certificate", "evidence", "bound", "paper"),
-    "Reference": ("keys", "commands", "python"),
+    "Reference": ("python", "keys", "commands", "reference"),
     "To change hopopt": ("architecture", "extending", "performance"),
 }
 CONFIG = f"""
@@ -54,7 +54,7 @@ def write_source(source: Path) -> None:
     shutil.copytree(
         ROOT / "notebooks", source / "notebooks", ignore=shutil.ignore_patterns("*.py", ".ipynb_checkpoints")
     )
-    pages = {"keys": key_page(), "commands": command_page(), "python": python_page(), "index": index_page(source)}
+    pages = {"keys": key_page(), "commands": command_page(), "reference": python_page(), "index": index_page(source)}
     for name, text in pages.items():
         (source / f"{name}.md").write_text(text, encoding="utf-8")
     for page in source.glob("*.md"):
@@ -161,7 +161,7 @@ def python_page() -> str:
     """Every public name of hopopt: signature and docstring."""
     import hopopt
 
-    lines = ["# The Python interface", "", "`import hopopt as ho`", ""]
+    lines = ["# Every name of the Python interface", "", "`import hopopt as ho`", ""]
     for name in hopopt.__all__:
         thing = getattr(hopopt, name)
         lines += [f"## {name}", "", *_block(thing, name)]

@@ -62,7 +62,7 @@ PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, 
         "storage", "studies", "paper", "comparison", "evidence", "report",
     ),
     "api": (
-        "errors", "design", "leg", "problem", "ocp", "planner", "storage", "studies", "comparison", "robot_data", "plots",
+        "errors", "design", "leg", "problem", "ocp", "control", "planner", "storage", "studies", "comparison", "robot_data", "plots",
     ),
     "cli": (
         "amounts", "errors", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
@@ -84,7 +84,7 @@ MOST = 9  # files that lie in hopopt itself; and modules in a package
 CROWDED = ("cli/screen", "planner/answer")  # more than that
 ONLY = {  # libraries with one home
     "matplotlib": ("plots/", "api/"),
-    "xarray": ("storage/runs.py", "studies/sweep/store.py", "api/notebook_views.py"),
+    "xarray": ("storage/runs.py", "studies/sweep/store.py", "api/"),
     "h5netcdf": ("storage/netcdf.py",),
     "h5py": ("storage/netcdf.py",),
 }

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hopopt.api import sweep
 from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, SolverError
 from hopopt.evidence import family_optima, local_optima
@@ -21,7 +22,6 @@ from hopopt.studies import pareto
 from hopopt.studies.faults import Fault, guarded
 from hopopt.studies.sweep import point
 from hopopt.studies.sweep.point_file import ENDED, VERIFIED
-from hopopt.studies.sweep.run import sweep
 
 SMALL = {"solver.stance_intervals": 12, "solver.flight_intervals": 5, "solver.refine": False}
 SETTINGS = [word for entry, value in SMALL.items() for word in ("--set", f"{entry}={str(value).lower()}")]

@@ -7,7 +7,7 @@ Only the command line and Python name such functions, never a problem file.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -22,6 +22,7 @@ from hopopt.user_code import last_line, load
 
 FIGURE = "user_objective"
 PHASES = ("stance", "flight")
+Function = TypeVar("Function", bound=Callable[..., Any])  # the user's
 
 
 @dataclass(frozen=True)
@@ -61,26 +62,37 @@ class Terms:
 
 def objective(
     *, unit: str = "", maximize: bool = True, running: bool = False, clearance: bool = False, scale: float = 1.0
-) -> Callable[[Any], Any]:
-    """Say of a function what objective it is: its unit, whether more is better, whether it is a rate to be integrated
-    over the hop (``running``), whether the hop must reach hop.clearance too, and its magnitude."""
+) -> Callable[[Function], Function]:
+    """Say of a function what objective it is.
+
+    unit: of its value
+    maximize: whether more is better
+    running: whether it is a rate, to be integrated over the hop
+    clearance: whether the hop must reach hop.clearance too
+    scale: its magnitude [unit]
+    """
     return _marked(Terms(unit, maximize, running, clearance, scale=scale))
 
 
 def constraint(
     *, lower: float | None = None, upper: float | None = None, unit: str = "", scale: float = 1.0,
     phases: tuple[str, ...] = PHASES,
-) -> Callable[[Any], Any]:  # fmt: skip
-    """Say of a function what path constraint it is: its bounds and unit, the size of its range, and in which phases it
-    holds. One bound leaves the other side open. Without any, as without this, a function must be at least 0."""
+) -> Callable[[Function], Function]:  # fmt: skip
+    """Say of a function what path constraint it is. Without any bound, as without this, it must be at least 0.
+
+    lower, upper: its bounds [unit]; where one is given, the other side is open
+    unit: of its value
+    scale: the size of its range [unit]
+    phases: in which it holds
+    """
     if lower is None:
         lower = 0.0 if upper is None else -INF
     return _marked(Terms(unit, lower=lower, upper=INF if upper is None else upper, scale=scale, phases=phases))
 
 
-def _marked(terms: Terms) -> Callable[[Any], Any]:
-    def mark(function: Any) -> Any:
-        function.hopopt_terms = terms
+def _marked(terms: Terms) -> Callable[[Function], Function]:
+    def mark(function: Function) -> Function:
+        function.hopopt_terms = terms  # type: ignore[attr-defined]
         return function
 
     return mark

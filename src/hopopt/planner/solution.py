@@ -1,10 +1,10 @@
 """A solved hop as the user holds it: the plan as functions of time, and every figure that is printed of it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -239,14 +239,6 @@ class Solution(Motion):
     multipliers: dict[str, Multipliers] = field(default_factory=dict)
     verdict: Verdict | None = None
     doubts: tuple[str, ...] = ()
-    # given by hopopt.api, which knows what acts on a solution
-    plot: ClassVar[Callable[..., Any]]
-    sensitivity: ClassVar[Callable[..., Any]]
-    compare: ClassVar[Callable[..., Any]]
-    compare_hops: ClassVar[Callable[..., Any]]
-    to_xarray: ClassVar[Callable[..., Any]]
-    to_dataframe: ClassVar[Callable[..., Any]]
-    _repr_html_: ClassVar[Callable[..., str]]
 
     def __repr__(self) -> str:
         s = self.summary

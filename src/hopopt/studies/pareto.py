@@ -75,14 +75,19 @@ class Front:
     complete: bool = False
 
     @property
-    def verified(self) -> list[FrontPoint]:
-        """The verified points, by clearance."""
+    def verified_points(self) -> list[FrontPoint]:
+        """Those that are verified, by clearance."""
         return sorted((p for p in self.points if p.verified), key=lambda p: p.clearance_m or 0.0)
+
+    @property
+    def verified(self) -> bool:
+        """Whether every point is, and there is one."""
+        return bool(self.points) and all(p.verified for p in self.points)
 
     @property
     def exit_code(self) -> int:
         """0 every point verified, 1 none, 3 some not."""
-        return 1 if not self.verified else 0 if all(p.verified for p in self.points) else 3
+        return 0 if self.verified else 3 if self.verified_points else 1
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -27,7 +27,7 @@ def print_front(front: "Front") -> None:
         )
     out = console()
     print_table(out, table)
-    good = len(front.verified)
+    good = len(front.verified_points)
     out.print(
         f"{good} of {len(front.points)} points verified{'' if front.complete else ', not complete'}; {front.folder}"
     )

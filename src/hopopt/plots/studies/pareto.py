@@ -19,7 +19,7 @@ def figure(front: "Front") -> Figure:
     """The other objective [its unit] over the clearance [m]."""
     name, unit = front.against.name.replace("_", " "), front.against.unit
     picture = new_figure(f"{front.design.name}: clearance against {name}")
-    ax, good = picture.subplots(), [(p.clearance_m or 0.0, p.value or 0.0) for p in front.verified]
+    ax, good = picture.subplots(), [(p.clearance_m or 0.0, p.value or 0.0) for p in front.verified_points]
     ax.plot(
         [x for x, _ in good],
         [y for _, y in good],
@@ -30,7 +30,7 @@ def figure(front: "Front") -> Figure:
         clip_on=False,
         label="verified hops (joined to guide the eye)",
     )
-    ends = [p for p in front.verified if p.least][:1], [p for p in front.verified if not p.least]
+    ends = [p for p in front.verified_points if p.least][:1], [p for p in front.verified_points if not p.least]
     for point, label, marker, color in zip(ends, ("least", HIGHEST), "s*", (ORANGE, GREEN), strict=True):
         for x, y in ((p.clearance_m or 0.0, p.value or 0.0) for p in point):
             text = f"{label}: {y:.4g}{'' if unit == '1' else f' {unit}'} at {x:.3f} m"
