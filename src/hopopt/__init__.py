@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # an editor sees the names alone, and not that they are imported late
     from hopopt.api import *  # noqa: F403
+    from hopopt.api import __all__ as __all__
     from hopopt.api import codesign as codesign  # pyright: ignore[reportDeprecated]
     from hopopt.api import front as front  # pyright: ignore[reportDeprecated]
 else:

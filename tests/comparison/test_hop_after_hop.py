@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hopopt.api import compare_hops as compare_of_a_solution
+import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.cli.screen.hops import print_hops
 from hopopt.comparison.compare import reference_of
@@ -328,4 +328,4 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 def test_only_a_periodic_solution_is_compared_hop_after_hop(hop: Solution) -> None:
     with pytest.raises(UsageError, match=r'hop\.kind = "periodic"'):
-        compare_of_a_solution(hop, "force")
+        ho.Solution.with_methods(hop).compare_hops("force")
