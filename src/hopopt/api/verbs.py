@@ -1,7 +1,7 @@
 """What a Python program asks hopopt for, one verb for each command that computes something.
 
 ``problem`` is a problem of ``load``, or its name or file. What is returned has methods (``solution.py``, ``results.py``).
-Nothing is written but where a folder is given; only a study keeps its points, in a folder for temporary files.
+Nothing is written but where a folder is given; only a study keeps its points, among temporary files.
 """
 
 import os
@@ -69,8 +69,8 @@ def solve(
     time_limit: [s] after which the best hop so far is the answer (None: 600)
     progress: a function that is told a line of text, or True for lines on standard error
 
-    A hop that fails verification is returned with ``verified`` False. Raises NotSolvedError if there is none, with the
-    worst constraints; UsageError for what is no problem or cannot be asked of it.
+    A hop that fails verification has ``verified`` False. Raises NotSolvedError, with the worst constraints, if there is none,
+    UsageError for what is no problem or cannot be asked of it.
     """
     if free is None:
         if couple:
@@ -237,12 +237,10 @@ def robust(
     draws: fresh legs on which the promise stands
     evaluations: reserves that are tried, and programs for several legs at most
     seed: of the draws
-    starts: starting points of each bound's solve
-    processes: how many side by side (None: the cores)
+    starts, processes: of each bound's solve, as in ``solve``
     progress: a function that is told a line of text, or True for lines on standard error
 
-    Raises UsageError for a problem without uncertainty and for promises that so few draws cannot make, NotSolvedError if no
-    plan is found.
+    Raises UsageError without uncertainty and for promises that so few draws cannot make, NotSolvedError without a plan.
     """
     design, bound = _with_hop(problem)
     found = robustness.robust(
