@@ -1,4 +1,4 @@
-"""The Python interface as an editor sees it: names, arguments, docstrings, classes; and that old names go on working."""
+"""The Python interface as an editor sees it: names, arguments, docstrings, classes; old names go on working."""
 
 import inspect
 from collections.abc import Callable
@@ -168,7 +168,7 @@ def test_a_result_with_one_figure_gives_that_one() -> None:
 def test_nothing_is_written_where_no_folder_is_given(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A study keeps its points among temporary files, from which it goes on; progress=True is told on standard error."""
+    """A study keeps its points among temporary files, from which it goes on; progress=True is on standard error."""
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

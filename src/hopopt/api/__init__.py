@@ -1,8 +1,8 @@
 """The Python interface: its verbs, and the classes of what they return, with their methods.
 
-The packages below compute, and know nothing of figures, tables and notebooks. Here each of their results has a class that
-inherits it and adds methods, so that an editor knows them. ``with_methods`` makes one from a value of the package below;
-of a class with no hops in it, ``asked.as_class`` does.
+The packages below compute, and know nothing of figures, tables and notebooks. Here each of their results has a class
+that inherits it and adds methods, so that an editor knows them. ``with_methods`` makes one from a value of the package
+below; of a class with no hops in it, ``asked.as_class`` does.
 """
 
 # the old names are not in __all__: nobody need find them any more

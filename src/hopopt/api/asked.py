@@ -1,4 +1,4 @@
-"""What all verbs and methods of the Python interface share: progress, arguments that had another name, figures by name."""
+"""What verbs and methods of the Python interface share: progress, arguments that had another name, figures by name."""
 
 import sys
 import warnings

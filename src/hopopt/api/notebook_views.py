@@ -22,7 +22,7 @@ ROWS = 12  # of a table in a notebook
 
 
 def solution_dataset(solution: Solution, t: ArrayLike | None = None) -> "xr.Dataset":
-    """The hop at times t [s] since stance began (default: 201 equal steps): body x, z [m], v and a of it; of every joint
+    """The hop at times t [s] since stance began (default: 201 equal steps): body x, z [m], v and a of it; of each joint
     angle [rad], speed, acceleration, torque [N m]; the contact force [N]; heights and places of all points [m].
 
     Raises UsageError for times outside the hop.

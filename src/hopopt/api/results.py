@@ -1,4 +1,4 @@
-"""What the other verbs return, as users get it: studies, fronts, robust hops, transitions and simulated runs with methods."""
+"""What the other verbs return, with methods: studies, fronts, robust hops, transitions and simulated runs."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self, overload
@@ -92,7 +92,7 @@ class RobustHop(robust.RobustHop):
         return self.exit_code == 0
 
     def plot(self, name: str | None = None) -> "Figure":
-        """The share of the drawn legs over the clearance that they reach, and the bounds: its one figure, share_of_legs.
+        """The share of the drawn legs over the clearance that they reach, and bounds: its one figure, share_of_legs.
 
         Raises UsageError for another name.
         """

@@ -1,4 +1,4 @@
-"""A solved hop, and the controllers beside it, as users get them: values of the planner and of ``comparison`` with methods.
+"""A solved hop, and the controllers beside it, as users get them: with methods.
 
 What draws and what takes long to import is imported when it is asked for.
 """
@@ -174,7 +174,7 @@ class Comparison(compare.Comparison):
         orders: in how many orders the freedoms are lifted, 1 to 3
         progress: a function that is told a line of text, or True for lines on standard error
 
-        Raises UsageError where the bound is not verified or no PD strategy hops, NotSolvedError if a rung is not solved.
+        Raises UsageError if the bound is not verified or no PD strategy hops, NotSolvedError if a rung is not solved.
         """
         return as_class(Ladder, ladder.ladder(self, told(progress), orders))
 

@@ -1,6 +1,6 @@
 """What a Python program asks hopopt for, one verb for each command that computes something.
 
-``problem`` is a problem of ``load``, or its name or file. What is returned has methods (``solution.py``, ``results.py``).
+``problem`` is a problem of ``load``, or its name or file. What is returned has methods (``solution``, ``results``).
 Nothing is written but where a folder is given; only a study keeps its points, among temporary files.
 """
 
@@ -60,7 +60,7 @@ def solve(
     problem: a problem, its name or file
     objective: the name of one, a function of your own, or its name "module:function"
     constraints: path constraints of your own, functions or their names
-    free: entries of the leg that are optimised too, entry -> (lowest, highest) value; the solution's ``design`` has the best
+    free: entries of the leg that are optimised too, entry -> (lowest, highest); the solution's ``design`` has the best
     couple: equations or inequalities between entries, such as "leg.thigh.length + leg.shank.length = 0.741"
     starts: how many starting points (None: the problem's solver.starts)
     processes: how many are solved side by side (None: the cores)
@@ -69,7 +69,7 @@ def solve(
     time_limit: [s] after which the best hop so far is the answer (None: 600)
     progress: a function that is told a line of text, or True for lines on standard error
 
-    A hop that fails verification has ``verified`` False. Raises NotSolvedError, with the worst constraints, if there is none,
+    A hop that fails verification has ``verified`` False. Raises NotSolvedError if there is none, with the worst constraints,
     UsageError for what is no problem or cannot be asked of it.
     """
     if free is None:
@@ -291,7 +291,7 @@ def identify(problem: Problem, *runs: str | Path, known: Sequence[str] = ()) -> 
     runs: CSV files of logs
     known: keys of parameters that are right in the problem
 
-    Raises UsageError for a leg that cannot be identified, ResultError for a log that cannot be read or is not of this leg.
+    Raises UsageError for a leg that cannot be identified, ResultError for a log that is not readable or of this leg.
     """
     from hopopt.robot_data.identification import identify
     from hopopt.robot_data.robot_log import read_log
