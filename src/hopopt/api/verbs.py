@@ -69,7 +69,7 @@ def solve(
     time_limit: [s] after which the best hop so far is the answer (None: 600)
     progress: a function that is told a line of text, or True for lines on standard error
 
-    A hop that fails verification has ``verified`` False. Raises NotSolvedError if there is none, with the worst constraints,
+    A hop that fails verification has ``verified`` False. Raises NotSolvedError, with the worst constraints, for none,
     UsageError for what is no problem or cannot be asked of it.
     """
     if free is None:
