@@ -8,7 +8,7 @@ from pydantic import ValidationError, create_model
 from pydantic.fields import FieldInfo
 
 from hopopt.design import Design, Leg
-from hopopt.fields import Section
+from hopopt.design.fields import Section
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.rules import drive_rules, entry_rules, loss_rules, start_rules, stated_once
 from hopopt.problem.checking.wording import allowed, did_you_mean, entry_at, hint, homes, is_number, unit_of

@@ -7,7 +7,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from hopopt.design import Design, Hop, Leg, Simulation, Start
-from hopopt.fields import RESERVED, RESERVED_JOINTS
+from hopopt.design.fields import RESERVED, RESERVED_JOINTS
 from hopopt.leg.inertia import obeys_triangle, principal_moments
 from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
 from hopopt.problem.checking.faults import Report

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from hopopt.design import Design
-from hopopt.fields import LOOKALIKES
+from hopopt.design.fields import LOOKALIKES
 from hopopt.problem.render import shown
 
 Bounds = tuple[float | None, float | None]
