@@ -9,6 +9,7 @@ from typing import Any
 
 from hopopt.design import Design, Joint, Leg, Link
 from hopopt.problem.catalogue import PARTS, names
+from hopopt.problem.checking.entries import raw_schema
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 OWN = ("unit", "physical", "allowed", "title", "default", "description")  # keywords that are written anew
@@ -24,8 +25,7 @@ Schema = dict[str, Any]
 
 def problem_schema() -> Schema:
     """The schema of a problem file, as JSON data."""
-    raw = Design.model_json_schema()
-    found = _plain(raw)
+    found = _plain(raw_schema())
     tables: dict[str, Schema] = found["definitions"]
     for table in (found, *tables.values()):
         table.pop("required", None)
@@ -40,15 +40,10 @@ def problem_schema() -> Schema:
 
 
 def _plain(value: Any) -> Any:
-    """Pydantic's schema without nulls, which TOML has not, and in the words of draft 7."""
+    """Pydantic's schema in the words of draft 7."""
     if isinstance(value, list):
         return [_plain(x) for x in value]
-    if not isinstance(value, Mapping):
-        return value
-    if "anyOf" in value and {"type": "null"} in value["anyOf"]:
-        others = [x for x in value["anyOf"] if x != {"type": "null"}]
-        value = {**{k: v for k, v in value.items() if k != "anyOf"}, **(others[0] if len(others) == 1 else {})}
-    return dict(_keywords(value))
+    return dict(_keywords(value)) if isinstance(value, Mapping) else value
 
 
 def _keywords(value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
