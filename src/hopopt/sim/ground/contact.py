@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain.kernels import rubbing_parts
+from hopopt.drivetrain.kernels import driven, rubbing_parts
 from hopopt.sim.ground import stops
-from hopopt.sim.ground.planar import bias, chain, driven, foot_jacobian, mass_matrix, solved
+from hopopt.sim.ground.planar import bias, chain, foot_jacobian, mass_matrix, solved
 
 STICK, FORWARD, BACKWARD, FLIGHT = 0, 1, -1, 2  # modes; the foot slips in the direction of the number
 STAYS, LIFTS, LANDS, SLIPS, STICKS, JAMS, STRIKES = 0, 1, 2, 3, 4, 5, 6  # what happens
@@ -132,8 +132,7 @@ def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: flo
     """Into how many parts a step of h [s] is cut: more where a joint meets its end stop, or gear friction turns round."""
     motor, _ = driven(leg, v[2:], command)
     parts = PARTS if stops.near(q[2:], v[2:], leg.stop_lower, leg.stop_upper, h) else 1
-    rubbing = rubbing_parts(motor, leg.efficiency, leg.friction, leg.armature, h, leg.slow, leg.lightest)
-    return max(parts, rubbing) * leg.finer
+    return max(parts, rubbing_parts(leg, motor, leg.armature, h)) * leg.finer
 
 
 @kernel

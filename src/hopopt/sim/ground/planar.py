@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel, packed
-from hopopt.drivetrain import kernels
 from hopopt.drivetrain.drives import Drive
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import can_slip
@@ -28,7 +27,7 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: 
     tip, com (n, 2): next joint, or foot, and centre of mass in the link's frame [m]
     mass, inertia, armature (n,): [kg, kg m^2]; body: mass of the body [kg]
     gravity (2,): along x and z [m/s^2]
-    upper, lower, gain, efficiency; friction, damping, slow, lightest: as in ``Drive`` and ``Gear``
+    the names of ``Drive.numbers``, as there
     stop_upper, stop_lower, stiffness, loss: as in ``Stops``
     """
     if not can_slip(robot.leg):
@@ -46,8 +45,7 @@ def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: 
             "armature": np.array(model.armature)[BASE:],
             "body": float(model.inertias[BASE].mass),
             "gravity": np.array(model.gravity.linear)[[0, 2]],
-            **{"upper": drive.upper, "lower": drive.lower, "gain": drive.torque_gain, "efficiency": drive.efficiency},
-            **{name: float(getattr(drive.gear, name)) for name in ("friction", "damping", "slow", "lightest")},
+            **drive.numbers,
             **{"stop_upper": stops.upper, "stop_lower": stops.lower, "stiffness": stops.stiffness, "loss": stops.loss},
             "watched": np.array([float(name in watched) for name in robot.joints]),
             **{"mu": mu, "finer": finer},
@@ -152,11 +150,3 @@ def solved(M: np.ndarray, B: np.ndarray) -> np.ndarray:
                 X[i, c] -= M[k, i] * X[k, c]
             X[i, c] /= M[i, i]
     return X
-
-
-@kernel
-def driven(leg: Any, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Torques (n) [N m] of the motors after their limits, and of the joints after the gears."""
-    return kernels.driven(
-        w, command, leg.gain, leg.upper, leg.lower, leg.efficiency, leg.friction, leg.damping, leg.slow
-    )
