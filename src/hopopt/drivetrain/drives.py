@@ -1,6 +1,7 @@
 """The drives of a leg as a plant has them: between a controller's command and the joints."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,11 @@ class Drive:
     """The motors of a leg as a controller meets them: commands are clamped to the operating regions (eq. con_tdes).
 
     torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
-    as much more back-EMF. states: what the drives add of their own, if they do.
+    as much more back-EMF. states: what the drives add of their own, if they do. numbers: what the compiled functions read,
+    by name: the lines of the clamp, the gains, and the gears as in ``Gear``.
     """
+
+    numbers: Mapping[str, Any]
 
     def __init__(
         self,
@@ -29,7 +33,7 @@ class Drive:
         gear, n = gear or Gear(), len(regions)
         self.lossless = gear.ideal
         self.upper, self.lower = torque_lines(regions)
-        self.numbers = {  # what the compiled functions read, by name: lines of the clamp, gains, the gears as in ``Gear``
+        self.numbers = {
             "upper": self.upper,
             "lower": self.lower,
             "gain": np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float),
