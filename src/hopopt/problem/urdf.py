@@ -195,7 +195,7 @@ def _drives(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
 def _ratio(*holders: Any) -> float:
     """The first gear ratio that one of these tables has in its gear; 1 if none has."""
     gears = [holder.get("gear") for holder in holders if isinstance(holder, Mapping)]
-    ratios = [gear.get("ratio") for gear in gears if isinstance(gear, Mapping)]
+    ratios: list[Any] = [gear.get("ratio") for gear in gears if isinstance(gear, Mapping)]
     return next((ratio for ratio in ratios if _moderate(ratio) and ratio > 0), 1.0)
 
 
