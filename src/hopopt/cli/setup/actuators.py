@@ -62,12 +62,11 @@ def actuators(*, fit: Fit = False, json_: AsJson = False) -> int:
 
 def _as_json(part: str) -> dict[str, Any]:
     """{name: {"title", entry or "mass": {"value", "unit", "source"}}} of all motors or gears."""
-    from hopopt.design import Gear, Motor
     from hopopt.problem.catalogue import MARKS, catalogue, names
-    from hopopt.problem.checking.wording import unit_of
+    from hopopt.problem.checking.entries import entry_at, unit_of
 
-    fields, found = {"motor": Motor, "gear": Gear}[part].model_fields, {}
-    units = {key: unit_of(info) or "1" for key, info in fields.items()} | {"mass": "kg"}
+    fields, found = (entry_at(("leg", part)) or {})["properties"], {}
+    units = {key: unit_of(field) or "1" for key, field in fields.items()} | {"mass": "kg"}
     for name in names(part):
         entry = catalogue()[name]
         found[name] = {"title": entry.title} | {
