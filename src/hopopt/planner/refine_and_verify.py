@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 from hopopt.design import Design
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.refinement.mesh_refinement import MET, Aims, MeshStep, Refinement, Report
-from hopopt.nlp.refinement.tightened_refinement import refinement_of
+from hopopt.nlp.refinement.mesh_refinement import MET, MeshStep, Refinement, Report
+from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
@@ -158,9 +158,7 @@ def refine_outcome(
     if hop.objective.calm_first and aims.meshes:
         calmed = calmed or (calmest(hop, [solution], aims, told_of_calm(hop, say)) or (0, None))[1]
         solution = (uncalmed(hop, calmed, aims) if calmed else None) or solution
-    refinement = refinement_of(solution, aims, _told(hop, say))
-    refinement.run()
-    return refinement
+    return Refinement(solution, aims, _told(hop, say)).run()
 
 
 def told_of_calm(hop: Hop, say: Progress) -> Report:

@@ -12,7 +12,6 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement
-from hopopt.nlp.refinement.tightened_refinement import refinement_of
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
@@ -132,8 +131,7 @@ def _refined(
     def told(step: MeshStep) -> None:
         say(f"local error {step.local_error:.0e}, limits exceeded by {step.excess:.0e}")
 
-    refinement = refinement_of(found, aims_of(hop, until), told)
-    refinement.run()
+    refinement = Refinement(found, aims_of(hop, until), told).run()
     plan = _judged(hop, refinement, count, begin, end)
     closer = hop_with_tighter_tolerances(hop, refinement, plan.verdict.verified and plan.verdict.certified)
     if closer is None or until.passed:
