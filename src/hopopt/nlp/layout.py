@@ -1,4 +1,4 @@
-"""A phase's right-hand sides as one function, and where on its mesh they are evaluated."""
+"""A phase's right-hand sides as one function, and where on its mesh they are evaluated; what depends on the ends as another."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ import numpy as np
 
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import Scheme, lagrange
-from hopopt.nlp.terms import Matrix, Triplets, blocks, entries, stacked, together
-from hopopt.ocp.problem import Component, Instant, Parameter, Phase, Problem, components, stack, symbols
+from hopopt.nlp.terms import Local, Matrix, Triplets, blocks, entries, stacked, together
+from hopopt.ocp.problem import Component, Ends, Instant, Parameter, Phase, Problem, components, stack, symbols
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,35 @@ def make_stage(phase: Phase, parameters: Sequence[Parameter]) -> Stage:
         f"stage_{phase.name}".replace("-", "_").replace(" ", "_"), inputs, [ca.densify(o) for o in outputs]
     )
     return Stage(phase, function, labels)
+
+
+def ends_of(problem: Problem) -> tuple[Local, list[int]]:
+    """The objective (less is better) and the boundary constraints as one function of the ends of all phases, made once for
+    all meshes of the problem, and how many values each constraint has."""
+    return problem.once("ends", lambda: _make_ends(problem))
+
+
+def _make_ends(problem: Problem) -> tuple[Local, list[int]]:
+    goal, (at, y, extra) = problem.objective, _symbols_of_ends(problem)
+    values = [ca.vec(ca.SX(c.value(at))) for c in problem.boundary]
+    outputs = ca.vertcat(goal.cost(ca.SX(goal.value(at))), *values)
+    return Local("ends", y, extra, outputs), [int(v.numel()) for v in values]
+
+
+def _symbols_of_ends(problem: Problem) -> tuple[Ends, ca.SX, ca.SX]:
+    """Symbols for the ends of all phases; which of them are variables, and the rest (integrals first)."""
+    p = symbols(problem.parameters)
+    y, integrals, initial, final, duration, integral = [], [], {}, {}, {}, {}
+    for phase in problem.phases:
+        first, last = symbols(phase.states), symbols(phase.states)
+        T, integral_symbols = ca.SX.sym("T"), ca.SX.sym("I", len(phase.integrands))
+        initial[phase.name], final[phase.name] = Instant(t=ca.SX(0), p=p, **first), Instant(t=T, p=p, **last)
+        duration[phase.name] = T
+        integral[phase.name] = {n: integral_symbols[k] for k, n in enumerate(phase.integrands)}
+        y += [stack(first, phase.states), stack(last, phase.states), T]
+        integrals.append(integral_symbols)
+    free, fixed = (stack(p, [q for q in problem.parameters if q.free is kind]) for kind in (True, False))
+    return Ends(initial, final, duration, integral, p), ca.vertcat(*y, free), ca.vertcat(*integrals, fixed)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from hopopt.nlp.mesh import uniform
 from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
-from hopopt.nlp.trajectory import PhaseTrajectory
-from hopopt.nlp.transcription import FromTrajectory, Guess, Transcription
+from hopopt.nlp.trajectory import FromTrajectory, PhaseTrajectory
+from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.hops.several_hops import PHASES, JointState, in_words, numbered, several_hops
