@@ -1,4 +1,4 @@
-"""A phase's right-hand sides as one function, and where on its mesh they are evaluated; what depends on the ends as another."""
+"""A phase's right-hand sides as one function, and where on its mesh they are evaluated; what depends on the ends."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -83,32 +83,36 @@ def make_stage(phase: Phase, parameters: Sequence[Parameter]) -> Stage:
 
 
 def ends_of(problem: Problem) -> tuple[Local, list[int]]:
-    """The objective (less is better) and the boundary constraints as one function of the ends of all phases, made once for
-    all meshes of the problem, and how many values each constraint has."""
+    """The objective (less is better) and the boundary constraints as one function of the ends of all phases, made once
+    for all meshes of the problem, and how many values each constraint has."""
     return problem.once("ends", lambda: _make_ends(problem))
 
 
 def _make_ends(problem: Problem) -> tuple[Local, list[int]]:
-    goal, (at, y, extra) = problem.objective, _symbols_of_ends(problem)
-    values = [ca.vec(ca.SX(c.value(at))) for c in problem.boundary]
-    outputs = ca.vertcat(goal.cost(ca.SX(goal.value(at))), *values)
-    return Local("ends", y, extra, outputs), [int(v.numel()) for v in values]
+    goal, at = problem.objective, EndSymbols(problem)
+    values = [ca.vec(ca.SX(c.value(at.ends))) for c in problem.boundary]
+    outputs = ca.vertcat(goal.cost(ca.SX(goal.value(at.ends))), *values)
+    free, fixed = (stack(at.p, [q for q in problem.parameters if q.free is kind]) for kind in (True, False))
+    y = [symbol for parts in at.parts.values() for symbol in parts[:3]]
+    extra = [parts[3] for parts in at.parts.values()]
+    return Local("ends", ca.vertcat(*y, free), ca.vertcat(*extra, fixed), outputs), [int(v.numel()) for v in values]
 
 
-def _symbols_of_ends(problem: Problem) -> tuple[Ends, ca.SX, ca.SX]:
-    """Symbols for the ends of all phases; which of them are variables, and the rest (integrals first)."""
-    p = symbols(problem.parameters)
-    y, integrals, initial, final, duration, integral = [], [], {}, {}, {}, {}
-    for phase in problem.phases:
-        first, last = symbols(phase.states), symbols(phase.states)
-        T, integral_symbols = ca.SX.sym("T"), ca.SX.sym("I", len(phase.integrands))
-        initial[phase.name], final[phase.name] = Instant(t=ca.SX(0), p=p, **first), Instant(t=T, p=p, **last)
-        duration[phase.name] = T
-        integral[phase.name] = {n: integral_symbols[k] for k, n in enumerate(phase.integrands)}
-        y += [stack(first, phase.states), stack(last, phase.states), T]
-        integrals.append(integral_symbols)
-    free, fixed = (stack(p, [q for q in problem.parameters if q.free is kind]) for kind in (True, False))
-    return Ends(initial, final, duration, integral, p), ca.vertcat(*y, free), ca.vertcat(*integrals, fixed)
+class EndSymbols:
+    """Symbols for the ends of all phases: ``ends``, made of the parameters ``p`` and, by phase, of ``parts``: initial
+    and final state, duration, integrals."""
+
+    def __init__(self, problem: Problem):
+        self.p, self.parts = symbols(problem.parameters), dict[str, tuple[ca.SX, ca.SX, ca.SX, ca.SX]]()
+        initial, final, duration, integral = {}, {}, {}, {}
+        for phase in problem.phases:
+            first, last, T = symbols(phase.states), symbols(phase.states), ca.SX.sym("T")
+            total, name = ca.SX.sym("I", len(phase.integrands)), phase.name
+            self.parts[name] = (stack(first, phase.states), stack(last, phase.states), T, total)
+            initial[name], final[name] = Instant(t=ca.SX(0), p=self.p, **first), Instant(t=T, p=self.p, **last)
+            duration[name] = T
+            integral[name] = {n: total[k] for k, n in enumerate(phase.integrands)}
+        self.ends = Ends(initial, final, duration, integral, self.p)
 
 
 @dataclass(frozen=True)

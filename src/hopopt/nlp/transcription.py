@@ -143,9 +143,10 @@ class Transcription:
     def _add_defects(self, layout: PhaseLayout, start: int) -> None:
         """x_ik - x_i0 - sum_j A_kj h_i T_a f_ij = 0 for every interval i and every new state node k of it, scaled.
 
-        x_i0: the state where the interval begins; x_ik: at its abscissa c_k; f_ij = f(x_ij, u_ij, t_ij, p): the right-hand
-        side at its abscissa c_j; h_i: its share of its arc a; T_a: the arc's duration; A: the scheme's integration matrix
-        (nlp/schemes.py). For all nodes at once that is X S - (T F) Q, with S and Q of ``PhaseLayout.defect_matrices``.
+        x_i0: the state where the interval begins; x_ik: at its abscissa c_k; f_ij = f(x_ij, u_ij, t_ij, p): the
+        right-hand side at its abscissa c_j; h_i: its share of its arc a; T_a: the arc's duration; A: the scheme's
+        integration matrix (nlp/schemes.py). For all nodes at once that is X S - (T F) Q, with S and Q of
+        ``PhaseLayout.defect_matrices``.
         """
         phase, steps, N = layout.phase, self.scheme.steps, layout.mesh.intervals
         labels, scale = tuple(c for s in phase.states for c in s.components()), phase.columns(phase.states, "scale")

@@ -1,9 +1,10 @@
 """What is tried again where an answer is not verified, or not certified: every attempt, in its order, with its reason.
 
-REFINEMENT is for one refinement of an optimum of the first mesh (planner/refine_and_verify.py). Where a hop still fails, HOP is
-for a solve (planner/solve.py), POINT for a point of a sweep (studies/sweep/point.py), CODESIGN for a co-design
-(studies/codesign.py); each refinement among them has those of REFINEMENT again. SEVERAL_HOPS is for planner/several_hops.py. What
-one program is solved with again stands beside its solver: nlp/refinement/mesh_refinement.py, planner/search/multistart.py.
+REFINEMENT is for one refinement of an optimum of the first mesh (planner/refine_and_verify.py). Where a hop still
+fails, HOP is for a solve (planner/solve.py), POINT for a point of a sweep (studies/sweep/point.py), CODESIGN for a
+co-design (studies/codesign.py); each refinement among them has those of REFINEMENT again. SEVERAL_HOPS is for
+planner/several_hops.py. What one program is solved with again stands beside its solver:
+nlp/refinement/mesh_refinement.py, planner/search/multistart.py.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +25,7 @@ T = TypeVar("T")
 
 
 class Trial(NamedTuple):
-    """What attempts look at: whether an answer is verified and certified, how its refinement ended, its objective [its unit]."""
+    """What attempts look at of an answer: its verdict, how its refinement ended, its objective [its unit]."""
 
     verified: bool
     certified: bool
@@ -38,7 +39,7 @@ class Attempt:
 
     reason: why it may help, and why it comes where it does
     said: told as it begins; {tie_break} is that of its problem
-    verified: whether it is for answers that are verified, but not certified, or for those that are not verified; None: for both
+    verified: whether it is for answers that are verified but not certified, or for those not verified; None: for both
     ended: how refinement must have ended for it to help; None: in any way
     tolerances: whether those of the solver are tightened to AT_MOST
     tie_break: times as large
@@ -80,24 +81,22 @@ class Attempt:
 
 
 FURTHER = Attempt(
-    "the plan holds, but what the mesh leaves open is more than the certificate allows: it is nearly done, so it goes on",
+    "the hop holds, but its mesh leaves open more than the certificate allows: so it goes on from there",
     "verified, but not certified: refining further, with tighter tolerances",
     verified=True, ended=MET, tolerances=True, further=True,
 )  # fmt: skip
 CLOSER = Attempt(
-    "all aims were met and the checks still fail: with all drives at their limits excess adds up, so it is kept smaller from the "
-    "first mesh on",
+    "all aims were met and checks still fail: with all drives at their limits excess adds up, so less of it is allowed",
     "not verified: refining again, with tighter tolerances",
     ended=MET, tolerances=True, margin=0.1,
 )  # fmt: skip
 CALMED = Attempt(
-    "torques that hardly matter may have chattered, so that meshes grew or were not solved: a larger tie-break calms them; first, "
-    "because it takes seconds",
+    "torques that hardly matter may have chattered; with a larger tie-break they do not: first, for it takes seconds",
     "not verified: solving again with solver.tie_break = {tie_break:g}",
     tie_break=CALMER, restarts=True, within=2e-2,  # as far apart as optima of the first mesh that are refined
 )  # fmt: skip
 RESTARTED = Attempt(
-    "a mesh was not solved from the last one's multipliers, and may be from its point alone: last, because that takes minutes",
+    "a mesh was not solved from the last one's multipliers; from its point alone it may be: last, for it takes minutes",
     "not verified: refining again, with restarts",
     ended=UNSOLVED, restarts=True, anyhow=True,
 )  # fmt: skip
@@ -105,15 +104,15 @@ RESTARTED = Attempt(
 REFINEMENT = (FURTHER, CLOSER)
 HOP = (CALMED, RESTARTED)
 POINT = (replace(CALMED, within=3e-3), RESTARTED)  # neighbours are compared: a point may not change to another optimum
-CODESIGN = (  # the answer is the hop of the leg that comes out: how the refinement of the co-design ended, it does not say
+CODESIGN = (  # the answer is the hop of the leg that comes out: how the co-design's own refinement ended is not known
     replace(CALMED, restarts=False, within=inf), replace(RESTARTED, ended=None),
 )  # fmt: skip
 SEVERAL_HOPS = (replace(FURTHER, verified=None, said="refining further, with tighter tolerances"),)
 
 
 def tried_again(
-    hop: Hop, found: T, attempts: Sequence[Attempt], run: Callable[[Attempt, Hop], T | None], seen: Callable[[T], Trial],
-    say: Callable[[str], None], until: Deadline,
+    hop: Hop, found: T, attempts: Sequence[Attempt], run: Callable[[Attempt, Hop], T | None],
+    seen: Callable[[T], Trial], say: Callable[[str], None], until: Deadline,
 ) -> tuple[Hop, T]:  # fmt: skip
     """An answer with its problem or, of the attempts that may help it, what the first leads to that is better.
 

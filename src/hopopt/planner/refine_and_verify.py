@@ -85,8 +85,9 @@ def refine_and_verify(
     calmed: NlpSolution | None = None,
 ) -> Answer:
     """One start's optimum refined, with its verdict, or what the attempts after a refinement lead to that is better
-    (planner/attempts.py). ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that is aimed at;
-    ``calmed``: what the start leads to with a larger tie-break, if that is known (planner/search/calm_first.py)."""
+    (planner/attempts.py). ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that
+    is aimed at; ``calmed``: what the start leads to with a larger tie-break, if that is known
+    (planner/search/calm_first.py)."""
     clock = clock or Stopwatch()
     refinement = refine_outcome(hop, outcome, say, first, restarts, margin, until, calmed)
     clock.mark("refinement")

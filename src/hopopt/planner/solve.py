@@ -76,7 +76,7 @@ def solve(
     design is a problem, or its name or file. objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (optimality/minimum_principle/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another
+    (optimality/minimum_principle/free_switches.py), with tighter tolerances (planner/attempts.py); cross_check: solved by another
     solver and other schemes too, in the summary's ``second_opinions`` (planner/checks/cross_check.py); time_limit [s] (default:
     TIME_LIMIT): when it is reached the best hop so far is the answer, or the reason why there is none; progress is called
     with a line of text now and then. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is

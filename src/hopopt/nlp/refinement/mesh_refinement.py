@@ -1,10 +1,10 @@
 """Mesh refinement: accurate states, limits enforced between the nodes too, at a cost that does not matter.
 
-The loop; where intervals are cut says nlp/refinement/next_mesh.py. Where limits are passed, they are enforced between the nodes
-on the next mesh (nlp/refinement/continuous_limits.py). What still passes them is tightened. Programs with kinks of their own
-have accurate states first and limits tightened on the settled mesh. Where a control or a least number only bounds something from
-above, hulls make such kinks dearer. Schemes that collocate both ends of an interval, whose controls oscillate, hardly converge
-within them.
+The loop; where intervals are cut says nlp/refinement/next_mesh.py. Where limits are passed, they are enforced between
+the nodes on the next mesh (nlp/refinement/continuous_limits.py). What still passes them is tightened. Programs with
+kinks of their own have accurate states first and limits tightened on the settled mesh. Where a control or a least
+number only bounds something from above, hulls make such kinks dearer. Schemes that collocate both ends of an interval,
+whose controls oscillate, hardly converge within them.
 """
 
 import time
@@ -91,7 +91,7 @@ class Refinement:
         held: Chosen | None = None,
         between: bool | None = None,
     ):
-        """``held``: limits that ``solution`` holds between the nodes already; ``between``: as suits the program, if None."""
+        """``held``: limits that ``solution`` holds between the nodes already; ``between``: None: what suits it."""
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
         self.between = holds(solution.transcription) if between is None else between
@@ -163,8 +163,8 @@ class Refinement:
 
     @property
     def _stuck(self) -> bool:
-        """Whether errors, and excess if it matters yet, are far from their aims and no longer fall, as where an optimum is
-        an impulse."""
+        """Whether errors, and excess if it matters yet, are far from their aims and no longer fall, as where an
+        optimum is an impulse."""
         aims = self.aims
         far = [max(s.local_error / aims.local_error, self.between * s.excess / aims.excess) for s in self.history]
         return len(far) > STUCK and min(far[-STUCK:]) > max(NEARBY, NEARER * min(far[:-STUCK]))

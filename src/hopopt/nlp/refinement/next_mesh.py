@@ -1,9 +1,10 @@
 """The next mesh, from what is wrong with a solution in each interval, what that costs, and what is aimed at.
 
-Where limits are enforced between the nodes (``next_cuts``), an interval is cut at once into as many pieces as its local error
-and its tightening cost ask for by their orders. The local error falls with the interval's length to the power of the nodes and
-one, the cost of a switch with its square. An interval that does not answer to holding its limits is cut too. Where limits are
-tightened at the end (``cuts_before_tightening``), all that is wrong is cut into as many pieces.
+Where limits are enforced between the nodes (``next_cuts``), an interval is cut at once into as many pieces as its
+local error and its tightening cost ask for by their orders. The local error falls with the interval's length to the
+power of the nodes and one, the cost of a switch with its square. An interval that does not answer to holding its
+limits is cut too. Where limits are tightened at the end (``cuts_before_tightening``), all that is wrong is cut into as
+many pieces.
 """
 
 from collections.abc import Mapping
@@ -118,8 +119,8 @@ def _inaccurate(m: Measured, name: str, allowed: float, asked: np.ndarray | int,
 
 
 def moves_to(over: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Where errors of the intervals that are ``over`` may move to: those of a switch to its neighbours, those that live on
-    coarse intervals to any other of them, (N,)."""
+    """Where errors of the intervals that are ``over`` may move to: those of a switch to its neighbours, those that
+    live on coarse intervals to any other of them, (N,)."""
     coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
     return (np.convolve(over, [1, 1, 1])[1:-1] > 0) | (coarse & (over & coarse).any())
 
@@ -176,7 +177,7 @@ def equal(pieces: np.ndarray) -> list[np.ndarray]:
 
 
 def about(s: float, width: float) -> np.ndarray:
-    """Places that leave a short piece about s, in which a switch is expected, and others beside it, in case it is not."""
+    """Places that leave a short piece about s, where a switch is expected, and others beside it, in case it is not."""
     normalised_times = s + width * np.array([-2.5, -0.5, 0.5, 2.5])
     return normalised_times[(normalised_times > 0.5 * width) & (normalised_times < 1 - 0.5 * width)]
 
