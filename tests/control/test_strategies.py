@@ -225,7 +225,7 @@ def test_force_control_with_a_step_saturates_the_knee_and_stays_on_the_plumb_lin
 
 
 def test_force_control_is_the_papers_clamped_law(paper: Design) -> None:
-    """The knee's command in the first stance is eq. con_tdyn, con_tdes at every control instant."""
+    """The knee's command in the first stance is the paper's eqs. 10 and 14 at every control instant."""
     asked: list[tuple[Measurement, np.ndarray]] = []
 
     class Noting(Force):

@@ -343,7 +343,7 @@ def test_compensation_shortens_the_leg_from_apex_to_mid_stance_only() -> None:
 
 # ---- the equations as they are printed, beside the corrected ones (docs/paper.md quotes these numbers) -------------
 
-M, M_E, K, Y_NEU, C_AMP, C_MAX = 5.6, 0.8, 1700.0, 0.45, 0.12, 0.11  # tables tabF and tabP; k_s as 17 N/cm
+M, M_E, K, Y_NEU, C_AMP, C_MAX = 5.6, 0.8, 1700.0, 0.45, 0.12, 0.11  # tables 1 and 2; k_s as 17 N/cm
 BOTH, AMPLITUDE = M + M_E, C_AMP + M * G / K
 OMEGA_S, OMEGA_F = np.sqrt(K / M), np.sqrt(K * BOTH / (M * M_E))
 LEG = 0.38 + 0.361  # m, thigh and shank
@@ -359,7 +359,7 @@ def printed_t_lo() -> float:
 
 
 def printed_amplitudes(y_s: float, v_s: float) -> tuple[float, float]:
-    """Both square roots of eq. kin_flight for y_s(t_lo) [m] and y_s'(t_lo) [m/s]."""
+    """Both square roots of the paper's eq. 4 for y_s(t_lo) [m] and y_s'(t_lo) [m/s]."""
     first = np.sqrt(M * v_s**2 * M_E**3 / (K * BOTH**3) + y_s**2 * M_E**2 / BOTH**2)
     second = np.sqrt(M * v_s**2 * M**3 / (K * BOTH**3) + y_s**2 * M**2 / BOTH**2)
     return float(first), float(second)
@@ -377,7 +377,7 @@ def quoted(text: str, value: float) -> None:
 
 
 def test_printed_gravity_pulls_the_body_up() -> None:
-    """Eqs. dyn_stance and dyn_flight with y_s, y_s.neu and y_f as lengths, up positive: off by twice the weight."""
+    """The paper's eqs. 1 and 2 with y_s, y_s.neu and y_f as lengths, up positive: off by twice the weight."""
     p, t, h = PAPER, 0.03, 1e-4
 
     def acceleration(y: Callable[[float], Any]) -> float:
@@ -404,7 +404,7 @@ def test_printed_gravity_pulls_the_body_up() -> None:
 def test_printed_neutral_length_is_two_lengths() -> None:
     quoted("0.032", M * G / K)
     quoted("3.2", M * G / 17.0)
-    # eq. kin_stance oscillates about y_s.neu, so about the loaded length; lift-off then needs the foot's pull from l0
+    # paper's eq. 3 oscillates about y_s.neu, so about the loaded length; lift-off then needs the foot's pull from l0
     assert printed_y_s(0.0) - PAPER.y_s(0.0) == pytest.approx(M * G / K)
     assert PAPER.ground_force(abs(printed_t_lo())) == pytest.approx(M * G)
     quoted("54.9", M * G)
@@ -426,7 +426,7 @@ def test_printed_period_leaves_out_the_ballistic_flight() -> None:
     quoted("0.689", PAPER.T)
     T = 2 * PAPER.t_lo + swing
     t = np.linspace(0, T, 1001)
-    assert not np.any((t >= 0) & (t < PAPER.t_lo) & (t > T - PAPER.t_lo))  # eq. kin_ydes, first case: "and"
+    assert not np.any((t >= 0) & (t < PAPER.t_lo) & (t > T - PAPER.t_lo))  # the paper's eq. 9, first case: "and"
     unshifted = PAPER.y_s(PAPER.T - PAPER.t_lo)  # y_s on a clock that is not reset
     quoted("0.528", unshifted)
     quoted("0.455", PAPER.y_lo)
@@ -454,7 +454,7 @@ def test_printed_flight_window() -> None:
     quoted("-0.0318", printed_t_fs(PAPER.y_lo, v))
     R_f = np.hypot(stretch, v / OMEGA_F)
 
-    def y_f(t: float) -> float:  # eq. kin_flight, amplitudes corrected, its own clock
+    def y_f(t: float) -> float:  # the paper's eq. 4, amplitudes corrected, its own clock
         return float(PAPER.l0 + R_f * np.cos(OMEGA_F * t))
 
     def y_f_rate(t: float) -> float:
@@ -468,7 +468,7 @@ def test_printed_flight_window() -> None:
     assert y_f(-right + 2 * np.pi / OMEGA_F) == pytest.approx(PAPER.y_lo)
     assert y_f_rate(-right + 2 * np.pi / OMEGA_F) == pytest.approx(needed)
     quoted("0.502", y_f(0.0))  # unshifted, at lift-off
-    quoted("0.472", y_f(PAPER.t_lo))  # eq. kin_ydes as printed, on the clock of the stance
+    quoted("0.472", y_f(PAPER.t_lo))  # the paper's eq. 9 as printed, on the clock of the stance
 
 
 def test_corrected_reference_still_jumps_where_the_landing_is_hard() -> None:
@@ -483,7 +483,7 @@ def test_corrected_reference_still_jumps_where_the_landing_is_hard() -> None:
 
 
 def test_printed_energy_equation_claims_too_much() -> None:
-    """Eq. con_energy with the two-mass model's own spring as the actuator."""
+    """The paper's eq. 15 with the two-mass model's own spring as the actuator."""
     p = PAPER
     work = K / 2 * ((p.l0 - p.stance_range[0]) ** 2 - (p.y_lo - p.l0) ** 2)
     quoted("29.0", work)

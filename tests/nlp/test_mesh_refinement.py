@@ -19,11 +19,9 @@ from hopopt.nlp.refinement.mesh_refinement import (
     UNSOLVED,
     USED_UP,
     WORSE,
-    Aims,
     Refinement,
 )
-from hopopt.nlp.refinement.mesh_step import cut, equal, fitting
-from hopopt.nlp.refinement.tightened_refinement import TighteningRefinement, refinement_of
+from hopopt.nlp.refinement.next_mesh import Aims, cut, equal, fitting, pieces_of
 from hopopt.nlp.refinement.tightening import limit_nodes, passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
 from hopopt.nlp.schemes import Scheme, radau
@@ -49,8 +47,8 @@ def bang_bang() -> Known:
 def test_bang_bang_is_neither_beaten_nor_missed(method: Scheme, intervals: int) -> None:
     """The double integrator has no error: what keeps the limits cannot be faster, and gives away the tightening cost at most."""
     known = bang_bang()
-    refinement = Refinement(solve(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
-    refinement.run()
+    begin, aims = solve(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300)
+    refinement = Refinement(begin, aims, between=True).run()
     end = refinement.history[-1]
     assert end.excess <= ALLOWED
     assert known.optimum * (1 - ALLOWED) <= end.objective <= known.optimum * (1 + 2 * PRICE)
@@ -165,8 +163,7 @@ def test_bounds_are_drawn_in_by_what_is_given_interval_by_interval() -> None:
     "known", [brachistochrone(), bryson_denham(path=True)], ids=["brachistochrone", "bryson-denham"]
 )
 def test_aims_are_met_or_it_says_so(known: Known) -> None:
-    refinement = Refinement(solve(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
-    refinement.run()
+    refinement = Refinement(solve(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)).run()
     errors = [interval_errors(refinement.solution, name) for name in refinement.solution.phases]
     assert max(e.local.max() for e in errors) <= 1e-7
     assert max(e.excess.max() for e in errors) <= ALLOWED
@@ -175,13 +172,11 @@ def test_aims_are_met_or_it_says_so(known: Known) -> None:
 
 
 def test_without_meshes_nothing_is_reached() -> None:
-    refinement = Refinement(solve(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 0, 300))
-    refinement.run()
+    refinement = Refinement(solve(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 0, 300)).run()
     assert len(refinement.history) == 1
     assert refinement.change == float("inf")
     assert refinement.ended == NOT_ASKED
-    only = Refinement(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, PRICE, 1, 300))
-    only.run()
+    only = Refinement(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, PRICE, 1, 300)).run()
     assert only.ended == USED_UP
 
 
@@ -190,22 +185,18 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
     """With too little patience for carried multipliers: restarts end where patience does; without them, or where they
     have used up their iterations, it is said."""
     begin = solve(brachistochrone(), method, uniform(8))
-    known = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
-    known.run()
+    known = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)).run()
     monkeypatch.setattr(refine, "PATIENCE", 1)
     monkeypatch.setattr(refine, "LONGER", 1)
-    hasty = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=0))
-    hasty.run()
+    hasty = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=0)).run()
     assert hasty.ended == UNSOLVED
     assert len(hasty.history) == 1
-    patient = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
-    patient.run()
+    patient = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)).run()
     assert patient.ended == MET
     assert patient.solution.objective == pytest.approx(known.solution.objective, rel=1e-7)
     needed = patient.history[1].iterations
     for iterations, ended in ((needed - 1, UNSOLVED), (sum(step.iterations for step in patient.history), MET)):
-        limited = refinement_of(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=iterations / 300))
-        limited.run()
+        limited = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=iterations / 300)).run()
         assert limited.ended == ended
 
 
@@ -215,20 +206,19 @@ def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.M
     coarse = solve(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1]))
     assert coarse.objective < known.optimum * (1 - 1e-4)
     monkeypatch.setattr(refine, "LOST", 1e-5)
-    refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
-    refinement.run()
+    refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300)).run()
     assert refinement.ended == MET
     assert refinement.solution.objective == pytest.approx(known.optimum, rel=2 * ALLOWED)
     monkeypatch.setattr(refine, "AGREED", -1.0)
-    doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300))
-    doubting.run()
+    doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300)).run()
     assert doubting.ended == WORSE
 
 
 def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, "FINEST", 9)
-    refinement = Refinement(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
-    refinement.run()
+    refinement = Refinement(
+        solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)
+    ).run()
     assert refinement.ended == TOO_FINE
     assert len(refinement.history) == 1
 
@@ -238,22 +228,21 @@ def test_where_not_all_cuts_fit_the_most_urgent_are_made() -> None:
         {"a": np.array([8, 1, 2]), "b": np.array([4, 2])},
         {"a": np.array([1, 9, 5]), "b": np.array([3, 7])},
     )
-    assert fitting(pieces, urgency, 17) == pieces  # all
-    some = fitting(pieces, urgency, 8)  # the two most urgent: one more each
+    cuts = {name: equal(each) for name, each in pieces.items()}
+    assert fitting(cuts, urgency, 17) == cuts  # all
+    some = fitting(cuts, urgency, 8)  # the two most urgent: one more each
     assert some is not None
-    assert [part.tolist() for part in some.values()] == [[1, 1, 2], [1, 2]]
-    assert fitting(pieces, urgency, 5) is None
+    assert [pieces_of(part).tolist() for part in some.values()] == [[1, 1, 2], [1, 2]]
+    assert fitting(cuts, urgency, 5) is None
 
 
 def test_a_mesh_that_would_be_too_fine_is_cut_where_it_matters_most(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the same optimum, within fewer intervals."""
     known, aims = bang_bang(), Aims(1e-8, 1e-5, ALLOWED, PRICE, 20, 300)
-    free = Refinement(solve(known, radau(3), uniform(8)), aims)
-    free.run()
+    free = Refinement(solve(known, radau(3), uniform(8)), aims).run()
     most = sum(free.history[-1].intervals.values())
     monkeypatch.setattr(refine, "FINEST", most - 1)
-    within = Refinement(solve(known, radau(3), uniform(8)), aims)
-    within.run()
+    within = Refinement(solve(known, radau(3), uniform(8)), aims).run()
     assert within.ended == MET
     assert sum(within.history[-1].intervals.values()) < most
     assert within.solution.objective == pytest.approx(known.optimum, rel=2 * ALLOWED)
@@ -262,19 +251,18 @@ def test_a_mesh_that_would_be_too_fine_is_cut_where_it_matters_most(monkeypatch:
 def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
     monkeypatch.setattr(refine, "held_between", lambda *a: built.append(a) or held_between(*a))
-    refinement = Refinement(solve(bryson_denham(), radau(3), uniform(5)), Aims(1e-6, 1e-4, 1e-6, 1e-5, 20, 300))
-    refinement.run()
+    refinement = Refinement(solve(bryson_denham(), radau(3), uniform(5)), Aims(1e-6, 1e-4, 1e-6, 1e-5, 20, 300)).run()
     assert refinement.ended == MET
     solved = [(step.intervals, step.held) for step in refinement.history[1:]]
     assert len(built) == 1 + sum(a != b for a, b in itertools.pairwise(solved))
     assert len(built) < len(solved)
 
 
-@pytest.mark.parametrize("kind", [Refinement, TighteningRefinement])
-def test_one_that_goes_further_leaves_its_origin_as_it_was(kind: type[Refinement]) -> None:
+@pytest.mark.parametrize("between", [True, False])
+def test_one_that_goes_further_leaves_its_origin_as_it_was(between: bool) -> None:
     """And so another that goes on from the same origin comes to the same."""
-    origin = kind(solve(bryson_denham(), radau(3), uniform(5)), Aims(1e-3, 1e-2, 1e-2, 1e-2, 20, 300))
-    origin.run()
+    begin = solve(bryson_denham(), radau(3), uniform(5))
+    origin = Refinement(begin, Aims(1e-3, 1e-2, 1e-2, 1e-2, 20, 300), between=between).run()
     before = {name: dict(value) for name, value in vars(origin).items() if isinstance(value, dict)}
     length = len(origin.history)
     aims = Aims(1e-6, 1e-4, 1e-6, 1e-5, 20, 300)
@@ -285,8 +273,8 @@ def test_one_that_goes_further_leaves_its_origin_as_it_was(kind: type[Refinement
         assert all(value is values[phase] for phase, value in vars(origin)[name].items()), name
 
 
-@pytest.mark.parametrize("kind", [Refinement, TighteningRefinement])
-def test_meshes_that_bring_it_no_nearer_end_it(kind: type[Refinement], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("between", [True, False])
+def test_meshes_that_bring_it_no_nearer_end_it(between: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """An error about the middle that no cut lessens, as that of an impulse."""
 
     def stubborn(s: NlpSolution, name: str) -> IntervalErrors:
@@ -295,8 +283,8 @@ def test_meshes_that_bring_it_no_nearer_end_it(kind: type[Refinement], monkeypat
         return replace(found, local=np.where(np.arange(len(ends)) == middle, 1e-3, 0.0))
 
     monkeypatch.setattr(refine, "interval_errors", stubborn)
-    refinement = kind(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300))
-    refinement.run()
+    begin, aims = solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)
+    refinement = Refinement(begin, aims, between=between).run()
     assert refinement.ended == NO_NEARER
     assert len(refinement.history) == STUCK + 1
 

@@ -25,7 +25,7 @@ from hopopt.optimality.minimum_principle.switching_structure import (
     stretches,
     structure,
 )
-from hopopt.planner.refine_and_verify import with_tighter_tolerances
+from hopopt.planner.attempts import with_tighter_tolerances
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.solve import solve

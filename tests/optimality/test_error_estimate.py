@@ -120,8 +120,7 @@ def test_claims_on_refined_meshes(name: str, scheme: Scheme) -> None:
     case = CASES[name]()
     first = solved(case, scheme, uniform(10))
     assert first.success
-    refinement = Refinement(first, AIMS)
-    refinement.run()
+    refinement = Refinement(first, AIMS).run()
     error = objective_error(refinement.solution)
     assert better_by(refinement.solution, case[1]) <= error.too_high_by
     assert error.relative <= STATED

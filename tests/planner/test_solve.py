@@ -17,18 +17,22 @@ from hopopt.planner import solve as planner
 from hopopt.planner.answer.notes import notes_on
 from hopopt.planner.answer.stored_summary import Summary
 from hopopt.planner.answer.summary_extras import GlobalMethod
-from hopopt.planner.refine_and_verify import (
+from hopopt.planner.attempts import (
+    CALMER,
+    LARGEST_TIE_BREAK,
     PRICE_TOLERANCE,
+    REFINEMENT,
     TOLERANCE,
-    hop_with_tighter_tolerances,
-    refined_and_verified,
+    Trial,
+    with_larger_tie_break,
 )
+from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search import multistart
 from hopopt.planner.search.first_mesh import search_first_mesh
 from hopopt.planner.search.global_verdict import COARSE
 from hopopt.planner.search.multistart import distinct, run_starts, solved_from
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import CALMER, LARGEST_TIE_BREAK, calmer, solve, with_larger_tie_break
+from hopopt.planner.solve import once_more, solve
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.load import load
 from hopopt.verify.check import Check
@@ -140,8 +144,8 @@ def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_a
 def test_smaller_tolerances_are_for_hops_that_met_larger_ones(
     verified: bool, ended: str, entries: dict[str, float]
 ) -> None:
-    hop, refinement = Hop(load("paper", entries)), cast("refine.Refinement", SimpleNamespace(ended=ended))
-    assert hop_with_tighter_tolerances(hop, refinement, verified) is None
+    hop, found = Hop(load("paper", entries)), Trial(verified, verified, ended, 0.5)
+    assert not any(attempt.may_help(found) and attempt.problem(hop) for attempt in REFINEMENT)
 
 
 def test_what_plays_no_part_and_what_is_in_the_way_of_nothing_is_said(
@@ -192,9 +196,7 @@ def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_s
     outcomes = run_starts(hop, 1, 1, silent)
     verified = refined_and_verified(hop, outcomes[0], outcomes, silent, clock)
     unverified = replace(verified, summary=replace(verified.summary, verified=False))
-    found = calmer(hop, unverified, outcomes, silent, clock)
-    assert found is not None
-    other, again = found
+    other, again = once_more(hop, unverified, outcomes, silent, clock)
     asked = hop.design.solver.tie_break
     assert other.design.solver.tie_break == pytest.approx(CALMER * asked)
     assert again.verified
@@ -202,7 +204,8 @@ def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_s
     assert again.clearance == pytest.approx(verified.clearance, abs=other.tie_break_bias + 1e-5)
     assert any(f"{asked:g}" in note and "tie_break" in note for note in notes_on(other, hop.design, False, again, None))
     for change in (f"solver.tie_break={1.1 * LARGEST_TIE_BREAK}", "solver.refine=false"):
-        assert calmer(Hop(load("paper", [change]), "clearance"), unverified, outcomes, silent, clock) is None
+        unchanged = Hop(load("paper", [change]), "clearance")
+        assert once_more(unchanged, unverified, outcomes, silent, clock) == (unchanged, unverified)
 
 
 DRAWN = {  # a leg whose best hop no start leads to

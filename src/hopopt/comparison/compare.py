@@ -211,7 +211,7 @@ def chosen_names(design: Design, names: Sequence[str] | None) -> tuple[list[str]
 
 
 def paper_strategy(solution: Solution) -> PaperStrategy | None:
-    """The paper's force control, a PD law clamped to what the drives can give (eq. con_tdyn, con_tdes) with the paper's
+    """The paper's force control, a PD law clamped to what the drives can give (eqs. 10 and 14) with the paper's
     gains, on the leg of a verified optimum.
 
     ``clearance_m`` and ``share_of_bound``, None where it does not hop within the problem's limits; why not (``fault``,

@@ -1,9 +1,9 @@
 """The paper's strategies: force control up to motor saturation, and position control (arXiv 2107.13717, section III).
 
-Both follow the two-mass reference y_des(t) (eq. kin_ydes) with the foot under the hip. What the paper leaves open:
+Both follow the two-mass reference y_des(t) (the paper's eq. 9) with the foot under the hip. What the paper leaves open:
 
 - The hip in stance. With both joints saturated it throws the leg over, so in force control the knee is driven and
-  clamped (eq. con_tdyn, con_tdes), and the hip is given the torque that keeps the body on the plumb line.
+  clamped (the paper's eqs. 10 and 14), and the hip is given the torque that keeps the body on the plumb line.
 - The servo in flight, the "swing motion (position control)". With the printed k_d the leg swings about y_f(t) without
   end, so it is damped critically. It still folds the leg further than y_f where the drives cannot brake in time; with
   flight = "braked" it approaches y_f only as fast as they can.
@@ -37,7 +37,7 @@ BRAKING = 0.5  # share of the drives' braking torque that a braked servo counts 
 
 @dataclass(frozen=True)
 class PaperOptions:
-    """Settings of the paper's tables (tabF, tabP) on the paper's leg, and what they leave open.
+    """Settings of the paper's tables (1 and 2) on the paper's leg, and what they leave open.
 
     k_p [N m/rad], k_d [N m s/rad]; k_s [N/m], the printed 17 read as N/cm; y_neu and C_amp [m], C_max [1];
     retraction: "reference" (y_f goes on in flight) or "tuck" (the pose that lifts the foot highest);
@@ -196,7 +196,7 @@ class PaperStrategy:
         return float(self.two_mass.touchdown_reference(0.0)[0])
 
     def desired(self, now: Measurement) -> tuple[np.ndarray, np.ndarray]:
-        """Joint angles [rad] and speeds [rad/s] to strive for (eq. con_angdes); tucked up to the apex if so asked."""
+        """Joint angles [rad] and speeds [rad/s] to strive for (paper's eq. 16); tucked up to the apex if so asked."""
         if not now.contact and self.options.retraction == "tuck":
             return self.tuck if now.t - self.left < self.rise else self.angles(self.landing_length), np.zeros(2)
         return self.with_rates(*self.length(now))
@@ -220,7 +220,7 @@ class Force(PaperStrategy):
     """Force control with motor saturation: a PD law on the joint angles, clamped to the operating region."""
 
     def push(self, now: Measurement, s: StanceTerms) -> np.ndarray:
-        """tau_dyn = -k_p (theta - theta_des) - k_d theta' at the knee (eq. con_tdyn, con_tdes)."""
+        """tau_dyn = -k_p (theta - theta_des) - k_d theta' at the knee (the paper's eqs. 10 and 14)."""
         angles, _ = self.desired(now)
         return self.upright(now, s, (-self.options.k_p * (now.q - angles) - self.options.k_d * now.v)[1])
 

@@ -84,7 +84,7 @@ class PlanLimits:
         return Limits(G, E, w)
 
     def _of_drives(self, v: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """a (tau + u) + b (v + dv) <= 1 for each half-plane of each drive (eq. con_tsat)."""
+        """a (tau + u) + b (v + dv) <= 1 for each half-plane of each drive (the paper's eq. 13)."""
         n = len(v)
         G, E, w = [], [], []
         for j, region in enumerate(self.regions):

@@ -40,7 +40,7 @@ class TwoMass:
 
     @classmethod
     def from_loaded_length(cls, y_neu: float, m: float, m_e: float, k: float, g: float = 9.81, **rest: float) -> Self:
-        """The other reading of y_s.neu [m], that of eq. kin_stance: the length at which the spring carries the body."""
+        """The other reading of y_s.neu [m], that of its eq. 3: the length at which the spring carries the body."""
         return cls(m=m, m_e=m_e, k=k, l0=y_neu + m * g / k, g=g, **rest)
 
     @property
@@ -55,7 +55,7 @@ class TwoMass:
 
     @property
     def A(self) -> float:
-        """Amplitude [m] of the stance oscillation (eq. kin_stance)."""
+        """Amplitude [m] of the stance oscillation (the paper's eq. 3)."""
         return self.C_amp + self.m * self.g / self.k
 
     @property
@@ -69,7 +69,7 @@ class TwoMass:
         return float(np.sqrt(self.k * self.M / (self.m * self.m_e)))
 
     def y_s(self, t: Any) -> Any:
-        """Length [m] in stance (eq. kin_stance about the loaded length): m r'' = -m g - k (r - l0)."""
+        """Length [m] in stance (the paper's eq. 3 about the loaded length): m r'' = -m g - k (r - l0)."""
         return self.loaded_length - self.A * np.cos(self.omega_s * np.asarray(t))
 
     def y_s_rate(self, t: Any) -> Any:
@@ -92,7 +92,7 @@ class TwoMass:
 
     @cached_property
     def t_lo(self) -> float:
-        """Time [s] from mid-stance to lift-off (eq. kin_tlold). Raises ValueError if the foot never lifts off."""
+        """Time [s] from mid-stance to lift-off (the paper's eq. 6). Raises ValueError if the foot never lifts off."""
         if (pull := self.k * self.C_amp) <= (weight := self.m_e * self.g):
             raise ValueError(
                 f"The foot never lifts off: the spring pulls it with at most k C_amp = {pull:.3g} N, its weight is "
@@ -116,7 +116,7 @@ class TwoMass:
         return self.m * self.v_lo / self.M
 
     def y_f(self, t: Any) -> Any:
-        """Length [m] in flight (eq. kin_flight, its time shift expanded): the reduced mass on the spring."""
+        """Length [m] in flight (the paper's eq. 4, its time shift expanded): the reduced mass on the spring."""
         s = self.omega_f * np.asarray(t)
         return self.l0 + (self.y_lo - self.l0) * np.cos(s) + self.v_lo / self.omega_f * np.sin(s)
 
@@ -188,7 +188,7 @@ class TwoMass:
         return self.g / self.C_amp * float(np.sqrt(self.M**2 + _soft_landing(n) ** 2 * self.M * self.m_e) - self.m)
 
     def C_com(self, t: Any) -> Any:
-        """Compensation [-] at t [s] since mid-stance: 1 up to the apex, then 1 -> 1 - C_max -> 1 (eq. kin_ccom)."""
+        """Compensation [-] at t [s] since mid-stance: 1 up to the apex, then 1 -> 1 - C_max -> 1 (paper's eq. 8)."""
         phase = np.mod(t, self.T)
         return np.where(phase < self.T / 2, 1.0, 1 - self.C_max / 2 * (1 - np.cos(4 * np.pi * phase / self.T)))
 
@@ -221,7 +221,7 @@ class TwoMass:
         return C * self.y_f(t), C_rate * self.y_f(t) + C * self.y_f_rate(t)
 
     def y_des(self, t: Any) -> Any:
-        """Desired length [m] at t [s] since mid-stance on the model's own clock, period T (eq. kin_ydes)."""
+        """Desired length [m] at t [s] since mid-stance on the model's own clock, period T (the paper's eq. 9)."""
         return self._reference(t)[0]
 
     def y_des_rate(self, t: Any) -> Any:
@@ -246,4 +246,4 @@ def _root(function: Any, lower: float, upper: float) -> float:
     return float(brentq(function, lower, upper, xtol=1e-15, rtol=1e-14))  # pyright: ignore[reportArgumentType]
 
 
-PAPER = TwoMass(m=5.6, m_e=0.8, k=1700.0, l0=0.45, C_amp=0.12, C_max=0.11)  # tables tabF, tabP; k_s as 17 N/cm
+PAPER = TwoMass(m=5.6, m_e=0.8, k=1700.0, l0=0.45, C_amp=0.12, C_max=0.11)  # tables 1 and 2; k_s as 17 N/cm

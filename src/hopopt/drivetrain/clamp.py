@@ -1,4 +1,4 @@
-"""The clamp of a drive: what is left of a commanded torque at a speed (eq. con_tdes). One function for all who ask.
+"""The clamp of a drive: what is left of a commanded torque at a speed (paper's eq. 14). One function for all who ask.
 
 It is plain Python on purpose: verification calls it as it is, the plants compile it (drivetrain/kernels.py).
 """

@@ -14,7 +14,7 @@ from hopopt.drivetrain.half_planes import OperatingRegion
 
 
 class Drive:
-    """The motors of a leg as a controller meets them: commands are clamped to the operating regions (eq. con_tdes).
+    """The motors of a leg as a controller meets them: commands are clamped to the operating regions (paper's eq. 14).
 
     torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
     as much more back-EMF. states: what the drives add of their own, if they do. numbers: what the compiled functions read,

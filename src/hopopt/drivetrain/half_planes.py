@@ -48,8 +48,8 @@ class OperatingRegion:
     def torque_bounds(self, w: Any) -> tuple[Any, Any]:
         """Smallest and largest torque [N m] at speed w [rad/s], shapes as w; a speed cap bounds no torque.
 
-        Where the speed is so high that no torque is admissible (the paper's law above omega_max, eq.
-        con_tsat), the drive gives nothing.
+        Where the speed is so high that no torque is admissible (the paper's law above omega_max, its eq. 13), the
+        drive gives nothing.
         """
         w = np.asarray(w, dtype=float)
         upper, lower = np.full(w.shape, np.inf), np.full(w.shape, -np.inf)
@@ -62,12 +62,12 @@ class OperatingRegion:
         return np.where(empty, 0.0, lower), np.where(empty, 0.0, upper)
 
     def clamp(self, w: Any, tau: Any) -> Any:
-        """tau [N m] brought into the region at speed w [rad/s] (eq. con_tdes), arrays alike: ``clamp.within`` for figures."""
+        """tau [N m] brought into the region at speed w [rad/s] (the paper's eq. 14), arrays alike: ``clamp.within`` for figures."""
         lower, upper = self.torque_bounds(w)
         return np.clip(tau, lower, upper)
 
     def saturation(self, w: Any, tau: Any) -> Any:
-        """Saturation ratio C = |tau| / |tau_sat(w)| in the direction of tau (eq. sim_cact), shapes as w."""
+        """Saturation ratio C = |tau| / |tau_sat(w)| in the direction of tau (the paper's eq. 17), shapes as w."""
         lower, upper = self.torque_bounds(w)
         bound = np.where(np.asarray(tau) >= 0, upper, -lower)
         return np.abs(tau) / np.maximum(bound, 1e-9)

@@ -11,7 +11,7 @@ from hopopt.drivetrain.limits import Line
 
 
 def paper_law(torque: Any, speed: Any) -> list[HalfPlane]:
-    """Eq. con_tsat without absolute values: +-tau/(R tau_max) +- R w/omega_max <= 1."""
+    """The paper's eq. 13 without absolute values: +-tau/(R tau_max) +- R w/omega_max <= 1."""
     return [*pair(Line.TORQUE_SPEED, torque, speed), *pair(Line.BRAKING, torque, -speed)]
 
 

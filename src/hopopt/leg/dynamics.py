@@ -1,9 +1,16 @@
 """The leg's equations of motion in CasADi, stance and flight, both in minimal coordinates.
 
-The body only translates, so one known point gives its position from the joint angles: in stance the foot,
-pinned at the origin; in flight the centre of mass, which falls freely. No algebraic constraint, no drift, and
-no momentum for an optimiser to gain from integration error. Joint torques follow by inverse dynamics; the
-contact force is what its base rows ask for.
+With the body's place and the joint angles q, their speeds v and accelerations a, and the foot's Jacobian J(q),
+
+    M(q) a + h(q, v) = (0, tau) + J(q)' f         rows of the body, on which no joint acts, then of the joints
+    J(q) a + (dJ/dt) v = 0                        in stance, where the foot is pinned; in flight f = 0
+
+M, h: mass matrix, and Coriolis, centrifugal, gravity and rotor forces; tau: joint torques; f: contact force. The body
+only translates, so J is the unit matrix in its columns: the second equation gives its acceleration from the joints',
+and the first equation's body rows are f. What is left gives tau. In flight the body rows say that the centre of mass
+falls freely. So one known point gives the body's place from the joint angles: in stance the foot, pinned at the
+origin; in flight the centre of mass. No algebraic constraint, no drift, and no momentum for an optimiser to gain from
+integration error.
 
 Where the guides do not follow the foot (x on a vertical slider, y where the leg leaves the plane), the pinned foot
 closes a loop: as many joints depend on the others, and as many components of the contact force are free, because
@@ -68,8 +75,11 @@ class LegDynamics:
         return ca.vertcat(-foot, q_j), ca.vertcat(-jacobian @ v_j, v_j), jacobian
 
     def stance(self, q_j: ca.SX, v_j: ca.SX, a_j: ca.SX, loop_force: ca.SX | None = None) -> Motion:
-        """Stance with the foot pinned at the origin; joint angles, speeds and accelerations are symbols (n), on a closed
-        loop such as ``closed`` gives; loop_force: contact force along the loop's axes [N]."""
+        """Both equations with the foot pinned at the origin: f from the body rows, tau from the joint rows.
+
+        q_j, v_j, a_j: symbols of joint angles, speeds and accelerations (n), on a closed loop such as ``closed`` gives
+        loop_force: contact force along the loop's axes [N], where the guides carry what the body rows ask for besides
+        """
         q, v, jacobian = self.stance_pose(q_j, v_j)
         base_a = -jacobian @ a_j + ca.jtimes(v[:BASE], q_j, v_j)
         a = ca.vertcat(base_a, a_j)
@@ -106,7 +116,8 @@ class LegDynamics:
         return ca.vertcat(com - offset, q_j), ca.vertcat(com_v - jacobian @ v_j, v_j), jacobian
 
     def flight(self, com: ca.SX, com_v: ca.SX, q_j: ca.SX, v_j: ca.SX, a_j: ca.SX) -> Motion:
-        """Flight: the centre of mass falls freely where the guides carry no force; symbols as in stance."""
+        """The first equation with f = 0: the centre of mass falls freely where the guides carry no force; symbols as in
+        stance."""
         q, v, jacobian = self.flight_pose(com, com_v, q_j, v_j)
         base_a = self.gravity - jacobian @ a_j + ca.jtimes(v[:BASE], q_j, v_j)
         a = ca.vertcat(base_a, a_j)

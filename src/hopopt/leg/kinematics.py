@@ -1,7 +1,7 @@
 """Where the leg is: inverse kinematics of the start and of guesses, in plain numbers."""
 
 from cmath import phase, rect
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import acos
@@ -15,7 +15,7 @@ from hopopt.design import Design, Leg, unit
 from hopopt.errors import UsageError
 
 PLANE, SPACE = (0, 2), (0, 1, 2)  # world axes
-POSES = 1024  # among which the tucked pose is looked for
+POSES, REFINED = 1024, 4  # among which the best is looked for, and of the best of them that are refined
 FLAT = 1e-9  # share of a link in the plane, below which it has no direction there
 OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
 
@@ -199,7 +199,7 @@ def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
     """Joint angles [rad] at least ``margin`` [rad] within the limits that lift the foot highest, within the
     foot window ``window`` [m] of the hip's plumb line (or nearest to it).
 
-    The best of quasi-random poses, refined: what it costs hardly depends on the number of joints.
+    Not the pose that clears most at the apex: that depends on masses and on every joint (ocp/guesses/posture.py).
     """
     lower, upper = (np.array([getattr(leg.joint[j], side) for j in leg.joints]) for side in ("lower", "upper"))
     lower, upper = lower + margin, upper - margin
@@ -216,12 +216,24 @@ def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
         x = foot(q)[0]
         return np.concatenate([q - lower, upper - q, [window - x, window + x]])
 
-    drawn = lower + (upper - lower) * spread(POSES, len(leg.joints))
-    best = drawn[np.argsort(-merit(drawn))[:4]]
-    refined = [
-        minimize(lambda q: -foot(q)[1], q, method="SLSQP", constraints={"type": "ineq", "fun": room}).x for q in best
-    ]
-    found = np.clip([*best, *refined], lower, upper)
+    def refined(q: np.ndarray) -> np.ndarray:
+        return minimize(lambda q: -foot(q)[1], q, method="SLSQP", constraints={"type": "ineq", "fun": room}).x
+
+    return best_pose(lower, upper, merit, refined)
+
+
+def best_pose(
+    lower: np.ndarray, upper: np.ndarray, merit: Callable[[np.ndarray], np.ndarray],
+    refined: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:  # fmt: skip
+    """The best pose (n,) [rad] within limits: the best of quasi-random ones, refined, whatever the number of joints.
+
+    merit: of poses (k, n) [rad], more is better, (k,)
+    refined: from a pose (n,) [rad] the nearest optimum
+    """
+    drawn = lower + (upper - lower) * spread(POSES, len(lower))
+    begun = drawn[np.argsort(-merit(drawn))[:REFINED]]
+    found = np.clip([*begun, *(refined(q) for q in begun)], lower, upper)
     return found[np.argmax(merit(found))]
 
 

@@ -1,4 +1,4 @@
-"""A phase's right-hand sides as one function, and where on its mesh they are evaluated."""
+"""A phase's right-hand sides as one function, and where on its mesh they are evaluated; what depends on the ends."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ import numpy as np
 
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.schemes import Scheme, lagrange
-from hopopt.nlp.terms import Matrix, Triplets, blocks, entries, stacked, together
-from hopopt.ocp.problem import Component, Instant, Parameter, Phase, Problem, components, stack, symbols
+from hopopt.nlp.terms import Local, Matrix, Triplets, blocks, entries, stacked, together
+from hopopt.ocp.problem import Component, Ends, Instant, Parameter, Phase, Problem, components, stack, symbols
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,39 @@ def make_stage(phase: Phase, parameters: Sequence[Parameter]) -> Stage:
         f"stage_{phase.name}".replace("-", "_").replace(" ", "_"), inputs, [ca.densify(o) for o in outputs]
     )
     return Stage(phase, function, labels)
+
+
+def ends_of(problem: Problem) -> tuple[Local, list[int]]:
+    """The objective (less is better) and the boundary constraints as one function of the ends of all phases, made once
+    for all meshes of the problem, and how many values each constraint has."""
+    return problem.once("ends", lambda: _make_ends(problem))
+
+
+def _make_ends(problem: Problem) -> tuple[Local, list[int]]:
+    goal, at = problem.objective, EndSymbols(problem)
+    values = [ca.vec(ca.SX(c.value(at.ends))) for c in problem.boundary]
+    outputs = ca.vertcat(goal.cost(ca.SX(goal.value(at.ends))), *values)
+    free, fixed = (stack(at.p, [q for q in problem.parameters if q.free is kind]) for kind in (True, False))
+    y = [symbol for parts in at.parts.values() for symbol in parts[:3]]
+    extra = [parts[3] for parts in at.parts.values()]
+    return Local("ends", ca.vertcat(*y, free), ca.vertcat(*extra, fixed), outputs), [int(v.numel()) for v in values]
+
+
+class EndSymbols:
+    """Symbols for the ends of all phases: ``ends``, made of the parameters ``p`` and, by phase, of ``parts``: initial
+    and final state, duration, integrals."""
+
+    def __init__(self, problem: Problem):
+        self.p, self.parts = symbols(problem.parameters), dict[str, tuple[ca.SX, ca.SX, ca.SX, ca.SX]]()
+        initial, final, duration, integral = {}, {}, {}, {}
+        for phase in problem.phases:
+            first, last, T = symbols(phase.states), symbols(phase.states), ca.SX.sym("T")
+            total, name = ca.SX.sym("I", len(phase.integrands)), phase.name
+            self.parts[name] = (stack(first, phase.states), stack(last, phase.states), T, total)
+            initial[name], final[name] = Instant(t=ca.SX(0), p=self.p, **first), Instant(t=T, p=self.p, **last)
+            duration[name] = T
+            integral[name] = {n: total[k] for k, n in enumerate(phase.integrands)}
+        self.ends = Ends(initial, final, duration, integral, self.p)
 
 
 @dataclass(frozen=True)

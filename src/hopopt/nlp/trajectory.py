@@ -60,3 +60,18 @@ class PhaseTrajectory:
     def x_end(self) -> np.ndarray:
         """State at the end of the phase, shape (nx,)."""
         return self.at(np.array([len(self.x_start) - 1]), np.array([1.0]))[0][0]
+
+
+@dataclass(frozen=True)
+class FromTrajectory:
+    """An earlier solution of a phase as a guess, sampled by its own interpolant."""
+
+    trajectory: PhaseTrajectory
+
+    @property
+    def duration(self) -> float:
+        return self.trajectory.duration
+
+    def sample(self, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States and controls at fractions of the phase."""
+        return self.trajectory.sample(np.asarray(fraction) * self.trajectory.duration)

@@ -5,7 +5,7 @@ every arc, the free parameters. Constraints: the collocation defects, the path c
 the boundary constraints. Each phase's right-hand sides are one SX function, mapped over its abscissae.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,14 +13,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hopopt.nlp.layout import PhaseLayout, PhaseVariables, stage_of
+from hopopt.nlp.layout import PhaseLayout, PhaseVariables, ends_of, stage_of
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.program import Program
 from hopopt.nlp.schemes import Scheme
 from hopopt.nlp.terms import Local, Matrix, Term, Triplets, blocks, csc, entries, stacked, together
-from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.nlp.trajectory import FromTrajectory, PhaseTrajectory
 from hopopt.ocp.guesses.guess import Guess as Guess
-from hopopt.ocp.problem import Component, Ends, Instant, Problem, components, split, stack, symbols
+from hopopt.ocp.problem import Component, Parameter, Problem, components, split
 
 SHORTEST_ARC = 1e-4  # of the phase's guessed duration: an arc that shrinks to this is spurious
 
@@ -48,21 +48,6 @@ class Rows:
         return self.start + len(self.labels) * max(1, len(self.interval))
 
 
-@dataclass(frozen=True)
-class FromTrajectory:
-    """An earlier solution of a phase as a guess, sampled by its own interpolant."""
-
-    trajectory: PhaseTrajectory
-
-    @property
-    def duration(self) -> float:
-        return self.trajectory.duration
-
-    def sample(self, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States and controls at fractions of the phase."""
-        return self.trajectory.sample(np.asarray(fraction) * self.trajectory.duration)
-
-
 class Transcription:
     """The nonlinear program of a problem on a mesh: ``nlp`` (CasADi x, p, f, g), bounds, scales and names."""
 
@@ -75,10 +60,7 @@ class Transcription:
         }
         self._rows: list[Rows] = []
         self._linear: list[Triplets] = []  # what the variables add to the rows
-        self._scattered: dict[str, list[Triplets]] = {
-            "": [],
-            **{name: [] for name in self.layouts},
-        }  # outputs, by owner
+        self._scattered: dict[str, list[Triplets]] = {name: [] for name in ("", *self.layouts)}  # outputs, by owner
         self._lbg: list[np.ndarray] = []
         self._ubg: list[np.ndarray] = []
         self._place_variables()
@@ -103,20 +85,18 @@ class Transcription:
 
     def _place_variables(self) -> None:
         self.variables: dict[str, PhaseVariables] = {}
-        scales, at = [], 0
+        scales, at = list[np.ndarray](), 0
         for name, layout in self.layouts.items():
             phase, pieces = layout.phase, []
             nodes = ((phase.states, layout.state_nodes), (phase.controls, layout.control_nodes))
-            for group, count in nodes:
-                scales.append(np.tile(phase.columns(group, "scale"), count))
+            scales += [np.tile(phase.columns(group, "scale"), count) for group, count in nodes]
             scales.append(np.full(layout.mesh.arcs, min(phase.duration[1], 1.0)))
             for block in scales[-3:]:
                 pieces.append(slice(at, at + len(block)))
                 at += len(block)
             self.variables[name] = PhaseVariables(*pieces)
-        scales.append(np.concatenate([p.column("scale") for p in self.free]) if self.free else np.zeros(0))
-        self.parameters = slice(at, at + len(scales[-1]))
-        self.scale = np.concatenate(scales)
+        self.scale = np.concatenate([*scales, *(p.column("scale") for p in self.free)])
+        self.parameters = slice(at, len(self.scale))
 
     def bounds(self, guess: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds of the scaled variables; arcs may not shrink to nothing."""
@@ -126,16 +106,14 @@ class Transcription:
             for side, out in (("lower", low), ("upper", high)):
                 x = np.tile(phase.columns(phase.states, side), (layout.state_nodes, 1))
                 for node, end in ((0, "initial"), (-1, "final")):
-                    ends = [s.end_bounds(end)[side == "upper"] for s in phase.states]
-                    x[node] = np.concatenate(ends)
+                    x[node] = np.concatenate([s.end_bounds(end)[side == "upper"] for s in phase.states])
                 out[where.x] = x.ravel()
                 out[where.u] = np.tile(phase.columns(phase.controls, side), layout.control_nodes)
             one_arc = layout.mesh.arcs == 1
             low[where.durations] = phase.duration[0] if one_arc else SHORTEST_ARC * guess[name].duration
             high[where.durations] = phase.duration[1]
-        if self.free:
-            low[self.parameters] = np.concatenate([p.column("lower") for p in self.free])
-            high[self.parameters] = np.concatenate([p.column("upper") for p in self.free])
+        for side, out in (("lower", low), ("upper", high)):
+            out[self.parameters] = np.concatenate([np.zeros(0), *(p.column(side) for p in self.free)])
         return low / self.scale, high / self.scale
 
     # ---- constraints -----------------------------------------------------------------------------------
@@ -158,17 +136,20 @@ class Transcription:
         self._add_defects(layout, where.x.start)
         self._add_path(layout)
         if layout.mesh.arcs > 1:
-            scale = np.array([min(phase.duration[1], 1.0)])
+            scale, label = np.array([min(phase.duration[1], 1.0)]), (Component("duration"),)
             linear = blocks(np.ones((1, layout.mesh.arcs)) / scale, np.ones((1, 1)), 1, 1, 0, where.durations.start)
-            self._add(
-                "duration", phase.name, "duration", (Component("duration"),), phase.duration, scale, linear, unit="s"
-            )
+            self._add("duration", phase.name, "duration", label, phase.duration, scale, linear, unit="s")
 
     def _add_defects(self, layout: PhaseLayout, start: int) -> None:
-        """X S - (X' times arc duration) Q = 0."""
+        """x_ik - x_i0 - sum_j A_kj h_i T_a f_ij = 0 for every interval i and every new state node k of it, scaled.
+
+        x_i0: the state where the interval begins; x_ik: at its abscissa c_k; f_ij = f(x_ij, u_ij, t_ij, p): the
+        right-hand side at its abscissa c_j; h_i: its share of its arc a; T_a: the arc's duration; A: the scheme's
+        integration matrix (nlp/schemes.py). For all nodes at once that is X S - (T F) Q, with S and Q of
+        ``PhaseLayout.defect_matrices``.
+        """
         phase, steps, N = layout.phase, self.scheme.steps, layout.mesh.intervals
-        labels = tuple(c for s in phase.states for c in s.components())
-        scale = phase.columns(phase.states, "scale")
+        labels, scale = tuple(c for s in phase.states for c in s.components()), phase.columns(phase.states, "scale")
         S, Q = layout.defect_matrices()
         linear = blocks(S, np.diag(1 / scale), len(scale), len(scale), 0, start)
         scatter = blocks(Q, np.diag(-1 / scale), len(scale), layout.stage.outputs)
@@ -192,9 +173,8 @@ class Transcription:
         """The phase's right-hand sides at its points, times the duration of their arc if they are integrated."""
         stage, name = layout.stage, layout.phase.name
         local = self.problem.once(("term", name), lambda: Local(name, *stage.over_arc(self.problem.parameters)))
-        gather = self._by_variables(
-            layout.gather(self.variables[name], self.parameters), layout.points * local.y.numel()
-        )
+        inputs = layout.gather(self.variables[name], self.parameters)
+        gather = self._by_variables(inputs, layout.points * local.y.numel())
         counts = [len(p.integrands) for p in self.problem.phases]
         own, w = self.problem.phases.index(layout.phase), layout.quadrature()
         places, first = (w, np.zeros(len(w), dtype=int), np.arange(len(w))), self._count + sum(counts[:own])
@@ -214,7 +194,7 @@ class Transcription:
 
     def _add_boundary(self) -> Term:
         """The objective and the boundary constraints: functions of the ends of all phases."""
-        local, sizes = self.problem.once("ends", self._ends_term)
+        local, sizes = ends_of(self.problem)
         output, width = 1, local.outputs.numel()
         for constraint, size in zip(self.problem.boundary, sizes, strict=True):
             scale = np.broadcast_to(np.asarray(constraint.scale, dtype=float), (size,))
@@ -226,28 +206,6 @@ class Transcription:
         row[1:] += 1  # the objective comes first
         return Term(local, self._gather_ends(), csc((value, (row, column)), (1 + self._count, width)))
 
-    def _ends_term(self) -> tuple[Local, list[int]]:
-        """The objective (less is better) and the boundary constraints, and how many values each of these has."""
-        goal, (at, y, extra) = self.problem.objective, self._ends()
-        values = [ca.vec(ca.SX(c.value(at))) for c in self.problem.boundary]
-        outputs = ca.vertcat(goal.cost(ca.SX(goal.value(at))), *values)
-        return Local("ends", y, extra, outputs), [int(v.numel()) for v in values]
-
-    def _ends(self) -> tuple[Ends, ca.SX, ca.SX]:
-        """Symbols for the ends of all phases; which of them are variables, and the rest (integrals first)."""
-        p = symbols(self.problem.parameters)
-        y, integrals, initial, final, duration, integral = [], [], {}, {}, {}, {}
-        for phase in self.problem.phases:
-            first, last = symbols(phase.states), symbols(phase.states)
-            T, integral_symbols = ca.SX.sym("T"), ca.SX.sym("I", len(phase.integrands))
-            initial[phase.name], final[phase.name] = Instant(t=ca.SX(0), p=p, **first), Instant(t=T, p=p, **last)
-            duration[phase.name] = T
-            integral[phase.name] = {n: integral_symbols[k] for k, n in enumerate(phase.integrands)}
-            y += [stack(first, phase.states), stack(last, phase.states), T]
-            integrals.append(integral_symbols)
-        y, extra = ca.vertcat(*y, stack(p, self.free)), ca.vertcat(*integrals, stack(p, self.fixed))
-        return Ends(initial, final, duration, integral, p), y, extra
-
     def _gather_ends(self) -> Matrix:
         """Initial states, final states and duration of each phase, then the free parameters, from the variables."""
         found, row, one = list[Triplets](), 0, np.ones((1, 1))
@@ -258,7 +216,7 @@ class Transcription:
                 row += nx
             found.append(blocks(one, np.ones((1, arcs)), 0, 0, row, where.durations.start))
             row += 1
-        free = self.parameters.stop - self.parameters.start
+        free = len(self.scale) - self.parameters.start
         found.append(blocks(one, np.eye(free), 0, 0, row, self.parameters.start))
         return self._by_variables(stacked(found), row + free)
 
@@ -291,12 +249,10 @@ class Transcription:
             z[where.x] = g.sample(layout.node_fraction)[0].ravel()
             z[where.u] = g.sample(edges[interval] + inner * np.diff(edges)[interval])[1].ravel()
             z[where.durations] = layout.mesh.spans * g.duration
-        values = {q.name: q.value for q in self.free} | dict(parameters or {})
-        if self.free:
-            z[self.parameters] = np.concatenate([np.broadcast_to(values[q.name], (q.size,)) for q in self.free])
+        z[self.parameters] = _values(self.free, parameters)
         return z / self.scale
 
-    def guess_from(self, phases: Mapping[str, PhaseTrajectory]) -> dict[str, "FromTrajectory"]:
+    def guess_from(self, phases: Mapping[str, PhaseTrajectory]) -> dict[str, FromTrajectory]:
         """Trajectories of an earlier solve as a guess."""
         return {name: FromTrajectory(trajectory) for name, trajectory in phases.items()}
 
@@ -306,15 +262,14 @@ class Transcription:
 
     def parameter_values(self, parameters: Mapping[str, Any] | None = None) -> np.ndarray:
         """The NLP's fixed parameters, from their own values and the overrides given."""
-        values = {q.name: q.value for q in self.fixed} | dict(parameters or {})
-        return np.concatenate([np.broadcast_to(values[q.name], (q.size,)) for q in self.fixed] or [np.zeros(0)])
+        return _values(self.fixed, parameters)
 
     def unpack(self, z: np.ndarray, p: np.ndarray) -> tuple[dict[str, PhaseTrajectory], dict[str, np.ndarray]]:
         """Trajectories by phase and the values of all parameters from a scaled NLP vector."""
         physical = z * self.scale
         values = {**split(self.fixed, p), **split(self.free, physical[self.parameters])}
-        stacked = np.concatenate([values[q.name] for q in self.problem.parameters] or [np.zeros(0)])
-        phases = {name: self._trajectory(layout, physical, stacked) for name, layout in self.layouts.items()}
+        p = _values(self.problem.parameters, values)
+        phases = {name: self._trajectory(layout, physical, p) for name, layout in self.layouts.items()}
         return phases, values
 
     def _trajectory(self, layout: PhaseLayout, physical: np.ndarray, p: np.ndarray) -> PhaseTrajectory:
@@ -331,3 +286,9 @@ class Transcription:
         return PhaseTrajectory(
             self.scheme, edges, starts, xdot.reshape(by_interval), controls.reshape(by_interval), layout.mesh.arc
         )
+
+
+def _values(chosen: Sequence[Parameter], given: Mapping[str, Any] | None) -> np.ndarray:
+    """The parameters' own values, or those given by name, one after another."""
+    values = {q.name: q.value for q in chosen} | dict(given or {})
+    return np.concatenate([np.zeros(0), *(np.broadcast_to(values[q.name], (q.size,)) for q in chosen)])

@@ -26,8 +26,8 @@ NO_DESCENT = LimitId(Kind.DESCENT, key="hop.counter_movement", unit="m/s")
 def operating_region_constraint(
     leg: Leg, joint: str, motion: MotionAt, asked: Callable[[Instant], ca.SX]
 ) -> PathConstraint:
-    """-1 <= a tau + b w <= 1 for every pair of half-planes of the joint's operating region (eq. con_tsat); tau is what the
-    motor is ``asked`` for [N m]."""
+    """-1 <= a tau + b w <= 1 for every pair of half-planes of the joint's operating region (paper, eq. 13); tau is what
+    the motor is ``asked`` for [N m]."""
     k = leg.joints.index(joint)
 
     def value(s: Instant) -> ca.SX:

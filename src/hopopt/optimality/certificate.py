@@ -21,7 +21,11 @@ from hopopt.optimality.minimum_principle.transversality import TransversalityCon
 from hopopt.verify.check import Check
 
 COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself
-COSTATE, HAMILTONIAN, ENDS, STATIONARY = 1e-4, 5e-4, 1e-5, 1e-3  # tolerances, all relative
+# Tolerances, all relative; in brackets the most that a built-in leg leaves with default settings:
+COSTATE = 1e-4  # ten times the local error that states may have: costates are integrated on their mesh (2e-6)
+HAMILTONIAN = 5e-4  # H is the sum of large terms of either sign, each in error by up to COSTATE: a few of them (4e-4)
+ENDS = 1e-5  # what the program itself meets, solved to 1e-11; its quadrature of H over a phase is less accurate (4e-6)
+STATIONARY = 1e-3  # what could be gained to first order: a millimetre of a metre (5e-4; 8e-2 on the first mesh)
 
 
 @dataclass(frozen=True)

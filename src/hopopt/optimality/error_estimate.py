@@ -9,7 +9,6 @@ them would do instead: there multipliers of single nodes say too little. docs/ce
 fails.
 """
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -79,10 +78,9 @@ class ObjectiveError:
 
 def objective_error(solution: NlpSolution) -> ObjectiveError:
     """The error of a solution's objective, from its trajectories and multipliers."""
-    t, nodes = solution.transcription, dict[str, np.ndarray]()
-    for name, layout in t.layouts.items():
-        trajectory, scheme = solution.phases[name], t.scheme
-        l = _evaluated(solution, layout, *trajectory.everywhere(np.array(scheme.c)))[2]  # noqa: E741
+    nodes, scheme = dict[str, np.ndarray](), solution.transcription.scheme
+    for name, trajectory in solution.phases.items():
+        l = solution.right_hand_sides(name, *trajectory.everywhere(np.array(scheme.c)))[2]  # noqa: E741
         nodes[name] = trajectory.lengths[:, None] * np.einsum("k,ikl->il", scheme.b, l)
     ends = transversality_conditions(solution, {name: total.sum(axis=0) for name, total in nodes.items()})
     parts = sum((_phase_gap(solution, name, ends, nodes[name]) for name in nodes), np.zeros(5))
@@ -99,13 +97,13 @@ def _phase_gap(solution: NlpSolution, name: str, ends: TransversalityConditions,
     layout, trajectory = solution.transcription.layouts[name], solution.phases[name]
     m, h, weights = phase_multipliers(solution, name), trajectory.lengths, ends.phases[name]["integrals"]
     t, x, u = trajectory.everywhere(NORMALISED_TIMES)
-    f, path, l = _evaluated(solution, layout, t, x, u)  # noqa: E741
+    f, path, l = solution.right_hand_sides(name, t, x, u)  # noqa: E741
     bounds = _Limits(layout)
     inside = bounds.inside(solution, t, x, u, path)
     f_inside, path_inside, l_inside = (values.copy() for values in (f, path, l))
     if (at := np.nonzero((inside != u).any(axis=2)))[0].size:
         for old, new in zip(
-            (f_inside, path_inside, l_inside), _evaluated(solution, layout, t[at], x[at], inside[at]), strict=True
+            (f_inside, path_inside, l_inside), solution.right_hand_sides(name, t[at], x[at], inside[at]), strict=True
         ):
             old[at] = new
     basis = lagrange(trajectory.scheme.c, NORMALISED_TIMES)
@@ -117,7 +115,7 @@ def _phase_gap(solution: NlpSolution, name: str, ends: TransversalityConditions,
     dynamics = integral(xdot - f, -l) + quadrature @ weights
     controls = integral(f - f_inside, l - l_inside)
     drift = h[:, None, None] * cumulative_trapezoid(xdot - f_inside, NORMALISED_TIMES, axis=1, initial=0.0)
-    followed = _evaluated(solution, layout, t, x - drift, inside)[
+    followed = solution.right_hand_sides(name, t, x - drift, inside)[
         1
     ]  # where the controls lead from the interval's start
     excess = np.maximum(
@@ -198,7 +196,9 @@ class _Limits:
         for k in range(nu):
             moved = u.copy()
             moved[:, k] += STEP * self.control_scale[k]
-            found[:, : path.shape[1], k] = (_evaluated(solution, self.layout, t, x, moved)[1] - path) / STEP
+            found[:, : path.shape[1], k] = (
+                solution.right_hand_sides(self.layout.phase.name, t, x, moved)[1] - path
+            ) / STEP
             found[:, path.shape[1] + x.shape[1] + k, k] = self.control_scale[k]
         return found / self.scale[:, None]
 
@@ -215,18 +215,6 @@ class _Limits:
                 break
             w += (gap / np.maximum(size[rows, worst], STEP**2))[:, None] * A[rows, worst]
         return w
-
-
-def _evaluated(
-    solution: NlpSolution, layout: PhaseLayout, t: np.ndarray, x: np.ndarray, u: np.ndarray
-) -> list[np.ndarray]:
-    """Right-hand sides, path constraints and integrands at times t (...), states (..., nx) and controls (..., nu)."""
-    chosen: Mapping[str, Any] = solution.parameters
-    values = [np.atleast_1d(chosen[q.name]) for q in solution.transcription.problem.parameters]
-    p = np.concatenate([np.zeros(0), *values])
-    flat = [np.ascontiguousarray(table.reshape(t.size, -1).T) for table in (x, u, t)]
-    results = layout.stage.function.map(t.size)(*flat, p)
-    return [np.array(r).T.reshape(*t.shape, -1) for r in results]
 
 
 def _peaks(values: np.ndarray) -> np.ndarray:

@@ -113,14 +113,14 @@ def _mean(values: np.ndarray, t: np.ndarray) -> float:
 
 
 def _energy(force: HopFigures) -> PaperFigure:
-    """Eq. con_energy: m g (h_max - h_init) against the work of the joints, the knee's and the hip's."""
+    """The paper's eq. 15: m g (h_max - h_init) against the work of the joints, the knee's and the hip's."""
     trace, span = force.trace, force.stance
     w = trace.v[span, BASE:]
     work = float(np.trapezoid(np.sum(trace.tau[span] * w, axis=1), trace.t[span]))
     g = float(np.linalg.norm(trace.robot.model.gravity.linear))
     lifted = force.design.leg.body.mass * g * force.foot_height
     return PaperFigure(
-        "eq. con_energy, force control: m g (h_max - h_init) = work of the joints [J]",
+        "eq. 15, force control: m g (h_max - h_init) = work of the joints [J]",
         "equal",
         f"{lifted:.1f} against {work:.1f}",
         abs(lifted - work) <= NEAR * work,

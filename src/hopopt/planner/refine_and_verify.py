@@ -3,10 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from hopopt.design import Design
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.refinement.mesh_refinement import MET, Aims, MeshStep, Refinement, Report
-from hopopt.nlp.refinement.tightened_refinement import refinement_of
+from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement, Report
+from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
@@ -14,6 +13,7 @@ from hopopt.ocp.objectives.objective import HEIGHTS
 from hopopt.optimality.minimum_principle.free_switches import Resolved
 from hopopt.planner.answer.summary import summarize
 from hopopt.planner.answer.verdict import Verdict
+from hopopt.planner.attempts import MARGIN, REFINEMENT, Attempt, Trial, tried_again
 from hopopt.planner.checks.judge import judge
 from hopopt.planner.search.calm_first import calmest, uncalmed
 from hopopt.planner.search.multistart import Progress, StartOutcome, first_transcription, solution_of
@@ -22,10 +22,6 @@ from hopopt.planner.stopwatch import Stopwatch
 from hopopt.verify.check import LIMIT
 
 Refined = Refinement | Resolved
-MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
-SMALL_MARGIN = 0.1  # and at this where a hop is not verified: with all drives at their limits, excess adds up
-TOLERANCE, PRICE_TOLERANCE = 1e-6, 1e-5  # a tenth and a fifth of the defaults
-AT_MOST = {"tolerance": TOLERANCE, "price_tolerance": PRICE_TOLERANCE}  # entries of [solver]
 
 
 @dataclass(frozen=True)
@@ -49,6 +45,11 @@ class Answer:
     def verified(self) -> bool:
         """Whether every check passed."""
         return self.verdict.verified
+
+    @property
+    def trial(self) -> Trial:
+        """What attempts look at."""
+        return Trial(self.verified, self.verdict.certified, self.refined.ended, self.objective_value)
 
     @property
     def objective_value(self) -> float:
@@ -83,38 +84,22 @@ def refine_and_verify(
     until: Deadline = NEVER,
     calmed: NlpSolution | None = None,
 ) -> Answer:
-    """One start's optimum refined, with its verdict; with tighter tolerances if those of the problem are met and it is
-    not verified. ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that is aimed at;
-    ``calmed``: what the start leads to with a larger tie-break, if that is known (planner/search/calm_first.py)."""
+    """One start's optimum refined, with its verdict, or what the attempts after a refinement lead to that is better
+    (planner/attempts.py). ``first`` is the first mesh's program if there is one; ``margin``: share of the excess that
+    is aimed at; ``calmed``: what the start leads to with a larger tie-break, if that is known
+    (planner/search/calm_first.py)."""
     clock = clock or Stopwatch()
     refinement = refine_outcome(hop, outcome, say, first, restarts, margin, until, calmed)
     clock.mark("refinement")
     say("verifying")
+
+    def again(attempt: Attempt, closer: Hop) -> Answer:
+        if attempt.further:
+            return judged(closer, refinement.further(aims_of(closer, until)), clock)
+        return refine_and_verify(closer, outcome, say, first, restarts, clock, attempt.margin, until, calmed)
+
     found = judged(hop, refinement, clock)
-    sound = found.verified and found.verdict.certified
-    if until.passed or (closer := hop_with_tighter_tolerances(hop, refinement, sound)) is None:
-        return found
-    if found.verified:  # nearly done: go on from there
-        say("verified, but not certified: refining further, with tighter tolerances")
-        again = judged(closer, refinement.further(aims_of(closer, until)), clock)
-        return again if again.verified and again.verdict.certified else found
-    say("not verified: refining again, with tighter tolerances")
-    again = refine_and_verify(closer, outcome, say, first, restarts, clock, SMALL_MARGIN, until, calmed)
-    return again if again.verified else found
-
-
-def hop_with_tighter_tolerances(hop: Hop, refinement: Refinement, sound: bool) -> Hop | None:
-    """The question once more with tighter tolerances, if that may help: the hop met all
-    aims of its refinement and is not ``sound`` (verified, and certified where that is asked); else None."""
-    smaller = with_tighter_tolerances(hop.design)
-    return None if sound or refinement.ended != MET or smaller == hop.design else hop.with_solver_of(smaller)
-
-
-def with_tighter_tolerances(design: Design) -> Design:
-    """The problem with tolerances of the solver of at most AT_MOST: more accurate than a height is read."""
-    s = design.solver
-    smaller = {name: min(getattr(s, name), most) for name, most in AT_MOST.items()}
-    return design.model_copy(update={"solver": s.model_copy(update=smaller)})
+    return tried_again(hop, found, REFINEMENT, again, lambda answer: answer.trial, say, until)[1]
 
 
 def judged(hop: Hop, refined: Refined, clock: Stopwatch | None = None) -> Answer:
@@ -158,9 +143,7 @@ def refine_outcome(
     if hop.objective.calm_first and aims.meshes:
         calmed = calmed or (calmest(hop, [solution], aims, told_of_calm(hop, say)) or (0, None))[1]
         solution = (uncalmed(hop, calmed, aims) if calmed else None) or solution
-    refinement = refinement_of(solution, aims, _told(hop, say))
-    refinement.run()
-    return refinement
+    return Refinement(solution, aims, _told(hop, say)).run()
 
 
 def told_of_calm(hop: Hop, say: Progress) -> Report:

@@ -12,11 +12,10 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement
-from hopopt.nlp.refinement.tightened_refinement import refinement_of
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
-from hopopt.nlp.trajectory import PhaseTrajectory
-from hopopt.nlp.transcription import FromTrajectory, Guess, Transcription
+from hopopt.nlp.trajectory import FromTrajectory, PhaseTrajectory
+from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.hops.several_hops import PHASES, JointState, in_words, numbered, several_hops
@@ -25,8 +24,9 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.violations import violations
 from hopopt.planner.answer.verdict import Verdict
+from hopopt.planner.attempts import SEVERAL_HOPS, Attempt, Trial, tried_again
 from hopopt.planner.checks.judge import numerical_checks
-from hopopt.planner.refine_and_verify import aims_of, hop_with_tighter_tolerances
+from hopopt.planner.refine_and_verify import aims_of
 from hopopt.planner.search.multistart import infeasibility
 from hopopt.planner.solution import Motion, Solution
 from hopopt.verify.hops.several_hops import several_hops_checks
@@ -127,21 +127,21 @@ def _refined(
     hop: Hop, found: NlpSolution, count: int, begin: JointState, end: JointState, say: Callable[[str], None],
     until: Deadline,
 ) -> HopsPlan:  # fmt: skip
-    """The plan on a mesh that is fine enough, verified; with tighter tolerances if it is not certified with the usual ones."""
+    """The plan on a mesh that is fine enough, verified, with the attempts after it (planner/attempts.py)."""
 
     def told(step: MeshStep) -> None:
         say(f"local error {step.local_error:.0e}, limits exceeded by {step.excess:.0e}")
 
-    refinement = refinement_of(found, aims_of(hop, until), told)
-    refinement.run()
+    refinement = Refinement(found, aims_of(hop, until), told).run()
+
+    def again(attempt: Attempt, closer: Hop) -> HopsPlan:
+        return _judged(closer, refinement.further(aims_of(closer, until)), count, begin, end)
+
+    def seen(plan: HopsPlan) -> Trial:
+        return Trial(plan.verdict.verified, plan.verdict.certified, refinement.ended, plan.effort)
+
     plan = _judged(hop, refinement, count, begin, end)
-    closer = hop_with_tighter_tolerances(hop, refinement, plan.verdict.verified and plan.verdict.certified)
-    if closer is None or until.passed:
-        return plan
-    say("refining further, with tighter tolerances")
-    again = _judged(closer, refinement.further(aims_of(closer, until)), count, begin, end)
-    better = again.verdict.certified or not plan.verdict.verified
-    return again if again.verdict.verified and better else plan
+    return tried_again(hop, plan, SEVERAL_HOPS, again, seen, say, until)[1]
 
 
 def _judged(hop: Hop, refinement: Refinement, count: int, begin: JointState, end: JointState) -> HopsPlan:

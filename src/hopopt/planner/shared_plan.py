@@ -12,8 +12,8 @@ from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
-from hopopt.nlp.trajectory import PhaseTrajectory
-from hopopt.nlp.transcription import FromTrajectory, Transcription
+from hopopt.nlp.trajectory import FromTrajectory, PhaseTrajectory
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hops.shared_control import CLEARANCE, DAMPING, STIFFNESS, TrueLeg, highest_gains, under_one_controller
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.optimality.violations import violations

@@ -1,6 +1,7 @@
 """From a problem to a verified answer: several starts, the best of them finished, what is doubtful solved once more."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -8,25 +9,33 @@ from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.refinement.mesh_refinement import UNSOLVED, relative
+from hopopt.nlp.refinement.mesh_refinement import MeshStep, relative
 from hopopt.ocp.custom import custom
 from hopopt.ocp.guesses.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import given
+from hopopt.optimality.minimum_principle.free_switches import resolve
 from hopopt.planner.answer.limit_names import flat_words
 from hopopt.planner.answer.notes import flat_directions, notes_on, saddle_note, second_order
 from hopopt.planner.answer.stored_summary import LATE
 from hopopt.planner.answer.summary import start_figures
 from hopopt.planner.answer.summary_extras import FlatDirection
+from hopopt.planner.attempts import HOP, Attempt, Trial, tried_again, with_tighter_tolerances
 from hopopt.planner.checks.cross_check import with_cross_checks
-from hopopt.planner.refine_and_verify import aims_of, refined_and_verified, told_of_calm, with_tighter_tolerances
+from hopopt.planner.refine_and_verify import (
+    aims_of,
+    judged,
+    progress_line,
+    refined_and_verified,
+    summed_up,
+    told_of_calm,
+)
 from hopopt.planner.search.calm_first import calmest
 from hopopt.planner.search.families import families, told_apart
 from hopopt.planner.search.first_mesh import SEARCH, FirstMesh, looked_closer, search_first_mesh
 from hopopt.planner.search.global_verdict import NOTHING, alarm_note, global_figures
 from hopopt.planner.search.multistart import (
-    CLOSE,
     Progress,
     StartOutcome,
     contenders,
@@ -41,7 +50,6 @@ from hopopt.planner.search.shortest_stance import with_shortest_stance
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
-from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.checking.hints import hints
 from hopopt.problem.load import as_design
 
@@ -49,7 +57,6 @@ TIME_LIMIT = 600.0  # s; one random leg in ten takes over a minute from two star
 SEARCHING = (
     0.85  # share of the time limit, after which nothing more is searched for: what is found is still to be checked
 )
-CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
 
 
 def solve(
@@ -69,7 +76,7 @@ def solve(
     design is a problem, or its name or file. objective is the name of one, or a function of your own (or its name "module:function"); constraints are path
     constraints of your own (hopopt.ocp.custom). starts overrides the problem's number; processes (default: the cores)
     solve them side by side; structure: the best is solved once more with the switches of its drives at free times
-    (optimality/minimum_principle/free_switches.py), with tighter tolerances (planner/refine_and_verify.py); cross_check: solved by another
+    (optimality/minimum_principle/free_switches.py), with tighter tolerances (planner/attempts.py); cross_check: solved by another
     solver and other schemes too, in the summary's ``second_opinions`` (planner/checks/cross_check.py); time_limit [s] (default:
     TIME_LIMIT): when it is reached the best hop so far is the answer, or the reason why there is none; progress is called
     with a line of text now and then. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
@@ -113,7 +120,7 @@ def _found(
     if (shorter := with_shortest_stance(hop, best, outcomes, say, clock, until)) is not best:
         finished.append(best := shorter)
     if structure and not until.passed:
-        best = with_free_switches(hop, best, outcomes, say, clock, until)
+        best = _with_free_switches(hop, best, outcomes, say, clock, until)
     found = None if until.passed else flat_directions(hop, best)
     known_as = families(hop, outcomes, [*finished, best])
     overall = global_figures(searched, best, known_as)
@@ -214,47 +221,55 @@ def settled(
 
 
 def once_more(
-    hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch, until: Deadline
-) -> tuple[Hop, Solution]:
-    """A hop that is not verified with a larger tie-break or, if that does not help, with restarts."""
-    if again := calmer(hop, doubtful, outcomes, say, clock, until):
-        return again
-    if until.passed or doubtful.summary.refinement_ended != UNSOLVED:
-        return hop, doubtful
-    say("not verified: refining again, with restarts")
-    return hop, refined_and_verified(hop, outcomes[_chosen(doubtful, outcomes)], outcomes, say, clock, until=until)
-
-
-def calmer(
     hop: Hop, doubtful: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch,
     until: Deadline = NEVER,
-) -> tuple[Hop, Solution] | None:  # fmt: skip
-    """A hop that is not verified again with a larger tie-break, where torques that hardly matter may have chattered: with
-    its problem if it is verified and as good, else nothing."""
-    other = with_larger_tie_break(hop)
-    if other is None:
+) -> tuple[Hop, Solution]:  # fmt: skip
+    """A hop that is not verified, or what the attempts after it lead to (planner/attempts.py), with its problem."""
+    start = outcomes[_chosen(doubtful, outcomes)]
+
+    def again(attempt: Attempt, other: Hop) -> Solution | None:
+        if (begin := start if other is hop else solved_from(other, start, until)).success:
+            return refined_and_verified(other, begin, outcomes, say, clock, restarts=attempt.restarts, until=until)
         return None
-    say(f"not verified: solving again with solver.tie_break = {other.design.solver.tie_break:g}")
-    outcome = solved_from(
-        other, outcomes[_chosen(doubtful, outcomes)], until
-    )  # a start anew may end in another optimum
-    if not outcome.success:
-        return None
-    again = refined_and_verified(other, outcome, outcomes, say, clock, until=until)
-    as_good = relative(again.summary.objective_value, doubtful.summary.objective_value) < CLOSE
-    return (other, again) if again.verified and as_good else None
+
+    return tried_again(hop, doubtful, HOP, again, trial_of, say, until)
 
 
-def with_larger_tie_break(hop: Hop) -> Hop | None:
-    """The problem with a tie-break that is larger, and still too small to matter; None if there is none."""
-    s = hop.design.solver
-    if not (s.refine and s.max_refinements and 0 < s.tie_break <= LARGEST_TIE_BREAK):
-        return None
-    larger = s.model_copy(update={"tie_break": CALMER * s.tie_break})
-    changed = hop.design.model_copy(update={"solver": larger})
-    return Hop(changed, hop.asked, hop.free_parameters, hop.constraints)
+def trial_of(s: Solution) -> Trial:
+    """What attempts look at of a solution."""
+    return Trial(s.verified, s.summary.certified, s.summary.refinement_ended, s.summary.objective_value)
 
 
 def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:
     """Which start led to it."""
     return [o.name for o in outcomes].index(found.summary.starts.chosen)
+
+
+def _with_free_switches(
+    hop: Hop, best: Solution, outcomes: Sequence[StartOutcome], say: Progress, clock: Stopwatch, until: Deadline
+) -> Solution:
+    """The best hop solved again with its drives' switches at free times, if that is verified and agrees with it."""
+    say("solving again with free switching times")
+    settled = MeshStep(**asdict(best.summary.mesh[-1]))
+    found = resolve(stored_nlp(best), settled, aims_of(hop, until), lambda step: say(progress_line(hop, step)))
+    clock.mark("structure")
+    if isinstance(found, str):
+        return _with_structure(best, solved_again=False, note=found)
+    outcome = next(o for o in outcomes if o.name == best.summary.starts.chosen)
+    again = summed_up(judged(hop, found, clock), outcomes, outcome, clock)
+    difference = relative(again.summary.objective_value, best.summary.objective_value)
+    wrong = [*again.summary.failed_checks, *([] if again.summary.certified else ["the certificate"])]
+    wrong += [f"another optimum, {difference:.0e} away"] if difference > hop.design.solver.objective_tolerance else []
+    note = f"with free switching times it failed: {', '.join(wrong)}" if wrong else ""
+    return _with_structure(
+        best if wrong else again,
+        solved_again=not wrong,
+        note=note,
+        switches_s=dict(found.switches),
+        jumps_s=dict(found.jumps),
+        difference=difference,
+    )
+
+
+def _with_structure(solution: Solution, **more: Any) -> Solution:
+    return solution.with_summary(structure=replace(solution.summary.structure, **more))

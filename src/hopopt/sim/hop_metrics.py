@@ -163,7 +163,7 @@ class HopFigures:
         return {"time_s": float(self.trace.t[k]), "body_height_m": height, "vertical_m_s": vz, "horizontal_m_s": vx}
 
     def saturation(self, joint: int) -> np.ndarray:
-        """Saturation ratio C of a joint at every sample of stance (eq. sim_cact), at most 1."""
+        """Saturation ratio C of a joint at every sample of stance (the paper's eq. 17), at most 1."""
         trace, span = self.trace, self.stance
         region = operating_region(self.design.leg, trace.robot.joints[joint], trace.robot.parameters)
         ratio = region.saturation(trace.v[span, BASE + joint], trace.motor[span, joint])
@@ -171,7 +171,7 @@ class HopFigures:
 
     @property
     def saturation_mean(self) -> dict[str, float]:
-        """C_avg of every joint in stance (eq. sim_cactavg)."""
+        """C_avg of every joint in stance (the paper's eq. 18)."""
         t = self.trace.t[self.stance]
         span = max(float(t[-1] - t[0]), 1e-12)
         return {

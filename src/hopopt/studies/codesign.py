@@ -26,6 +26,7 @@ from hopopt.optimality.directions.parametric_sensitivity import slopes
 from hopopt.planner.answer.stored_summary import LATE
 from hopopt.planner.answer.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
 from hopopt.planner.answer.verdict_entries import verification_entries
+from hopopt.planner.attempts import CODESIGN, Attempt, tried_again
 from hopopt.planner.refine_and_verify import refine_outcome, refined_and_verified
 from hopopt.planner.search.first_mesh import search_first_mesh
 from hopopt.planner.search.from_known import from_motion
@@ -40,7 +41,7 @@ from hopopt.planner.search.multistart import (
 )
 from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.solution import Solution
-from hopopt.planner.solve import SEARCHING, TIME_LIMIT, best_of, with_larger_tie_break
+from hopopt.planner.solve import SEARCHING, TIME_LIMIT, best_of, trial_of
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.load import as_design, changed
@@ -92,17 +93,16 @@ def _found(hop: Hop, count: int, side_by_side: int, clock: Stopwatch, say: Progr
         hop, count, side_by_side, reported, _begun(hop, count, side_by_side, reported, until), until
     ).outcomes
     answer = _confirmed(hop, outcomes, count, side_by_side, clock, say, until)
-    if answer.verified or until.passed:
-        return answer
-    with suppress(NotSolvedError):  # what there is, is kept: the time may be up before there is another
-        if (other := with_larger_tie_break(hop)) is not None:  # where torques that hardly matter have chattered
-            reported(f"not verified: solving again with solver.tie_break = {other.design.solver.tie_break:g}")
-            calmer = [solved_from(other, o, until) for o in contenders(outcomes)]
-            if any(o.success for o in calmer):
-                again = _confirmed(other, calmer, count, side_by_side, clock, say, until)
-                if again.verified:
-                    return again
-        return _confirmed(hop, outcomes, count, side_by_side, clock, say, until, restarts=True)
+
+    def again(attempt: Attempt, other: Hop) -> Solution | None:
+        begun = outcomes if other is hop else [solved_from(other, o, until) for o in contenders(outcomes)]
+        if not any(o.success for o in begun):
+            return None
+        return _confirmed(other, begun, count, side_by_side, clock, say, until, attempt.restarts)
+
+    if not answer.verified:
+        with suppress(NotSolvedError):  # what there is, is kept: the time may be up before there is another
+            return tried_again(hop, answer, CODESIGN, again, trial_of, reported, until)[1]
     return answer
 
 

@@ -124,8 +124,9 @@ def held_between(t: Transcription, chosen: Chosen) -> Held:
     groups, touched = _touching(t, chosen)
     inverse, M = (_by_blocks(groups, np.flatnonzero(~touched), invert) for invert in (False, True))
     p, other = t.program, copy(t)
-    terms = (replace(term, scatter=_on_rows(M, term.scatter)) for term in p.phases)
-    other.program = replace(p, linear=csc(M @ p.linear), phases=tuple(terms))
+    if groups:
+        terms = (replace(term, scatter=_on_rows(M, term.scatter)) for term in p.phases)
+        other.program = replace(p, linear=csc(M @ p.linear), phases=tuple(terms))
     return Held(t, chosen, other, inverse, M, touched)
 
 

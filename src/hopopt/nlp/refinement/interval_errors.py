@@ -34,13 +34,8 @@ class IntervalErrors:
 
 def stage_values(solution: NlpSolution, phase: str, places: np.ndarray) -> tuple[np.ndarray, ...]:
     """States (N, k, nx), derivatives (N, k, nx) and path values (N, k, ng) at the same normalised times of every interval."""
-    layout = solution.transcription.layouts[phase]
     t, x, u = solution.phases[phase].everywhere(places)
-    values = [np.atleast_1d(solution.parameters[q.name]) for q in solution.transcription.problem.parameters]
-    p = np.concatenate(values) if values else np.zeros(0)
-    flat = [np.ascontiguousarray(table.reshape(t.size, -1).T) for table in (x, u, t)]
-    xdot, path, _ = layout.stage.function.map(t.size)(*flat, p)
-    return x, *(np.array(table).T.reshape(*t.shape, -1) for table in (xdot, path))
+    return x, *solution.right_hand_sides(phase, t, x, u)[:2]
 
 
 def interval_errors(solution: NlpSolution, phase: str) -> IntervalErrors:
@@ -49,9 +44,13 @@ def interval_errors(solution: NlpSolution, phase: str) -> IntervalErrors:
 
 
 def _local_error(solution: NlpSolution, phase: str) -> np.ndarray:
-    """States against the integral of the right-hand sides along them, on a finer Radau grid; scaled, (N,).
+    """The largest |x(t_k) - x_i0 - h_i sum_j A_kj f(x(t_j), u(t_j), t_j, p)| / scale over an interval, (N,).
 
-    Patterson, Hager and Rao, A ph mesh refinement method for optimal control (2015).
+    x, u: the solution's polynomials; x_i0: the state where interval i of length h_i begins; t_k, A: abscissae and
+    integration matrix of a Radau scheme with two points more; over all its points and all states, each in its scale.
+    After Patterson, Hager and Rao, A ph mesh refinement method for optimal control (2015), where the scheme has one
+    point more and each state's error is divided by 1 + its largest value in the interval: a scale does not depend on
+    the unit.
     """
     trajectory, layout = solution.phases[phase], solution.transcription.layouts[phase]
     fine = radau(len(trajectory.scheme.c) + 2)

@@ -1,9 +1,10 @@
 """Mesh refinement: accurate states, limits enforced between the nodes too, at a cost that does not matter.
 
-An interval is cut at once into as many pieces as its local error and its tightening cost ask for by their orders. The
-local error falls with the interval's length to the power of the nodes and one, the cost of a switch with its square.
-Where limits are passed, they are enforced between the nodes on the next mesh (nlp/refinement/continuous_limits.py). What still
-passes them is tightened. An interval that does not answer to that on the same mesh is cut.
+The loop; where intervals are cut says nlp/refinement/next_mesh.py. Where limits are passed, they are enforced between
+the nodes on the next mesh (nlp/refinement/continuous_limits.py). What still passes them is tightened. Programs with
+kinks of their own have accurate states first and limits tightened on the settled mesh. Where a control or a least
+number only bounds something from above, hulls make such kinks dearer. Schemes that collocate both ends of an interval,
+whose controls oscillate, hardly converge within them.
 """
 
 import time
@@ -15,26 +16,27 @@ from typing import Any, Self
 
 import numpy as np
 
-from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.refinement.continuous_limits import Chosen, Held, coming_close, held_between, nothing_held
+from hopopt.nlp.refinement.continuous_limits import Chosen, Held, coming_close, held_between, holds, nothing_held
 from hopopt.nlp.refinement.interval_errors import interval_errors
-from hopopt.nlp.refinement.mesh_step import Cuts, Parts, about, any_cut, cut, equal, fitting, only, pieces_of
-from hopopt.nlp.refinement.tightening import passed, tightened
-from hopopt.nlp.refinement.tightening_cost import excess_costs, normalised_switch_times, tightening_costs
+from hopopt.nlp.refinement.next_mesh import (
+    Aims,
+    Cuts,
+    Measured,
+    any_cut,
+    cut,
+    cuts_before_tightening,
+    cuts_of_what_is_wrong,
+    fitting,
+    halved,
+    next_cuts,
+    pieces_of,
+)
+from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
+from hopopt.nlp.refinement.tightening_cost import tightening_cost
 from hopopt.nlp.solver.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
 
-BUDGET = 0.5  # share of the allowed tightening cost that a refinement is content with
-AIM = 0.3  # share of the allowed local error, and of the tightening cost, that a cut aims at
-NEARLY = 0.3  # share of what is allowed, above which an interval is cut where others must be
-PIECES = 8  # into which an interval is cut at most
-STUBBORN = 4  # pieces for an interval that does not answer
-SLOW = 2  # order to which an error falls that is still there on the second mesh
-GRADED = 4.0  # times shorter: intervals of switches that should be that are cut about them
-ANSWERS = 0.5  # share of its last excess, above which an interval does not answer to holding its limits
-EARLY = 2  # meshes before an error that wanders is suspected
-COARSE = 0.01  # share of the phase: longer intervals may harbour one
 FINEST = 500  # intervals: a solution that needs more has torques that hardly matter and chatter; a larger tie-break calms them
 LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
 AGREED = 1e-4  # relative
@@ -42,38 +44,14 @@ PATIENCE, LONGER = 60, 5  # iterations from carried multipliers, and how many ti
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
 NEARBY = 4.0  # times its aim: an error within that is not called stuck, for wandering it will meet it
+ROUNDS = 10  # of tightening the limits on one mesh
+STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 # How a refinement ends:
 MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its meshes are used up"
 TOO_FINE = f"the next mesh would have more than {FINEST} intervals"
 NO_NEARER = f"its last {STUCK} meshes brought it no nearer to its aims"
 OUT_OF_TIME = "the time limit was reached"
 UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led to a worse hop"
-Amounts = dict[str, np.ndarray]  # for each phase, how far lower and upper limits are tightened, (2, N, limits)
-
-
-@dataclass(frozen=True)
-class Aims:
-    """What a refinement is to reach, and with how much effort.
-
-    local_error: of any interval, scaled
-    change: relative change of the objective with the last mesh
-    excess: share of its range by which a limit may be passed
-    tightening_cost: relative to the objective
-    meshes: most of them
-    iterations: most of them on each mesh
-    restarts: so many times ``iterations`` may go, over all meshes, into solving again without the last one's
-        multipliers; restarts that only a doubt asks for are counted, but never refused
-    until: by when it ends, with the mesh it is at
-    """
-
-    local_error: float
-    change: float
-    excess: float
-    tightening_cost: float
-    meshes: int
-    iterations: int
-    restarts: float = 5.0
-    until: Deadline = NEVER
 
 
 @dataclass(frozen=True)
@@ -97,8 +75,13 @@ Report = Callable[[MeshStep], None]
 
 
 class Refinement:
-    """From a solution on a first mesh to an accurate one that keeps its limits: ``solution``, ``history`` and how it
-    ``ended``; ``held``: those that the first one enforces between the nodes already."""
+    """From a solution on a first mesh to an accurate one that keeps its limits.
+
+    solution, errors: of the last mesh, and what is wrong in its intervals
+    history: every solve
+    ended: why there is no further mesh
+    between: whether limits are enforced between the nodes, or tightened at the end
+    """
 
     def __init__(
         self,
@@ -106,47 +89,66 @@ class Refinement:
         aims: Aims,
         report: Report = lambda step: None,
         held: Chosen | None = None,
+        between: bool | None = None,
     ):
+        """``held``: limits that ``solution`` holds between the nodes already; ``between``: None: what suits it."""
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
+        self.between = holds(solution.transcription) if between is None else between
         self._held = held or nothing_held(solution.transcription)
         self._program: Held | None = None  # of the last mesh
         self._restarts_left = round(aims.restarts * aims.iterations)
         self._accept(solution, 0.0, 0.0)
-        limits = {name: (len(e.local), len(e.limits)) for name, e in self.errors.items()}
-        self._tightened: Amounts = {name: np.zeros((2, *shape)) for name, shape in limits.items()}
-        self._before = {name: np.full(N, np.inf) for name, (N, _) in limits.items()}  # excess that was answered to
+        # how far lower and upper limits are tightened, (2, N, limits), and the excess that was answered to, (N,)
+        none = {n: np.zeros((2, len(e.local), len(e.limits))) for n, e in self.errors.items()}
+        self._tightened = none if self.between else {}
+        self._answered = {n: np.full(len(e.local), np.inf) for n, e in self.errors.items()}
 
-    def run(self) -> None:
+    def run(self) -> Self:
         """Refine until the aims are met, or no mesh is left, or one cannot be solved or would be too fine."""
-        meshes, solved = 0, True
-        while solved:
-            cuts = self._cuts()
-            accurate = not any_cut(cuts) and self._kept
-            if accurate and self.change <= self.aims.change:
-                self.ended = MET
-                return
-            if meshes == self.aims.meshes or len(self.history) > 2 * self.aims.meshes:
-                return
-            if self._stuck:
-                self.ended = NO_NEARER
-                return
-            if accurate:
-                cuts = {name: equal(np.full(len(normalised_times), 2)) for name, normalised_times in cuts.items()}
-            if (fewer := self._fitting({name: pieces_of(cuts[name]) for name in cuts})) is None:
-                self.ended = TOO_FINE
-                return
-            cuts = only(cuts, fewer)
-            self._prepare(cuts)
-            meshes += any_cut(cuts)
-            solved = self._solve(cuts)
+        self.ended = (self._enforcing() if self.between else self._tightening_at_the_end()) or self.ended
+        return self
 
     def further(self, aims: Aims) -> Self:
         """Another one that went on from where this ended, towards other aims; this stays as it is."""
         other = copy(self)
         other.aims, other.ended, other.history = aims, USED_UP, list(self.history)
-        other.run()
-        return other
+        return other.run()
+
+    def _enforcing(self) -> str:
+        """How it ends where limits are enforced between the nodes; "" with the last mesh."""
+        meshes = 0
+        while True:
+            cuts = next_cuts(self._measured, self.aims, len(self.history), self._answered)
+            accurate = self._kept and not any_cut(cuts)
+            if accurate and self.change <= self.aims.change:
+                return MET
+            if meshes == self.aims.meshes or len(self.history) > 2 * self.aims.meshes:
+                return ""
+            if self._stuck:
+                return NO_NEARER
+            cuts = halved(self._measured) if accurate else cuts
+            meshes += any_cut(cuts)
+            if failed := self._solve_on(cuts):
+                return failed
+
+    def _tightening_at_the_end(self) -> str:
+        """How it ends where limits are tightened on the settled mesh; "" with the last mesh."""
+        for _ in range(self.aims.meshes):
+            if self._stuck:
+                return NO_NEARER
+            cuts = cuts_before_tightening(self._measured, self.aims, len(self.history))
+            if not any_cut(cuts):
+                if self.change > self.aims.change:
+                    cuts = halved(self._measured)
+                else:
+                    self._tighten()
+                    cuts = cuts_of_what_is_wrong(self._measured, self.aims)
+            if not any_cut(cuts):
+                return MET
+            if failed := self._solve_on(cuts):
+                return failed
+        return ""
 
     @property
     def change(self) -> float:
@@ -161,66 +163,41 @@ class Refinement:
 
     @property
     def _stuck(self) -> bool:
-        """Whether errors and excess are far from their aims and no longer fall, as where an optimum is an impulse."""
-        far = [self._far(step) for step in self.history]
+        """Whether errors, and excess if it matters yet, are far from their aims and no longer fall, as where an
+        optimum is an impulse."""
+        aims = self.aims
+        far = [max(s.local_error / aims.local_error, self.between * s.excess / aims.excess) for s in self.history]
         return len(far) > STUCK and min(far[-STUCK:]) > max(NEARBY, NEARER * min(far[:-STUCK]))
 
-    def _far(self, step: MeshStep) -> float:
-        """How far a mesh is from its aims: at most 1 where it meets them."""
-        return max(step.local_error / self.aims.local_error, step.excess / self.aims.excess)
+    # ---- the next mesh's program ---------------------------------------------------------------------------
 
-    # ---- what is to be done ----------------------------------------------------------------------------
+    def _solve_on(self, cuts: Cuts) -> str:
+        """Solve on the next mesh, which may be the same, with limits held and tightened; why not, if that fails."""
+        if (fewer := fitting(cuts, self._measured.urgency(self.aims), FINEST)) is None:
+            return TOO_FINE
+        cuts, old, finer, began = fewer, self.solution, any_cut(fewer), time.perf_counter()
+        if self.between:
+            self._hold_and_tighten(cuts)
+        if self.aims.until.passed:
+            return OUT_OF_TIME
+        t = old.transcription
+        if finer:
+            t = Transcription(t.problem, t.scheme, {name: cut(old, name, times) for name, times in cuts.items()})
+        if self._program is None or not self._program.is_of(t, self._held):
+            self._program = held_between(t, self._held)
+        held = self._program
+        guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
+        bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._tightened)
+        lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
+        solver = self._solver(held.transcription, CARRIED if finer else NEAR)
+        built = time.perf_counter()
+        solved = self._solved(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
+        if (found := self._believable(solved)) is None:
+            return OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
+        self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
+        return ""
 
-    def _cuts(self) -> Cuts:
-        """Where each interval is to be cut: if something asks for it, what nearly does is cut too."""
-        cost, allowed = self._costs(), self.aims
-        stubborn = {
-            n: (e.excess > allowed.excess) & (e.excess > ANSWERS * self._before[n]) for n, e in self.errors.items()
-        }
-        inaccurate = any((e.local > allowed.local_error).any() for e in self.errors.values())
-        asked = inaccurate or any(any(on) for on in stubborn.values())
-        if not asked and sum(each.sum() for each in cost.values()) <= self._budget:
-            return {name: equal(np.ones(len(on), dtype=int)) for name, on in stubborn.items()}
-        finer = {name: np.maximum(self._inaccurate(name), np.where(on, STUBBORN, 1)) for name, on in stubborn.items()}
-        return self._dear(cost, finer)
-
-    def _inaccurate(self, name: str) -> np.ndarray:
-        """Pieces for each interval by its local error; late in the refinement what the error may move to is halved."""
-        local = self.errors[name].local
-        allowed = NEARLY * self.aims.local_error
-        order = len(self.solution.transcription.scheme.c) + 1 if len(self.history) == 1 else SLOW
-        over = local > allowed
-        asked = np.clip(np.ceil((local / (AIM * self.aims.local_error)) ** (1 / order)), 2, PIECES)
-        moves = moves_to(over, self.solution.phases[name].lengths) & (len(self.history) > EARLY)
-        return np.where(over, asked, np.where(moves, 2, 1)).astype(int)
-
-    @property
-    def _budget(self) -> float:
-        """What all limits may cost [objective's unit]."""
-        return BUDGET * self.aims.tightening_cost * self.solution.magnitude
-
-    def _costs(self) -> dict[str, np.ndarray]:
-        """What the limits of each interval cost, or would cost [objective's unit]."""
-        drawn, over = tightening_costs(self.solution), excess_costs(self.solution, self.errors)
-        return {name: drawn[name] + over[name] for name in drawn}
-
-    def _dear(self, cost: Mapping[str, np.ndarray], others: Mapping[str, np.ndarray]) -> Cuts:
-        """The dearest intervals cut until the rest is well within the budget, about their switch if that is known well
-        enough (not on the first mesh); the others into so many pieces."""
-        total = np.sort(np.concatenate(list(cost.values())))
-        dear = total[np.searchsorted(np.cumsum(total), NEARLY * self._budget, side="right") :]
-        share, least = AIM * self._budget / max(1, len(dear)), dear.min(initial=np.inf)
-        switch, found = normalised_switch_times(self.solution), {}
-        for name, each in cost.items():
-            shorter = np.where(each >= least, np.sqrt(each / share), 1.0)  # by which share they should be
-            pieces = np.maximum(others[name], np.clip(np.ceil(shorter), 1, PIECES)).astype(int)
-            found[name] = equal(pieces)
-            if len(self.history) > 1:
-                for k in np.flatnonzero((shorter > GRADED) & np.isfinite(switch[name])):
-                    found[name][k] = about(float(switch[name][k]), 1.0 / float(shorter[k]))
-        return found
-
-    def _prepare(self, cuts: Cuts) -> None:
+    def _hold_and_tighten(self, cuts: Cuts) -> None:
         """What is held and tightened on the next mesh, and the excess it answers to."""
         close, finer = coming_close(self.solution, self.errors, self.aims.excess), any_cut(cuts)
         for name, e in self.errors.items():
@@ -231,55 +208,17 @@ class Refinement:
             drawn_in = np.repeat(np.where(whole, self._tightened[name] + over, 0.0), n, axis=1)
             answers = (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
             answers &= not finer  # on a finer mesh the excess is another
-            before = np.repeat(np.where(answers, e.excess, np.inf), n)
-            self._tightened, self._before = {**self._tightened, name: drawn_in}, {**self._before, name: before}
+            answered = np.repeat(np.where(answers, e.excess, np.inf), n)
+            self._tightened, self._answered = self._tightened | {name: drawn_in}, self._answered | {name: answered}
             self._held = {**self._held, name: np.repeat(held | close[name], n, axis=0)}
 
-    def _fitting(self, pieces: Parts) -> Parts | None:
-        """The pieces, or those of the most urgent if the next mesh would be too fine; None if those would be too few."""
-        aims, cost = self.aims, self._costs()
-        urgency = {
-            name: e.local / aims.local_error + e.excess / aims.excess + cost[name] / self._budget
-            for name, e in self.errors.items()
-        }
-        return fitting(pieces, urgency, FINEST)
-
-    # ---- doing it ----------------------------------------------------------------------------------------
-
-    def _solve(self, cuts: Cuts) -> bool:
-        """Solve on the next mesh, which may be the same, with limits held and tightened."""
-        began, old, finer = time.perf_counter(), self.solution, any_cut(cuts)
-        if self.aims.until.passed:
-            self.ended = OUT_OF_TIME
-            return False
-        t = old.transcription
-        if finer:
-            t = Transcription(
-                t.problem, t.scheme, {name: cut(old, name, normalised_times) for name, normalised_times in cuts.items()}
-            )
-        if self._program is None or not self._program.is_of(t, self._held):
-            self._program = held_between(t, self._held)
-        held = self._program
-        guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
-        bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._tightened)
-        lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
-        solver = self._solver(held.transcription, CARRIED if finer else NEAR)
-        built = time.perf_counter()
-        solved = self._attempts(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
-        found = self._believable(solved)
-        if found is None:
-            self.ended = OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
-            return False
-        self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
-        return True
-
-    def _attempts(
+    def _solved(
         self,
         warm: NlpSolver,
         guess: Any,
         free: Mapping[str, Any],
         multipliers: Multipliers,
-        bounds: Bounds | None = None,
+        bounds: Bounds,
     ) -> list[NlpSolution]:
         """What was solved from the last mesh's point and multipliers and then, until a solution is no worse than that
         mesh's, from the point alone."""
@@ -297,11 +236,10 @@ class Refinement:
 
     def _believable(self, solved: Sequence[NlpSolution]) -> NlpSolution | None:
         """The last, if it is no worse than the last mesh's solution; else what two agree on, if that mesh was inaccurate
-        and may have claimed too much."""
-        if solved and not self._worse(solved[-1]):
+        and may have claimed too much. Limits that hold at the nodes alone always allow a coarse mesh that."""
+        if solved and not (self.between and self._worse(solved[-1])):
             return solved[-1]
-        aims = self.aims
-        if all(e.local.max() <= aims.local_error and e.excess.max() <= aims.excess for e in self.errors.values()):
+        if self._kept and all(e.local.max() <= self.aims.local_error for e in self.errors.values()):
             return None
         pairs = combinations(solved, 2)
         return next((b for a, b in pairs if relative(a.objective, b.objective, a.least) <= AGREED), None)
@@ -311,6 +249,18 @@ class Refinement:
         loss = solution.transcription.problem.objective.cost(solution.objective - self.solution.objective)
         return loss > LOST * self.solution.magnitude
 
+    def _tighten(self) -> None:
+        """Tighten the limits on the last mesh until they hold, or that costs too much or no longer helps."""
+        solver = self._solver(self.solution.transcription, NEAR)
+        for k in range(ROUNDS):
+            last, began = [step.excess for step in self.history[-3:]], time.perf_counter()
+            if self._kept or (k > 2 and last[-1] > STALLED * last[0]) or self.aims.until.passed:
+                return
+            found = solver.again(self.solution, tightened_by_excess(self.solution, self.errors, self.aims.excess))
+            if not found.success or tightening_cost(found) > self.aims.tightening_cost:
+                return
+            self._accept(found, 0.0, time.perf_counter() - began, k + 1)
+
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
         patience = PATIENCE * (LONGER if self.aims.restarts else 1)  # from the point alone it takes hundreds
         most = {"ipopt.max_iter": min(patience, self.aims.iterations)}
@@ -318,32 +268,14 @@ class Refinement:
 
     def _accept(self, s: NlpSolution, build_seconds: float, solve_seconds: float, drawn_in: int = 0) -> None:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}
+        self._measured = Measured(s, self.errors)
         sizes = {name: m.intervals for name, m in s.transcription.mesh.items()}
+        held = sum(int(on.any(axis=1).sum()) for on in self._held.values())
         local, excess = (max(float(getattr(e, w).max()) for e in self.errors.values()) for w in ("local", "excess"))
-        now = time.perf_counter()
-        self.history.append(
-            MeshStep(
-                sizes,
-                sum(int(on.any(axis=1).sum()) for on in self._held.values()),
-                s.objective,
-                local,
-                excess,
-                s.iterations,
-                build_seconds,
-                solve_seconds,
-                now - self.clock,
-                drawn_in,
-            )
-        )
-        self.clock = now
+        began, self.clock = self.clock, time.perf_counter()
+        seconds = build_seconds, solve_seconds, self.clock - began
+        self.history.append(MeshStep(sizes, held, s.objective, local, excess, s.iterations, *seconds, drawn_in))
         self.report(self.history[-1])
-
-
-def moves_to(over: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Where errors of the intervals that are ``over`` may move to: those of a switch to its neighbours, those that live on
-    coarse intervals to any other of them, (N,)."""
-    coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
-    return (np.convolve(over, [1, 1, 1])[1:-1] > 0) | (coarse & (over & coarse).any())
 
 
 def change_of(steps: Sequence[tuple[Mapping[str, int], float, int]], least: float) -> float:

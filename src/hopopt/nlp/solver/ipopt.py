@@ -102,6 +102,20 @@ class NlpSolution:
         return self.objective + self.transcription.problem.objective.sign * self.tie_break
 
     @property
+    def all_parameters(self) -> np.ndarray:
+        """Values of all parameters of the problem, one after another."""
+        chosen = [self.parameters[q.name] for q in self.transcription.problem.parameters]
+        return np.concatenate([np.zeros(0), *map(np.atleast_1d, chosen)])
+
+    def right_hand_sides(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Derivatives (..., nx), path constraints and integrands at times t (...) [s] since the phase began, states x
+        (..., nx) and controls u (..., nu)."""
+        flat = [np.ascontiguousarray(table.reshape(t.size, -1).T) for table in (x, u, t)]
+        function = self.transcription.layouts[phase].stage.function
+        found = function.map(t.size)(*flat, self.all_parameters)
+        return tuple(np.array(table).T.reshape(*t.shape, -1) for table in found)
+
+    @property
     def least(self) -> float:
         """Of an objective that may be 0 [its unit]: what is relative to it is relative to this at least."""
         return LEAST * self.transcription.problem.objective.scale

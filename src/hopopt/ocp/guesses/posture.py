@@ -1,17 +1,18 @@
 """The posture in which a leg clears most at the apex, whatever its push: its lowest point as high over the centre of mass
-as joint limits and foot window allow."""
+as joint limits and foot window allow.
+
+The global method has this posture by code of its own (global_search/posture.py), as its answers are evidence about the
+planner's.
+"""
 
 import casadi as ca
 import numpy as np
 from scipy.optimize import minimize
 
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import spread
+from hopopt.leg.kinematics import OUTSIDE, best_pose
 from hopopt.leg.robot import BASE
 from hopopt.ocp.guesses.motion import MovingLeg
-
-POSES, REFINED = 1024, 4  # that are looked at, and of the best of them that are refined
-OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
 
 
 class Posture:
@@ -33,12 +34,8 @@ class Posture:
         return over.min(axis=0) - OUTSIDE * np.maximum(np.abs(beside[0]) - self.window, 0.0)
 
     def best(self) -> np.ndarray:
-        """The pose (n,) [rad] in which that is highest: the best of many, refined."""
-        lower, upper = self.limits
-        drawn = lower + (upper - lower) * spread(POSES, len(lower))
-        begun = drawn[np.argsort(-self.height(drawn))[:REFINED]]
-        found = np.clip([*begun, *(self._refined(q) for q in begun)], lower, upper)
-        return found[np.argmax(self.height(found))]
+        """The pose (n,) [rad] in which that is highest."""
+        return best_pose(*self.limits, self.height, self._refined)
 
     def _refined(self, q: np.ndarray) -> np.ndarray:
         """The nearest optimum; unknowns are the pose and a height that no point is below."""

@@ -16,8 +16,8 @@ from hopopt.nlp.deadline import Deadline
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.refinement.continuous_limits import Chosen, held_between, holds, nothing_held
 from hopopt.nlp.refinement.interval_errors import IntervalErrors, interval_errors
-from hopopt.nlp.refinement.mesh_refinement import Aims, MeshStep, Refinement, Report, relative
-from hopopt.nlp.refinement.tightened_refinement import refinement_of
+from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement, Report, relative
+from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
@@ -175,7 +175,6 @@ def _refined(timed: NlpSolution, settled: MeshStep, aims: Aims, report: Report) 
     if not first.success:
         return None
     brief = replace(aims, restarts=0.0)  # there is an answer already: not for minutes
-    refinement = refinement_of(between.at_nodes(first), brief, report, chosen)
+    refinement = Refinement(between.at_nodes(first), brief, report, chosen)
     refinement.history.insert(0, settled)
-    refinement.run()
-    return refinement
+    return refinement.run()

@@ -59,10 +59,8 @@ class PhaseFunctions:
     def along(self, solution: NlpSolution, phase: str, places: np.ndarray) -> Along:
         """The values at the same normalised times of every interval."""
         t, x, u = solution.phases[phase].everywhere(places)
-        values = [np.atleast_1d(solution.parameters[q.name]) for q in solution.transcription.problem.parameters]
-        p = np.concatenate(values) if values else np.zeros(0)
         flat = [np.ascontiguousarray(table.reshape(t.size, -1).T) for table in (x, u, t)]
-        results = [np.array(r) for r in self.function.map(t.size)(*flat, p)]
+        results = [np.array(r) for r in self.function.map(t.size)(*flat, solution.all_parameters)]
         values = [r.T.reshape(*t.shape, -1) for r in results[:3]]
         rows = sum(v.shape[2] for v in values)
         jacobians = [_unfold(r, t.shape, rows) for r in results[3:]]

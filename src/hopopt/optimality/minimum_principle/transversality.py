@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from hopopt.nlp.layout import EndSymbols
 from hopopt.nlp.solver.ipopt import NlpSolution
-from hopopt.ocp.problem import Component, Ends, Instant, Problem, stack, symbols
+from hopopt.ocp.problem import Component, Problem, stack
 from hopopt.optimality.minimum_principle.costates import sign
 
 PARTS: tuple[str, ...] = ("initial", "final", "duration", "integrals")
@@ -33,22 +34,6 @@ class TransversalityConditions:
     free_multiplier: np.ndarray
 
 
-class _EndSymbols:
-    """Symbols for the ends of all phases: ``parts``, four a phase as in PARTS, and the ``Ends`` made of them."""
-
-    def __init__(self, problem: Problem):
-        self.p, self.parts = symbols(problem.parameters), dict[str, tuple[ca.SX, ...]]()
-        initial, final, duration, integral = {}, {}, {}, {}
-        for phase in problem.phases:
-            first, last, T = symbols(phase.states), symbols(phase.states), ca.SX.sym("T")
-            total, name = ca.SX.sym("I", len(phase.integrands)), phase.name
-            self.parts[name] = (stack(first, phase.states), stack(last, phase.states), T, total)
-            initial[name], final[name] = Instant(t=ca.SX(0), p=self.p, **first), Instant(t=T, p=self.p, **last)
-            duration[name] = T
-            integral[name] = {n: total[k] for k, n in enumerate(phase.integrands)}
-        self.ends = Ends(initial, final, duration, integral, self.p)
-
-
 def transversality_conditions(solution: NlpSolution, integrals: Mapping[str, np.ndarray]) -> TransversalityConditions:
     """The slopes at a solution whose phases' integrals are given, by phase (k,)."""
     t, s = solution.transcription, sign(solution)
@@ -70,10 +55,10 @@ def transversality_conditions(solution: NlpSolution, integrals: Mapping[str, np.
     )
 
 
-def _slopes(problem: Problem) -> tuple[_EndSymbols, ca.Function]:
+def _slopes(problem: Problem) -> tuple[EndSymbols, ca.Function]:
     """Symbols of the ends, and a function of them, the parameters and the multipliers: the boundary constraints, J, and
     the slopes by every part of every phase, then by the free parameters."""
-    symbol = _EndSymbols(problem)
+    symbol = EndSymbols(problem)
     value = ca.vertcat(*[ca.vec(ca.SX(c.value(symbol.ends))) for c in problem.boundary])
     objective, multiplier = ca.SX(problem.objective.value(symbol.ends)), ca.SX.sym("multiplier", value.numel())
     total, free = objective - ca.dot(value, multiplier), [q for q in problem.parameters if q.free]
@@ -92,5 +77,4 @@ def _evaluated(
     for name in symbol.parts:
         trajectory = solution.phases[name]
         numbers += [trajectory.x_start[0], trajectory.x_end, trajectory.duration, integrals[name]]
-    chosen = [np.zeros(0), *(np.atleast_1d(solution.parameters[q.name]) for q in problem.parameters)]
-    return list(symbol.parts), [np.array(v).ravel() for v in slopes(*numbers, np.concatenate(chosen), multiplier)]
+    return list(symbol.parts), [np.array(v).ravel() for v in slopes(*numbers, solution.all_parameters, multiplier)]

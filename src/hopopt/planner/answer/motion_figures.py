@@ -85,7 +85,7 @@ def lift_off(plan: Motion) -> LiftOff:
 
 
 def saturation_mean(plan: Motion, stance: Samples) -> dict[str, float]:
-    """C_avg of every joint in stance (eq. sim_cactavg), capped at 1 between the nodes."""
+    """C_avg of every joint in stance (the paper's eq. 18), capped at 1 between the nodes."""
     means = {}
     for k, joint in enumerate(plan.robot.joints):
         ratio = plan.region(joint).saturation(stance.v[:, BASE + k], stance.tau[:, k])

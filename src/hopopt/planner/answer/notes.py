@@ -11,7 +11,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.optimality.directions.flat_directions import Flat, NotInvertible, flat
 from hopopt.optimality.second_order import curvature
 from hopopt.planner.answer.summary_extras import SecondOrder
-from hopopt.planner.refine_and_verify import AT_MOST
+from hopopt.planner.attempts import AT_MOST
 from hopopt.planner.solution import Solution
 from hopopt.planner.solution_program import without_tie_break
 from hopopt.problem.checking.hints import hints

@@ -15,8 +15,7 @@ import numpy as np
 from hopopt.errors import SolverError
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.mesh import uniform
-from hopopt.nlp.refinement.mesh_refinement import OUT_OF_TIME
-from hopopt.nlp.refinement.tightened_refinement import refinement_of
+from hopopt.nlp.refinement.mesh_refinement import OUT_OF_TIME, Refinement
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
 from hopopt.nlp.solver.casadi_solver import CasadiSolver
 from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver, time_given
@@ -205,8 +204,8 @@ def by_scheme(hop: Hop, scheme: Scheme, answer: NlpSolution, until: Deadline = N
     if not first.success:
         raise Failed(f"the first mesh was not solved: {_words(first.status)}")
     aims, tolerance = aims_of(hop, until), _tolerance(hop, scheme)
-    refinement = refinement_of(first, replace(aims, local_error=tolerance, excess=np.inf if both_ends else aims.excess))
-    refinement.run()
+    aims = replace(aims, local_error=tolerance, excess=np.inf if both_ends else aims.excess)
+    refinement = Refinement(first, aims).run()
     wrong = max(float(e.local.max()) for e in refinement.errors.values())
     return CrossCheckAnswer(
         refinement.solution.objective, f"its local error is {wrong:.0e}" if wrong > tolerance else ""

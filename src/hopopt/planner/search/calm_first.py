@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 
-from hopopt.nlp.refinement.mesh_refinement import Aims, Report
-from hopopt.nlp.refinement.tightened_refinement import refinement_of
+from hopopt.nlp.refinement.mesh_refinement import Refinement, Report
+from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.solver.ipopt import GENTLE, NlpSolution, NlpSolver
 from hopopt.nlp.solver.known_optima import Known, KnownOptima
 from hopopt.nlp.transcription import Transcription
@@ -39,9 +39,9 @@ def calmest(
         beside = None if best is None else best[1]
         found = _solved_with_larger(hop, start, aims, beside)
         if found is not None and (beside is None or _better(found, beside)):
-            found = _refined(found, compared, report)
+            found = Refinement(found, compared, report).run().solution
             best = (k, found) if beside is None or _better(found, beside) else best
-    return None if best is None else (best[0], _refined(best[1], rough, report))
+    return None if best is None else (best[0], Refinement(best[1], rough, report).run().solution)
 
 
 def uncalmed(hop: Hop, found: NlpSolution, aims: Aims) -> NlpSolution | None:
@@ -60,12 +60,6 @@ def _solved_with_larger(hop: Hop, start: NlpSolution, aims: Aims, beside: NlpSol
     watch = watch_on(t)
     watch.known.append(Known(beside.z, t.problem.objective.cost(beside.objective)))
     return _solved(t, start, aims, watch)
-
-
-def _refined(found: NlpSolution, aims: Aims, report: Report) -> NlpSolution:
-    refinement = refinement_of(found, aims, report)
-    refinement.run()
-    return refinement.solution
 
 
 def _better(a: NlpSolution, b: NlpSolution) -> bool:

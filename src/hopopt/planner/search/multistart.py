@@ -112,10 +112,9 @@ def remember(watch: KnownOptima, outcome: StartOutcome) -> None:
 
 
 def first_options(hop: Hop, known: bool) -> dict[str, Any]:
+    """Ipopt's options for a start; not for long if a hop is ``known`` already."""
     most = hop.design.solver.max_iterations
-    if not known:
-        return {"ipopt.max_iter": most}
-    return {"ipopt.max_iter": min(most, PATIENCE)} | GENTLE
+    return GENTLE | {"ipopt.max_iter": min(most, PATIENCE)} if known else {"ipopt.max_iter": most}
 
 
 def run_starts(
@@ -146,10 +145,9 @@ def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool, u
         return first + (run_chunk(hop, others, solver, known, count_down.more) if others else [])
     from joblib import Parallel, delayed
 
-    data, chunks = hop.design.model_dump(exclude_none=True), [others[k::processes] for k in range(processes)]
-    more = (hop.asked, hop.free_parameters, hop.constraints)
-    rest = (known, first[0], until, hop.rules)
-    jobs = (delayed(_chunk_in_worker)(data, *more, chunk, *rest) for chunk in chunks)
+    question = hop.design.model_dump(exclude_none=True), hop.asked, hop.free_parameters, hop.constraints
+    more = (known, first[0], until, hop.rules)
+    jobs = (delayed(_chunk_in_worker)(*question, others[k::processes], *more) for k in range(processes))
     parts = list[list[StartOutcome]]()
     for part in Parallel(n_jobs=processes, backend="loky", return_as="generator")(jobs):
         parts.append(part)  # type: ignore[arg-type]
@@ -171,16 +169,10 @@ def _beyond_limits(hop: Hop, until: Deadline) -> StartOutcome | None:
 
 
 def _chunk_in_worker(
-    data: dict[str, Any],
-    objective: str | HopObjective,
-    free_parameters: FreeParameters,
-    constraints: tuple[Custom, ...],
-    chunk: Sequence[int],
-    known: bool,
-    first: StartOutcome,
-    until: Deadline,
+    data: dict[str, Any], objective: str | HopObjective, free_parameters: FreeParameters,
+    constraints: tuple[Custom, ...], chunk: Sequence[int], known: bool, first: StartOutcome, until: Deadline,
     rules: Sequence[Rule],
-) -> list[StartOutcome]:
+) -> list[StartOutcome]:  # fmt: skip
     if until.passed:
         return []
     RULES[:] = rules  # what was added to them this process does not know
@@ -189,20 +181,17 @@ def _chunk_in_worker(
 
 
 def run_chunk(
-    hop: Hop,
-    chunk: Sequence[int],
-    solver: NlpSolver | None = None,
-    known: bool = False,
+    hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None, known: bool = False,
     done: Callable[[], object] = lambda: None,
-) -> list[StartOutcome]:
+) -> list[StartOutcome]:  # fmt: skip
     """Some of the starts, by number, on the first mesh: the first, and more while there is time; ``solver``: its program,
     with its deadline, if it is built already; ``done`` is called after each."""
     solver = solver or first_solver(hop, known)
-    chosen, outcomes = starts_of(hop, max(chunk) + 1), list[StartOutcome]()
+    starts, outcomes = starts_of(hop, max(chunk) + 1), list[StartOutcome]()
     for k in chunk:
         if outcomes and solver.until.passed:
             break
-        outcomes.append(run_start(hop, solver, chosen[k], known))
+        outcomes.append(run_start(hop, solver, starts[k], known))
         done()
     return outcomes
 
@@ -212,9 +201,8 @@ def run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOu
     began = time.perf_counter()
     guess = make_guess(hop, start)
     s = solver(guess)
-    if (
-        not s.success and not solver.stopped and not solver.until.passed and not violations(s)
-    ):  # a hop, but no optimum: the adaptive barrier can lose its way to one
+    if not (s.success or solver.stopped or solver.until.passed or violations(s)):
+        # a hop, but no optimum: the adaptive barrier can lose its way to one
         monotone = first_options(hop, known) | {"ipopt.mu_strategy": "monotone"}
         s = NlpSolver(s.transcription, monotone, until=solver.until)(guess)
     return noted(solver, outcome_of(start.name, s, time.perf_counter() - began))
@@ -222,22 +210,17 @@ def run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOu
 
 def noted(solver: NlpSolver, outcome: StartOutcome) -> StartOutcome:
     """The outcome of the solver's last solve or, if it was stopped on its way to a known hop, that hop."""
-    watch = solver.known
-    if watch is None:
+    if solver.known is None or (met := solver.known.met) is None:
         return outcome
-    if (met := watch.met) is not None:
-        mine = {"name": outcome.name, "iterations": outcome.iterations, "seconds": outcome.seconds}
-        return replace(met, **mine, status=STOPPED, near=met.near or met.name)
-    return outcome
+    mine = {"name": outcome.name, "iterations": outcome.iterations, "seconds": outcome.seconds}
+    return replace(met, **mine, status=STOPPED, near=met.near or met.name)
 
 
 def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
     """How a solve on the first mesh ended; ``name`` says from where it began."""
     vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
-    sign = s.transcription.problem.objective.sign
-    return StartOutcome(
-        name, s.status, s.success, s.objective, s.iterations, seconds, vectors, sign, tie_break=s.tie_break
-    )
+    ended = name, s.status, s.success, s.objective, s.iterations, seconds, vectors
+    return StartOutcome(*ended, s.transcription.problem.objective.sign, tie_break=s.tie_break)
 
 
 def solved_from(hop: Hop, outcome: StartOutcome, until: Deadline = NEVER) -> StartOutcome:
@@ -271,13 +254,11 @@ def grouped(ranked: Sequence[Ended], apart: float | None = None) -> list[list[En
     """The successful ones of ``ranked``, best first, gathered by the local optimum that they ended in: objectives closer
     than ``apart`` [its unit], or SAME of themselves, are one."""
     groups: list[list[Ended]] = []
-    for outcome in ranked:
-        if outcome.success:
-            group = next((g for g in groups if same(g[0].objective, outcome.objective, apart)), None)
-            if group is None:
-                groups.append([outcome])
-            else:
-                group.append(outcome)
+    for outcome in (o for o in ranked if o.success):
+        group = next((g for g in groups if same(g[0].objective, outcome.objective, apart)), None)
+        if group is None:
+            groups.append(group := [])
+        group.append(outcome)
     return groups
 
 
@@ -301,17 +282,14 @@ def not_solved(
     if until.passed:
         late = f"{hop.design.name}: the time limit was reached before there was an answer: try a larger one."
         return NotSolvedError(late, weak)
-    transcription = first_transcription(hop)
-    closest = min((solution_of(o, transcription) for o in outcomes), key=infeasibility)
+    t = first_transcription(hop)
+    closest = min((solution_of(o, t) for o in outcomes), key=infeasibility)
     statuses = ", ".join(f"{o.name}: {o.status.replace('_', ' ').lower()}" for o in outcomes)
     worst = violations(closest)
     reason = "no start led to a feasible hop" if worst else "no start converged, though one met every constraint"
     message = f"{hop.design.name}: {reason} ({statuses})."
-    found = [
-        *weak,
-        *hints(hop.design),
-        *(conflict_words(hop.design, conflict(closest, until)) if thorough and worst else []),
-    ]
+    in_the_way = conflict_words(hop.design, conflict(closest, until)) if thorough and worst else []
+    found = [*weak, *hints(hop.design), *in_the_way]
     if worst:
         return NotSolvedError(message, [*found, "Worst constraints of the closest start:", *worst])
     return NotSolvedError(f"{message} Try a larger solver.max_iterations or more starts.", found)

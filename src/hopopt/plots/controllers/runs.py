@@ -64,7 +64,7 @@ def foot_height(runs: Runs) -> Figure:
 
 @few
 def saturation(runs: Runs) -> Figure:
-    """Saturation ratio C of every joint over time [s] up to lift-off (eq. sim_cact), and its mean C_avg."""
+    """Saturation ratio C of every joint over time [s] up to lift-off (the paper's eq. 17), and its mean C_avg."""
     runs, look = by_stance(runs)
     joints = _joints(runs)
     figure = runs_figure(runs, "saturation ratio in stance", (SIZE[0], 2.2 + 2.6 * len(joints)))

@@ -18,7 +18,6 @@ import numpy as np
 from hopopt.design import Leg, physical_parameters
 from hopopt.errors import NotSolvedError, ProblemFileError, SolverError, one_line
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.refinement.mesh_refinement import UNSOLVED, relative
 from hopopt.nlp.solver.compiled import compiling
 from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.solver.reuse import with_numbers_of
@@ -28,6 +27,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.planner.answer.motion_figures import parts
 from hopopt.planner.answer.summary import limit_gains
 from hopopt.planner.answer.summary_entry import as_data
+from hopopt.planner.attempts import POINT, Attempt, tried_again
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.search.first_mesh import search_first_mesh
 from hopopt.planner.search.multistart import (
@@ -39,7 +39,7 @@ from hopopt.planner.search.multistart import (
     solved_from,
 )
 from hopopt.planner.search.required_clearance import from_highest
-from hopopt.planner.solve import TIME_LIMIT, with_larger_tie_break
+from hopopt.planner.solve import TIME_LIMIT
 from hopopt.studies.faults import Fault, guarded
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import unlike
@@ -264,20 +264,17 @@ def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:
 
 
 def _refined(hop: Hop, outcome: StartOutcome, t: Transcription, until: Deadline) -> Answer:
-    """An optimum of the first mesh refined and verified, as a single solve is: with a larger tie-break where torques that
-    hardly matter chatter (a slider that waits), and with restarts, which take minutes there, only if that does not help."""
+    """An optimum of the first mesh refined and verified, as a single solve is, with the attempts after it
+    (planner/attempts.py)."""
     found = refine_and_verify(hop, outcome, _silent, t, restarts=False, until=until)
-    if found.verified or until.passed:
-        return found
-    if (other := with_larger_tie_break(hop)) is not None:
-        calmer = solved_from(other, outcome, until)
-        if calmer.success:
-            again = refine_and_verify(other, calmer, _silent, until=until)
-            if again.verified and relative(again.objective_value, found.objective_value) < CLOSE:
-                return again
-    if found.refined.ended != UNSOLVED or until.passed:
-        return found
-    return refine_and_verify(hop, outcome, _silent, t, until=until)
+
+    def again(attempt: Attempt, other: Hop) -> Answer | None:
+        if (begin := outcome if other is hop else solved_from(other, outcome, until)).success:
+            first = t if other is hop else None
+            return refine_and_verify(other, begin, _silent, first, attempt.restarts, until=until)
+        return None
+
+    return tried_again(hop, found, POINT, again, lambda answer: answer.trial, _silent, until)[1]
 
 
 def _begin(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:
