@@ -26,8 +26,7 @@ from hopopt.optimality.minimum_principle.switching_structure import (
     structure,
 )
 from hopopt.planner.refine_and_verify import with_tighter_tolerances
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.seal.recheck import recheck

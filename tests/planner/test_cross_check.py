@@ -16,11 +16,11 @@ from hopopt.cli.screen.cross_check import cross_check_lines
 from hopopt.errors import SolverError
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop
-from hopopt.planner.answer.stored_summary import Summary
+from hopopt.planner.answer.summary import Summary
 from hopopt.planner.checks import cross_check
 from hopopt.planner.checks.cross_check import (
+    CrossCheck,
     CrossCheckAnswer,
-    CrossCheckOutcome,
     Failed,
     affordable,
     by_uno,
@@ -28,8 +28,7 @@ from hopopt.planner.checks.cross_check import (
     with_cross_checks,
 )
 from hopopt.planner.search.multistart import first_transcription
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.load import load
@@ -160,7 +159,7 @@ def test_a_failing_cross_check_is_a_line(error: Exception) -> None:
     ],
 )
 def test_who_agrees_and_who_contradicts(sign: float, said: CrossCheckAnswer, agrees: bool, contradicts: bool) -> None:
-    o: CrossCheckOutcome = cross_checked("other", sign, 1e-6, 2.0, lambda: said)
+    o: CrossCheck = cross_checked("other", sign, 1e-6, 2.0, lambda: said)
     assert (o.agrees, o.contradicts) == (agrees, contradicts)
 
 

@@ -16,9 +16,8 @@ from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import given
 from hopopt.planner.answer.limit_names import flat_words
 from hopopt.planner.answer.notes import flat_directions, notes_on, saddle_note, second_order
-from hopopt.planner.answer.stored_summary import LATE
-from hopopt.planner.answer.summary import start_figures
-from hopopt.planner.answer.summary_extras import FlatDirection
+from hopopt.planner.answer.starts import start_figures
+from hopopt.planner.answer.summary import LATE
 from hopopt.planner.checks.cross_check import with_cross_checks
 from hopopt.planner.refine_and_verify import aims_of, refined_and_verified, told_of_calm, with_tighter_tolerances
 from hopopt.planner.search.calm_first import calmest
@@ -38,8 +37,7 @@ from hopopt.planner.search.multistart import (
 )
 from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.search.shortest_stance import with_shortest_stance
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.planner.with_free_switches import with_free_switches
 from hopopt.problem.checking.hints import hints
@@ -121,7 +119,7 @@ def _found(
     second = None if until.passed else second_order(stored_nlp(best, hop.problem))
     own = notes_on(hop, asked, structure, best, better)
     notes = (*late, *saddle_note(second), *alarm_note(overall), *own, *flat_words(found or []))
-    reported = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
+    reported = None if found is None else tuple(found)
     ended = start_figures(
         outcomes, outcomes[_chosen(best, outcomes)], count, told_apart(hop, outcomes, [*finished, best])
     )

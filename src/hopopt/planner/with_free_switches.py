@@ -1,17 +1,16 @@
 """The best hop of a leg once more with its drives' switches at free times: taken if it is verified and the same optimum."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 from hopopt.nlp.deadline import Deadline
-from hopopt.nlp.refinement.mesh_refinement import MeshStep, relative
+from hopopt.nlp.refinement.mesh_refinement import relative
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.minimum_principle.free_switches import resolve
 from hopopt.planner.refine_and_verify import aims_of, judged, progress_line, summed_up
 from hopopt.planner.search.multistart import Progress, StartOutcome
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
 
 
@@ -20,7 +19,7 @@ def with_free_switches(
 ) -> Solution:
     """The best hop solved again with its drives' switches at free times, if that is verified and agrees with it."""
     say("solving again with free switching times")
-    settled = MeshStep(**asdict(best.summary.mesh[-1]))
+    settled = best.summary.mesh[-1]
     found = resolve(stored_nlp(best), settled, aims_of(hop, until), lambda step: say(progress_line(hop, step)))
     clock.mark("structure")
     if isinstance(found, str):

@@ -23,10 +23,10 @@ from typing import Any
 from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.ocp.custom import FIGURE
-from hopopt.planner.answer.stored_summary import Summary
-from hopopt.planner.answer.summary_entry import as_data
+from hopopt.planner.answer.summary import Summary
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash, load, resolved_toml
+from hopopt.record import as_data
 from hopopt.storage.folder import new_work_folder, published, reason_of, write_json
 from hopopt.storage.multipliers import groups, multipliers
 from hopopt.storage.netcdf import Group, to_bytes

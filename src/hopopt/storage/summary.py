@@ -1,25 +1,19 @@
 """summary.json read back as a summary, or refused in one sentence."""
 
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from hopopt.errors import ResultError
-from hopopt.planner.answer.stored_summary import OLDEST, VERSION, Summary
-
-
-@cache
-def adapter() -> TypeAdapter[Summary]:
-    """What checks and describes summaries; made when it is first needed, for it takes a tenth of a second."""
-    return TypeAdapter(Summary)
+from hopopt.planner.answer.summary import OLDEST, VERSION, Summary
+from hopopt.record import adapter
 
 
 def read_summary(path: Path) -> Summary:
     """The summary in a file; ResultError if it is none, naming the key at fault and what to do."""
     try:
-        return adapter().validate_json(path.read_bytes(), strict=True)
+        return adapter(Summary).validate_json(path.read_bytes(), strict=True)
     except ValidationError as error:
         raise ResultError(f"{path}: {_fault(error.errors()[0])}: solve it again") from error
 
@@ -42,4 +36,4 @@ def _fault(error: Any) -> str:
 def summary_schema() -> dict[str, Any]:
     """The JSON schema of summary.json, as JSON data."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    return {**head, **adapter().json_schema(mode="validation"), "title": "hopopt summary"}
+    return {**head, **adapter(Summary).json_schema(mode="serialization"), "title": "hopopt summary"}

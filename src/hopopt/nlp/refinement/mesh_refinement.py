@@ -24,6 +24,7 @@ from hopopt.nlp.refinement.tightening_cost import excess_costs, normalised_switc
 from hopopt.nlp.solver.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
+from hopopt.record import Real, Strict, stated
 
 BUDGET = 0.5  # share of the allowed tightening cost that a refinement is content with
 AIM = 0.3  # share of the allowed local error, and of the tightening cost, that a cut aims at
@@ -77,20 +78,19 @@ class Aims:
 
 
 @dataclass(frozen=True)
-class MeshStep:
-    """One solve: intervals by phase, in how many of them limits are held, objective, largest errors, effort; how often
-    limits were tightened on this mesh before."""
+class MeshStep(Strict):
+    """One solve of the refinement."""
 
-    intervals: dict[str, int]
-    held: int
-    objective: float
-    local_error: float
-    excess: float
-    iterations: int
-    build_seconds: float
-    solve_seconds: float
-    seconds: float
-    drawn_in: int = 0
+    intervals: Mapping[str, int] = stated("by phase")
+    held: int = stated("intervals in which limits are enforced between the nodes")
+    objective: Real = stated("[its unit]")
+    local_error: Real = stated("largest of any interval, scaled")
+    excess: Real = stated("largest share of its range by which a limit is passed between the nodes")
+    iterations: int = stated("of Ipopt")
+    build_seconds: float = stated("to build the program [s]")
+    solve_seconds: float = stated("to solve it [s]")
+    seconds: float = stated("in all [s]")
+    drawn_in: int = stated("how often limits were tightened on this mesh before")
 
 
 Report = Callable[[MeshStep], None]
