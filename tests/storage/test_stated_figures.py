@@ -1,6 +1,7 @@
 """A summary that was edited, and its digest made to fit again, is not verified, and the figure is named."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -95,3 +96,17 @@ def test_an_edit_whose_digest_fits_is_not_verified(folder: Path, capsys: pytest.
     assert run(["verify", str(folder)]) == 3
     last = capsys.readouterr().out.splitlines()[-1]
     assert "NOT verified: figures of the summary as computed (upper_bound.clearance_m)" in last
+
+
+def test_an_entry_that_follows_from_others_is_not_believed(folder: Path, tmp_path: Path) -> None:
+    """A check that says it passed is computed anew, and an entry that no check has is told; their digests fit."""
+    for entry, value in (("passed", False), ("reason", "none")):
+        copy = Path(shutil.copytree(folder, tmp_path / entry))
+        data = json.loads((copy / "summary.json").read_text(encoding="utf-8"))
+        data["verification"][0][entry] = value
+        (copy / "summary.json").write_text(json.dumps(data), encoding="utf-8")
+        seal(copy)
+        stored = read(copy)
+        assert stored.summary.verification[0].passed
+        assert stored.doubts == ("summary.json contradicts itself: verification is not what its own entries say",)
+        assert not recheck(stored).verified

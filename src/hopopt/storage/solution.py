@@ -169,7 +169,7 @@ def read(folder: str | Path) -> Solution:
     with _readable(problem):
         problem_digest = digest(problem.read_bytes())
     with _readable(folder / "summary.json"):
-        summary = read_summary(folder / "summary.json")
+        summary, contradictions = read_summary(folder / "summary.json")
     with _readable(folder / "solution.nc"):
         stored = read_netcdf(folder / "solution.nc")
         names = ("stance", "flight", *(name for name in ("descent", "landing") if name in stored))
@@ -184,7 +184,7 @@ def read(folder: str | Path) -> Solution:
             f"{problem}: it was changed after this result was written: undo that, and change a copy elsewhere instead"
         )
     figures = {name: x for name in (*MEASURES, FIGURE) if (x := summary.figure(name)) is not None}
-    doubts = (*changed(folder), *(f"summary.json contradicts itself: {words}" for words in summary.contradictions()))
+    doubts = (*changed(folder), *(f"summary.json contradicts itself: {words}" for words in contradictions))
     solution = Solution(load(problem), objective, phases, summary, kkt, folder, kept, doubts=doubts, stated=figures)
     solution.__dict__["tables"] = tables
     return solution

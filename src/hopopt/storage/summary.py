@@ -1,5 +1,6 @@
 """summary.json read back as a summary, or refused in one sentence."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -7,15 +8,21 @@ from pydantic import ValidationError
 
 from hopopt.errors import ResultError
 from hopopt.planner.answer.summary import OLDEST, VERSION, Summary
-from hopopt.record import adapter
+from hopopt.record import adapter, as_data
+from hopopt.storage.folder import finite
 
 
-def read_summary(path: Path) -> Summary:
-    """The summary in a file; ResultError if it is none, naming the key at fault and what to do."""
+def read_summary(path: Path) -> tuple[Summary, list[str]]:
+    """The summary in a file, and what in it contradicts itself, a sentence each; ResultError if it is none, naming the key
+    at fault and what to do."""
+    content = path.read_bytes()
     try:
-        return adapter(Summary).validate_json(path.read_bytes(), strict=True)
+        summary = adapter(Summary).validate_json(content, strict=True)
     except ValidationError as error:
         raise ResultError(f"{path}: {_fault(error.errors()[0])}: solve it again") from error
+    data, again = json.loads(content), finite(as_data(summary))  # what follows from other entries was computed anew
+    wrong = [name for name in {**data, **again} if data.get(name) != again.get(name)]
+    return summary, [*summary.contradictions(), *(f"{name} is not what its own entries say" for name in wrong)]
 
 
 def _fault(error: Any) -> str:

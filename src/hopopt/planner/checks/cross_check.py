@@ -6,8 +6,9 @@ begins at the answer, moved away. The other schemes begin at the answer too, on 
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,7 +27,6 @@ from hopopt.planner.answer.extras import CrossCheck
 from hopopt.planner.refine_and_verify import aims_of
 from hopopt.planner.search.multistart import Progress, first_transcription
 from hopopt.planner.solution import Solution, stored_nlp
-from hopopt.planner.stopwatch import Stopwatch
 
 SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which cross-checks agree
 AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer
@@ -49,19 +49,22 @@ class CrossCheckAnswer:
     short: str = ""
 
 
-def with_cross_checks(
-    hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = lambda text: None, until: Deadline = NEVER
-) -> Solution:
-    """The answer, its verdict as before, with ``second_opinions`` in its summary.
+def cross_check_entries(
+    hop: Hop, answer: Solution, notes: Sequence[str], say: Progress = lambda text: None, until: Deadline = NEVER
+) -> dict[str, Any]:
+    """Entries of the answer's summary that its cross-checks come to.
 
-    Exit code 3 and a note if one of them is better: such a hop is true, but not the best.
+    notes: those of the answer. Exit code 3 and a note if a cross-check is better: such a hop is true, but not the best.
     """
     found = cross_checks(hop, answer, say, until)
-    clock.mark("second opinions")
-    answer = answer.with_summary(second_opinions=tuple(found), wall_s=clock.last - clock.begin, timings_s=clock.stages)
-    if notes := [_objection(o) for o in found if o.contradicts]:
-        return answer.with_summary(exit_code=3, notes=(*answer.summary.notes, *notes))
-    return answer
+    objections = [
+        f"this is not the best hop: {o.name} found {o.objective:.5f} for {o.compared_with:.5f}; solve again with more "
+        "starts (docs/certificate.md)"
+        for o in found
+        if o.contradicts
+    ]
+    better = {"exit_code": 3, "notes": (*notes, *objections)} if objections else {}
+    return {"second_opinions": tuple(found), **better}
 
 
 def cross_checks(
@@ -217,10 +220,3 @@ def _missed(z: np.ndarray, g: np.ndarray, b: Bounds) -> float:
 
 def _words(status: str) -> str:
     return status.replace("_", " ").lower()
-
-
-def _objection(o: CrossCheck) -> str:
-    return (
-        f"this is not the best hop: {o.name} found {o.objective:.5f} for {o.compared_with:.5f}; solve again with more "
-        "starts (docs/certificate.md)"
-    )
