@@ -8,11 +8,10 @@ from collections.abc import Callable
 from dataclasses import MISSING, field, fields
 from functools import cache
 from math import inf
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, ConfigDict, TypeAdapter, WithJsonSchema
 
-T = TypeVar("T")
 Real = Annotated[  # JSON knows no infinity: null stands for it
     float,
     BeforeValidator(lambda value: inf if value is None else value),
@@ -58,7 +57,7 @@ def computed(kind: type, source: Any) -> dict[str, Any]:
 
 
 @cache
-def adapter(kind: type[T]) -> TypeAdapter[T]:
+def adapter(kind: type) -> TypeAdapter[Any]:
     """What writes, reads and describes a record; made when it is first needed, for a large one takes a tenth of a second."""
     return TypeAdapter(kind)
 

@@ -17,7 +17,7 @@ def read_summary(path: Path) -> tuple[Summary, list[str]]:
     at fault and what to do."""
     content = path.read_bytes()
     try:
-        summary = adapter(Summary).validate_json(content, strict=True)
+        summary: Summary = adapter(Summary).validate_json(content, strict=True)
     except ValidationError as error:
         raise ResultError(f"{path}: {_fault(error.errors()[0])}: solve it again") from error
     data, again = json.loads(content), finite(as_data(summary))  # what follows from other entries was computed anew
