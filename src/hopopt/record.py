@@ -62,6 +62,6 @@ def adapter(kind: type) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def as_data(record: Any) -> Any:
-    """A record as JSON data."""
-    return adapter(type(record)).dump_python(record, mode="json", by_alias=True)
+def as_data(record: Any, kind: type | None = None) -> Any:
+    """A record as JSON data; ``kind``: as what it is written, such as a record that it extends (default: its own)."""
+    return adapter(kind or type(record)).dump_python(record, mode="json", by_alias=True)

@@ -55,6 +55,7 @@ def _print_json(verdict: "Verdict") -> None:
     from hopopt.optimality.certificate import by_entry
     from hopopt.record import as_data
     from hopopt.storage.folder import as_json
+    from hopopt.verify.check import Condition
 
     made = bool(verdict.conditions)
     print(
@@ -65,7 +66,9 @@ def _print_json(verdict: "Verdict") -> None:
                 "checks": [as_data(c) for c in verdict.checks],
                 "checks_of_the_file": [as_data(c) for c in verdict.of_file],
                 "certified": verdict.certified if made else None,
-                "certificate": {name: as_data(c) for name, c in by_entry(verdict.conditions).items()} if made else None,
+                "certificate": {name: as_data(c, Condition) for name, c in by_entry(verdict.conditions).items()}
+                if made
+                else None,
                 "second_order": as_data(verdict.second_order),
             }
         )
