@@ -81,7 +81,7 @@ def test_paper_by_hand() -> None:
     assert bound.by_energy_m - rise == pytest.approx(
         upper_bound(load("paper", ["leg.motor.max_torque=1"])).by_energy_m - rise / 2
     )
-    assert bound.clearance_m == min(bound.by_energy_m, bound.by_speed_m)  # the body is the foot's highest place
+    assert bound.clearance_m == min(bound.by_energy_m, bound.by_speed_m)  # every link's centre of mass lies on its line
 
 
 def test_time_and_power_count_in_proportion() -> None:
