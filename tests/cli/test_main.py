@@ -19,7 +19,7 @@ from hopopt import load
 from hopopt.cli import main as cli
 from hopopt.cli.screen.answer import print_answer
 from hopopt.errors import NotSolvedError, one_line
-from hopopt.planner.answer.summary_extras import GlobalMethod, HopFamily
+from hopopt.planner.answer.extras import GlobalMethod, HopFamily
 from waiting import beside_progress, wait_for
 
 ROOT = Path(__file__).parents[2]

@@ -18,8 +18,9 @@ from hopopt.cli.screen.runs import print_comparison, print_run, run_table
 from hopopt.cli.screen.sensitivity import print_sensitivity
 from hopopt.cli.screen.sweep import print_study
 from hopopt.comparison.compare import compare
-from hopopt.planner.answer.summary_extras import Stretch, Structure
-from hopopt.planner.answer.summary_parts import LeansOn, NamedCheck
+from hopopt.optimality.minimum_principle.switching_structure import Stretch
+from hopopt.planner.answer.motion_figures import LeansOn
+from hopopt.planner.answer.program_figures import Structure
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Countdown
 from hopopt.problem.load import load
@@ -138,7 +139,7 @@ def test_checks_that_are_left_out_are_counted_apart_with_the_reason(
 ) -> None:
     made = [Check(f"{phase} replay", 1e-9, 1e-5, "SI") for phase in ("stance", "flight")]
     checks = [*made, *left_out("the simulated leg left the plan")]
-    listed = tuple(NamedCheck(**c.as_dict()) for c in checks)
+    listed = tuple(checks)
     summary = replace(hop.summary, verification=listed)
     assert checks_line(summary).startswith("2 of 2 checks passed, 2 left out; replay")
     print_checks("x", checks)

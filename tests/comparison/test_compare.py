@@ -33,11 +33,11 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.paper.paper_results import is_the_papers
-from hopopt.planner.answer.summary_entry import as_data
-from hopopt.planner.answer.summary_extras import Attained, CanBeHad, Functions
+from hopopt.planner.answer.extras import Attained, CanBeHad, Functions
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import changed, load
+from hopopt.record import as_data
 from hopopt.storage.runs import save_runs
 from hopopt.storage.solution import save
 from once import plan_with_reserve

@@ -30,8 +30,7 @@ from hopopt.ocp.transitions import impact
 from hopopt.planner.checks.program_limits import program_limits
 from hopopt.planner.search import multistart
 from hopopt.planner.search.multistart import first_solver
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.solution import folder_name, save

@@ -14,7 +14,7 @@ from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.refinement.mesh_refinement import OUT_OF_TIME
 from hopopt.nlp.solver.ipopt import LONGEST, NlpSolver, time_given
 from hopopt.ocp.hop import Hop
-from hopopt.planner.answer.stored_summary import LATE
+from hopopt.planner.answer.summary import LATE
 from hopopt.planner.refine_and_verify import refine_outcome
 from hopopt.planner.search import first_mesh
 from hopopt.planner.search.multistart import first_transcription, run_chunk, run_starts

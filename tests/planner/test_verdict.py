@@ -9,8 +9,8 @@ import pytest
 import hopopt as ho
 from hopopt.ocp.hop import Hop
 from hopopt.planner import refine_and_verify as road
-from hopopt.planner.answer.verdict import Verdict
 from hopopt.planner.checks.judge import judge
+from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.search.multistart import run_chunk
 from hopopt.planner.solution import Solution

@@ -27,7 +27,7 @@ from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
-from hopopt.planner.answer.summary_extras import CoDesign
+from hopopt.planner.answer.extras import CoDesign
 from hopopt.planner.search.from_known import from_motion
 from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution

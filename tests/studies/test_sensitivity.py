@@ -23,8 +23,7 @@ from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State
 from hopopt.optimality.directions.parametric_sensitivity import Slopes, slopes
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.studies.finite_differences import chosen, confirmed, solve_again, with_entry

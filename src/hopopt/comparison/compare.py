@@ -20,9 +20,10 @@ from hopopt.leg.kinematics import two_joints
 from hopopt.leg.scales import Scale
 from hopopt.ocp.phases import STANCE
 from hopopt.paper.paper_results import PAPER, is_the_papers
-from hopopt.planner.answer.summary_extras import PaperStrategy
+from hopopt.planner.answer.extras import PaperStrategy
+from hopopt.planner.motion import Motion
 from hopopt.planner.reserve import plan_to_track, reserved
-from hopopt.planner.solution import Motion, Solution
+from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import design_hash
 from hopopt.sim.hop_metrics import HopFigures

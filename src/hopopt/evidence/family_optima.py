@@ -17,6 +17,7 @@ from hopopt.ocp.guesses.feasibility import joints_without_inertia
 from hopopt.ocp.guesses.initial_guess import motion_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
+from hopopt.planner.motion import Motion
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search.families import motion, words
 from hopopt.planner.search.first_mesh import search_first_mesh
@@ -28,7 +29,6 @@ from hopopt.planner.search.multistart import (
     outcome_of,
     solution_of,
 )
-from hopopt.planner.solution import Motion
 from hopopt.planner.solve import TIME_LIMIT
 from hopopt.planner.stopwatch import Stopwatch
 

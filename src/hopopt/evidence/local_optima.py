@@ -23,9 +23,9 @@ from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.direction import Directed
 from hopopt.ocp.objectives.registry import find
+from hopopt.planner.motion import Motion
 from hopopt.planner.search.families import motion, words
 from hopopt.planner.search.multistart import first_solver, grouped, run_chunk, solution_of
-from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, new_folder, write_json, writing
 from hopopt.studies.faults import Fault, one_of_many

@@ -19,7 +19,8 @@ from hopopt.control.tracking import Track
 from hopopt.leg.kinematics import loop_axes
 from hopopt.leg.robot import BASE
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
-from hopopt.planner.solution import Samples, Solution
+from hopopt.planner.motion import Samples
+from hopopt.planner.solution import Solution
 from hopopt.verify.table import NORMALISED_TIMES
 
 NANOSECONDS = 10**9  # in a second

@@ -13,7 +13,8 @@ from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
 from hopopt.ocp.constraints import steepness
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
-from hopopt.planner.solution import Samples, Solution
+from hopopt.planner.motion import Samples
+from hopopt.planner.solution import Solution
 from hopopt.plots.stick import stick
 from hopopt.plots.studies.swept import obstacle
 from hopopt.plots.style import (

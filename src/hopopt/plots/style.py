@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 
 from hopopt.design import Design
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE
-from hopopt.planner.solution import Samples, Solution
+from hopopt.planner.motion import Samples
+from hopopt.planner.solution import Solution
 from hopopt.problem.render import rows
 
 DPI = 150  # 1650 pixels across

@@ -15,8 +15,8 @@ from markupsafe import Markup
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import build_robot
-from hopopt.planner.answer.summary_entry import as_data
 from hopopt.planner.solution import Solution
+from hopopt.record import as_data
 from hopopt.report.chart import LEFT, RIGHT, Chart, span
 from hopopt.report.html import part, render
 from hopopt.report.motion import ShownHop

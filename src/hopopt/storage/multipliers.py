@@ -5,10 +5,14 @@ Signs and units: docs/certificate.md. Every multiplier is the objective's deriva
 
 from collections.abc import Mapping
 
-from hopopt.planner.answer.verdict import Multipliers
+import numpy as np
+
+from hopopt.planner.checks.verdict import Multipliers
 from hopopt.storage.netcdf import Group
+from hopopt.verify.check import Check
 
 GROUP = "certificate"
+SAME = 1e-9  # stored costates against those of the stored multipliers, relative
 LAYOUT = {  # dimensions and meaning of every array
     "costate": (("edge", "state"), "derivative of the objective by the state, at the interval edges"),
     "hamiltonian": (("interval",), "Hamiltonian, mean of each interval [objective's unit per second]"),
@@ -33,3 +37,14 @@ def multipliers(stored: Mapping[str, Group]) -> dict[str, Multipliers]:
     """What ``groups`` wrote; nothing if the file has no such groups."""
     own = {path.removeprefix(f"{GROUP}/"): group for path, group in stored.items() if path.startswith(f"{GROUP}/")}
     return {path: {name: group[name] for name in group.variables} for path, group in own.items()}
+
+
+def agreement(computed: Mapping[str, Multipliers], kept: Mapping[str, Multipliers]) -> Check:
+    """Costates and multipliers as they lie in the file (``kept``) against those of the program's multipliers."""
+    wrong = 0.0
+    for name, fresh in computed.items():
+        for part, values in fresh.items():
+            if values.dtype.kind == "f" and values.size:
+                miss = float(np.abs(kept[name][part] - values).max())
+                wrong = max(wrong, miss / max(1.0, float(np.abs(values).max())))
+    return Check("stored costates", wrong, SAME, "relative")

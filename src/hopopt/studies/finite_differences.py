@@ -19,8 +19,7 @@ from hopopt.nlp.refinement.continuous_limits import held_between, held_in, holds
 from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.studies.influence import Difference, Influence
 from hopopt.studies.sensitivity import settled_within

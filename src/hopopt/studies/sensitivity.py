@@ -20,9 +20,8 @@ from hopopt.ocp.phases import STANCE, duration_entry
 from hopopt.optimality.directions.kinks import DIFFERS, kink
 from hopopt.optimality.directions.parametric_sensitivity import Slopes, gradient_by_parameters, slopes
 from hopopt.optimality.directions.touchdown_slopes import touchdown_slopes
-from hopopt.planner.answer.summary import by_friction
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.answer.program_figures import by_friction
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.problem.render import rows
 from hopopt.studies.influence import Influence
 

@@ -6,6 +6,7 @@ interpolated first.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
@@ -13,12 +14,30 @@ from scipy.interpolate import BarycentricInterpolator
 from hopopt.design import Hop
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import BASE, Robot
+from hopopt.record import Strict, if_any
 from hopopt.sim.machine import Machine
 from hopopt.verify.hops.obstacle import highest_box
 from hopopt.verify.table import NORMALISED_TIMES, Table
 
 FINE = np.linspace(0.0, 1.0, 201)  # normalised times of an interval; trapezoids are good to about 1e-5 of it
 Tables = Mapping[str, Table]
+
+
+@dataclass(frozen=True)
+class Measures(Strict):
+    """Figures that a hop can be made for; those that nobody asked for are None."""
+
+    apex_m: float | None = if_any("height of the body when flight ends [m]")
+    energy_J: float | None = if_any("positive mechanical work of the joints [J]")
+    absolute_work_J: float | None = if_any("absolute mechanical work of the joints [J]")
+    electrical_energy_J: float | None = if_any("electrical energy of the motors [J]")
+    time_s: float | None = if_any("duration of the hop [s]")
+    saturation: float | None = if_any("largest share of a drive's operating region that is used")
+    peak_torque_Nm: float | None = if_any("largest torque of any joint [N m]")
+    peak_force_N: float | None = if_any("largest ground force [N]")
+    impact_J: float | None = if_any("kinetic energy lost at touchdown [J]")
+    obstacle_m: float | None = if_any("height of the highest obstacle that the leg clears [m]")
+    user_objective: float | None = if_any("a user-defined objective [its unit]")
 
 
 def dense(normalised_times: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.ndarray:

@@ -8,7 +8,6 @@ state and of the ground: by how much is stated.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -22,11 +21,12 @@ from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import Scale
+from hopopt.record import Real, if_any
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.hops.periodic import closure, joints_at
 from hopopt.verify.limits import limit_words, limits_of, windowed
-from hopopt.verify.measures import MEASURES
+from hopopt.verify.measures import MEASURES, Measures
 from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, ON_GROUND, POWERS, STANCE, TO_POWERS, Table
 
 HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
@@ -41,6 +41,19 @@ VALUE, LIMITS = (
 State = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
 Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # joint torques [N m] from place, angles and speeds
+
+
+@dataclass(frozen=True)
+class Simulated(Measures):
+    """The whole hop simulated in one piece, torques clamped to the drives' limits."""
+
+    clearance_m: float | None = if_any("height of the lowest point when flight ends [m]")
+    followed: bool | None = if_any("whether it stayed on the plan")
+    short_by: Real | None = if_any("by how much the rollout value is less than the claim [the objective's unit]")
+    strayed: Real | None = if_any("largest distance from the plan [SI]")
+    passed: Real | None = if_any("largest share of its range by which a limit was passed")
+    limit: str | None = if_any("that limit")
+    note: str | None = if_any("why it says nothing about the plan")
 
 
 @dataclass(frozen=True)
@@ -91,19 +104,12 @@ class Rollout:
             return [limits]  # a user-defined function
         return [_check(VALUE, self.short(figure, claim, sign) / size), limits]
 
-    def as_dict(self, figure: str, claim: float, sign: float) -> dict[str, Any]:
-        """For the summary."""
+    def beside(self, figure: str, claim: float, sign: float) -> Simulated:
+        """What is stated of it beside a claim; arguments as those of ``short``."""
         if not np.isfinite(self.strayed):
-            return {"followed": False, "note": self.note}
-        reported = {
-            "short_by": self.short(figure, claim, sign),
-            "strayed": self.strayed,
-            "passed": self.passed,
-            "limit": self.limit,
-        }
-        if self.note:
-            reported["note"] = self.note
-        return {**self.values, "followed": self.followed, **reported}
+            return Simulated(followed=False, note=self.note)
+        reported = {"strayed": self.strayed, "passed": self.passed, "limit": self.limit, "note": self.note or None}
+        return Simulated(**self.values, **reported, followed=self.followed, short_by=self.short(figure, claim, sign))
 
 
 def left_out(why: str) -> list[Check]:

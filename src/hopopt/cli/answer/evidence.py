@@ -126,11 +126,11 @@ def _gathered(
     from hopopt.nlp.deadline import NEVER
     from hopopt.ocp.hop import Hop
     from hopopt.ocp.objectives.registry import find
-    from hopopt.planner.answer.summary_entry import as_data
     from hopopt.planner.search.families import families
     from hopopt.planner.search.global_verdict import MAY_EXIST, highest, led_to, verdict
     from hopopt.planner.search.multistart import contenders, run_chunk
     from hopopt.planner.solve import TIME_LIMIT, solve_from
+    from hopopt.record import as_data
     from hopopt.verify.upper_bound import upper_bound
 
     found = study.families(ended, find(objective))
@@ -144,7 +144,7 @@ def _gathered(
     say("refining and verifying the best")
     best = solve_from(hop, contenders(outcomes), outcomes, say, NEVER.within(TIME_LIMIT))
     bound = upper_bound(design)
-    passed, simple = best.clearance > bound.clearance, _reduced(design, grids, say)
+    passed, simple = best.clearance > bound.clearance_m, _reduced(design, grids, say)
     finest = (simple.get("grids") or [{"size": 0}])[-1]
     contradicted = finest["size"] >= TELLING and finest["difference"] > CONTRADICTED
     known_as = families(hop, outcomes, [best])
@@ -152,10 +152,10 @@ def _gathered(
     said = verdict(on_finest["value_m"], highest(on_finest["rollout_m"], led_to(known_as)), best.clearance)
     overall |= {"verdict": said, "alarm": said == MAY_EXIST}
     return {
-        "problem": design.name, "objective": objective, "upper_bound": bound.figures(),
+        "problem": design.name, "objective": objective, "upper_bound": as_data(bound),
         "reduced": simple, "global": overall,
         "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": study.as_dicts(found)},
-        "families": as_data(known_as),
+        "families": [as_data(f) for f in known_as],
         "best": {
             "clearance_m": best.clearance, "verified": best.verified, "failed_checks": list(best.summary.failed_checks),
             "start": best.summary.starts.chosen,

@@ -8,7 +8,7 @@ from hopopt.cli.options import AsJson, Constraints
 from hopopt.errors import UsageError
 
 if TYPE_CHECKING:
-    from hopopt.planner.answer.verdict import Verdict
+    from hopopt.planner.checks.verdict import Verdict
     from hopopt.planner.solution import Solution
 
 
@@ -52,9 +52,10 @@ def verify(result: Path, *, objective: str | None = None, constraint: Constraint
 
 
 def _print_json(verdict: "Verdict") -> None:
-    from hopopt.planner.answer.summary_entry import as_data
-    from hopopt.planner.answer.verdict_entries import conditions
+    from hopopt.optimality.certificate import by_entry
+    from hopopt.record import as_data
     from hopopt.storage.folder import as_json
+    from hopopt.verify.check import Condition
 
     made = bool(verdict.conditions)
     print(
@@ -62,10 +63,12 @@ def _print_json(verdict: "Verdict") -> None:
             {
                 "verified": verdict.verified,
                 "exit_code": 0 if verdict.verified else 3,
-                "checks": [c.as_dict() for c in verdict.checks],
-                "checks_of_the_file": [c.as_dict() for c in verdict.of_file],
+                "checks": [as_data(c) for c in verdict.checks],
+                "checks_of_the_file": [as_data(c) for c in verdict.of_file],
                 "certified": verdict.certified if made else None,
-                "certificate": as_data(conditions(verdict)) if made else None,
+                "certificate": {name: as_data(c, Condition) for name, c in by_entry(verdict.conditions).items()}
+                if made
+                else None,
                 "second_order": as_data(verdict.second_order),
             }
         )

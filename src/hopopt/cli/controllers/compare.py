@@ -101,7 +101,7 @@ def compare(
         raise UsageError("--mass and --torque are shares from 0 to 0.5")
     from hopopt.comparison import compare as comparing
     from hopopt.comparison.robust.robustness import chosen, four_numbers, spread
-    from hopopt.planner.answer.summary_entry import as_data
+    from hopopt.record import as_data
     from hopopt.storage.folder import as_json, prepare
     from hopopt.storage.seal.recheck import reverified
     from hopopt.storage.solution import read, save

@@ -16,12 +16,12 @@ from hopopt.cli.screen.runs import OVERSHOOT
 from hopopt.cli.screen.search import global_line, measure, measured, starts_lines
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.objectives.direction import sign
-from hopopt.planner.solution import at_apex
+from hopopt.planner.motion import at_apex
 
 if TYPE_CHECKING:
     from hopopt.design import Design
-    from hopopt.planner.answer.stored_summary import Summary
-    from hopopt.planner.answer.summary_parts import Impact
+    from hopopt.planner.answer.summary import Summary
+    from hopopt.planner.answer.touchdown import Impact
     from hopopt.planner.solution import Solution
 
 MOST = 4  # limits that are named
@@ -288,9 +288,9 @@ def simulated_words(s: "Summary") -> str:
     return "" if reached is None else f" (simulated in one piece, torques clamped: {measure(s, reached, '.6g')})"
 
 
-def bound_line(bound: float | None, objective: str) -> list[str]:
+def bound_line(bound: float, objective: str) -> list[str]:
     """What nothing can pass [m], of heights."""
-    if bound is None or objective not in ("clearance", "apex"):
+    if not isfinite(bound) or objective not in ("clearance", "apex"):
         return []
     return [
         f"no hop that keeps the drives' limits and the longest stance can pass {bound:.2f} m: a crude bound, by speed and "

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 from hopopt.cli.screen.console import console, print_residuals
 
 if TYPE_CHECKING:
-    from hopopt.planner.answer.stored_summary import Summary
-    from hopopt.planner.answer.summary_extras import SecondOrder
+    from hopopt.optimality.second_order import Curvature
+    from hopopt.planner.answer.summary import Summary
     from hopopt.verify.check import Check
 
 FIRST, FEW = 4, 4  # so many stretches of a long line are told before its last, where more than FEW are left out
@@ -47,7 +47,7 @@ def _shortened(parts: list[str]) -> list[str]:
     return parts if left <= FEW else [*parts[:FIRST], f"{left} more (--json tells all)", parts[-1]]
 
 
-def second_order_line(found: "SecondOrder | None") -> list[str]:
+def second_order_line(found: "Curvature | None") -> list[str]:
     """One line of the second-order test."""
     if found is None:
         return []
@@ -78,7 +78,7 @@ def structure_lines(s: "Summary") -> list[str]:
     return lines
 
 
-def print_certificate(conditions: "Sequence[Check]", second: "SecondOrder | None") -> None:
+def print_certificate(conditions: "Sequence[Check]", second: "Curvature | None") -> None:
     """Every condition with its residual and tolerance, and whether all hold; and the second-order test."""
     out = console()
     if not conditions:

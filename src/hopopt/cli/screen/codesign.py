@@ -7,7 +7,7 @@ from rich.table import Table
 from hopopt.cli.screen.console import console, print_table
 
 if TYPE_CHECKING:
-    from hopopt.planner.answer.summary_extras import CoDesign, FreeEntry
+    from hopopt.planner.answer.extras import CoDesign, FreeEntry
 
 
 def _between(p: "FreeEntry") -> list[str]:

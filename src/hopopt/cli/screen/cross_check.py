@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from hopopt.cli.screen.console import console, print_lines
 
 if TYPE_CHECKING:
-    from hopopt.planner.answer.stored_summary import Summary
-    from hopopt.planner.answer.summary_extras import CrossCheck
+    from hopopt.planner.answer.extras import CrossCheck
+    from hopopt.planner.answer.summary import Summary
 
 
 def print_cross_checks(summary: "Summary") -> None:

@@ -20,9 +20,10 @@ from hopopt.cli.screen.search import global_line, measure, starts_lines
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from hopopt.planner.answer.stored_summary import Summary
-    from hopopt.planner.answer.summary_parts import IdleLimit, NamedCheck
+    from hopopt.planner.answer.limit_use import IdleLimit
+    from hopopt.planner.answer.summary import Summary
     from hopopt.planner.solution import Solution
+    from hopopt.verify.check import Check
 
 
 def print_details(solution: "Solution") -> None:
@@ -113,6 +114,6 @@ def _failed(s: "Summary") -> list[str]:
     return [f"FAILED {_check_line(c)}" for c in s.verification if not c.passed]
 
 
-def _check_line(c: "NamedCheck") -> str:
+def _check_line(c: "Check") -> str:
     where = f", {c.where}" if c.where else ""
     return f"{c.name}: {c.residual:.1e} {c.unit} (allowed {c.tolerance:.0e}){where}"

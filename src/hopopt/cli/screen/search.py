@@ -7,8 +7,8 @@ from hopopt.planner.search.global_verdict import followed, highest, verdict
 from hopopt.planner.search.multistart import STOPPED
 
 if TYPE_CHECKING:
-    from hopopt.planner.answer.stored_summary import Summary
-    from hopopt.planner.answer.summary_extras import HopFamily
+    from hopopt.planner.answer.extras import HopFamily
+    from hopopt.planner.answer.summary import Summary
 
 FAMILIES = 3  # different hops that are listed
 

@@ -1,57 +1,10 @@
-"""Parts of an answer's summary: what the hop is like, and what else was asked of it."""
+"""Parts of a summary that say what else was asked of an answer: of the search, of other solvers, of controllers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hopopt.planner.answer.summary_entry import Real, Strict, if_any, stated
-
-
-@dataclass(frozen=True)
-class Stretch(Strict):
-    """A stretch of time in which one limit acts."""
-
-    subject: str = stated("on what")
-    limit: str = stated('which; "free" where none does')
-    begin: float = stated("since the phase began [s]")
-    end: float = stated("since the phase began [s]")
-
-
-@dataclass(frozen=True)
-class Structure(Strict):
-    """Switching structure: which limit acts when."""
-
-    words: tuple[str, ...] = stated("in words, a sentence for each phase and subject")
-    stance: tuple[Stretch, ...] = stated("stretches of stance")
-    flight: tuple[Stretch, ...] = stated("stretches of flight")
-    descent: tuple[Stretch, ...] | None = if_any("stretches of the descent")
-    landing: tuple[Stretch, ...] | None = if_any("stretches of a landing to rest")
-    solved_again: bool | None = if_any("whether this is the hop with free switching times")
-    note: str | None = if_any("why it is not")
-    switches_s: Mapping[str, tuple[float, ...]] | None = if_any("switching times, by phase [s]")
-    jumps_s: Mapping[str, tuple[float, ...]] | None = if_any("those at which a torque jumps, by phase [s]")
-    difference: Real | None = if_any("of the objective from that before, relative")
-
-
-@dataclass(frozen=True)
-class FlatDirection(Strict):
-    """A quantity to which the objective is insensitive."""
-
-    kind: str = stated("duration, control or parameter")
-    phase: str = stated("in which phase")
-    name: str = stated("which component")
-    when: tuple[float, float] | None = stated("from when to when [s since the phase began]")
-    felt: float = stated("largest relative change of the objective if it moved by its whole range")
-
-
-@dataclass(frozen=True)
-class SecondOrder(Strict):
-    """Directions that keep all equations and limits that act, by what moving along them does to the objective."""
-
-    worse: int = stated("directions that make the objective worse")
-    flat: int = stated("directions that hardly change it")
-    better: int = stated("directions that make it better, if no limit without a multiplier forbids them")
-    lowest: float = stated("least loss by a move of size 1, of the objective; negative: a gain (docs/certificate.md)")
-    saddle: int = stated("directions that make it better within every limit: with any, the hop is no optimum")
+from hopopt.problem.checking.mass_law import MassLaw
+from hopopt.record import Strict, if_any, stated
 
 
 @dataclass(frozen=True)
@@ -161,26 +114,13 @@ class CouplingHeld(Strict):
 
 
 @dataclass(frozen=True)
-class MassLawUsed(Strict):
-    """mass [kg] = coefficient * (torque / N m)^exponent of the catalogue's parts."""
-
-    coefficient: float = stated("[kg]")
-    exponent: float = stated("of the torque")
-    scatter: float | None = stated("factor by which a part is typically off")
-    exponent_error: float | None = stated("standard error")
-    entries: int = stated("parts that were fitted")
-    lowest: float = stated("their least torque [N m]")
-    highest: float = stated("their largest torque [N m]")
-
-
-@dataclass(frozen=True)
 class CoDesign(Strict):
     """What was free in a co-design, and what came of it."""
 
     objective_value: float = stated("the co-design's, which the fixed design must reach [its unit]")
     parameters: tuple[FreeEntry, ...] = stated("the free entries")
     couplings: tuple[CouplingHeld, ...] = stated("relations between them")
-    mass_laws: Mapping[str, MassLawUsed] = stated("of motor and gear, if the couplings use them")
+    mass_laws: Mapping[str, MassLaw] = stated("of motor and gear, if the couplings use them")
 
 
 @dataclass(frozen=True)
