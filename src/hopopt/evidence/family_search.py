@@ -9,7 +9,7 @@ from hopopt.evidence.families import Study
 from hopopt.evidence.family_chains import Node
 from hopopt.evidence.family_optima import Optimum, Source, followed, refined, remember, searched
 from hopopt.problem.checking.hints import hints
-from hopopt.studies.faults import Fault, one_of_many
+from hopopt.studies.faults import Fault, side_by_side
 from hopopt.studies.sweep.definition import Definition
 
 FOLLOWED = 8  # of the best optima at each value, that are followed
@@ -106,22 +106,7 @@ def _each(
     study: Study, what: str, run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes: int
 ) -> Iterator[tuple[Any, Any]]:
     """The result of every job with its key, as they end; None and a note in the study for one that a fault ended."""
-    for key, result in _ended(run, jobs, processes):
+    for key, result in side_by_side(run, jobs, processes):
         if isinstance(result, Fault):
             study.faults[f"{what} at value {(key[0] if isinstance(key, tuple) else key) + 1}"] = result
         yield key, None if isinstance(result, Fault) else result
-
-
-def _ended(run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes: int) -> Iterator[tuple[Any, Any]]:
-    """The result of every job, or the fault that ended it, side by side where more than one process is allowed."""
-    if processes == 1 or len(jobs) < 2:
-        yield from (_keyed(key, run, job) for key, job in jobs.items())
-        return
-    from joblib import Parallel, delayed
-
-    tasks = (delayed(_keyed)(key, run, job) for key, job in jobs.items())
-    yield from Parallel(n_jobs=processes, backend="loky", return_as="generator_unordered")(tasks)  # type: ignore[misc]
-
-
-def _keyed(key: Any, run: Callable[..., Any], job: tuple[Any, ...]) -> tuple[Any, Any]:
-    return key, one_of_many(run, *job)

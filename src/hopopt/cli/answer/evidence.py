@@ -154,7 +154,7 @@ def _gathered(
     return {
         "problem": design.name, "objective": objective, "upper_bound": bound.figures(),
         "reduced": simple, "global": overall,
-        "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": study.as_dicts(found)},
+        "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": [f.as_dict() for f in found]},
         "families": as_data(known_as),
         "best": {
             "clearance_m": best.clearance, "verified": best.verified, "failed_checks": list(best.summary.failed_checks),
