@@ -1,7 +1,7 @@
 """The figures of a solved hop, as matplotlib objects: the same headless and in notebooks."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -229,15 +229,22 @@ def figures_of(solution: Solution) -> dict[str, Callable[[Solution], Figure]]:
 
 
 def save_all(solution: Solution, folder: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
-    """Write every figure in every format to a folder, which is made if need be; the files written.
+    """``save_figures`` of a hop."""
+    return save_figures(solution, figures_of(solution), folder, formats)
+
+
+def save_figures(
+    shown: Any, figures: Mapping[str, Callable[[Any], Figure]], folder: Path, formats: Sequence[str] = FORMATS
+) -> list[Path]:
+    """Write every figure of what is shown in every format to a folder, which is made if need be; the files written.
 
     Raises ResultError, naming the figures that failed and why, when the others are written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    paths, faults = [], []
-    for name, draw in figures_of(solution).items():
+    paths, faults = list[Path](), list[str]()
+    for name, draw in figures.items():
         try:
-            paths += save_figure(draw(solution), folder / name, formats)
+            paths += save_figure(draw(shown), folder / name, formats)
         except Exception as error:  # whatever is wrong with one figure, the others are drawn
             faults.append(f"{name}: {type(error).__name__}: {error}")
     if faults:

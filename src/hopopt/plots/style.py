@@ -17,7 +17,6 @@ from matplotlib.figure import Figure
 from hopopt.design import Design
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE
 from hopopt.planner.solution import Samples, Solution
-from hopopt.problem.render import rows
 
 DPI = 150  # 1650 pixels across
 SIZE = (11.0, 6.2)  # [in], the shape of a slide
@@ -69,12 +68,6 @@ def describe(ax: Axes, x: str, y: str, title: str = "") -> None:
     ax.tick_params(labelsize=SMALL)
     ax.grid(True, color=PALE, lw=0.6)
     ax.set_axisbelow(True)
-
-
-def entry_label(design: Design, entry: str) -> str:
-    """An entry of a problem with its unit."""
-    unit = {row.path: row.unit for row in rows(design)}.get(entry.partition("[")[0], "")
-    return f"{entry} [{unit}]" if unit not in ("", "1") else entry
 
 
 def legend(figure: Figure) -> None:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.planner.solution import Solution
-from hopopt.plots.hop import FORMATS, save_figure
+from hopopt.plots.hop import save_figure
 from hopopt.plots.style import BLACK, SMALL, describe, headline, legend, solution_figure
 from hopopt.studies.influence import CM, PERCENT, Influence
 
@@ -53,8 +53,6 @@ def _bar(ax: Axes, row: int, i: Influence) -> None:
         ax.plot(gained, row, "D", ms=6, mfc="white", mec=BLACK, label="solved again, a little more and less", zorder=4)
 
 
-def save_all(
-    solution: Solution, influences: Sequence[Influence], folder: Path, formats: Sequence[str] = FORMATS
-) -> list[Path]:
-    """Write the figure in every format to a folder; the files written."""
-    return save_figure(tornado(solution, influences), folder / "tornado", formats)
+def save_all(solution: Solution, influences: Sequence[Influence], folder: Path) -> list[Path]:
+    """Write the figure to a folder; the files written."""
+    return save_figure(tornado(solution, influences), folder / "tornado")
