@@ -14,8 +14,7 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.leg.limit_id import Kind, LimitId
-from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.objectives.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
 from hopopt.user_code import last_line, load
@@ -167,16 +166,8 @@ def path(c: Custom, hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathC
     t = c.terms
     if phase not in t.phases:
         return ()
-    return (
-        PathConstraint(
-            LimitId(Kind.USER, c.name, unit=t.unit),
-            lambda s: c(moment(hop, motion, s)),
-            lower=t.lower,
-            upper=t.upper,
-            scale=t.scale,
-            unit=t.unit,
-        ),
-    )
+    limit = LimitId(Kind.USER, c.name, unit=t.unit)
+    return (PathConstraint(limit, lambda s: c(moment(hop, motion, s)), t.lower, t.upper, t.scale, t.unit),)
 
 
 def moment(hop: MovingLeg, motion: MotionAt, s: Instant) -> Moment:
@@ -194,11 +185,7 @@ def moment(hop: MovingLeg, motion: MotionAt, s: Instant) -> Moment:
 def end(hop: MovingLeg, e: Ends) -> Moment:
     """The leg when flight ends."""
     stance, flight = (e.final[phase] for phase in PHASES)
-    poses = (
-        hop.dynamics(stance).stance_pose(stance.q, stance.v)[:2],
-        hop.dynamics(flight).flight_pose(*hop.com_and_speed(flight), flight.q, flight.v)[:2],
-    )
-    (q0, v0), (q1, v1) = poses
+    (q0, v0), (q1, v1) = hop.stance_pose(stance), hop.flight_pose(flight)
     lift_off = Moment(e.duration["stance"], "stance", q0, v0, *_points(hop, stance, q0, v0))
     whole = sum(e.duration.values(), ca.SX(0))
     return Moment(whole, "flight", q1, v1, *_points(hop, flight, q1, v1), lift_off=lift_off)

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
-from hopopt.ocp.constraints import steepness
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
+from hopopt.ocp.rules import steepness
 from hopopt.planner.solution import Samples, Solution
 from hopopt.plots.stick import stick
 from hopopt.plots.studies.swept import obstacle

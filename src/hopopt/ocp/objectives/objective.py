@@ -8,8 +8,7 @@ import casadi as ca
 
 from hopopt.design import Design
 from hopopt.leg.limit_id import Kind, LimitId
-from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.hops.sequence import Sequence, from_rest
 from hopopt.ocp.objectives.direction import Directed
 from hopopt.ocp.phases import FLIGHT, LegPhase, points_at_apex

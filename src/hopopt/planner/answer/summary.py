@@ -11,9 +11,9 @@ from hopopt.nlp.refinement.continuous_limits import of_limits
 from hopopt.nlp.refinement.mesh_refinement import Refinement
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Rows, Transcription
-from hopopt.ocp.constraints import steepness
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
+from hopopt.ocp.rules import steepness
 from hopopt.optimality.minimum_principle import switching_structure as structure
 from hopopt.optimality.minimum_principle.free_switches import Resolved
 from hopopt.planner.answer.motion_figures import ACTIVE, FINE, active_limits, most_first, motion_figures
