@@ -60,12 +60,9 @@ def paper_results(force: HopFigures, position: HopFigures) -> list[PaperFigure]:
             _number(f"{name} control, simulation: C_avg of the knee in stance", c_simulated, knee),
             _number(f"{name} control, experiment: C_avg of the knee in stance", c_measured, knee),
         ]
-    rows.append(
-        _number("foot height of force over position, experiment", 1.58, force.foot_height / position.foot_height)
-    )
-    rows.append(
-        _number("foot height of force over position, simulation", 0.44 / 0.32, force.foot_height / position.foot_height)
-    )
+    for where, paper in (("experiment", 1.58), ("simulation", 0.44 / 0.32)):
+        ratio = force.foot_height / position.foot_height
+        rows.append(_number(f"foot height of force over position, {where}", paper, ratio))
     rows += [_stiffness(force, position), _early(position), _pegged(force), _energy(force)]
     return rows if is_the_papers(force.design.leg) else [replace(row, matches=None) for row in rows]
 
@@ -92,12 +89,8 @@ def _early(position: HopFigures) -> PaperFigure:
     t = position.trace.t[position.stance]
     first = t <= 0.5 * (t[0] + t[-1])
     mean = _mean(ratio[first], t[first])
-    return PaperFigure(
-        "position control: C of the knee in the first half of stance",
-        "far less than 1",
-        f"{_shown(mean)} mean",
-        mean < 0.8,
-    )
+    statement = "position control: C of the knee in the first half of stance"
+    return PaperFigure(statement, "far less than 1", f"{_shown(mean)} mean", mean < 0.8)
 
 
 def _pegged(force: HopFigures) -> PaperFigure:
@@ -119,12 +112,8 @@ def _energy(force: HopFigures) -> PaperFigure:
     work = float(np.trapezoid(np.sum(trace.tau[span] * w, axis=1), trace.t[span]))
     g = float(np.linalg.norm(trace.robot.model.gravity.linear))
     lifted = force.design.leg.body.mass * g * force.foot_height
-    return PaperFigure(
-        "eq. con_energy, force control: m g (h_max - h_init) = work of the joints [J]",
-        "equal",
-        f"{lifted:.1f} against {work:.1f}",
-        abs(lifted - work) <= NEAR * work,
-    )
+    statement = "eq. con_energy, force control: m g (h_max - h_init) = work of the joints [J]"
+    return PaperFigure(statement, "equal", f"{lifted:.1f} against {work:.1f}", abs(lifted - work) <= NEAR * work)
 
 
 def markdown(columns: Mapping[str, Sequence[PaperFigure]]) -> str:
