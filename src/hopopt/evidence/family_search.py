@@ -55,11 +55,8 @@ def _follow(study: Study, designs: Sequence[Design], processes: int, say: Say, k
     while new and len(designs) > 1:
         say(f"following {len(new)} local optima to the neighbouring values")
         sources = {k: sorted(n for n in new if abs(n[0] - k) == 1) for k in range(len(designs))}
-        jobs = {
-            k: (designs[k], [_source(study, designs, n, k) for n in each], "neighbouring values")
-            for k, each in sources.items()
-            if each
-        }
+        begun = {k: [_source(study, designs, n, k) for n in each] for k, each in sources.items() if each}
+        jobs = {k: (designs[k], each, "neighbouring values") for k, each in begun.items()}
         new = set()
         for k, ends in _each(study, "following", followed, jobs, processes):
             for source, end in zip(sources[k], ends or (), strict=ends is not None):

@@ -196,12 +196,13 @@ def _over(study: Study, k: int, width: int, by_limit: Mapping[str, str]) -> dict
 
 
 def _mark(
-    study: Study, by_limit: Mapping[str, str], point: Point, chart: Chart, x: float, y: float, value: str = ""
-) -> Mark:
+    study: Study, by_limit: Mapping[str, str], point: Point, chart: Chart, x: float, y: float, text: str = "",
+    cell: tuple[float, ...] = (),
+) -> Mark:  # fmt: skip
     color = by_limit[point.limit or NO_LIMIT] if point.verified else ""
     place = chart.x_zero + chart.x_scale * x, chart.y_zero + chart.y_scale * y
     words = _words(study, point) if len(study.points) * len(study.definition.axes) <= TITLED else ""
-    return Mark(point, *place, color, words, value)
+    return Mark(point, *place, color, words, text, cell)
 
 
 def _wide(x: np.ndarray) -> tuple[float, float]:
@@ -231,8 +232,7 @@ def _map(study: Study, by_limit: Mapping[str, str]) -> dict[str, Any]:
     marks = []
     for p, a, b in zip(points, x, y, strict=True):
         text = f"{value(study, p):#.4g}" if p.verified and written else ""
-        mark = _mark(study, by_limit, p, chart, a, b, text)
-        marks.append(Mark(**{**vars(mark), "cell": _cell(chart, edges, a, b)}) if edges else mark)
+        marks.append(_mark(study, by_limit, p, chart, a, b, text, _cell(chart, edges, a, b) if edges else ()))
     entry = f"{first.entry} and {second.entry}"
     return {"chart": chart, "marks": marks, "lines": [], "entry": entry, "floor": None}
 
