@@ -21,7 +21,7 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.evidence.family_chains import Node, Step, chains, letter
-from hopopt.evidence.family_optima import Optimum, Refined
+from hopopt.evidence.family_optima import LocalOptimum, Refined
 from hopopt.files import write_whole
 from hopopt.problem.render import design_hash, resolved_toml
 from hopopt.storage.folder import as_json, new_folder, writing
@@ -51,7 +51,7 @@ class Family:
 
 
 @dataclass
-class Study:
+class FamilyStudy:
     """The families of a problem, as far as they are known.
 
     definition: the problem, and the entry with its values in rising order, or no entry
@@ -60,7 +60,7 @@ class Study:
     """
 
     definition: Definition
-    optima: list[list[Optimum]]
+    optima: list[list[LocalOptimum]]
     steps: set[Step] = field(default_factory=set)
     refined: dict[Node, Refined] = field(default_factory=dict)
     faults: dict[str, Fault] = field(default_factory=dict)
@@ -169,7 +169,7 @@ def open_folder(definition: Definition, results: Path) -> Path:
     return folder
 
 
-def save(study: Study, folder: Path, finished: bool) -> dict[str, Any]:
+def save(study: FamilyStudy, folder: Path, finished: bool) -> dict[str, Any]:
     """What is known, written to families.json whole, and returned."""
     data = {**study.as_dict(), "result_dir": str(folder), "finished": finished}
     with writing(f"{folder}: families.json", "what it holds is whole, of before: make room and run again"):

@@ -58,7 +58,7 @@ class Ended:
 
 
 @dataclass(frozen=True)
-class Family:
+class StartFamily:
     """Starts that end in the same local optimum: the best of them, how many, and what it does in words."""
 
     best: Ended
@@ -151,7 +151,7 @@ def _ended(design: Design, objective: str, index: int) -> Ended:
     )  # fmt: skip
 
 
-def families(ended: Sequence[Ended], goal: Directed) -> list[Family]:
+def families(ended: Sequence[Ended], goal: Directed) -> list[StartFamily]:
     """The local optima that were found, best first."""
     ranked = sorted((e for e in ended if e.success), key=lambda e: goal.merit(e.objective), reverse=True)
-    return [Family(group[0], len(group), words(asdict(group[0]))) for group in grouped(ranked)]
+    return [StartFamily(group[0], len(group), words(asdict(group[0]))) for group in grouped(ranked)]

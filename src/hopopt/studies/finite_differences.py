@@ -25,12 +25,12 @@ from hopopt.problem.checking.wording import did_you_mean
 from hopopt.studies.influence import Difference, Influence
 from hopopt.studies.sensitivity import settled_within
 
-STEP, WIDEST = 0.005, 0.05  # relative change of an entry, and of one that hardly matters
-LEAST = 1e-6  # [m per unit], below which an entry that is 0 is not looked at
-FELT = 5e-4  # share of the height that a step from 0 is to make
+RELATIVE_STEP, WIDEST_STEP = 0.005, 0.05  # relative change of an entry, and of one that hardly matters
+SLIGHTEST_SLOPE = 1e-6  # [m per unit], below which an entry that is 0 is not looked at
+FELT_SHARE = 5e-4  # share of the height that a step from 0 is to make
 LEADING = 5  # entries that are confirmed unless others are named
-NOISE = 0.005  # share of the difference that noise should be
-CLOSER = 0.1  # share of a step, over which a difference that disagrees is taken again
+NOISE_SHARE = 0.005  # share of the difference that noise should be
+CLOSER_STEP = 0.1  # share of a step, over which a difference that disagrees is taken again
 SOLVED = 1e-8  # relative accuracy to which a program is solved again on one mesh
 
 
@@ -55,17 +55,17 @@ def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Differenc
         nlp = replace(nlp, objective=solve_again(nlp, solution.design, solution.objective).objective)
     noise, slope = settled_within(solution), max(abs(i.m_per_unit), abs(i.less_m_per_unit or 0.0), 1e-12)
     if not i.value:
-        if slope < LEAST:
+        if slope < SLIGHTEST_SLOPE:
             return Difference(fault="not solved again: it is 0, and hardly matters")
-        return _over(solution, nlp, i, FELT * abs(nlp.objective) / slope, noise)
-    wide = abs(i.value) * float(np.clip(noise / (NOISE * abs(i.value) * slope), STEP, WIDEST))
-    found, narrow = _over(solution, nlp, i, wide, noise), STEP * abs(i.value)
+        return _over(solution, nlp, i, FELT_SHARE * abs(nlp.objective) / slope, noise)
+    wide = abs(i.value) * float(np.clip(noise / (NOISE_SHARE * abs(i.value) * slope), RELATIVE_STEP, WIDEST_STEP))
+    found, narrow = _over(solution, nlp, i, wide, noise), RELATIVE_STEP * abs(i.value)
     if found.fault and wide > narrow:
         found = _over(solution, nlp, i, narrow, noise)
     sides = i.m_per_unit, i.less_m_per_unit
     if found.fault or found.agrees(*sides):
         return found
-    closer = _over(solution, nlp, i, CLOSER * wide, SOLVED * abs(nlp.objective))  # over a smaller step less bends
+    closer = _over(solution, nlp, i, CLOSER_STEP * wide, SOLVED * abs(nlp.objective))  # over a smaller step less bends
     return closer if not closer.fault and closer.agrees(*sides) else found
 
 

@@ -181,7 +181,7 @@ def _searched(hop: Any, known: Any, nodes: tuple[int, ...], say: Any) -> tuple[l
         return more, {"reason": "not asked for (--global)"}
     rows, ended = thorough.on_grids(hop, nodes, [*known, *more], say)
     if not rows:
-        return more, {"reason": f"a grid of {nodes[0]} nodes took longer than {thorough.LONGEST:g} s"}
+        return more, {"reason": f"a grid of {nodes[0]} nodes took longer than {thorough.LONGEST_GRID:g} s"}
     return more + ended, {"method": rows[-1]["method"], "grids": rows}
 
 

@@ -23,7 +23,7 @@ from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
 
 FLAT = 5e4  # times the usual tie-break, in the leg's own time: work without heat hardly depends on when it is done
-SPEED = 10.0  # [rad/s]: joint speed of a push, for the scale of power
+PUSH_SPEED = 10.0  # [rad/s]: joint speed of a push, for the scale of power
 SHARP = 0.1  # a peak may be passed by a smaller share of its range than a limit: it is the answer
 KINK = 3.0  # a power may be passed by a larger one where work is flat: what that gains is in the estimate of its error
 ELECTRICAL = ("winding_resistance", "torque_constant")
@@ -75,14 +75,14 @@ def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], share: float 
     """
 
     def controls(hop: MovingLeg) -> tuple[Control, ...]:
-        size = hop.weight * hop.reach * SPEED
+        size = hop.weight * hop.reach * PUSH_SPEED
         return (Control("drawn", hop.n, 0.0, scale=size, unit="W", labels=hop.leg.joints, only_bounds=True),)
 
     def path(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
         def short(s: Instant) -> ca.SX:
             return s.drawn - power(hop, phase.motion, s)
 
-        size, limit = share * (hop.weight * hop.reach * SPEED), LimitId(Kind.POWER, unit="W")
+        size, limit = share * (hop.weight * hop.reach * PUSH_SPEED), LimitId(Kind.POWER, unit="W")
         return (PathConstraint(limit, short, 0.0, scale=size, unit="W", labels=hop.leg.joints),)
 
     return {"controls": controls, "path": path, "scale": lambda hop: hop.weight * hop.reach}

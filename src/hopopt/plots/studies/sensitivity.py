@@ -11,16 +11,16 @@ from hopopt.plots.hop import save_figure
 from hopopt.plots.style import BLACK, SMALL, describe, headline, legend, solution_figure
 from hopopt.studies.influence import CM, PERCENT, Influence
 
-BARS = 18
-LEAST = 2e-3  # share of the longest bar, below which one is not drawn
+MOST_BARS = 18
+SHORTEST_BAR = 2e-3  # share of the longest bar, below which one is not drawn
 COLORS = {"the leg": "#0072B2", "one joint's part of it": "#56B4E9", "what the hop is asked to be": "#E69F00"}
 
 
 def tornado(solution: Solution, influences: Sequence[Influence]) -> Figure:
     """What 1 % more of each entry changes in the height [cm], the largest on top; diamonds: solved again. Where 1 % less
     changes something else, an outlined bar says what."""
-    least = LEAST * max((i.most_cm for i in influences), default=0.0)
-    shown = [i for i in influences if i.most_cm > least][:BARS]
+    least = SHORTEST_BAR * max((i.most_cm for i in influences), default=0.0)
+    shown = [i for i in influences if i.most_cm > least][:MOST_BARS]
     what, height = headline(solution)
     figure = solution_figure(
         solution, f"what 1 % more changes of {height:.3f} m {what}", (11.0, 2.4 + 0.36 * len(shown))
