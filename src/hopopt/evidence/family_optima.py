@@ -37,12 +37,10 @@ PROGRAMS = 8  # that a process keeps: some tens of megabytes each
 NEIGHBOUR_ITERATIONS = 60  # iterations from a neighbour's multipliers
 SAME_LIFT_OFF = 0.1  # of the scaled states at lift-off: closer than this, and as high, it is the same push
 HEIGHT_NOISE = 1e-4  # relative
-BEFORE_LIFT_OFF = np.linspace(
-    0.0, 1.0, 13
-)  # of the longest stance, counted back from lift-off, where a motion's shape is taken
-SAME_KIND = (
-    0.7  # of the scaled states: hops of one kind differ by at most 0.6 on the paper's leg, others by 1.1 and more
-)
+# Of the longest stance, counted back from lift-off, where a motion's shape is taken:
+BEFORE_LIFT_OFF = np.linspace(0.0, 1.0, 13)
+# Of the scaled states; of the paper's leg hops of one kind differ by at most 0.6, others by 1.1 and more:
+SAME_KIND = 0.7
 NEARLY_AS_HIGH = 2e-2  # relative: hops of one kind count as one optimum if they are as close in height
 POSE_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the stance, where poses are drawn; one more at the apex
 

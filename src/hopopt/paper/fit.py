@@ -59,14 +59,14 @@ def calibrate(
         say("examining the best fit")
         here, slopes, jumps = _examine(experiment, fits[0].x, run)
         truth = replace(experiment, problem=tables, figures=tuple(held_out))
-        held = run([delayed(truth.simulated)(fits[0].x)])[0]
+        unfitted = run([delayed(truth.simulated)(fits[0].x)])[0]
     simulations = len(experiment.strategies) * (len(places) + sum(fit.evaluations for fit in fits) + 2 * len(free) + 2)
     found = identify(slopes, jumps, fits[0].misfit)
     return Calibration(
         problem=design.name,
         parameters=tuple(_parameters(experiment, fits[0].x, before, found.errors, design)),
         compared=tuple(map(FigureComparison, figures, here.tolist(), (jumps * experiment.warrants).tolist())),
-        held_out=tuple(map(FigureComparison, held_out, held.tolist())),
+        held_out=tuple(map(FigureComparison, held_out, unfitted.tolist())),
         misfit=fits[0].misfit,
         freedom=len(figures) - len(free),
         condition=found.condition,

@@ -120,21 +120,21 @@ def with_entry(design: Design, path: str, value: float) -> Design:
 
 
 def solve_again(old: NlpSolution, design: Design, objective: str) -> NlpSolution:
-    """The optimum of a slightly different problem on the same mesh, with the same limits enforced between the nodes or drawn
-    in by as much."""
+    """The optimum of a slightly different problem on the same mesh, with the same limits enforced between the nodes or
+    tightened by as much."""
     before, b = old.transcription, old.bounds
     t, guess = Transcription(Hop(design, objective).problem, before.scheme, before.mesh), before.guess_from(old.phases)
-    held, given = held_between(t, held_in(old)), (*before.bounds(guess), before.lbg, before.ubg)
-    drawn = (b.low_z, b.high_z, *(given[2:] if holds(before) else (b.low_g, b.high_g)))  # rows that are held are not
-    bounds = Bounds(*map(_moved, (*t.bounds(guess), t.lbg, t.ubg), drawn, given))
-    program, lam_g = held.transcription, held.multipliers(old.lam_g)
+    enforced, given = held_between(t, held_in(old)), (*before.bounds(guess), before.lbg, before.ubg)
+    rows = given[2:] if holds(before) else (b.low_g, b.high_g)  # those enforced between the nodes are not tightened
+    bounds = Bounds(*map(_moved, (*t.bounds(guess), t.lbg, t.ubg), (b.low_z, b.high_z, *rows), given))
+    program, lam_g = enforced.transcription, enforced.multipliers(old.lam_g)
     start = replace(old, transcription=program, p=t.parameter_values(), lam_g=lam_g)
     solution = NlpSolver(program, WARM).again(start, bounds)
     return solution if solution.success else NlpSolver(program).again(start, bounds)
 
 
-def _moved(new: np.ndarray, drawn: np.ndarray, given: np.ndarray) -> np.ndarray:
+def _moved(new: np.ndarray, tightened: np.ndarray, given: np.ndarray) -> np.ndarray:
     """New limits, tightened by as much as the given ones were."""
     by = np.zeros(len(new))
-    np.subtract(drawn, given, out=by, where=drawn != given)  # not where both are infinite
+    np.subtract(tightened, given, out=by, where=tightened != given)  # not where both are infinite
     return new + by

@@ -22,11 +22,8 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, LegPhase
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, Parameter, PathConstraint, linkage
 from hopopt.ocp.transitions import RISE
 
-BOX_HEIGHT, BOX_AT, STEP_LENGTH = (
-    "obstacle",
-    "obstacle at",
-    "obstacle step",
-)  # height, near side, how far ahead the foot lands [m]
+BOX_HEIGHT, BOX_AT = "obstacle", "obstacle at"  # height and near side of the box [m]
+STEP_LENGTH = "obstacle step"  # how far ahead the foot lands [m]
 BOX_WIDTH = "hop.obstacle.width"
 SMOOTH = 2e-3  # of the leg's length
 OBSTACLE = LimitId(Kind.OBSTACLE, key=BOX_WIDTH, unit="m")
