@@ -13,10 +13,7 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.global_search.equations.bilinear import Bilinear
 from hopopt.global_search.equations.slider_leg import accelerations, slider_leg
-from hopopt.leg.kinematics import (
-    start_place,
-    two_joints,
-)
+from hopopt.leg.kinematics import start_place, two_joints
 from hopopt.leg.robot import build_robot
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau

@@ -30,7 +30,7 @@ from hopopt.plots.style import (
     PALE,
     SIZE,
     TEXT,
-    Motion,
+    PhaseSamples,
     by_phase,
     describe,
     headline,
@@ -105,7 +105,7 @@ def joints(solution: Solution) -> Figure:
     return figure
 
 
-def _angle(ax: Axes, solution: Solution, motion: Motion, k: int) -> None:
+def _angle(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
     """Angle [rad] of joint k and its limits."""
     names = solution.robot.joints
     limits = solution.design.leg.joint[names[k]]
@@ -114,7 +114,7 @@ def _angle(ax: Axes, solution: Solution, motion: Motion, k: int) -> None:
     by_phase(ax, motion, lambda s: s.t, lambda s: s.q[:, k - len(names)])
 
 
-def _torque(ax: Axes, solution: Solution, motion: Motion, k: int) -> None:
+def _torque(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
     """Torque [N m] of joint k over the band that its speed allows."""
     names = solution.robot.joints
     bounds = solution.region(names[k]).torque_bounds(joined(motion, lambda s: s.v[:, k - len(names)]))
@@ -144,7 +144,7 @@ def operating_region(solution: Solution) -> Figure:
     return figure
 
 
-def _mark_instants(ax: Axes, motion: Motion, k: int, column: int, end: str) -> None:
+def _mark_instants(ax: Axes, motion: PhaseSamples, k: int, column: int, end: str) -> None:
     """Start, lift-off (on both sides: the torque may jump), the ``end`` of flight and touchdown of joint k."""
     for phase, row, marker, size, label in (
         (STANCE, 0, "o", 9, "start"),

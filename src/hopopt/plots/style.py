@@ -30,7 +30,8 @@ TITLE, TEXT, SMALL = 15, 13, 11  # font sizes [pt]
 BAND = {"color": PALE, "lw": 0}
 LIMIT = {"color": GREY, "lw": 1.2, "ls": "--"}
 
-Motion = dict[str, Samples]  # by phase
+PhaseSamples = dict[str, Samples]  # by phase
+Value = Callable[[Samples], np.ndarray]  # of every sample
 
 
 class Picture(Figure):
@@ -91,17 +92,17 @@ def _columns(labels: Sequence[str], width: float) -> int:
     return -(-len(labels) // lines)
 
 
-def motion_of(solution: Solution) -> Motion:
+def motion_of(solution: Solution) -> PhaseSamples:
     """Every phase, sampled inside every interval."""
     return {phase: solution.everywhere(phase, NORMALISED_TIMES) for phase in solution.phases}
 
 
-def joined(motion: Motion, value: Callable[[Samples], np.ndarray]) -> np.ndarray:
+def joined(motion: PhaseSamples, value: Value) -> np.ndarray:
     """A value of all phases, one after the other."""
     return np.concatenate([value(s) for s in motion.values()])
 
 
-def by_phase(ax: Axes, motion: Motion, x: Callable[[Samples], np.ndarray], y: Callable[[Samples], np.ndarray]) -> None:
+def by_phase(ax: Axes, motion: PhaseSamples, x: Value, y: Value) -> None:
     """A curve in the colours of the phases."""
     for phase, s in motion.items():
         jumping_curve(ax, s.t, x(s), y(s), color=COLOR[phase], lw=2, label=phase)

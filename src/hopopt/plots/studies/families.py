@@ -13,18 +13,7 @@ from matplotlib.patheffects import withStroke
 from hopopt.evidence.families import Family, FamilyStudy, crossings
 from hopopt.evidence.family_optima import POSE_SHARES
 from hopopt.leg.kinematics import reach
-from hopopt.plots.style import (
-    BLACK,
-    DPI,
-    GREY,
-    PALE,
-    SIZE,
-    SMALL,
-    TEXT,
-    describe,
-    height_arrow,
-    new_figure,
-)
+from hopopt.plots.style import BLACK, DPI, GREY, PALE, SIZE, SMALL, TEXT, describe, height_arrow, new_figure
 from hopopt.studies.sweep.shown import entry_label
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe and Ito; one for each line

@@ -13,19 +13,7 @@ from matplotlib.figure import Figure
 
 from hopopt.ocp.objectives.registry import find
 from hopopt.plots.hop import save_figure
-from hopopt.plots.style import (
-    BLACK,
-    COLOR,
-    GREEN,
-    GREY,
-    PALE,
-    SMALL,
-    TEXT,
-    called_after,
-    describe,
-    legend,
-    new_figure,
-)
+from hopopt.plots.style import BLACK, COLOR, GREEN, GREY, PALE, SMALL, TEXT, called_after, describe, legend, new_figure
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 from hopopt.studies.sweep.run import Study
 from hopopt.studies.sweep.shown import NO_LIMIT, cell_edges, colors, entry_label, value
