@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from hopopt.plots.hop import save_figure
-from hopopt.plots.style import BLACK, COLOR, GREEN, describe, legend, new_figure
+from hopopt.plots.hop import FORMATS
+from hopopt.plots.style import BLACK, COLOR, DPI, GREEN, describe, legend, new_figure
 
 if TYPE_CHECKING:
     from hopopt.studies.pareto import Front
@@ -41,4 +41,5 @@ def figure(front: "Front") -> Figure:
 def save(front: "Front", folder: Path) -> None:
     """The figure as PNG and SVG."""
     folder.mkdir(exist_ok=True)
-    save_figure(figure(front), folder / "front")
+    for kind in FORMATS:
+        figure(front).savefig(folder / f"front.{kind}", dpi=DPI)

@@ -12,8 +12,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.ocp.objectives.registry import find
-from hopopt.plots.hop import save_figure
-from hopopt.plots.style import BLACK, COLOR, GREEN, GREY, PALE, SMALL, TEXT, called_after, describe, legend, new_figure
+from hopopt.plots.hop import FORMATS
+from hopopt.plots.style import (
+    BLACK,
+    COLOR,
+    DPI,
+    GREEN,
+    GREY,
+    PALE,
+    SMALL,
+    TEXT,
+    called_after,
+    describe,
+    legend,
+    new_figure,
+)
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 from hopopt.studies.sweep.run import Study
 from hopopt.studies.sweep.shown import NO_LIMIT, cell_edges, colors, entry_label, value
@@ -42,7 +55,8 @@ def save_all(study: Study, folder: Path) -> None:
     """Every figure as PNG and SVG."""
     folder.mkdir(exist_ok=True)
     for name, figure in figures(study).items():
-        save_figure(figure, folder / name)
+        for kind in FORMATS:
+            figure.savefig(folder / f"{name}.{kind}", dpi=DPI)
 
 
 def _listed(study: Study) -> str:
