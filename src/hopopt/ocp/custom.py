@@ -15,7 +15,7 @@ import numpy as np
 from hopopt.errors import UsageError
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
-from hopopt.ocp.objectives.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
+from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
 from hopopt.user_code import last_line, load
 
@@ -139,15 +139,10 @@ def custom(function: Any) -> Custom:
 def as_objective(function: Any) -> HopObjective:
     """A user-defined function as an objective of the hop."""
     c = custom(function)
-    terms, more = c.terms, {}
+    terms = c.terms
+    more: dict[str, Any] = dict(AT_CLEARANCE) if terms.clearance else {"ends": "free"}
     if terms.running:
         more["integrands"] = lambda hop, motion: {"custom": lambda s: c(moment(hop, motion, s), 1)}
-    if terms.clearance:
-        more |= {
-            "parameters": lambda hop: (required_clearance(hop),),
-            "boundary": lambda hop: lowest_point(hop, "hop.clearance"),
-        }
-        more["fault"] = no_required_clearance
 
     def value(hop: MovingLeg, e: Ends) -> ca.SX:
         if terms.running:
@@ -155,8 +150,7 @@ def as_objective(function: Any) -> HopObjective:
         return c(end(hop, e), 1)
 
     return HopObjective(
-        c.name, f"a user-defined function, {c.name}", terms.unit, value, FIGURE,
-        "required clearance" if terms.clearance else "free", terms.maximize,
+        c.name, f"a user-defined function, {c.name}", terms.unit, value, FIGURE, maximize=terms.maximize,
         scale=lambda hop: terms.scale, custom=c, **more,
     )  # fmt: skip
 

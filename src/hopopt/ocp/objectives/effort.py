@@ -17,7 +17,7 @@ from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.drives import asked
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
-from hopopt.ocp.objectives.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
+from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective, no_required_clearance, required_clearance
 from hopopt.ocp.objectives.tie_break import stall_torque
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
@@ -31,16 +31,11 @@ ELECTRICAL = ("winding_resistance", "torque_constant")
 
 def _economical(name: str, meaning: str, unit: str, figure: str, value: Any, **more: Any) -> HopObjective:
     """An objective to be made small at the clearance that the problem asks for."""
-    own = more.pop("parameters", lambda hop: ())
-    fault = more.pop("fault", lambda design: None)
-    return HopObjective(
-        name, meaning, unit, value, figure, "required clearance",
-        maximize=False,
-        parameters=lambda hop: (required_clearance(hop), *own(hop)),
-        boundary=lambda hop: lowest_point(hop, "hop.clearance"),
-        fault=lambda design: no_required_clearance(design) or fault(design),
-        **more,
-    )  # fmt: skip
+    own, fault = more.pop("parameters", lambda hop: ()), more.pop("fault", lambda design: None)
+    more = AT_CLEARANCE | more
+    more["parameters"] = lambda hop: (required_clearance(hop), *own(hop))
+    more["fault"] = lambda design: no_required_clearance(design) or fault(design)
+    return HopObjective(name, meaning, unit, value, figure, maximize=False, **more)
 
 
 def total(e: Ends, what: str) -> ca.SX:
