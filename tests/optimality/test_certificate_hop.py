@@ -12,8 +12,8 @@ from hopopt.cli.main import run
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
 from hopopt.nlp.solver.ipopt import NlpSolution
-from hopopt.ocp.constraints import HEIGHT
 from hopopt.ocp.problem import Component
+from hopopt.ocp.rules import HEIGHT
 from hopopt.optimality.certificate import Certificate, certify
 from hopopt.optimality.minimum_principle.arcs import Activity
 from hopopt.optimality.minimum_principle.switch_times import plan

@@ -7,9 +7,9 @@ interpolated first.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
 
 from hopopt.design import Hop
 from hopopt.drivetrain.region import operating_region
@@ -17,7 +17,7 @@ from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, if_any
 from hopopt.sim.machine import Machine
 from hopopt.verify.hops.obstacle import highest_box
-from hopopt.verify.table import NORMALISED_TIMES, Table
+from hopopt.verify.table import NORMALISED_TIMES, Table, dense
 
 FINE = np.linspace(0.0, 1.0, 201)  # normalised times of an interval; trapezoids are good to about 1e-5 of it
 Tables = Mapping[str, Table]
@@ -40,17 +40,16 @@ class Measures(Strict):
     user_objective: float | None = if_any("a user-defined objective [its unit]")
 
 
-def dense(normalised_times: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.ndarray:
-    """Values (N, K, ...) at ``normalised_times`` (K,) of every interval, interpolated at ``at`` (k,): (N, k, ...)."""
-    weights = BarycentricInterpolator(normalised_times, np.eye(len(normalised_times)))(at)
-    return np.einsum("kp,ip...->ik...", weights, values)
-
-
 def normalised_times_of(table: Table) -> np.ndarray:
     """Where in its intervals the table's rows lie, (K,)."""
     longest = int(np.argmax(np.ptp(table.t, axis=1)))
     t = table.t[longest]
     return (t - t[0]) / (t[-1] - t[0])
+
+
+def finely(table: Table, values: np.ndarray) -> np.ndarray:
+    """Values (N, K, ...) of a table interpolated at FINE, (N, 201, ...)."""
+    return dense(normalised_times_of(table), values, FINE)
 
 
 def integral(table: Table, values: np.ndarray) -> float:
@@ -59,40 +58,36 @@ def integral(table: Table, values: np.ndarray) -> float:
     return float(h @ np.trapezoid(values, FINE, axis=1))
 
 
-def _over_phases(robot: Robot, tables: Tables, rate: Callable[[Robot, np.ndarray, np.ndarray], np.ndarray]) -> float:
-    """Integral over all phases of rate(robot, tau, w), both (N, 201, n), summed over the joints."""
+def _over_phases(tables: Tables, rate: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> float:
+    """Integral over all phases of rate(tau, w), both (N, 201, n), summed over the joints."""
     total = 0.0
     for table in tables.values():
-        normalised_times = normalised_times_of(table)
-        tau, w = dense(normalised_times, table.tau), dense(normalised_times, table.v[..., BASE:])
-        total += integral(table, rate(robot, tau, w).sum(axis=-1))
+        tau, w = finely(table, table.tau), finely(table, table.v[..., BASE:])
+        total += integral(table, rate(tau, w).sum(axis=-1))
     return total
 
 
 def positive_work(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Positive mechanical work of the joints [J]."""
-    return _over_phases(robot, tables, lambda robot, tau, w: np.maximum(tau * w, 0.0))
+    return _over_phases(tables, lambda tau, w: np.maximum(tau * w, 0.0))
 
 
 def absolute_work(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Mechanical work of the joints [J], braking counted like driving."""
-    return _over_phases(robot, tables, lambda robot, tau, w: np.abs(tau * w))
+    return _over_phases(tables, lambda tau, w: np.abs(tau * w))
 
 
 def electrical_energy(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Electrical energy drawn by the motors [J], Joule heat with it, nothing fed back."""
 
-    def rate(robot: Robot, tau: np.ndarray, w: np.ndarray) -> np.ndarray:
-        current = tau / np.array([_drive(robot, j, "gear", "ratio") for j in robot.joints])
-        current = current / np.array([_drive(robot, j, "motor", "torque_constant") for j in robot.joints])
-        resistance = np.array([_drive(robot, j, "motor", "winding_resistance") for j in robot.joints])
-        return np.maximum(tau * w + resistance * current**2, 0.0)
+    def of_drives(part: Literal["motor", "gear"], entry: str) -> np.ndarray:
+        return np.array([robot.parameters[robot.leg.drive(joint, part, entry)[0]] for joint in robot.joints])
 
-    return _over_phases(robot, tables, rate)
+    def rate(tau: np.ndarray, w: np.ndarray) -> np.ndarray:
+        current = tau / of_drives("gear", "ratio") / of_drives("motor", "torque_constant")
+        return np.maximum(tau * w + of_drives("motor", "winding_resistance") * current**2, 0.0)
 
-
-def _drive(robot: Robot, joint: str, part: str, entry: str) -> float:
-    return float(robot.parameters[robot.leg.drive(joint, part, entry)[0]])  # type: ignore[arg-type]
+    return _over_phases(tables, rate)
 
 
 def joint_work(table: Table) -> tuple[float, float]:
@@ -125,7 +120,7 @@ def region_share(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
-        tau, w = (dense(normalised_times_of(table), x) for x in (table.tau, table.v[..., BASE:]))
+        tau, w = finely(table, table.tau), finely(table, table.v[..., BASE:])
         for k, joint in enumerate(robot.joints):
             used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k])
             worst = max(worst, float(np.max(used)))
@@ -134,14 +129,12 @@ def region_share(robot: Robot, tables: Tables, hop: Hop) -> float:
 
 def peak_torque(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest torque of any joint [N m]."""
-    return max(float(np.abs(dense(normalised_times_of(table), table.tau)).max()) for table in tables.values())
+    return max(float(np.abs(finely(table, table.tau)).max()) for table in tables.values())
 
 
 def peak_force(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest ground force [N]."""
-    return max(
-        float(np.linalg.norm(dense(normalised_times_of(table), table.f), axis=-1).max()) for table in tables.values()
-    )
+    return max(float(np.linalg.norm(finely(table, table.f), axis=-1).max()) for table in tables.values())
 
 
 def obstacle(robot: Robot, tables: Tables, hop: Hop) -> float:
@@ -160,5 +153,5 @@ MEASURES: dict[str, Callable[[Robot, Tables, Hop], float]] = {
     "impact_J": impact,
     "obstacle_m": obstacle,
 }
-AT_LEAST = ("obstacle_m",)  # the hop may clear more elsewhere
-LEAST = {"impact_J": 0.01}  # a figure that may be 0 is relative to this at least
+MAY_BE_MORE = ("obstacle_m",)  # the hop may clear more elsewhere
+SMALLEST_SCALE = {"impact_J": 0.01}  # a figure that may be 0 is relative to this at least

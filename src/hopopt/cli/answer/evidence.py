@@ -154,7 +154,7 @@ def _gathered(
     return {
         "problem": design.name, "objective": objective, "upper_bound": as_data(bound),
         "reduced": simple, "global": overall,
-        "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": study.as_dicts(found)},
+        "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": [f.as_dict() for f in found]},
         "families": [as_data(f) for f in known_as],
         "best": {
             "clearance_m": best.clearance, "verified": best.verified, "failed_checks": list(best.summary.failed_checks),
@@ -181,7 +181,7 @@ def _searched(hop: Any, known: Any, nodes: tuple[int, ...], say: Any) -> tuple[l
         return more, {"reason": "not asked for (--global)"}
     rows, ended = thorough.on_grids(hop, nodes, [*known, *more], say)
     if not rows:
-        return more, {"reason": f"a grid of {nodes[0]} nodes took longer than {thorough.LONGEST:g} s"}
+        return more, {"reason": f"a grid of {nodes[0]} nodes took longer than {thorough.LONGEST_GRID:g} s"}
     return more + ended, {"method": rows[-1]["method"], "grids": rows}
 
 

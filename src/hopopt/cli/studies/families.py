@@ -12,7 +12,7 @@ from hopopt.cli.options import AsJson, Overrides, progress, repeated
 from hopopt.errors import NotSolvedError
 
 if TYPE_CHECKING:
-    from hopopt.evidence.families import Study
+    from hopopt.evidence.families import FamilyStudy
     from hopopt.studies.sweep.definition import Definition
 
 Vary = Annotated[
@@ -94,7 +94,7 @@ def _definition(problem: str, vary: list[str] | None, set_: list[str] | None, st
     return one_entry(define(design, parse(vary), starts=starts))
 
 
-def _draw(study: "Study", folder: Path) -> None:
+def _draw(study: "FamilyStudy", folder: Path) -> None:
     from hopopt.plots.studies.families import save
     from hopopt.storage.folder import reason_of
 

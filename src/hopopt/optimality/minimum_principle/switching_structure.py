@@ -14,8 +14,8 @@ import numpy as np
 from hopopt.drivetrain.limits import BACKWARD, FORWARD, Line
 from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
 from hopopt.nlp.solver.ipopt import NlpSolution
-from hopopt.ocp.constraints import LEFT, RIGHT
 from hopopt.ocp.problem import Component
+from hopopt.ocp.rules import LEFT, RIGHT
 from hopopt.optimality.minimum_principle.arcs import Activity, activity
 from hopopt.record import Strict, stated
 

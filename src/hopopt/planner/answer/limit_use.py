@@ -9,9 +9,9 @@ import numpy as np
 from hopopt.drivetrain.limits import CAPS
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import force_range
-from hopopt.ocp.constraints import steepness
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.phases import DESCENT, FLIGHT, ON_GROUND, duration_entry
+from hopopt.ocp.rules import steepness
 from hopopt.planner.motion import Motion, Samples
 from hopopt.record import Strict, stated
 from hopopt.verify.limits import windowed

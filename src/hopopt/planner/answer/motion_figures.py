@@ -9,8 +9,8 @@ from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range, friction_needed
-from hopopt.ocp.constraints import steepness
 from hopopt.ocp.phases import FLIGHT, STANCE
+from hopopt.ocp.rules import steepness
 from hopopt.planner.answer.limit_use import LOADED, IdleLimit, idle_limits
 from hopopt.planner.answer.touchdown import Landing, Obstacle, Orbit, landing, obstacle, orbit
 from hopopt.planner.motion import Motion, Samples

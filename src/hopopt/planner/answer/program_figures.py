@@ -11,9 +11,9 @@ from hopopt.leg.limit_id import Kind, LimitId, kind_of
 from hopopt.nlp.refinement.continuous_limits import of_limits
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Rows, Transcription
-from hopopt.ocp.constraints import steepness
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
+from hopopt.ocp.rules import steepness
 from hopopt.optimality.certificate import by_entry
 from hopopt.optimality.minimum_principle.switching_structure import Stretch, sentences, structure
 from hopopt.planner.answer.motion_figures import ACTIVE, MotionFigures, Sampled, active_limits, most_first

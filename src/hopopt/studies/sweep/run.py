@@ -8,6 +8,7 @@ another kind of optimum. What a pass gives depends on the passes before it alone
 
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +55,8 @@ class Study:
     @property
     def best(self) -> Point | None:
         """The verified point with the best objective."""
-        return max((p for p in self.points if p.verified), key=self._merit, default=None)
+        merit = find(self.definition.objective).merit
+        return max((p for p in self.points if p.verified), key=lambda p: merit(p.objective_value or 0.0), default=None)
 
     @property
     def at_the_edge(self) -> str:
@@ -66,9 +68,6 @@ class Study:
             if x in (values.min(), values.max()) and values.min() < values.max()
         ]
         return f"{' and '.join(ends)} that was tried: better may lie beyond" if ends else ""
-
-    def _merit(self, point: Point) -> float:
-        return find(self.definition.objective).merit(point.objective_value or 0.0)
 
     @property
     def corrected(self) -> int:
@@ -90,11 +89,10 @@ class Study:
 
     def as_dict(self) -> dict[str, Any]:
         """What ``--json`` prints."""
-        counts = {outcome: sum(p.outcome == outcome for p in self.points) for outcome in dict.fromkeys(self._outcomes)}
         return {
             "definition": self.definition.as_dict(),
             "points": [p.as_dict() for p in self.points],
-            "outcomes": counts,
+            "outcomes": dict(Counter(p.outcome for p in self.points)),
             "failures": [{"index": p.index, "outcome": p.outcome, "sentence": p.sentence} for p in self.failures],
             "best": self.best.index if self.best else None,
             "corrected": self.corrected,
@@ -107,10 +105,6 @@ class Study:
     def failures(self) -> list[Point]:
         """The points without a verified hop."""
         return [p for p in self.points if not p.verified]
-
-    @property
-    def _outcomes(self) -> list[str]:
-        return [p.outcome for p in self.points]
 
 
 def run(
