@@ -75,13 +75,12 @@ COMING: set[str] = set()  # packages with a row that need not be there
 LATE = {  # where hopopt is imported inside functions, so that commands start at once, and why not at the top
     "__init__.py": "what is used first decides what is imported",
     "api/": "figures need matplotlib",
-    "cli/": "--help imports every command, and each what it needs when it runs",
     "comparison/compare.py": "tuning needs joblib",
     "global_search/search.py": "the compiler of its loops takes a third of a second",
     "problem/urdf.py": "only a problem with a URDF needs Pinocchio",
 }
 MOST = 9  # files that lie in hopopt itself; and modules in a package
-CROWDED = ("cli/screen", "planner/answer")  # more than that
+CROWDED = ("planner/answer",)  # more than that
 ONLY = {  # libraries with one home
     "matplotlib": ("plots/", "api/"),
     "xarray": ("storage/runs.py", "studies/sweep/store.py", "api/notebook_views.py"),
@@ -155,7 +154,6 @@ def test_every_file_is_in_a_package_with_a_row() -> None:
 
 
 def test_packages_are_small() -> None:
-    """But for the screen, which has a file for each kind of output."""
     homes = Counter(name.rpartition("/")[0] for name in FILES if "__init__" not in name)
     assert not {home: count for home, count in homes.items() if count > MOST and home not in CROWDED}
 
