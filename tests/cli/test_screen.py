@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from hopopt.cli.main import run
-from hopopt.cli.screen.answer import checks_line, in_short
 from hopopt.cli.screen import runs
+from hopopt.cli.screen.answer import checks_line, in_short
 from hopopt.cli.screen.checks import checks as shown_checks
 from hopopt.cli.screen.checks import structure_lines
 from hopopt.cli.screen.console import Part, progress, show

@@ -10,8 +10,8 @@ import pytest
 import xarray as xr
 from scipy.stats import binom
 
-from hopopt.cli.main import run
 from hopopt.cli.controllers.robust import shown
+from hopopt.cli.main import run
 from hopopt.cli.screen.console import show
 from hopopt.comparison.robust.robust_search import TRACKER, Search
 from hopopt.comparison.robust.robustness import Reached, can_be_had, drawn, extremes, rank, reached
