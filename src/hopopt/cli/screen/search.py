@@ -40,8 +40,9 @@ def starts_lines(s: Summary, more: str = "") -> list[str]:
 def _family(s: Summary, f: HopFamily) -> str:
     """The value of a kind of hop, marked where only the first mesh tells it, and what found it."""
     rough = "" if f.refined else "first mesh, "
-    others = f" and {len(f.found_by) - 1} more" if len(f.found_by) > 1 else ""
-    return f"{measured(s, f.objective_value, 4)} ({rough}by {f.found_by[0]}{others})"
+    first, *others = f.found_by
+    more = f" and {len(others)} more" if others else ""
+    return f"{measured(s, f.objective_value, 4)} ({rough}by {first}{more})"
 
 
 def global_line(s: Summary) -> list[str]:
