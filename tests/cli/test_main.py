@@ -17,7 +17,8 @@ import hopopt as ho
 from command_line import said
 from hopopt import load
 from hopopt.cli import main as cli
-from hopopt.cli.screen.answer import print_answer
+from hopopt.cli.screen.answer import short
+from hopopt.cli.screen.console import show
 from hopopt.errors import NotSolvedError, one_line
 from hopopt.planner.answer.extras import GlobalMethod, HopFamily
 from waiting import beside_progress, wait_for
@@ -301,7 +302,7 @@ def test_the_answer_in_the_readme(solved: tuple[dict, Path], capsys: pytest.Capt
         families=(better, worse),
         global_=GlobalMethod("some", (15,) * 4, 0.775, False, motion_m=0.78, solved_m=solution.clearance),
     )
-    print_answer(solution.noted(summary=searched))
+    show(short(solution.noted(summary=searched)))
     told, shown = words(capsys.readouterr().out), readme_block("text", "clearance")
     for line in shown.splitlines():
         assert all(words(part) in told for part in line.split("...")), line

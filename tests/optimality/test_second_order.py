@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hopopt.cli.screen.certificate import second_order_line
+from hopopt.cli.screen.checks import second_order_line
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
 from hopopt.nlp.solver.ipopt import LEAST, NlpSolution, NlpSolver

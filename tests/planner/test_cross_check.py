@@ -12,7 +12,7 @@ from typing import cast
 import pytest
 
 from hopopt.cli import main as cli
-from hopopt.cli.screen.cross_check import cross_check_lines
+from hopopt.cli.screen.checks import cross_check_lines
 from hopopt.errors import SolverError
 from hopopt.nlp.schemes import radau
 from hopopt.ocp.hop import Hop

@@ -14,7 +14,7 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli.main import run
-from hopopt.cli.screen.sensitivity import ROWS, left_out, sentences
+from hopopt.cli.studies.sensitivity import ROWS, left_out, sentences
 from hopopt.design import physical_parameters
 from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform

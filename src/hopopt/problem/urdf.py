@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from hopopt.files import read_regular
-from hopopt.leg.files.urdf_xml import MAX_BYTES
+from hopopt.leg.files.urdf import read_leg
+from hopopt.leg.files.urdf_xml import MAX_BYTES, UrdfError
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import is_number
 from hopopt.problem.render import shown, shown_path
@@ -75,9 +76,6 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
         return {**data, "leg": rest}
     if not _usable(given, rest, report):
         return {**data, "leg": rest}
-    from hopopt.leg.files.urdf import read_leg
-    from hopopt.leg.files.urdf_xml import UrdfError
-
     path = Path(given["urdf"])
     try:
         found = read_leg(
