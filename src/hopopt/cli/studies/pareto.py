@@ -85,4 +85,4 @@ def shown(found: Front) -> Iterator[Shown]:
     title = f"{found.design.title or found.design.name}: clearance against {name}"
     yield table([Column(head, no_wrap=True) for head in heads], rows, title)
     whole = "" if found.complete else ", not complete"
-    yield f"{len(found.verified)} of {len(found.points)} points verified{whole}; {found.folder}"
+    yield f"{len(found.verified_points)} of {len(found.points)} points verified{whole}; {found.folder}"
