@@ -84,7 +84,7 @@ MOST = 9  # files that lie in hopopt itself; and modules in a package
 CROWDED = ("cli/screen", "planner/answer")  # more than that
 ONLY = {  # libraries with one home
     "matplotlib": ("plots/", "api/"),
-    "xarray": ("storage/runs.py", "studies/sweep/store.py", "api/notebook_views.py"),
+    "xarray": ("studies/sweep/store.py", "api/notebook_views.py"),
     "h5netcdf": ("storage/netcdf.py",),
     "h5py": ("storage/netcdf.py",),
 }
