@@ -108,4 +108,4 @@ c.plot("stick")
 
 # %% [markdown]
 # A strategy of your own is a class with a method `torque(now)`: `s.compare("track", "my_module:MyController")`. See
-# `docs/simulation.md`.
+# `docs/own_controller.md`.

@@ -88,7 +88,7 @@ def test_every_command_runs(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    for name, other in (("mine", "objectives"), ("push", "simulation")):
+    for name, other in (("mine", "objectives"), ("push", "own_controller")):
         (tmp_path / f"{name}.py").write_text(blocks(ROOT / "docs" / f"{other}.md", "python")[0])
     run(["new", "my_leg"])
     if any(word in ("RESULT", "FILE") or STORED.fullmatch(word) for words in commands(page) for word in words):
@@ -125,7 +125,7 @@ def test_every_command_runs(
 def test_the_controller_of_the_page_hops_and_folds_at_lift_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It rises on its own push; after lift-off its knee is folded further than when it left."""
     monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "push.py").write_text(blocks(ROOT / "docs" / "simulation.md", "python")[0])
+    (tmp_path / "push.py").write_text(blocks(ROOT / "docs" / "own_controller.md", "python")[0])
     found: HopFigures = ho.simulate("paper", "push:PushThenTuck", options={"push": 300.0}).figures
     assert found.clearance > 0.45
     trace, left = found.trace, found.lift_off["time_s"]

@@ -10,7 +10,7 @@ from rich.table import Table
 from hopopt.cli.screen.console import console, print_table
 from hopopt.cli.screen.ladder import cm, print_ladder
 
-ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
+ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/robust.md)"
 HALF = 0.5  # of the bound, below which a line says what is in the way
 OVERSHOOT = 0.005  # [m] from which on it is worth a line
 BRAKED = "force_braked"
@@ -43,7 +43,7 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
         if row["limits_exceeded"]:
             out.print(f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}")
         if row["left_early"]:
-            out.print(f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/simulation.md)")
+            out.print(f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/robust.md)")
         if row["cut_short"]:
             out.print(f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}")
     for name, spread in comparison.get("mismatch", {}).items():
