@@ -15,6 +15,14 @@ COMING = {"extending.md"}  # pages that are linked and need not be there yet
 HOMES = (ROOT, ROOT / "src" / "hopopt", DOCS)  # what paths may be relative to
 LONGEST = 30  # words of a sentence
 LARGEST = 120_000  # bytes of a picture
+MOST_WORDS = 1500  # of a page, the glossary aside
+NO_TASK = {
+    "glossary",
+    "model",
+    "limits",
+    "architecture",
+    "extending",
+}  # pages that are looked up, or are for developers
 ids = [page.name for page in PAGES]
 
 
@@ -63,6 +71,28 @@ def test_every_link_leads_somewhere(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=ids)
 def test_sentences_are_short(page: Path) -> None:
     assert not [s for s in sentences(text_of(page)) if len(s.split()) > LONGEST]
+
+
+@pytest.mark.parametrize("page", [*DOCS.glob("*.md"), ROOT / "README.md"], ids=lambda page: page.stem)
+def test_a_page_is_short(page: Path) -> None:
+    assert page.stem == "glossary" or len(text_of(page).split()) <= MOST_WORDS
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in DOCS.glob("*.md") if page.stem not in NO_TASK], ids=lambda page: page.stem
+)
+def test_a_page_begins_with_what_the_reader_can_do(page: Path) -> None:
+    """Commands, a file or code stand before its first part."""
+    assert "\n```" in text_of(page).partition("\n## ")[0]
+
+
+@pytest.mark.parametrize("page", PAGES[3:], ids=ids[3:])
+def test_measured_figures_carry_their_date_and_commit(page: Path) -> None:
+    """Those in metres with three decimals and more, unless tests/docs/test_numbers.py repeats all of the page."""
+    text = re.sub(r"```.*?```", "", text_of(page), flags=re.S)
+    if re.search(r"\b\d\.\d{3,} m\b", text) and page.stem != "glossary":
+        assert re.search(r"\bcommit [0-9a-f]{7}\b", text)
+        assert re.search(r"\b\d{1,2} [A-Z][a-z]+ 20\d\d\b", text)
 
 
 def test_the_index_has_every_page() -> None:
