@@ -146,7 +146,7 @@ checks.sort_values("share of what is allowed", ascending=False)[columns].head(8)
 
 # %%
 first = pd.DataFrame(s.summary.starts.optima)
-print(f"the answer, refined: {s.clearance:.4f} m; on the first mesh: {first['clearance_m'].max():.4f} m")
+print(f"the answer, refined: {s.clearance:.4f} m; on the first mesh: {first['objective'].max():.4f} m")
 first
 
 # %% [markdown]
