@@ -103,7 +103,7 @@ pd.DataFrame({
 }).round(3)  # fmt: skip
 
 # %% [markdown]
-# The PD strategies hardly notice the friction, while the bound comes down to them. What is left is lean: the optimum's body
+# The PD strategies hardly notice the friction, while the bound comes down to them. What is left is mostly lean: the optimum's body
 # leaves the plumb line, which theirs may not. `hopopt compare --why` says what each freedom is worth (`docs/why_pd.md`).
 #
 # ## Beside the paper
