@@ -104,6 +104,20 @@ def test_readme_is_short() -> None:
     assert len(text_of(ROOT / "README.md").splitlines()) <= 100
 
 
+def test_readme_lists_the_legs_that_are_built_in() -> None:
+    """As the help of hopopt solve says."""
+    text = text_of(ROOT / "README.md")
+    assert not [path.stem for path in (ROOT / "problems").glob("*.toml") if f"`{path.stem}`" not in text]
+
+
+def test_values_that_the_page_of_motors_calls_unverified_are_marked_so() -> None:
+    for name in ("maxon-ec45-150", "maxon-ec45-250"):
+        text = text_of(ROOT / "problems" / "actuators" / f"{name}.toml").partition("[motor]")[2]
+        entries = re.split(r"\n(?=\w+ = )", text.strip())
+        assert len(entries) == 7
+        assert all("[U]" in entry for entry in entries)
+
+
 def test_the_model_is_on_one_page() -> None:
     assert len(text_of(DOCS / "model.md").splitlines()) <= 60
 
