@@ -32,6 +32,8 @@ RUN = (
 ALL = os.environ.get("HOPOPT_PAGES") == "all"
 REFUSED = {  # exit codes of commands of which the page says so
     "pareto --against impact": 2,  # there is no such front
+    "repair results/paper-0a1b2c3d": 2,  # nothing was changed
+    "repair RESULT": 2,
     "solve --set 'hop.stance_duration=[0.01,0.02]' --objective time --set hop.clearance=0.4": 1,  # no hop, and why
 }
 STORED = re.compile(r"results/\w+-\w{8}")
