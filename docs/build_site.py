@@ -19,7 +19,16 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 PARTS = {  # of the site, in the order in which they are read
     "Begin": ("start", "model", "glossary", "limits", "performance"),
-    "Your own leg": ("own_leg", "actuators", "objectives", "periodic", "landing", "obstacle", "stored_results", "report"),
+    "Your own leg": (
+        "own_leg",
+        "actuators",
+        "objectives",
+        "periodic",
+        "landing",
+        "obstacle",
+        "stored_results",
+        "report",
+    ),
     "Controllers": ("controllers", "own_controller", "why_pd", "robust", "hop_after_hop"),
     "A robot": ("to_robot", "logs"),
     "Studies": ("sensitivity", "studies", "codesign", "families"),

@@ -93,7 +93,9 @@ c.plot("budget")
 
 # %%
 needs = s.summary.leans_on
-print(f"the bound on ideal ground: {needs.load_free_share:.0%} of stance without load on the foot, and held sideways then")
+print(
+    f"the bound on ideal ground: {needs.load_free_share:.0%} of stance without load on the foot, and held sideways then"
+)
 rough = ho.solve(ho.load("paper", ["contact.friction=0.6"]), objective="clearance", starts=2)
 assert rough.verified
 r = rough.compare("track", "force", "force_tuck", "position", "position_tuck")

@@ -22,7 +22,7 @@ def test_runs_are_read_back_and_say_what_they_hold(tmp_path: Path) -> None:
             assert run.attrs["outcome"] == trace.outcome
             assert not [v for v, x in run.variables.items() if not x.attrs.get("long_name")], name
             assert not [v for v, x in run.variables.items() if x.dtype.kind in "fi" and not x.attrs.get("units")], name
-            assert list(run["joint"].values) == ["hip", "knee"]
+            assert list(run.to_dataset()["joint"].values) == ["hip", "knee"]
     again = read_runs(folder, "comparison").traces["mine:Push"]
     for name in (*ARRAYS, "contact"):
         np.testing.assert_array_equal(getattr(again, name), getattr(trace, name))
