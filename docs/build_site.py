@@ -18,13 +18,25 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 PARTS = {  # of the site, in the order in which they are read
-    "Begin": ("start", "model", "glossary", "limits"),
-    "Your own leg": ("own_leg", "actuators", "objectives", "periodic", "landing", "simulation", "report"),
-    "Studies": ("sensitivity", "studies", "codesign"),
+    "Begin": ("start", "model", "glossary", "limits", "performance"),
+    "Your own leg": (
+        "own_leg",
+        "actuators",
+        "objectives",
+        "periodic",
+        "landing",
+        "obstacle",
+        "stored_results",
+        "report",
+    ),
+    "Controllers": ("controllers", "own_controller", "why_pd", "robust", "hop_after_hop"),
+    "A robot": ("to_robot", "logs"),
+    "Studies": ("sensitivity", "studies", "codesign", "families"),
     "Gallery": ("notebooks/*",),
-    "Theory and evidence": ("method", "certificate", "evidence", "bound", "paper"),
+    "Why to believe it": ("method", "error", "certificate", "structure", "evidence", "diagnose", "bound"),
+    "The paper": ("paper", "paper_equations"),
     "Reference": ("python", "keys", "commands", "reference"),
-    "To change hopopt": ("architecture", "extending", "performance"),
+    "To change hopopt": ("architecture", "extending", "costs", "peers", "tried"),
 }
 CONFIG = f"""
 project, release = "hopopt", "{version("hopopt")}"

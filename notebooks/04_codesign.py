@@ -20,7 +20,7 @@
 # bounds of ours, and the best leg comes out with its best hop. A total length of 0.741 m is to be divided between thigh
 # and shank, and each joint may have a gear ratio of its own.
 #
-# It runs in one to two minutes. The stance is kept to 0.2 s: one push, no pumping.
+# How long a solve takes: `docs/performance.md`. The stance is kept to 0.2 s: one push, no pumping.
 
 # %%
 import pandas as pd

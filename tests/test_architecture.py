@@ -82,7 +82,7 @@ LATE = {  # where hopopt is imported inside functions: what it costs (python -X 
 MOST = 9  # files that lie in hopopt itself; and modules in a package
 ONLY = {  # libraries with one home
     "matplotlib": ("plots/", "api/"),
-    "xarray": ("storage/runs.py", "studies/sweep/store.py", "api/"),
+    "xarray": ("studies/sweep/store.py", "api/"),
     "h5netcdf": ("storage/netcdf.py",),
     "h5py": ("storage/netcdf.py",),
 }

@@ -326,8 +326,8 @@ ONE_START = ["--set", "solver.starts=1"]  # where a command takes minutes with a
 
 @pytest.mark.slow
 def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the user-defined strategy that docs/simulation.md shows."""
-    shown = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "simulation.md").read_text(), re.S)[0]
+    """With the user-defined strategy that docs/own_controller.md shows."""
+    shown = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "own_controller.md").read_text(), re.S)[0]
     (tmp_path / "my_module.py").write_text(shown.replace("class PushThenTuck", "class MyController"))
     monkeypatch.syspath_prepend(tmp_path)
     said("new", "my_leg", cwd=tmp_path)

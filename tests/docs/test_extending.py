@@ -140,7 +140,8 @@ def stored_nlp_of(hop: Solution) -> NlpSolution:
 def test_a_strategy() -> None:
     run("A strategy")
     r = simulate(load("paper"), strategies.find("full_push"))
-    assert r.trace.t[-1] > 0
+    assert [event.kind for event in r.trace.events][:1] == ["lift-off"]
+    assert r.trace.events[0].t == pytest.approx(0.10, abs=0.005)
 
 
 def test_a_drive_law() -> None:

@@ -199,7 +199,7 @@ def simulate(
     """Hop the simulated leg with a controller: its ``figures`` and its ``trace`` over time.
 
     problem: a problem, its name or file
-    strategy: a built-in one, or your own as module:Class (docs/simulation.md)
+    strategy: a built-in one, or your own as module:Class (docs/own_controller.md)
     plan: what ``track`` is to follow; without one it solves for its own
     plant: the true leg, if it differs from the one that the strategy believes in
     hops: how many

@@ -13,14 +13,16 @@ from hopopt.verify.check import Check
 
 GROUP = "certificate"
 SAME = 1e-9  # stored costates against those of the stored multipliers, relative
-LAYOUT = {  # dimensions and meaning of every array
-    "costate": (("edge", "state"), "derivative of the objective by the state, at the interval edges"),
-    "hamiltonian": (("interval",), "Hamiltonian, mean of each interval [objective's unit per second]"),
-    "limit_multiplier": (("interval", "abscissa", "limit"), "derivative by the limit, per second, at the abscissae"),
-    "limit_at_end": (("limit",), "derivative by the limit at the end of the phase: an atom"),
-    "multiplier": (("constraint",), "derivative by the boundary constraint's bound"),
-}
-LABELS = ("state", "limit", "constraint")
+LAYOUT = {  # dimensions, unit and meaning of every array
+    "costate": (("edge", "state"), "objective/state", "derivative of the objective by the state, at the interval edges"),
+    "hamiltonian": (("interval",), "objective/s", "Hamiltonian, mean of each interval"),
+    "limit_multiplier": (
+        ("interval", "abscissa", "limit"), "objective/limit/s", "derivative by the limit, per second, at the abscissae",
+    ),
+    "limit_at_end": (("limit",), "objective/limit", "derivative by the limit at the very end of the phase"),
+    "multiplier": (("constraint",), "objective/bound", "derivative by the boundary constraint's bound"),
+}  # fmt: skip
+LABELS = {"state": "states of the program", "limit": "limits of the phase", "constraint": "constraints of its ends"}
 
 
 def groups(kept: Mapping[str, Multipliers]) -> dict[str, Group]:
@@ -29,8 +31,13 @@ def groups(kept: Mapping[str, Multipliers]) -> dict[str, Group]:
 
 
 def _group(arrays: Multipliers) -> Group:
-    variables = {n: (d, arrays[n], {"long_name": text}) for n, (d, text) in LAYOUT.items() if n in arrays}
-    return Group(variables | {name: ((name,), arrays[name], {}) for name in LABELS if name in arrays})
+    variables = {
+        name: (dimensions, arrays[name], {"units": unit, "long_name": text})
+        for name, (dimensions, unit, text) in LAYOUT.items()
+        if name in arrays
+    }
+    labels = {name: ((name,), arrays[name], {"long_name": text}) for name, text in LABELS.items() if name in arrays}
+    return Group(variables | labels)
 
 
 def multipliers(stored: Mapping[str, Group]) -> dict[str, Multipliers]:

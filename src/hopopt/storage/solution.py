@@ -37,6 +37,11 @@ from hopopt.storage.seal.digests import changed, digest, seal
 from hopopt.storage.summary import read_summary
 from hopopt.verify.measures import MEASURES
 
+PROGRAM = {  # vectors of the nonlinear program, all scaled
+    "z": "variables", "p": "parameters: numbers of the leg", "g": "rows: equations and limits", "lam_g": "multipliers of the rows",
+    "lam_x": "multipliers of the variables' bounds", "low_z": "lower bounds of the variables",
+    "high_z": "upper bounds of the variables", "low_g": "lower bounds of the rows", "high_g": "upper bounds of the rows",
+}  # fmt: skip
 PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
 FORMAT = 2  # of the folder's contents
 KINDS = {  # what a folder is that another command wrote, by a file in it
@@ -144,10 +149,16 @@ def _manifest(solution: Solution) -> dict[str, Any]:
 def _netcdf(solution: Solution) -> bytes:
     attributes = {"objective": solution.objective, "problem": solution.design.name, "format": FORMAT}
     attributes["problem_sha256"] = digest(resolved_toml(solution.design).encode())
+    attributes["in_python"] = "hopopt.read(folder).to_dataframe() is the whole hop as one table"
     found = {"/": Group(attributes=attributes)}
     for phase, trajectory in solution.phases.items():
         found[phase] = phase_group(solution, solution.tables[phase], trajectory)
-    found["nlp"] = Group({name: ((f"{name}_row",), value, {}) for name, value in solution.kkt.items()})
+    found["nlp"] = Group(
+        {
+            name: ((f"{name}_row",), value, {"units": "1", "long_name": PROGRAM.get(name, name)})
+            for name, value in solution.kkt.items()
+        }
+    )
     return to_bytes(found | groups(solution.multipliers))
 
 

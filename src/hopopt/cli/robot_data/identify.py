@@ -37,7 +37,7 @@ def identify(
     Parameters
     ----------
     runs
-        CSV or MCAP files as hopopt log reads them. Their columns command_JOINT, force_z and force_x tell more (docs/simulation.md).
+        CSV or MCAP files as hopopt log reads them. Their columns command_JOINT, force_z and force_x tell more (docs/logs.md).
     leg
         The problem file of the leg as it is believed to be, or the name of a built-in problem.
     map_

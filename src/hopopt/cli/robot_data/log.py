@@ -30,7 +30,7 @@ def log(
     ----------
     run
         A CSV file with a header: t, q_JOINT, v_JOINT and tau_JOINT of every joint, and contact or force_z. A unit may
-        follow in brackets, as in q_knee [deg]. Or an MCAP file with JointState messages or JSON (docs/simulation.md).
+        follow in brackets, as in q_knee [deg]. Or an MCAP file with JointState messages or JSON (docs/logs.md).
     leg
         The problem file of the leg, or the name of a built-in problem.
     bound

@@ -9,7 +9,7 @@ from rich.table import Column, Table
 
 from hopopt.cli.screen.console import Shown, figures, marked, named, table
 
-ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
+ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/robust.md)"
 HALF = 0.5  # of the bound, below which a line says what is in the way
 OVERSHOOT = 0.005  # [m] from which on it is worth a line
 BRAKED = "force_braked"
@@ -32,7 +32,7 @@ def comparison(found: Mapping[str, Any]) -> Iterator[Shown]:
     for name, row in rows.items():
         yield from not_kept(name, row)
         if row["left_early"]:
-            yield f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/simulation.md)"
+            yield f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/robust.md)"
         if row["cut_short"]:
             yield f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}"
     yield from (_spread(name, spread) for name, spread in found.get("mismatch", {}).items())

@@ -1,6 +1,6 @@
 """The softest landing: a third phase, from the apex to the foot's touchdown, and the energy lost there.
 
-The impact is plastic: the foot stays where it lands (Featherstone, Rigid Body Dynamics Algorithms, 11.6). Before it
+The impact is plastic: the foot stays where it lands (Featherstone, Rigid Body Dynamics Algorithms, 11.7). Before it
 the foot's speed is u = J v, and the mass that the foot shows is L = (J M^-1 J')^-1. The kinetic energy u' L u / 2 is
 lost: smooth, and least at rest.
 

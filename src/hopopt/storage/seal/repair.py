@@ -14,7 +14,7 @@ from hopopt.planner.checks.judge import judge
 from hopopt.planner.refine_and_verify import stated_figure
 from hopopt.planner.solution import Solution, own_functions
 from hopopt.storage.folder import fitting
-from hopopt.storage.phases import UNITS
+from hopopt.storage.phases import TABLE
 from hopopt.storage.seal.digests import changed_entries
 from hopopt.storage.seal.recheck import co_design_checks, recheck, stored_program
 from hopopt.storage.solution import Figures, save
@@ -58,7 +58,7 @@ def _computed_again(solution: Solution) -> tuple[Solution, set[str]]:
     for name in ("structure", "exit_code", *(["verification"] if searched else [])):
         del entries[name]
     known = {f"summary.json: {name}" for name in entries}
-    known |= {f"solution.nc: {phase}/{name}" for phase in plan.phases for name in UNITS}
+    known |= {f"solution.nc: {phase}/{name}" for phase in plan.phases for name in TABLE}
     known |= {f"solution.nc: certificate/{group}/{name}" for group, x in verdict.multipliers.items() for name in x}
     return plan.with_summary(**entries, version=VERSION).noted(multipliers=dict(verdict.multipliers)), known
 
