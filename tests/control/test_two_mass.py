@@ -347,7 +347,8 @@ M, M_E, K, Y_NEU, C_AMP, C_MAX = 5.6, 0.8, 1700.0, 0.45, 0.12, 0.11  # tables 1 
 BOTH, AMPLITUDE = M + M_E, C_AMP + M * G / K
 OMEGA_S, OMEGA_F = np.sqrt(K / M), np.sqrt(K * BOTH / (M * M_E))
 LEG = 0.38 + 0.361  # m, thigh and shank
-DOCUMENT = (Path(__file__).parents[2] / "docs" / "paper.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
+DOCUMENT = "".join((DOCS / f"{page}.md").read_text(encoding="utf-8") for page in ("paper", "paper_equations"))
 
 
 def printed_y_s(t: Any) -> Any:
@@ -373,7 +374,7 @@ def printed_t_fs(y_s: float, v_s: float) -> float:
 def quoted(text: str, value: float) -> None:
     """Holds that the value, rounded to the digits it is quoted with in docs/paper.md, reads as there."""
     assert f"{value:.{len(text.partition('.')[2])}f}" == text
-    assert re.search(rf"(?<![\d.]){re.escape(text)}(?!\d)", DOCUMENT), f"docs/paper.md does not quote {text}"
+    assert re.search(rf"(?<![\d.]){re.escape(text)}(?!\d)", DOCUMENT), f"the pages on the paper do not quote {text}"
 
 
 def test_printed_gravity_pulls_the_body_up() -> None:

@@ -18,6 +18,7 @@ from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.mesh import uniform
+from hopopt.nlp.refinement.mesh_refinement import UNSOLVED
 from hopopt.nlp.schemes import radau
 from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
@@ -522,7 +523,8 @@ def test_a_ratio_between_the_drives_cap_and_the_gears() -> None:
 
 
 def test_an_attempt_is_kept_if_the_time_ends_before_another(monkeypatch: pytest.MonkeyPatch) -> None:
-    attempt, calls = SimpleNamespace(verified=False), list[int]()
+    summary = SimpleNamespace(certified=False, refinement_ended=UNSOLVED, objective_value=0.8)
+    attempt, calls = SimpleNamespace(verified=False, summary=summary), list[int]()
 
     def confirmed(*given: Any, **more: Any) -> Any:
         calls.append(1)
