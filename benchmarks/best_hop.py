@@ -20,7 +20,7 @@ import random_legs
 import hopopt as ho
 from hopopt.design import Design
 from hopopt.errors import HopoptError, NotSolvedError, one_line
-from hopopt.evidence.family_optima import Source, followed, searched
+from hopopt.evidence.family_optima import Continuation, followed, searched
 from hopopt.global_search import applies, search
 from hopopt.ocp.hop import Hop
 from hopopt.planner.refine_and_verify import refined_and_verified
@@ -56,7 +56,7 @@ def from_friction(hop: Hop, entries: dict[str, Any]) -> list[StartOutcome]:
     for factor in AROUND if mu else ():
         beside = random_legs.loaded(entries | {"contact.friction": factor * mu})
         half = random_legs.loaded(entries | {"contact.friction": (1 + factor) / 2 * mu})
-        sources = [Source(beside, found, (half,)) for found in searched(beside, 6)[:6]]
+        sources = [Continuation(beside, found, (half,)) for found in searched(beside, 6)[:6]]
         ended += [end.outcome for end in followed(hop.design, sources, f"{factor:g} times the friction") if end]
     return ended
 

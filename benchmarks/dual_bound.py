@@ -61,7 +61,7 @@ def posed() -> tuple[Hop, np.ndarray]:
     energy = c.gravity * (c.first_across * np.cos(phi[0]) + c.second_across * np.cos(phi[1]))
     hop = Hop(
         c.first_across, c.second_across, c.mass, c.gravity, c.m11, c.m22, c.coupling, c.rotor, most, fastest,
-        float(energy), upper_bound(design).power, -c.thigh_z, -c.shank_z, (low + high) / 2, (high - low) / 2,
+        float(energy), upper_bound(design).power_W, -c.thigh_z, -c.shank_z, (low + high) / 2, (high - low) / 2,
     )  # fmt: skip
     return hop, (np.array([0.0, *to_joint_angles(c, phi), 0.0, 0.0]) - hop.middle) / hop.half
 

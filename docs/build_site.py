@@ -18,13 +18,25 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 PARTS = {  # of the site, in the order in which they are read
-    "Begin": ("start", "model", "glossary", "limits"),
-    "Your own leg": ("own_leg", "actuators", "objectives", "periodic", "landing", "simulation", "report"),
-    "Studies": ("sensitivity", "studies", "codesign"),
+    "Begin": ("start", "model", "glossary", "limits", "performance"),
+    "Your own leg": (
+        "own_leg",
+        "actuators",
+        "objectives",
+        "periodic",
+        "landing",
+        "obstacle",
+        "stored_results",
+        "report",
+    ),
+    "Controllers": ("controllers", "own_controller", "why_pd", "robust", "hop_after_hop"),
+    "A robot": ("to_robot", "logs"),
+    "Studies": ("sensitivity", "studies", "codesign", "families"),
     "Gallery": ("notebooks/*",),
-    "Theory and evidence": ("method", "certificate", "evidence", "bound", "paper"),
-    "Reference": ("keys", "commands", "python"),
-    "To change hopopt": ("architecture", "extending", "performance"),
+    "Why to believe it": ("method", "error", "certificate", "structure", "evidence", "diagnose", "bound"),
+    "The paper": ("paper", "paper_equations"),
+    "Reference": ("python", "keys", "commands", "reference"),
+    "To change hopopt": ("architecture", "extending", "costs", "peers", "tried"),
 }
 CONFIG = f"""
 project, release = "hopopt", "{version("hopopt")}"
@@ -54,7 +66,7 @@ def write_source(source: Path) -> None:
     shutil.copytree(
         ROOT / "notebooks", source / "notebooks", ignore=shutil.ignore_patterns("*.py", ".ipynb_checkpoints")
     )
-    pages = {"keys": key_page(), "commands": command_page(), "python": python_page(), "index": index_page(source)}
+    pages = {"keys": key_page(), "commands": command_page(), "reference": python_page(), "index": index_page(source)}
     for name, text in pages.items():
         (source / f"{name}.md").write_text(text, encoding="utf-8")
     for page in source.glob("*.md"):
@@ -161,7 +173,7 @@ def python_page() -> str:
     """Every public name of hopopt: signature and docstring."""
     import hopopt
 
-    lines = ["# The Python interface", "", "`import hopopt as ho`", ""]
+    lines = ["# Every name of the Python interface", "", "`import hopopt as ho`", ""]
     for name in hopopt.__all__:
         thing = getattr(hopopt, name)
         lines += [f"## {name}", "", *_block(thing, name)]

@@ -17,6 +17,7 @@ WORDS = {  # what a package holds, as its box says
     "errors": "messages for a user",
     "files": "written whole or not at all",
     "fields": "entries of a table",
+    "record": "figures with their units",
     "user_code": "module:function",
     "design": "every key of a problem file",
     "amounts": "what fits a computer",

@@ -20,7 +20,7 @@
 # at the joint grows with its square. Where is the best trade for a hop? And what remains of it with a gear that can be
 # bought, which bears only so much torque and turns only so fast?
 #
-# It runs in about a minute. The stance is kept to 0.2 s here: one push, no pumping.
+# How long a solve takes: `docs/performance.md`. The stance is kept to 0.2 s here: one push, no pumping.
 
 # %%
 import tempfile

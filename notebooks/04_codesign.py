@@ -20,7 +20,7 @@
 # bounds of ours, and the best leg comes out with its best hop. A total length of 0.741 m is to be divided between thigh
 # and shank, and each joint may have a gear ratio of its own.
 #
-# It runs in one to two minutes. The stance is kept to 0.2 s: one push, no pumping.
+# How long a solve takes: `docs/performance.md`. The stance is kept to 0.2 s: one push, no pumping.
 
 # %%
 import pandas as pd
@@ -36,13 +36,13 @@ print(f"the leg as it is: {given.clearance:.4f} m")
 # %% [markdown]
 # ## Free the numbers
 #
-# `codesign` states nothing on the optimiser's word: the design that comes out is solved again as any other problem, from
+# `free` states nothing on the optimiser's word: the design that comes out is solved again as any other problem, from
 # its own starts, and verified.
 
 # %%
 lengths = {"leg.thigh.length": (0.33, 0.41), "leg.shank.length": (0.33, 0.41)}
 ratios = {"leg.hip.gear.ratio": (80, 120), "leg.knee.gear.ratio": (80, 120)}
-s = ho.codesign(design, lengths | ratios, couple=["leg.thigh.length + leg.shank.length = 0.741"], starts=2)
+s = ho.solve(design, free=lengths | ratios, couple=["leg.thigh.length + leg.shank.length = 0.741"], starts=2)
 assert s.verified
 print(f"the leg that comes out: {s.clearance:.4f} m")
 

@@ -20,7 +20,7 @@
 # the link that touches the ground. Drives come from the catalogue (`hopopt actuators`) or as numbers. This notebook writes
 # a small leg to disk, as a stand-in for yours, hops it, and asks whether its drives are well chosen.
 #
-# It runs in about a minute.
+# How long a solve takes: `docs/performance.md`.
 
 # %%
 import tempfile

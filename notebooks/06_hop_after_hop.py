@@ -19,7 +19,7 @@
 # One push from rest is half of the question. A robot hops on: it lands, gives way, and pushes again. This notebook asks how
 # high the paper's leg can keep hopping, what a landing costs, and whether the paper's controllers really hop continuously.
 #
-# It runs in about a minute and a half.
+# How long a solve takes: `docs/performance.md`.
 
 # %%
 import pandas as pd

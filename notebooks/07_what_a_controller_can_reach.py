@@ -19,7 +19,7 @@
 # The highest hop of an optimisation is true for a leg that is known exactly. No robot's leg is. This notebook goes from that
 # number to one that 95 % of uncertain legs reach, on ground with a friction of 0.6, and asks why PD control is lower.
 #
-# It runs in about three minutes.
+# How long a solve takes: `docs/performance.md`.
 
 # %%
 import pandas as pd

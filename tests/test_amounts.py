@@ -37,7 +37,7 @@ def test_too_much_is_refused_at_once(line: str, capsys: pytest.CaptureFixture[st
         lambda: ho.solve("paper", starts=1001),
         lambda: ho.robust("paper", draws=1_000_000),
         lambda: ho.sweep("paper", {"leg.gear.ratio": [80.0, 100.0]}, starts=1001),
-        lambda: ho.front("paper", points=1_000_000),
+        lambda: ho.pareto("paper", points=1_000_000),
     ],
 )
 def test_so_it_is_in_python(ask: Callable[[], object]) -> None:

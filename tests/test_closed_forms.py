@@ -18,7 +18,7 @@ from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State, linkage
-from hopopt.planner.solution import PlanEvaluator
+from hopopt.planner.motion import PlanEvaluator
 from hopopt.problem.load import load
 from known_problems import G, lift_off_of_hopper, push
 

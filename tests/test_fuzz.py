@@ -138,12 +138,12 @@ def no_search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
     monkeypatch.chdir(tmp_path)
     for place in (
-        "planner.solve.solve", "studies.codesign.codesign", "studies.sweep.run.run", "control.closed_loop.simulate",
-        "studies.compare.compare", "planner.reserve.plan_to_track", "studies.pareto.front", "studies.families.open_folder",
-        "studies.local_optima.run_starts", "studies.calibration.fit.calibrate", "studies.gain_tuning.tune",
-        "studies.robust.robust", "studies.hop_after_hop.compare_hops", "studies.identification.identify",
-        "studies.paper_results.paper_results", "studies.ladder.ladder", "studies.worth.worths",
-        "studies.transition.solve", "studies.transition.plan_hops",
+        "planner.solve.solve", "cli.answer.solve.codesign", "cli.studies.sweep.run", "control.closed_loop.simulate",
+        "comparison.compare.compare", "cli.controllers.simulate.plan_to_track", "cli.studies.pareto.front",
+        "cli.studies.families.open_folder", "evidence.local_optima.run_starts", "paper.fit.calibrate",
+        "comparison.gain_tuning.tune", "comparison.robust.robust.robust", "cli.controllers.compare.compare_hops",
+        "cli.robot_data.identify.identification", "cli.paper.reproduce.simulate", "cli.controllers.compare.ladder",
+        "cli.answer.diagnose.worths", "comparison.hops.transition.solve", "comparison.hops.transition.plan_hops",
     ):  # fmt: skip
         monkeypatch.setattr(f"hopopt.{place}", ended)
 

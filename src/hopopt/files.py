@@ -1,4 +1,7 @@
-"""Files written whole or not at all, what killed processes left of them, and regular files read without waiting."""
+"""Files written whole or not at all, what killed processes left of them, and regular files read without waiting.
+
+The one library for this, atomicwrites, is given up by its author, and leaves behind what a killed process was writing.
+"""
 
 import os
 import platform

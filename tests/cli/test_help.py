@@ -48,20 +48,22 @@ def test_hopopt_alone_names_the_three_commands_to_begin_with(capsys: pytest.Capt
 
 @pytest.mark.parametrize("name", [name for commands in COMMANDS.values() for name in commands])
 def test_a_command_s_own_help_has_all_its_docstring_and_options(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its line in the list is the first paragraph alone."""
+    """Its line in the list, which is in the table so that the list imports nothing, is the first paragraph alone."""
     assert run([name, "--help"]) == 0
     said = re.sub(r"[│\s]+", " ", capsys.readouterr().out)
     docstring = inspect.getdoc(app[name].default_command)
     assert docstring is not None
+    assert docstring.splitlines()[0] == next(commands[name][1] for commands in COMMANDS.values() if name in commands)
     assert " ".join(docstring.partition("Parameters\n")[0].split()) in said
     assert all(option in said for argument in app[name].assemble_argument_collection() for option in argument.names)
 
 
 def test_a_command_is_imported_when_it_runs() -> None:
-    """And no other."""
-    modules = sorted({path.partition(":")[0] for commands in COMMANDS.values() for path in commands.values()})
+    """And no other; neither the list of commands nor a name that is none imports any."""
+    modules = sorted({f"hopopt.cli.{module}" for commands in COMMANDS.values() for module, _ in commands.values()})
     code = (
-        "import sys, hopopt.cli.main as c; c.run([]); c.run(['--version']); c.run(['actuators', '--wrong']);"
+        "import sys, hopopt.cli.main as c; c.run([]); c.run(['--version']); c.run(['--help']); c.run(['sovle']);"
+        "c.run(['actuators', '--wrong']);"
         f"print([name for name in {modules} if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -17,9 +17,10 @@ import hopopt as ho
 from command_line import said
 from hopopt import load
 from hopopt.cli import main as cli
-from hopopt.cli.screen.answer import print_answer
+from hopopt.cli.screen.answer import short
+from hopopt.cli.screen.console import show
 from hopopt.errors import NotSolvedError, one_line
-from hopopt.planner.answer.summary_extras import GlobalMethod, HopFamily
+from hopopt.planner.answer.extras import GlobalMethod, HopFamily
 from waiting import beside_progress, wait_for
 
 ROOT = Path(__file__).parents[2]
@@ -301,7 +302,7 @@ def test_the_answer_in_the_readme(solved: tuple[dict, Path], capsys: pytest.Capt
         families=(better, worse),
         global_=GlobalMethod("some", (15,) * 4, 0.775, False, motion_m=0.78, solved_m=solution.clearance),
     )
-    print_answer(solution.noted(summary=searched))
+    show(short(solution.noted(summary=searched)))
     told, shown = words(capsys.readouterr().out), readme_block("text", "clearance")
     for line in shown.splitlines():
         assert all(words(part) in told for part in line.split("...")), line
@@ -325,8 +326,8 @@ ONE_START = ["--set", "solver.starts=1"]  # where a command takes minutes with a
 
 @pytest.mark.slow
 def test_readme_commands_about_controllers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the user-defined strategy that docs/simulation.md shows."""
-    shown = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "simulation.md").read_text(), re.S)[0]
+    """With the user-defined strategy that docs/own_controller.md shows."""
+    shown = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "own_controller.md").read_text(), re.S)[0]
     (tmp_path / "my_module.py").write_text(shown.replace("class PushThenTuck", "class MyController"))
     monkeypatch.syspath_prepend(tmp_path)
     said("new", "my_leg", cwd=tmp_path)

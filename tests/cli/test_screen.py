@@ -10,16 +10,17 @@ from pathlib import Path
 import pytest
 
 from hopopt.cli.main import run
+from hopopt.cli.screen import runs
 from hopopt.cli.screen.answer import checks_line, in_short
-from hopopt.cli.screen.certificate import structure_lines
-from hopopt.cli.screen.console import console, print_checks, print_lines, progress
-from hopopt.cli.screen.details import print_details
-from hopopt.cli.screen.runs import print_comparison, print_run, run_table
-from hopopt.cli.screen.sensitivity import print_sensitivity
-from hopopt.cli.screen.sweep import print_study
+from hopopt.cli.screen.checks import checks as shown_checks
+from hopopt.cli.screen.checks import structure_lines
+from hopopt.cli.screen.console import Part, progress, show
+from hopopt.cli.screen.details import whole
+from hopopt.cli.studies import sensitivity, sweep
 from hopopt.comparison.compare import compare
-from hopopt.planner.answer.summary_extras import Stretch, Structure
-from hopopt.planner.answer.summary_parts import LeansOn, NamedCheck
+from hopopt.optimality.minimum_principle.switching_structure import Stretch
+from hopopt.planner.answer.motion_figures import LeansOn
+from hopopt.planner.answer.program_figures import Structure
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Countdown
 from hopopt.problem.load import load
@@ -46,7 +47,7 @@ def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_long_lines_go_on_below_their_beginning() -> None:
     with redirect_stdout(Screen()) as screen:
-        print_lines(console(), "structure", [LONG, "ground: free"])
+        show([Part("structure", [LONG, "ground: free"])])
     first, *more, last = screen.getvalue().splitlines()
     assert first.startswith("  structure hip: torque-speed")
     assert all(line.startswith(" " * 14) and line[14] != " " for line in more)
@@ -67,7 +68,7 @@ def test_of_a_chattering_structure_the_first_and_the_last_are_told(hop: Solution
 
 
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    print_lines(console(), "structure", [LONG])
+    show([Part("structure", [LONG])])
     assert capsys.readouterr().out == f"  structure {LONG}\n"
 
 
@@ -82,14 +83,14 @@ def test_a_study_whose_best_lies_at_an_edge_says_so(tmp_path: Path, capsys: pyte
         points = [
             Point(k, definition.values(k), VERIFIED, objective_value=z, clearance_m=z) for k, z in enumerate(heights)
         ]
-        print_study(Study(definition, tuple(points), tmp_path, 1.0))
+        show(sweep.shown(Study(definition, tuple(points), tmp_path, 1.0)))
         assert f"clearance 0.8000 m{words}\n" in capsys.readouterr().out
 
 
 def test_a_comparison_fits_a_narrow_screen(hop: Solution) -> None:
     found = compare(hop.design, ["force"], bound=hop).as_dict()
     with redirect_stdout(Screen()) as screen:
-        print_comparison(found, "results/here")
+        show(runs.comparison({**found, "result_dir": "results/here", "wall_s": 1.0}))
     lines = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue()).splitlines()
     assert max(map(len, lines)) <= 80
     assert not any("…" in line for line in lines)
@@ -101,7 +102,7 @@ def test_a_strategy_that_does_not_hop_says_why_and_has_no_share(capsys: pytest.C
     gap = {"push_m": 0.8, "timing_m": 0.0, "retraction_m": -0.2}
     stands = {"clearance_m": 0.0, "share_of_bound": None, "gap": gap, "saturation_mean": {"hip": 0.1, "knee": 0.2}}
     stands |= {"no_hop": "the foot never leaves the ground", "lift_off": {"time_s": 0.0, "vertical_m_s": 0.0}}
-    console().print(run_table({"stands": {**stands, "peaks": {"ground_force_N": 80.0}}}))
+    show([runs.run_table({"stands": {**stands, "peaks": {"ground_force_N": 80.0}}})])
     (row,) = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("stands")]
     assert row == ["stands", "0.000", "-", "-", "-", "-", "0.10", "0.20", "-", "-", "80"]
 
@@ -112,7 +113,7 @@ def test_names_are_whole_on_a_narrow_screen() -> None:
     influences = [Influence(n, 1256.637, "rad/s", 1e-4, n.replace("knee.", "") if "knee" in n else None) for n in names]
     data = {"problem": "x", "failed_checks": [], "clearance_m": 0.8, "settled_within_m": 1e-5, "tie_break_bias_m": 1e-6}
     with redirect_stdout(Screen()) as screen:
-        print_sensitivity({**data, "result_dir": "results/x"}, influences)
+        show(sensitivity.shown({**data, "result_dir": "results/x"}, influences))
         run(["actuators"])
     lines = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue()).splitlines()
     rows = [line.split()[0] for line in lines if line.strip()]
@@ -126,7 +127,7 @@ def test_checks_fit_a_narrow_screen_and_say_where_they_failed() -> None:
         for k in (1, 5)
     ]
     with redirect_stdout(Screen()) as screen:
-        print_checks("x", checks)
+        show(shown_checks("x", checks))
     lines = re.sub(r"\x1b\[[0-9;]*m", "", screen.getvalue()).splitlines()
     assert max(map(len, lines)) <= 80
     assert sum("stance transversality of its duration" in line for line in lines) == 3
@@ -138,10 +139,10 @@ def test_checks_that_are_left_out_are_counted_apart_with_the_reason(
 ) -> None:
     made = [Check(f"{phase} replay", 1e-9, 1e-5, "SI") for phase in ("stance", "flight")]
     checks = [*made, *left_out("the simulated leg left the plan")]
-    listed = tuple(NamedCheck(**c.as_dict()) for c in checks)
+    listed = tuple(checks)
     summary = replace(hop.summary, verification=listed)
     assert checks_line(summary).startswith("2 of 2 checks passed, 2 left out; replay")
-    print_checks("x", checks)
+    show(shown_checks("x", checks))
     shown = capsys.readouterr().out
     assert "x: 2 of 2 checks passed" in shown
     assert (
@@ -171,7 +172,7 @@ def test_one_line_says_what_a_hop_is_worth_and_leans_on(hop: Solution) -> None:
 def test_a_certified_answer_has_no_crude_bound_beside_it(hop: Solution) -> None:
     for certified in (True, False):
         with redirect_stdout(io.StringIO()) as screen:
-            print_details(hop.with_summary(certified=certified))
+            show(whole(hop.with_summary(certified=certified)))
         assert ("a crude bound" in screen.getvalue()) is not certified
 
 
@@ -199,7 +200,7 @@ def test_progress_that_is_piped_is_a_line_now_and_then(
 
 def test_brackets_in_what_a_user_wrote_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     row = {"strategy": "mine:Hop", "meaning": "torque [N m], kept in [/reserve]", "parts": {}, "lift_off": {}}
-    print_run({**row, "lift_offs": [], "outcome": "it stands"}, "results/here")
+    show(runs.run({**row, "lift_offs": [], "outcome": "it stands", "result_dir": "results/here"}))
     assert "mine:Hop: torque [N m], kept in [/reserve]" in capsys.readouterr().out
 
 

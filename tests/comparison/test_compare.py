@@ -11,8 +11,9 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli.main import run
-from hopopt.cli.screen.answer import print_answer
-from hopopt.cli.screen.runs import print_comparison
+from hopopt.cli.screen.answer import short as short_answer
+from hopopt.cli.screen.console import show
+from hopopt.cli.screen.runs import comparison as shown_comparison
 from hopopt.comparison.compare import (
     OPTIMUM,
     TUNED_PD,
@@ -33,11 +34,11 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.paper.paper_results import is_the_papers
-from hopopt.planner.answer.summary_entry import as_data
-from hopopt.planner.answer.summary_extras import Attained, CanBeHad, Functions
+from hopopt.planner.answer.extras import Attained, CanBeHad, Functions
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import changed, load
+from hopopt.record import as_data
 from hopopt.storage.runs import save_runs
 from hopopt.storage.solution import save
 from once import plan_with_reserve
@@ -327,7 +328,7 @@ def test_what_can_be_had_stands_in_the_answer_and_is_verified_by_simulating_agai
 
 def test_the_answer_says_what_can_be_had_in_a_line(solution, tmp_path, capsys):
     had = CanBeHad(0.8, 0.69, 0.95, 0.95, 60, 0, Attained("track", 0.5), Attained("position_tuned", 0.55))
-    print_answer(save(solution.with_summary(can_be_had=had), tmp_path))
+    show(short_answer(save(solution.with_summary(can_be_had=had), tmp_path)))
     out = " ".join(capsys.readouterr().out.split())
     assert "95% of all legs within [uncertainty] reach 0.500 m with track and 0.550 m with position_tuned" in out
     assert "hopopt robust finds a better one" in out
@@ -395,7 +396,7 @@ def test_the_command_that_the_answer_names_runs_on_its_leg(solution, tmp_path, c
     """Whatever the problem was, and however accurately it was solved."""
     design = changed(solution.design, {"name": "mine", "solver.max_iterations": 4000})
     kept = save(dataclasses.replace(solution, design=design).with_summary(problem="mine"), tmp_path)
-    print_answer(kept.with_summary(paper_strategy=paper_strategy(kept)))
+    show(short_answer(kept.with_summary(paper_strategy=paper_strategy(kept))))
     shown = " ".join(capsys.readouterr().out.split())
     assert f"hopopt compare --bound {kept.result_dir} has" in shown
     more = ["--strategies", "force", "--no-figures", "--json", "--results", str(tmp_path)]
@@ -476,7 +477,7 @@ def test_an_overshoot_is_told_beside_the_number_and_the_braked_servo_has_none(so
     assert length + f.clearance == pytest.approx(
         f.trace.points["hip"][f.highest, 1], abs=0.01
     )  # it hangs below the hip
-    print_comparison(found.as_dict(), "here")
+    show(shown_comparison(found.as_dict() | {"result_dir": "here", "wall_s": 1.0}))
     shown = capsys.readouterr().out
     assert f"force: its servo overshoots: at the clearance the leg is {100 * short['force']:.1f} cm shorter" in shown
     assert "force_braked: its" not in shown
@@ -488,7 +489,7 @@ def test_a_strategy_far_from_the_bound_says_what_is_in_its_way(solution, capsys)
     found = compare(solution.design, ["position_soft"], bound=solution)
     gap = found.gap("position_soft")
     most = max(gap, key=lambda part: gap[part])
-    print_comparison(found.as_dict(), "here")
+    show(shown_comparison(found.as_dict() | {"result_dir": "here", "wall_s": 1.0}))
     said = capsys.readouterr().out
     words = {"push_m": "push", "timing_m": "timing", "retraction_m": "fold"}[most]
     assert (

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hopopt.api import compare_hops as compare_of_a_solution
+import hopopt as ho
 from hopopt.cli.main import run
-from hopopt.cli.screen.hops import print_hops
+from hopopt.cli.screen.console import show
+from hopopt.cli.screen.hops import hops as shown_hops
 from hopopt.comparison.compare import reference_of
 from hopopt.comparison.hops.hop_after_hop import (
     Hops,
@@ -226,7 +227,7 @@ def test_what_is_said_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[st
         made("force_tuck", drawn={"force_tuck": [(20, 0.55), (3, 0.0)]}),
         hops={"force_tuck": three_hops(), "track": fallen},
     )
-    print_hops(found.as_dict(), "results/x")
+    show(shown_hops(found.as_dict() | {"result_dir": "results/x", "wall_s": 1.0}))
     said = capsys.readouterr().out
     assert f"the bound is {found.bound:.4f} m every" in said
     assert "3/3" in said
@@ -328,4 +329,4 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 def test_only_a_periodic_solution_is_compared_hop_after_hop(hop: Solution) -> None:
     with pytest.raises(UsageError, match=r'hop\.kind = "periodic"'):
-        compare_of_a_solution(hop, "force")
+        ho.Solution.with_methods(hop).compare_hops("force")

@@ -1,17 +1,18 @@
 """Studies of a hop that repeats itself: sensitivities, sweeps, co-design and fronts, each against single solves."""
 
 from functools import cache
+from pathlib import Path
 
 import pytest
 
 import hopopt as ho
+from hopopt.api import sweep
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
 from hopopt.studies.codesign import codesign
 from hopopt.studies.finite_differences import confirmed
 from hopopt.studies.pareto import front
 from hopopt.studies.sensitivity import sensitivity
-from hopopt.studies.sweep.run import sweep
 from once import solved_once
 
 PERIODIC = {"hop.kind": "periodic"}
@@ -51,8 +52,9 @@ def test_sensitivities_agree_with_solving_again(more: dict[str, float], names: t
 
 
 @pytest.mark.slow
-def test_points_of_a_sweep_are_those_of_solve() -> None:
-    study = sweep(load("paper", PERIODIC), {"leg.gear.ratio": [90.0, 100.0]}, starts=1, processes=1)
+def test_points_of_a_sweep_are_those_of_solve(tmp_path: Path) -> None:
+    vary = {"leg.gear.ratio": [90.0, 100.0]}
+    study = sweep(load("paper", PERIODIC), vary, starts=1, processes=1, results=tmp_path)
     assert [p.outcome for p in study.points] == ["verified", "verified"]
     alone = [highest().clearance, solved_once({**PERIODIC, "leg.gear.ratio": 90.0}).clearance]
     assert study.points[1].clearance_m == pytest.approx(alone[0], abs=1e-4)

@@ -10,8 +10,9 @@ import pytest
 import xarray as xr
 from scipy.stats import binom
 
+from hopopt.cli.controllers.robust import shown
 from hopopt.cli.main import run
-from hopopt.cli.screen.robust import print_robust
+from hopopt.cli.screen.console import show
 from hopopt.comparison.robust.robust_search import TRACKER, Search
 from hopopt.comparison.robust.robustness import Reached, can_be_had, drawn, extremes, rank, reached
 from hopopt.design import Design, Uncertainty
@@ -188,8 +189,9 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
         "pd": {"pd": 0.5},
         "pd_best": "pd",
         "pd_fell": {"pd": 0},
+        "result_dir": "there",
     }
-    print_robust({**numbers, **counts, **rest}, "there")
+    show(shown({**numbers, **counts, **rest}))
     words = " ".join(capsys.readouterr().out.split())
     assert "bound, ideal ground 0.8000 m bound, this ground not verified" in words
     assert "track, 95 % of the legs 0.6000 m 2 pd, 95 % of the legs 0.5000 m 0" in words
@@ -202,7 +204,7 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
     assert "k_p = 1000, 500 N m/rad" in words
     assert "[reserve] torque = 0.1" in words
     assert "reaches more than any plan" not in words
-    print_robust({**numbers, **counts, **rest, "pd": {"pd": 0.61}}, "there")
+    show(shown({**numbers, **counts, **rest, "pd": {"pd": 0.61}}))
     assert "pd reaches more than any plan that was tracked" in " ".join(capsys.readouterr().out.split())
 
 

@@ -15,6 +15,14 @@ COMING = {"extending.md"}  # pages that are linked and need not be there yet
 HOMES = (ROOT, ROOT / "src" / "hopopt", DOCS)  # what paths may be relative to
 LONGEST = 30  # words of a sentence
 LARGEST = 120_000  # bytes of a picture
+MOST_WORDS = 1500  # of a page, the glossary aside
+NO_TASK = {
+    "glossary",
+    "model",
+    "limits",
+    "architecture",
+    "extending",
+}  # pages that are looked up, or are for developers
 ids = [page.name for page in PAGES]
 
 
@@ -65,6 +73,28 @@ def test_sentences_are_short(page: Path) -> None:
     assert not [s for s in sentences(text_of(page)) if len(s.split()) > LONGEST]
 
 
+@pytest.mark.parametrize("page", [*DOCS.glob("*.md"), ROOT / "README.md"], ids=lambda page: page.stem)
+def test_a_page_is_short(page: Path) -> None:
+    assert page.stem == "glossary" or len(text_of(page).split()) <= MOST_WORDS
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in DOCS.glob("*.md") if page.stem not in NO_TASK], ids=lambda page: page.stem
+)
+def test_a_page_begins_with_what_the_reader_can_do(page: Path) -> None:
+    """Commands, a file or code stand before its first part."""
+    assert "\n```" in text_of(page).partition("\n## ")[0]
+
+
+@pytest.mark.parametrize("page", PAGES[3:], ids=ids[3:])
+def test_measured_figures_carry_their_date_and_commit(page: Path) -> None:
+    """Those in metres with three decimals and more, unless tests/docs/test_numbers.py repeats all of the page."""
+    text = re.sub(r"```.*?```", "", text_of(page), flags=re.S)
+    if re.search(r"\b\d\.\d{3,} m\b", text) and page.stem != "glossary":
+        assert re.search(r"\bcommit [0-9a-f]{7}\b", text)
+        assert re.search(r"\b\d{1,2} [A-Z][a-z]+ 20\d\d\b", text)
+
+
 def test_the_index_has_every_page() -> None:
     linked = set(re.findall(r"\]\((\w+\.md)\)", text_of(DOCS / "index.md")))
     assert linked - COMING == {page.name for page in DOCS.glob("*.md")} - {"index.md"} - COMING
@@ -72,6 +102,20 @@ def test_the_index_has_every_page() -> None:
 
 def test_readme_is_short() -> None:
     assert len(text_of(ROOT / "README.md").splitlines()) <= 100
+
+
+def test_readme_lists_the_legs_that_are_built_in() -> None:
+    """As the help of hopopt solve says."""
+    text = text_of(ROOT / "README.md")
+    assert not [path.stem for path in (ROOT / "problems").glob("*.toml") if f"`{path.stem}`" not in text]
+
+
+def test_values_that_the_page_of_motors_calls_unverified_are_marked_so() -> None:
+    for name in ("maxon-ec45-150", "maxon-ec45-250"):
+        text = text_of(ROOT / "problems" / "actuators" / f"{name}.toml").partition("[motor]")[2]
+        entries = re.split(r"\n(?=\w+ = )", text.strip())
+        assert len(entries) == 7
+        assert all("[U]" in entry for entry in entries)
 
 
 def test_the_model_is_on_one_page() -> None:

@@ -30,8 +30,7 @@ from hopopt.ocp.transitions import impact
 from hopopt.planner.checks.program_limits import program_limits
 from hopopt.planner.search import multistart
 from hopopt.planner.search.multistart import first_solver
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.solution import folder_name, save
@@ -141,7 +140,8 @@ def stored_nlp_of(hop: Solution) -> NlpSolution:
 def test_a_strategy() -> None:
     run("A strategy")
     r = simulate(load("paper"), strategies.find("full_push"))
-    assert r.trace.t[-1] > 0
+    assert [event.kind for event in r.trace.events][:1] == ["lift-off"]
+    assert r.trace.events[0].t == pytest.approx(0.10, abs=0.005)
 
 
 def test_a_drive_law() -> None:

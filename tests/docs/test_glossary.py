@@ -48,8 +48,8 @@ def names_of_checks() -> set[str]:
 
 def headings() -> set[str]:
     """Of an answer's parts, on the screen."""
-    parts = {(keyword.arg or "").replace("_", " ") for call in calls("print_parts", "cli") for keyword in call.keywords}
-    return (parts | {fixed(call.args[1]) for call in calls("print_lines", "cli")}) - {"", "from"}
+    parts = {(keyword.arg or "").replace("_", " ") for call in calls("headed", "cli") for keyword in call.keywords}
+    return (parts | {fixed(call.args[0]) for call in calls("Part", "cli")}) - {"", "from"}
 
 
 def keys_of_the_summary() -> set[str]:
@@ -62,7 +62,7 @@ def test_there_is_something_to_look_for() -> None:
     assert {"problem", "verified", "upper_bound"} <= keys_of_the_summary()
 
 
-@pytest.mark.parametrize("name", sorted(names_of_checks() | {whole_hop.VALUE[0], whole_hop.LIMITS[0]}))
+@pytest.mark.parametrize("name", sorted(names_of_checks() | {str(whole_hop.VALUE.name), str(whole_hop.LIMITS.name)}))
 def test_every_check_is_in_the_glossary(name: str) -> None:
     assert name in WORDS
 

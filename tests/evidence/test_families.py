@@ -10,9 +10,9 @@ import pytest
 
 from hopopt.cli import main as cli
 from hopopt.evidence import family_search
-from hopopt.evidence.families import Study, crossings
+from hopopt.evidence.families import FamilyStudy, crossings
 from hopopt.evidence.family_chains import chains, letter
-from hopopt.evidence.family_optima import Optimum, Refined, remember
+from hopopt.evidence.family_optima import LocalOptimum, Refined, remember
 from hopopt.planner.search.multistart import StartOutcome
 from hopopt.plots.studies.families import common_value
 from hopopt.problem.load import load
@@ -55,20 +55,22 @@ def test_the_best_changes_between_two_values_with_a_hop() -> None:
     assert found == [{"between": [2.0, 4.0], "from": "A", "to": "B"}]
 
 
-def optimum(height: float, place: float = 0.0, name: str = "start 1") -> Optimum:
+def optimum(height: float, place: float = 0.0, name: str = "start 1") -> LocalOptimum:
     """A made-up optimum: its clearance [m], where it lies among the shapes, what found it."""
     outcome = StartOutcome(name, "Solve_Succeeded", True, height, 50, 1.0, {})
-    return Optimum(outcome, (name,), np.zeros(1), np.full((13, 4), place), height, f"at {place:g}", np.zeros((6, 3, 2)))
+    return LocalOptimum(
+        outcome, (name,), np.zeros(1), np.full((13, 4), place), height, f"at {place:g}", np.zeros((6, 3, 2))
+    )
 
 
-def made_up(heights: dict[str, list[float]], entry: str = "contact.friction") -> Study:
+def made_up(heights: dict[str, list[float]], entry: str = "contact.friction") -> FamilyStudy:
     """Families that keep their places, with a clearance [m] at each of the values 1, 2, ..."""
     rows = list(heights.values())
     count = len(rows[0])
     axis = Axis(entry, tuple(float(k + 1) for k in range(count)))
     optima = [[optimum(row[k], place=float(i)) for i, row in enumerate(rows)] for k in range(count)]
     steps = {((k, i), (k + 1, i)) for k in range(count - 1) for i in range(len(rows))}
-    return Study(Definition(load("paper"), "clearance", (axis,)), optima, steps)
+    return FamilyStudy(Definition(load("paper"), "clearance", (axis,)), optima, steps)
 
 
 def test_what_does_the_same_counts_once_and_the_better_is_kept() -> None:

@@ -11,7 +11,7 @@ import yaml
 from hopopt.cli import main as cli
 from hopopt.control.reference import PlanReference
 from hopopt.errors import UsageError
-from hopopt.export.plan import plan_rows, to_csv, to_json, to_ros2, tracker_of
+from hopopt.export.plan import gains_of, samples_at_control_rate, to_csv, to_json, to_ros2, tracker_of
 from hopopt.export.tracker_c import to_c
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
@@ -56,12 +56,12 @@ def test_the_csv_file_holds_the_plan_that_controllers_follow(solution: Solution,
 
 
 def test_gains_are_those_of_the_tracker_row_by_row(solution: Solution) -> None:
-    rows, tracker = plan_rows(solution), tracker_of(solution)
-    flying = int(np.argmax(rows.samples.phase == "flight"))
-    assert np.isfinite(rows.gains).all()
-    np.testing.assert_allclose(rows.gains[3], tracker.gains[True].K[3], rtol=1e-6)
-    since = rows.samples.t[flying] - solution.lift_off
-    np.testing.assert_allclose(rows.gains[flying], tracker.gains[False].K[round(since * RATE)], rtol=1e-6)
+    samples, tracker = samples_at_control_rate(solution), tracker_of(solution)
+    gains, flying = gains_of(solution, samples), int(np.argmax(samples.phase == "flight"))
+    assert np.isfinite(gains).all()
+    np.testing.assert_allclose(gains[3], tracker.gains[True].K[3], rtol=1e-6)
+    since = samples.t[flying] - solution.lift_off
+    np.testing.assert_allclose(gains[flying], tracker.gains[False].K[round(since * RATE)], rtol=1e-6)
 
 
 def test_json_says_what_csv_says(solution: Solution, table: dict[str, list[str]]) -> None:
@@ -103,15 +103,15 @@ def test_a_leg_on_a_slider_is_exported_without_gains() -> None:
 def test_a_landed_hop_is_exported_whole() -> None:
     """Up to rest, in one frame: the body moves on through the impact. The tracker has no gains for a landing, and no C."""
     landed = solved_once({**QUICK, "hop.kind": "landing", "simulation.control_rate": RATE})
-    rows = plan_rows(landed)
-    s, step = rows.samples, 1 / RATE
+    s, step = samples_at_control_rate(landed), 1 / RATE
+    gains = gains_of(landed, s)
     assert list(dict.fromkeys(s.phase)) == ["stance", "flight", "descent", "landing"]
     fastest = np.abs(s.v[:, 0]).max()
     assert np.abs(np.diff(s.q[:, 0])).max() < 1.1 * fastest * step
     assert np.abs(s.v[-1]).max() < 1e-6
     followed = np.isin(s.phase, ["stance", "flight"])
-    assert np.isfinite(rows.gains[followed]).all()
-    assert np.isnan(rows.gains[~followed]).all()
+    assert np.isfinite(gains[followed]).all()
+    assert np.isnan(gains[~followed]).all()
     with pytest.raises(UsageError, match="the tracker in C does not know the hop that lands yet"):
         to_c(landed)
 

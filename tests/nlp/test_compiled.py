@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hopopt.api import sweep
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.solver import compiled as module
 from hopopt.nlp.solver.compiled import FOLDER, WORTH_IT, compiled, compiling
@@ -15,7 +16,6 @@ from hopopt.ocp.hop import Hop
 from hopopt.planner.search.multistart import run_chunk
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
-from hopopt.studies.sweep.run import sweep
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from hopopt.errors import UsageError
 from hopopt.ocp.custom import Moment, as_objective, custom
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.registry import find
-from hopopt.planner.answer.summary_extras import Functions
+from hopopt.planner.answer.extras import Functions
 from hopopt.planner.checks.custom_check import custom_checks
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hopopt.api import plot
+import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.errors import UsageError
 from hopopt.ocp.hop import Hop
@@ -109,6 +109,4 @@ def test_the_hop_clears_what_it_says_and_a_planted_intrusion_fails() -> None:
     lower[-1, :, 1] -= 1e-2  # the whole leg, in the last interval before the apex
     checks = verify_plan(s.design, {**s.tables, FLIGHT: replace(table, q=lower)}, s.claims(), "free")
     assert "claimed obstacle_m" in [c.name for c in checks if not c.passed]
-    figures = plot(s)
-    assert isinstance(figures, dict)
-    assert "obstacle" in figures
+    assert "obstacle" in ho.Solution.with_methods(s).plot()

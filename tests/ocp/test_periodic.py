@@ -24,8 +24,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Objective, Parameter, Phase, Problem, State, linkage
 from hopopt.ocp.transitions import impact
 from hopopt.optimality.certificate import certify
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.problem.load import load
 from hopopt.sim.machine import Machine
 from hopopt.storage.seal.recheck import recheck

@@ -18,10 +18,10 @@ from hopopt.ocp.hops.shared_control import (
     under_one_controller,
     with_torque_constants,
 )
+from hopopt.planner.motion import Motion
 from hopopt.planner.search.beside import Beside
 from hopopt.planner.search.multistart import first_transcription, run_starts, solution_of
 from hopopt.planner.shared_plan import of_leg, shared_plan, true_legs
-from hopopt.planner.solution import Motion
 from hopopt.problem.load import load
 from once import solved_once
 

@@ -12,8 +12,8 @@ from hopopt.cli.main import run
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
 from hopopt.nlp.solver.ipopt import NlpSolution
-from hopopt.ocp.constraints import HEIGHT
 from hopopt.ocp.problem import Component
+from hopopt.ocp.rules import HEIGHT
 from hopopt.optimality.certificate import Certificate, certify
 from hopopt.optimality.minimum_principle.arcs import Activity
 from hopopt.optimality.minimum_principle.switch_times import plan
@@ -26,8 +26,7 @@ from hopopt.optimality.minimum_principle.switching_structure import (
     structure,
 )
 from hopopt.planner.attempts import with_tighter_tolerances
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.seal.recheck import recheck
@@ -148,6 +147,7 @@ def test_stored_and_recomputed(hop: Solution, tmp_path: Path, capsys: pytest.Cap
     assert found["certified"] is True
     for name, entry in hop.summary.certificate.items():
         assert found["certificate"][name]["passed"] is True
+        assert "name" not in found["certificate"][name]  # its key is the name
         assert found["certificate"][name]["tolerance"] == entry.tolerance
         np.testing.assert_allclose(found["certificate"][name]["residual"], entry.residual, rtol=1e-3, atol=1e-9)
     assert run(["verify", str(folder)]) == 0

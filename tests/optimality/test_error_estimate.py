@@ -24,8 +24,7 @@ from hopopt.optimality.error_estimate import STATED, ObjectiveError, objective_e
 from hopopt.optimality.minimum_principle.costates import sign
 from hopopt.planner.checks.judge import numerical_checks
 from hopopt.planner.refine_and_verify import aims_of
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.problem.load import load
 from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save

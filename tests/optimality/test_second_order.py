@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hopopt.cli.screen.certificate import second_order_line
+from hopopt.cli.screen.checks import second_order_line
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
 from hopopt.nlp.solver.ipopt import LEAST, NlpSolution, NlpSolver
@@ -16,8 +16,7 @@ from hopopt.optimality import second_order
 from hopopt.optimality.second_order import Curvature, curvature
 from hopopt.planner.answer.notes import saddle_note
 from hopopt.planner.answer.notes import second_order as entry
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from known_problems import Known, bryson_denham, guesses, minimum_effort, solve
 
 INTERVALS = 8

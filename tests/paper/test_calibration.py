@@ -23,10 +23,10 @@ from hopopt.paper.result import (
     HEIGHT,
     SATURATION,
     SIMULATION,
+    CalibratedValue,
     Calibration,
-    Comparison,
     Figure,
-    Parameter,
+    FigureComparison,
     text,
 )
 from hopopt.paper.tracking_demand import point_masses, tracking_saturation
@@ -202,10 +202,10 @@ VALUES, ERRORS = {"max_torque": 1.75, "max_speed": 1150.0}, {"max_torque": 0.11,
 
 def calibration(error: float | None = 0.0123) -> Calibration:
     parameters = (
-        Parameter("leg.motor.max_torque", "N m", 2.0, 1.7512, error, 0.5, 5.0),
-        Parameter("leg.motor.max_speed", "rad/s", 1256.637, 1151.3, 3.21, 600.0, 1700.0),
+        CalibratedValue("leg.motor.max_torque", "N m", 2.0, 1.7512, error, 0.5, 5.0),
+        CalibratedValue("leg.motor.max_speed", "rad/s", 1256.637, 1151.3, 3.21, 600.0, 1700.0),
     )
-    compared = tuple(Comparison(f, f.value) for f in SIMULATION)
+    compared = tuple(FigureComparison(f, f.value) for f in SIMULATION)
     starts = (((1.7512, 1151.3), 0.4),)
     return Calibration("mine", parameters, compared, (), 0.4, 2, 3.0, ((1.0, 0.2), (0.2, 1.0)), (), starts, 10, (0, 0))
 
@@ -302,8 +302,8 @@ def test_the_text_says_what_is_matched_and_what_is_not() -> None:
     off = Calibration(
         **{
             **vars(found),
-            "compared": (Comparison(SIMULATION[0], 0.55),),
-            "held_out": (Comparison(EXPERIMENT[0], 0.385),),
+            "compared": (FigureComparison(SIMULATION[0], 0.55),),
+            "held_out": (FigureComparison(EXPERIMENT[0], 0.385),),
         }
     )
     assert "paper 0.44 m, simulated 0.550 m, NOT matched (+11.0 of 0.01)" in text(off)

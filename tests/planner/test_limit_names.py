@@ -8,9 +8,9 @@ import pytest
 
 from hopopt.design import Design
 from hopopt.leg.limit_id import Kind, LimitId
-from hopopt.ocp.constraints import HEIGHT, NO_DESCENT
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import Component, components
+from hopopt.ocp.rules import HEIGHT, NO_DESCENT
 from hopopt.optimality.directions.infeasibility import Conflict, Part
 from hopopt.optimality.limits import Limit
 from hopopt.planner.answer.limit_names import conflict_words, path_value, words_of

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.evidence.diagnosis import diagnose
 from hopopt.optimality.directions.flat_directions import NotInvertible
-from hopopt.planner.answer.limit_use import as_dict, idle_uses
+from hopopt.planner.answer.limit_use import IdleLimit, idle_limits
 from hopopt.planner.answer.motion_figures import FINE, active_limits
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
@@ -49,10 +48,10 @@ def test_shares_of_the_limits(plan: Solution) -> None:
     assert "longest stance" not in idle  # it acts
 
 
-def of_entry(plan: Solution, entry: str) -> list[dict[str, Any]]:
+def of_entry(plan: Solution, entry: str) -> list[IdleLimit]:
     """The lines about one entry."""
     fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
-    return [use for use in as_dict(idle_uses(plan, fine)).values() if use["entry"] == entry]
+    return [limit for limit in idle_limits(plan, fine).values() if limit.entry == entry]
 
 
 def test_an_entry_that_joints_share_is_one_limit(plan: Solution) -> None:
@@ -65,7 +64,7 @@ def test_an_entry_that_joints_share_is_one_limit(plan: Solution) -> None:
         capped = replace(plan, design=plan.design.model_copy(update={"leg": leg}))
         found = of_entry(capped, "leg.gear.torque_cap")
         assert len(found) == lines
-        assert all(tau.max() <= use["enough"] <= 1.001 * tau.max() for use in found)
+        assert all(tau.max() <= use.enough <= 1.001 * tau.max() for use in found)
 
 
 def test_entries_that_flight_and_descent_share(plan: Solution) -> None:
@@ -74,8 +73,8 @@ def test_entries_that_flight_and_descent_share(plan: Solution) -> None:
     slow = replace(flight, edges=flight.edges * 1.25, xdot=flight.xdot / 1.25)
     both = replace(plan, phases={**plan.phases, "descent": slow})
     (shortest,), (longest,) = (of_entry(both, f"hop.flight_duration[{k}]") for k in (0, 1))
-    assert 0.999 * flight.duration <= shortest["enough"] <= flight.duration
-    assert slow.duration <= longest["enough"] <= 1.001 * slow.duration
+    assert 0.999 * flight.duration <= shortest.enough <= flight.duration
+    assert slow.duration <= longest.enough <= 1.001 * slow.duration
 
 
 def test_the_window_of_the_foot_holds_at_touchdown_too(plan: Solution) -> None:
@@ -89,7 +88,7 @@ def test_the_window_of_the_foot_holds_at_touchdown_too(plan: Solution) -> None:
         end = both.sample_phase("descent", np.array([turned.duration])).points
         offs.append(abs(end["foot"][0, 0] - end["hip"][0, 0]))
         (window,) = of_entry(both, "hop.foot_window")
-        assert max(offs[0], offs[-1]) <= window["enough"] <= 1.001 * max(offs[0], offs[-1])
+        assert max(offs[0], offs[-1]) <= window.enough <= 1.001 * max(offs[0], offs[-1])
     assert max(offs) > 1.5 * offs[0]
 
 
@@ -129,16 +128,16 @@ def test_a_friction_cone_says_what_it_needs(plan: Solution) -> None:
     in_space = fine | {"stance": replace(fine["stance"], f=sideways)}
     for friction, idle in ((0.6, True), (0.3, False)):
         contact = plan.design.contact.model_copy(update={"friction": friction})
-        cone = as_dict(idle_uses(replace(plan, design=plan.design.model_copy(update={"contact": contact})), fine))
+        cone = idle_limits(replace(plan, design=plan.design.model_copy(update={"contact": contact})), fine)
         assert ("friction cone" in cone) is idle
         if idle:
-            assert cone["friction cone"] == pytest.approx(
-                {"used": 0.5, "entry": "contact.friction", "limit": 0.6, "enough": 0.3}
-            )
+            found = cone["friction cone"]
+            assert (found.entry, found.limit) == ("contact.friction", 0.6)
+            assert (found.used, found.enough) == pytest.approx((0.5, 0.3))
         design = plan.design.model_copy(update={"contact": contact})
-        space = as_dict(idle_uses(replace(plan, design=design), in_space))
+        space = idle_limits(replace(plan, design=design), in_space)
         assert ("friction cone" in space) is idle
-        assert not idle or space["friction cone"]["enough"] == pytest.approx(0.3, rel=1e-3)
+        assert not idle or space["friction cone"].enough == pytest.approx(0.3, rel=1e-3)
         acts = active_limits(replace(plan, design=design), in_space["stance"]).get("friction cone", 0.0)
         assert (acts > 0.5) is not idle
 

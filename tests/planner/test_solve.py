@@ -16,9 +16,9 @@ from hopopt.ocp.guesses.initial_guess import starts
 from hopopt.ocp.hop import Hop
 from hopopt.planner import refine_and_verify as finishing
 from hopopt.planner import solve as planner
+from hopopt.planner.answer.extras import GlobalMethod
 from hopopt.planner.answer.notes import notes_on
-from hopopt.planner.answer.stored_summary import Summary
-from hopopt.planner.answer.summary_extras import GlobalMethod
+from hopopt.planner.answer.summary import Summary
 from hopopt.planner.attempts import (
     CALMER,
     LARGEST_TIE_BREAK,

@@ -7,14 +7,15 @@ from time import monotonic, process_time
 
 import pytest
 
-from hopopt.cli.screen.answer import print_late
+from hopopt.cli.screen.answer import short
+from hopopt.cli.screen.console import show
 from hopopt.errors import NotSolvedError
 from hopopt.global_search import search
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.refinement.mesh_refinement import OUT_OF_TIME
 from hopopt.nlp.solver.ipopt import LONGEST, NlpSolver, time_given
 from hopopt.ocp.hop import Hop
-from hopopt.planner.answer.stored_summary import LATE
+from hopopt.planner.answer.summary import LATE
 from hopopt.planner.refine_and_verify import refine_outcome
 from hopopt.planner.search import first_mesh
 from hopopt.planner.search.beside import Beside
@@ -123,7 +124,7 @@ def test_the_limit_is_stated(hop: Solution) -> None:
 
 def test_what_the_limit_left_unverified_is_one_sentence(hop: Solution, capsys: pytest.CaptureFixture[str]) -> None:
     summary = replace(hop.summary, verified=False, failed_checks=("local error",), notes=(LATE,), time_limit_s=3.0)
-    print_late(replace(hop, summary=summary))
+    show(short(replace(hop, summary=summary)))
     shown = capsys.readouterr().out
     assert "the time limit of 3 s was reached" in shown.replace("\n", " ")
     assert "local error" not in shown

@@ -9,8 +9,8 @@ import pytest
 import hopopt as ho
 from hopopt.ocp.hop import Hop
 from hopopt.planner import refine_and_verify as road
-from hopopt.planner.answer.verdict import Verdict
 from hopopt.planner.checks.judge import judge
+from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.search.multistart import run_chunk
 from hopopt.planner.solution import Solution
@@ -102,7 +102,7 @@ def test_a_verdict_holds_only_if_every_check_does(answer: Answer) -> None:
 
 @pytest.mark.slow
 def test_a_co_design_has_the_checks_of_a_solve_and_its_own(answer: Answer) -> None:
-    found = ho.codesign(load("paper"), {"leg.gear.ratio": (70.0, 90.0)}, starts=1)
+    found = ho.solve(load("paper"), free={"leg.gear.ratio": (70.0, 90.0)}, starts=1)
     assert found.verdict is not None
     assert names(found.verdict) == [*names(answer.verdict), "co-design confirmed"]
     assert found.verified == found.verdict.verified

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from hopopt.api import plot
+import hopopt as ho
 from hopopt.errors import ResultError
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.planner.solution import Solution
@@ -197,5 +197,5 @@ def test_a_figure_that_fails_does_not_stop_the_others(
 
 
 def test_a_notebook_shows_a_figure(solved: Callable[[str], Solution]) -> None:
-    figure = plot(solved("paper"), "heights")
+    figure = ho.Solution.with_methods(solved("paper")).plot("heights")
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[union-attr]

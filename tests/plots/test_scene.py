@@ -18,6 +18,7 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli import main as cli
+from hopopt.errors import ProblemFileError
 from hopopt.leg.files.urdf_visuals import BODY, visuals
 from hopopt.leg.robot import build_robot
 from hopopt.planner.solution import Solution
@@ -182,7 +183,7 @@ def test_a_public_robot_has_its_own_meshes() -> None:
     pytest.importorskip("collada", reason="meshes in .dae need pip install 'hopopt[view]'")
     try:
         design = ho.load("solo12_leg")
-    except ho.ProblemFileError:
+    except ProblemFileError:
         pytest.skip("robots of others need pip install 'hopopt[robots]'")
     from hopopt.problem.load import urdf_of
 

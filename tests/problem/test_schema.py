@@ -13,14 +13,13 @@ from jsonschema import Draft7Validator, Draft202012Validator
 
 from hopopt.cli.main import run
 from hopopt.ocp.custom import FIGURE
-from hopopt.planner.answer.summary_entry import as_data
-from hopopt.planner.answer.summary_parts import Measures
 from hopopt.planner.solution import Solution
 from hopopt.problem.catalogue import problems_folder
 from hopopt.problem.load import load, resolved_toml, template
 from hopopt.problem.schema import problem_schema
+from hopopt.record import as_data
 from hopopt.storage.summary import summary_schema
-from hopopt.verify.measures import MEASURES
+from hopopt.verify.measures import MEASURES, Measures
 
 PROBLEMS = sorted(problems_folder().glob("*.toml"))
 NAMED = ("leg.hip", "leg.knee", "leg.thigh", "leg.shank")  # tables whose names the file itself gives

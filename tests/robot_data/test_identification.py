@@ -17,8 +17,9 @@ from hopopt.control.strategies import BUILT_IN
 from hopopt.design import Design
 from hopopt.leg.robot import BASE
 from hopopt.problem.load import changed, load
-from hopopt.robot_data.identification import Estimate, Identification, identify
-from hopopt.robot_data.identification_rows import LegMomenta, LogRows, places
+from hopopt.robot_data.identification import Identification, ParameterEstimate, identify
+from hopopt.robot_data.identification_rows import LogRows, places
+from hopopt.robot_data.leg_momenta import LegMomenta
 from hopopt.robot_data.robot_log import RobotLog, same_run
 from refusals import refusal
 
@@ -126,11 +127,11 @@ def written(tmp_path: Path, recording: Recording) -> Callable[..., Path]:
     return write
 
 
-def by_key(found: Identification) -> dict[str, Estimate]:
+def by_key(found: Identification) -> dict[str, ParameterEstimate]:
     return {e.key: e for e in found.estimates}
 
 
-def error(e: Estimate, truth: float) -> float:
+def error(e: ParameterEstimate, truth: float) -> float:
     return abs(e.value / truth - 1)
 
 
@@ -151,7 +152,7 @@ def test_the_true_leg_moves_as_the_equations_say(believed: Design, recording: Re
     rows, at = LogRows(believed, LegMomenta(believed), log), places(2)
     x = np.zeros(at["end"])
     x[: at["rotor"]], x[at["rotor"] : at["gain"]] = 1.07, 100**2 * TRUTH["leg.motor.rotor_inertia"]
-    keys = ("gain", GAIN_KEY), ("kept", "simulation.gear_efficiency"), ("friction", "simulation.gear_friction")
+    keys = ("gain", GAIN_KEY), ("efficiency", "simulation.gear_efficiency"), ("friction", "simulation.gear_friction")
     for name, key in (*keys, ("damping", "simulation.gear_damping"), ("speed", SPEED_KEY)):
         x[at[name] : at[name] + 2] = TRUTH[key]
     x[[at["lag"], at["force_lag"]]] = -0.5 / believed.simulation.control_rate  # means until the next row

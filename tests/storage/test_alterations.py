@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from hopopt.cli.main import run
-from hopopt.planner.answer.verdict import Verdict
+from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.solution import Solution
 from hopopt.storage.seal import recheck as recheck_module
 from hopopt.storage.seal.digests import DATA, OWN, digests

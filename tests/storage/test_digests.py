@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from hopopt.api import Study, sweep
 from hopopt.cli.main import run
 from hopopt.errors import ResultError
 from hopopt.planner.solution import Solution
@@ -17,7 +18,6 @@ from hopopt.storage.seal.digests import DATA, changed, digests, seal
 from hopopt.storage.seal.recheck import recheck, reverified
 from hopopt.storage.seal.repair import repaired
 from hopopt.storage.solution import read, save, with_more
-from hopopt.studies.sweep.run import Study, sweep
 from hopopt.studies.sweep.store import FILES
 
 Change = Callable[[dict[str, Any]], Any]

@@ -12,9 +12,8 @@ from hopopt.evidence.families import one_entry
 from hopopt.evidence.families import open_folder as open_families
 from hopopt.evidence.local_optima import open_study as open_evidence
 from hopopt.problem.load import load
-from hopopt.storage.folder import new_work_folder, prepare, published
+from hopopt.storage.folder import new_folder, new_work_folder, prepare, published
 from hopopt.storage.runs import save_runs
-from hopopt.studies.pareto import _folder as open_front
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.store import open_folder as open_sweep
 
@@ -31,7 +30,7 @@ WRITERS: dict[str, Callable[[Path, int], object]] = {
     "runs": save_a_run,
     "sweep": lambda results, who: open_sweep(define(load("paper"), VARY), results),
     "families": lambda results, who: open_families(one_entry(define(load("paper"), VARY)), results),
-    "pareto": lambda results, who: open_front(load("paper"), "time", results),
+    "pareto": lambda results, who: new_folder(results / "paper-pareto-time"),
     "evidence": lambda results, who: open_evidence(load("paper"), "clearance", results),
 }
 

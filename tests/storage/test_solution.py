@@ -234,9 +234,29 @@ def test_the_file_is_one_that_xarray_reads(tmp_path: Path) -> None:
     expected = xr.Dataset({"x": (("row", "joint"), values, {"units": "m"})}, {"joint": names}, {"kind": "test"})
     with xr.open_datatree(tmp_path / "a.nc", engine="h5netcdf") as tree:
         xr.testing.assert_identical(tree["outer/inner"].to_dataset(), expected)
-        assert tree.attrs == {"format": 1}
+        assert {"format": 1, "groups": "outer/inner"}.items() <= tree.attrs.items()
     again = read_netcdf(tmp_path / "a.nc")["outer/inner"]
     np.testing.assert_array_equal(again["x"], values)
     np.testing.assert_array_equal(again["joint"], names)
     assert again.variables["x"][0] == ("row", "joint")
     assert again.attributes == {"kind": "test"}
+
+
+def test_a_result_opens_in_plain_xarray_with_names_and_units(solution: Solution, tmp_path: Path) -> None:
+    """The root names the groups and what opens them; every variable says what it is, every number its unit."""
+    import xarray as xr
+
+    folder = save(solution, tmp_path).result_dir
+    assert folder is not None
+    with xr.open_dataset(folder / "solution.nc", engine="h5netcdf") as root:
+        assert not root.variables
+        named = root.attrs["groups"].split(", ")
+        assert "group=" in root.attrs["to_open"]
+        assert "to_dataframe()" in root.attrs["in_python"]
+    assert {"stance", "flight", "nlp", "certificate/stance"} <= set(named)
+    with xr.open_datatree(folder / "solution.nc", engine="h5netcdf") as tree:
+        inside = {group.path.strip("/"): group.variables for group in tree.subtree if group.variables}
+        assert set(inside) == set(named)
+        said = [(group, name, x) for group, found in inside.items() for name, x in found.items()]
+        assert not [(group, name) for group, name, x in said if not x.attrs.get("long_name")]
+        assert not [(group, name) for group, name, x in said if x.dtype.kind in "fi" and not x.attrs.get("units")]

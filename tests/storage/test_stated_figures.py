@@ -1,6 +1,7 @@
 """A summary that was edited, and its digest made to fit again, is not verified, and the figure is named."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -8,15 +9,14 @@ import pytest
 
 from hopopt.cli.main import run
 from hopopt.nlp.refinement.interval_errors import interval_errors
-from hopopt.planner.answer.summary_entry import as_data
+from hopopt.planner.answer.summary import Summary
 from hopopt.planner.checks.judge import judge
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import hop_of, stored_nlp
+from hopopt.planner.solution import Solution, hop_of, stored_nlp
+from hopopt.record import adapter, as_data
 from hopopt.storage.seal.digests import seal
 from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 from hopopt.storage.stated_figures import stated_checks
-from hopopt.storage.summary import adapter
 
 EDITS = [  # (path of the figure, factor)
     ("parts.ballistic_rise_m", 1.05),
@@ -70,7 +70,7 @@ def test_every_edit_is_named(folder: Path) -> None:
     for figure, factor in EDITS:
         data = as_data(stored.summary)
         edited(data, figure, factor)
-        other = stored.noted(summary=adapter().validate_python(data))
+        other = stored.noted(summary=adapter(Summary).validate_python(data))
         wrong = [c for c in stated_checks(other, hop, nlp, errors, fresh) if not c.passed]
         last = figure.replace("-1", str(len(stored.summary.mesh) - 1))
         assert last in ", ".join(c.where for c in wrong), (figure, wrong)
@@ -82,8 +82,8 @@ def test_a_summary_that_counts_the_tie_break_in_is_verified_as_what_it_was(folde
     nlp, data = stored_nlp(stored), as_data(stored.summary)
     data["objective_value"], data["tie_break_weighs"] = nlp.objective, 0.0
     data["objective_error"]["could_be_beaten_by"] -= nlp.tie_break
-    assert not recheck(stored.noted(summary=adapter().validate_python(data))).verified
-    assert recheck(stored.noted(summary=adapter().validate_python({**data, "version": 1}))).failed == []
+    assert not recheck(stored.noted(summary=adapter(Summary).validate_python(data))).verified
+    assert recheck(stored.noted(summary=adapter(Summary).validate_python({**data, "version": 1}))).failed == []
 
 
 def test_an_edit_whose_digest_fits_is_not_verified(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -96,3 +96,17 @@ def test_an_edit_whose_digest_fits_is_not_verified(folder: Path, capsys: pytest.
     assert run(["verify", str(folder)]) == 3
     last = capsys.readouterr().out.splitlines()[-1]
     assert "NOT verified: figures of the summary as computed (upper_bound.clearance_m)" in last
+
+
+def test_an_entry_that_follows_from_others_is_not_believed(folder: Path, tmp_path: Path) -> None:
+    """A check that says it passed is computed anew, and an entry that no check has is told; their digests fit."""
+    for entry, value in (("passed", False), ("reason", "none")):
+        copy = Path(shutil.copytree(folder, tmp_path / entry))
+        data = json.loads((copy / "summary.json").read_text(encoding="utf-8"))
+        data["verification"][0][entry] = value
+        (copy / "summary.json").write_text(json.dumps(data), encoding="utf-8")
+        seal(copy)
+        stored = read(copy)
+        assert stored.summary.verification[0].passed
+        assert stored.doubts == ("summary.json contradicts itself: verification is not what its own entries say",)
+        assert not recheck(stored).verified

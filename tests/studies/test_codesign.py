@@ -27,7 +27,7 @@ from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
-from hopopt.planner.answer.summary_extras import CoDesign
+from hopopt.planner.answer.extras import CoDesign
 from hopopt.planner.search.from_known import from_motion
 from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
@@ -200,7 +200,7 @@ def test_gears_and_links_have_their_price_too() -> None:
 )  # fmt: skip
 def test_impossible_prices(overrides: dict[str, Any], free: dict[str, Any], couple: list[str], words: str) -> None:
     with pytest.raises(UsageError, match=re.escape(words)):
-        ho.codesign(ho.load("paper", overrides), free, couple=couple)
+        ho.solve(ho.load("paper", overrides), free=free, couple=couple)
 
 
 @pytest.mark.slow
@@ -236,7 +236,7 @@ def test_a_gear_as_strong_as_its_mass_is_worth() -> None:
     design = ho.load("paper", {"leg.gear": "csg-20-100"})
     free = {"leg.gear.torque_cap": (50.0, 204.0), "leg.body.mass": (3.0, 9.0)}
     text = "catalogue: leg.body.mass by leg.gear.torque_cap"
-    s = ho.codesign(design, free, couple=[text], starts=1, processes=1)
+    s = ho.solve(design, free=free, couple=[text], starts=1, processes=1)
     assert s.verified, s.summary.failed_checks
     torque, law = chosen(s)["leg.gear.torque_cap"], mass_law("gear")
     assert 60 < torque < 200
@@ -255,7 +255,7 @@ def lengths() -> Solution:
     """Thigh and shank free, their sum kept."""
     free = {"leg.thigh.length": (0.3, 0.45), "leg.shank.length": (0.3, 0.45)}
     total = "leg.thigh.length + leg.shank.length = 0.741"
-    return ho.codesign(ho.load("paper"), free, couple=[total], starts=1, processes=1)
+    return ho.solve(ho.load("paper"), free=free, couple=[total], starts=1, processes=1)
 
 
 def chosen(s: Solution) -> dict[str, float]:
@@ -468,7 +468,7 @@ def test_bounds_that_are_none(text: str) -> None:
 )
 def test_impossible_wishes(free: dict[str, tuple[float, float]], couple: list[str], words: str) -> None:
     with pytest.raises(UsageError, match=words):
-        ho.codesign(ho.load("paper"), free, couple=couple)
+        ho.solve(ho.load("paper"), free=free, couple=couple)
 
 
 @pytest.mark.parametrize(
@@ -482,9 +482,9 @@ def test_a_link_cannot_get_shorter_than_its_centre_of_mass_is_far(free: dict[str
     """Said before anything is solved, whatever a coupling would exclude."""
     design = ho.load("paper", {"leg.shank.com": 0.35})
     with pytest.raises(UsageError, match=words):
-        ho.codesign(design, free, couple=["leg.shank.length <= 0.34"])
+        ho.solve(design, free=free, couple=["leg.shank.length <= 0.34"])
     with pytest.raises(UsageError, match="no values within the bounds"):  # now the coupling is what cannot be met
-        ho.codesign(design, {"leg.shank.length": (0.35, 0.38)}, couple=["leg.shank.length <= 0.34"])
+        ho.solve(design, free={"leg.shank.length": (0.35, 0.38)}, couple=["leg.shank.length <= 0.34"])
 
 
 def test_couplings_need_freedom(capfd: pytest.CaptureFixture[str]) -> None:
@@ -502,7 +502,7 @@ def test_a_ratio_between_the_drives_cap_and_the_gears() -> None:
     fast = ["leg.motor.max_speed=2000", "leg.motor.max_torque=3", "leg.motor.torque_cap=1"]
     mesh = ["solver.stance_intervals=12", "solver.flight_intervals=6", "solver.refine=false"]
     design = ho.load("paper", [*fast, "leg.gear.torque_cap=65", *mesh])
-    found = ho.codesign(design, {"leg.gear.ratio": (60, 140)}, starts=1, processes=1).summary.codesign
+    found = ho.solve(design, free={"leg.gear.ratio": (60, 140)}, starts=1, processes=1).summary.codesign
     assert found is not None
     (ratio,) = found.parameters
     assert ratio.optimal == pytest.approx(65, rel=1e-4)
@@ -516,7 +516,7 @@ def test_a_ratio_between_the_drives_cap_and_the_gears() -> None:
     alone = {"gear torque cap": "leg.gear.torque_cap=200", "drive torque cap": "leg.motor.torque_cap=2.9"}
     for limit, loose in alone.items():
         other = ho.load("paper", [*fast, "leg.gear.torque_cap=65", *mesh, loose])
-        again = ho.codesign(other, {"leg.gear.ratio": (30, 140)}, starts=1, processes=1).summary.codesign
+        again = ho.solve(other, free={"leg.gear.ratio": (30, 140)}, starts=1, processes=1).summary.codesign
         assert again is not None
         assert again.objective_value >= without[limit].objective_value - 1e-5
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hopopt.api import sweep
 from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, SolverError
 from hopopt.evidence import family_optima, local_optima
@@ -21,7 +22,6 @@ from hopopt.studies import pareto
 from hopopt.studies.faults import Fault, guarded
 from hopopt.studies.sweep import point
 from hopopt.studies.sweep.point_file import ENDED, VERIFIED
-from hopopt.studies.sweep.run import sweep
 
 SMALL = {"solver.stance_intervals": 12, "solver.flight_intervals": 5, "solver.refine": False}
 SETTINGS = [word for entry, value in SMALL.items() for word in ("--set", f"{entry}={str(value).lower()}")]
@@ -171,7 +171,7 @@ def test_a_value_that_no_solver_can_work_on_does_not_end_the_others(
         ("sweep --vary leg.gear.ratio=100 --starts 1 --no-figures", "hopopt.studies.sweep.run.save_tables", "--resume"),
         ("pareto --points 3 --starts 1 --no-figures", "hopopt.studies.pareto.Chain", "are kept there"),
         ("evidence --starts 1", "hopopt.cli.answer.evidence._gathered", "go on with: hopopt evidence --resume"),
-        ("families --starts 1", "hopopt.evidence.family_search.find_families", "is kept in families.json"),
+        ("families --starts 1", "hopopt.cli.studies.families.find_families", "is kept in families.json"),
     ],
 )
 def test_a_fault_between_the_parts_of_a_study_is_a_sentence_and_loses_nothing(

@@ -29,14 +29,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def front(folder: Path) -> Front:
     """The least peak of the ground force for each clearance."""
-    return ho.front(ho.load("paper"), "peak_force", points=POINTS, starts=1, processes=1, results=folder)
+    return ho.pareto(ho.load("paper"), "peak_force", points=POINTS, starts=1, processes=1, results=folder)
 
 
 @pytest.mark.slow
 def test_every_point_is_verified_and_reaches_its_clearance(front: Front) -> None:
     assert front.exit_code == 0
     assert front.complete
-    assert len(front.verified) == POINTS
+    assert len(front.verified_points) == POINTS
     for point in front.points:
         assert point.clearance_m is not None
         assert point.clearance_m >= point.asked_m - 1e-7
@@ -44,14 +44,14 @@ def test_every_point_is_verified_and_reaches_its_clearance(front: Front) -> None
 
 @pytest.mark.slow
 def test_front_is_monotone(front: Front) -> None:
-    clearance, force = np.array([(p.clearance_m, p.value) for p in front.verified], dtype=float).T
+    clearance, force = np.array([(p.clearance_m, p.value) for p in front.verified_points], dtype=float).T
     assert np.all(np.diff(clearance) > 0)
     assert np.all(np.diff(force) > 0)
 
 
 @pytest.mark.slow
 def test_ends_are_the_single_objective_optima(front: Front, hop: ho.Solution) -> None:
-    least, *_, highest = front.verified
+    least, *_, highest = front.verified_points
     alone = solved_once({"hop.clearance": 0.0}, "peak_force")
     assert least.value == pytest.approx(alone.summary.reached, rel=1e-4)
     assert highest.clearance_m == pytest.approx(hop.clearance, rel=1e-4)
@@ -59,7 +59,7 @@ def test_ends_are_the_single_objective_optima(front: Front, hop: ho.Solution) ->
 
 @pytest.mark.slow
 def test_points_are_what_solving_them_alone_gives(front: Front) -> None:
-    point = front.verified[1]
+    point = front.verified_points[1]
     alone = ho.solve(ho.load("paper", {"hop.clearance": point.asked_m}), "peak_force", starts=2, processes=1)
     assert point.value == pytest.approx(alone.summary.reached, rel=2e-4)
 
@@ -69,7 +69,7 @@ def test_least_peak_is_at_least_the_weight(front: Front) -> None:
     """To leave the ground the leg's centre of mass must not have fallen: the mean force is the weight at least."""
     s = front.solutions[0]
     assert s is not None
-    assert all((p.value or 0) >= weight(Machine(s.robot).model) * (1 - 1e-6) for p in front.verified)
+    assert all((p.value or 0) >= weight(Machine(s.robot).model) * (1 - 1e-6) for p in front.verified_points)
 
 
 @pytest.mark.slow
@@ -92,11 +92,11 @@ def test_figure_shows_every_point(front: Front) -> None:
     picture = figure(Front(front.design, front.against, None, [*front.points, lost], []))
     lines = {line.get_label(): line for line in picture.axes[0].get_lines()}
     x, y = (np.asarray(data, dtype=float) for data in lines["verified hops (joined to guide the eye)"].get_data())
-    drawn = np.array([(p.clearance_m, p.value) for p in front.verified], dtype=float)
+    drawn = np.array([(p.clearance_m, p.value) for p in front.verified_points], dtype=float)
     np.testing.assert_allclose(np.stack([x, y], axis=1), drawn)
     assert set(np.asarray(lines["no verified hop at this clearance"].get_xdata())) == {0.5}
     (highest,) = (line for name, line in lines.items() if str(name).startswith("highest, with what it happens to cost"))
-    assert np.asarray(highest.get_xdata()) == [front.verified[-1].clearance_m]
+    assert np.asarray(highest.get_xdata()) == [front.verified_points[-1].clearance_m]
     alone = figure(Front(front.design, front.against, None, [p for p in front.points if p.least], []))
     assert not any("highest" in str(line.get_label()) for line in alone.axes[0].get_lines())
     assert picture.axes[0].get_ylabel() == "peak force [N]"
@@ -144,7 +144,7 @@ def test_wrong_usage(arguments: list[str], words: str, tmp_path: Path, capfd: py
 @pytest.mark.slow
 def test_a_front_cannot_begin_above_the_highest_hop() -> None:
     with pytest.raises(UsageError, match="at most"):
-        ho.front(ho.load("paper"), "time", points=3, lowest=2.0, starts=1, processes=1)
+        ho.pareto(ho.load("paper"), "time", points=3, lowest=2.0, starts=1, processes=1)
 
 
 def test_a_front_without_room_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli.main import run
-from hopopt.cli.screen.sensitivity import ROWS, left_out, sentences
+from hopopt.cli.studies.sensitivity import ROWS, left_out, sentences
 from hopopt.design import physical_parameters
 from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
@@ -23,8 +23,7 @@ from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.problem import Control, Objective, Parameter, PathConstraint, Phase, Problem, State
 from hopopt.optimality.directions.parametric_sensitivity import Slopes, slopes
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.studies.finite_differences import chosen, confirmed, solve_again, with_entry

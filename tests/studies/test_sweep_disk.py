@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 import hopopt as ho
+from hopopt.api import sweep
 from hopopt.cli.main import run
 from hopopt.errors import HopoptError, ResultError
 from hopopt.files import remove_abandoned, write_whole
-from hopopt.studies.sweep.run import sweep
 from hopopt.studies.sweep.workers.dask_workers import dask_workers
 from stored_tables import table
 from waiting import descendants

@@ -73,22 +73,22 @@ def test_what_nothing_bounds_is_infinite() -> None:
 def test_paper_by_hand() -> None:
     """Power of each drive tau_max omega_max / 4; speeds by the lengths; 8.27 kg from the start pose."""
     bound, w = upper_bound(load("paper")), 1256.637 / 100
-    assert bound.power == pytest.approx(2 * 2.0 * 1256.637 / 4)
+    assert bound.power_W == pytest.approx(2 * 2.0 * 1256.637 / 4)
     body = 0.361 * 2 * w + 0.38 * w
     thigh, shank = 0.361 * 2 * w + 0.19 * w, 0.1805 * 2 * w
-    assert bound.speed == pytest.approx((5.6 * body + 1.87 * thigh + 0.8 * shank) / 8.27)
-    rise = 0.4 * bound.power / (8.27 * 9.81)
-    assert bound.by_energy - rise == pytest.approx(
-        upper_bound(load("paper", ["leg.motor.max_torque=1"])).by_energy - rise / 2
+    assert bound.lift_off_speed_m_s == pytest.approx((5.6 * body + 1.87 * thigh + 0.8 * shank) / 8.27)
+    rise = 0.4 * bound.power_W / (8.27 * 9.81)
+    assert bound.by_energy_m - rise == pytest.approx(
+        upper_bound(load("paper", ["leg.motor.max_torque=1"])).by_energy_m - rise / 2
     )
-    assert bound.below_com == 0
+    assert bound.clearance_m == min(bound.by_energy_m, bound.by_speed_m)  # every link's centre of mass lies on its line
 
 
 def test_time_and_power_count_in_proportion() -> None:
     base, longer = (upper_bound(load("paper", {"hop.stance_duration": [0.03, T]})) for T in (0.2, 0.4))
-    rise = 0.2 * base.power / (8.27 * 9.81)
-    assert longer.by_energy - base.by_energy == pytest.approx(rise)
-    assert longer.by_speed == base.by_speed
+    rise = 0.2 * base.power_W / (8.27 * 9.81)
+    assert longer.by_energy_m - base.by_energy_m == pytest.approx(rise)
+    assert longer.by_speed_m == base.by_speed_m
 
 
 @st.composite
@@ -116,8 +116,8 @@ def test_no_hop_of_a_random_leg_crosses_it(design: Design) -> None:
     except NotSolvedError:
         return
     bound = upper_bound(design)
-    assert solution.clearance < bound.clearance
-    assert solution.summary.upper_bound.clearance_m == pytest.approx(bound.clearance)
+    assert solution.clearance < bound.clearance_m
+    assert solution.summary.upper_bound.clearance_m == pytest.approx(bound.clearance_m)
 
 
 @pytest.mark.slow
@@ -129,19 +129,19 @@ def test_the_steps_of_the_proof_hold_along_a_verified_hop() -> None:
     t, q, v = (x.reshape(-1, *x.shape[2:]) for x in (stance.t, stance.q, stance.v))
     energy = np.array([machine.energy(*state) for state in zip(q, v, strict=True)])
     power = np.sum(stance.tau * stance.v[..., BASE:], axis=-1)
-    assert power.max() <= bound.power * (1 + 1e-3)
-    assert np.all(energy - energy[0] <= bound.power * t * (1 + 1e-3) + 1e-6)
+    assert power.max() <= bound.power_W * (1 + 1e-3)
+    assert np.all(energy - energy[0] <= bound.power_W * t * (1 + 1e-3) + 1e-6)
     com, speed = machine.points(q[-1])["com"], np.linalg.norm(machine.com_velocity(q[-1], v[-1]))
     of_com = machine.mass * (9.81 * com[1] + 0.5 * speed**2)
     assert of_com <= energy[-1] + 1e-6
-    assert speed <= bound.speed
+    assert speed <= bound.lift_off_speed_m_s
 
 
 @pytest.mark.parametrize("name", ["force", "position"])
 def test_a_controller_that_pushes_longer_passes_the_bound_and_is_said_to(name: str) -> None:
     """The bound speaks of hops within the limits: the words beside it say so, and the run's own say what it did not keep."""
     design = load("paper", {"hop.stance_duration": [0.01, 0.015]})
-    bound = upper_bound(design).clearance
+    bound = upper_bound(design).clearance_m
     run = simulate(design, BUILT_IN[name]).figures
     assert run.clearance > bound
     assert [words for words in run.limits_exceeded if words.startswith("stance of 0.1")]

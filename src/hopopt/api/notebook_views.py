@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hopopt.comparison.compare import OPTIMUM, Comparison
 from hopopt.leg.kinematics import contact_axes
@@ -13,15 +14,15 @@ from hopopt.planner.solution import Solution
 from hopopt.studies.sweep.run import Study
 
 if TYPE_CHECKING:
-    import pandas as pd
+    import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
     import xarray as xr
 
 INSTANTS = 201  # of a hop, if no times are given
 ROWS = 12  # of a table in a notebook
 
 
-def solution_dataset(solution: Solution, t: Any = None) -> "xr.Dataset":
-    """The hop at times t [s] since stance began (default: 201 equal steps): body x, z [m], v and a of it; of every joint
+def solution_dataset(solution: Solution, t: ArrayLike | None = None) -> "xr.Dataset":
+    """The hop at times t [s] since stance began (default: 201 equal steps): body x, z [m], v and a of it; of each joint
     angle [rad], speed, acceleration, torque [N m]; the contact force [N]; heights and places of all points [m].
 
     Raises UsageError for times outside the hop.
@@ -48,9 +49,9 @@ def solution_dataset(solution: Solution, t: Any = None) -> "xr.Dataset":
     return xr.Dataset(parts, labels, about)
 
 
-def solution_frame(solution: Solution, t: Any = None) -> "pd.DataFrame":
+def solution_frame(solution: Solution, t: ArrayLike | None = None) -> "pd.DataFrame":
     """The same as a table: a row for every time, columns such as "knee torque [N m]"."""
-    import pandas as pd
+    import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
 
     data, columns = solution_dataset(solution, t), dict[str, Any]()
     for name, values in data.data_vars.items():
@@ -73,10 +74,10 @@ def solution_frame(solution: Solution, t: Any = None) -> "pd.DataFrame":
 
 def comparison_frame(comparison: Comparison) -> "pd.DataFrame":
     """A row for every strategy, the optimum first, with the figures that are numbers; the unit ends a column's name."""
-    import pandas as pd
+    import pandas as pd  # pyright: ignore[reportMissingTypeStubs]
 
-    rows = {name: _numbers(row) for name, row in comparison.as_dict()["strategies"].items()}
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("strategy")
+    rows = comparison.as_dict()["strategies"]
+    return pd.DataFrame([_numbers(row) for row in rows.values()], index=pd.Index(list(rows), name="strategy"))
 
 
 def _numbers(row: Mapping[str, Any], path: str = "") -> dict[str, float]:
@@ -84,7 +85,7 @@ def _numbers(row: Mapping[str, Any], path: str = "") -> dict[str, float]:
     found: dict[str, float] = {}
     for key, value in row.items():
         if isinstance(value, Mapping):
-            found |= _numbers(value, f"{path}{key}.")
+            found |= _numbers(cast(Mapping[str, Any], value), f"{path}{key}.")
         elif isinstance(value, int | float) and not isinstance(value, bool):
             found[f"{path}{key}"] = float(value)
     return found

@@ -4,54 +4,55 @@ import gc
 import json
 import signal
 import sys
+from typing import Any
 
 from cyclopts import App, CycloptsError, Group
 
 from hopopt.errors import HopoptError, NotSolvedError, UsageError
 
-COMMANDS = {  # group of the help page -> command -> where its function is; in the order in which they are shown
+COMMANDS = {  # group of the help page -> command -> where its function is, and its line there; in the order of the page
     "The answer": {
-        "solve": "hopopt.cli.answer.solve:solve",
-        "new": "hopopt.cli.answer.new:new",
-        "show": "hopopt.cli.answer.show:show",
-        "verify": "hopopt.cli.answer.verify:verify",
-        "repair": "hopopt.cli.answer.verify:repair",
-        "diagnose": "hopopt.cli.answer.diagnose:diagnose",
-        "evidence": "hopopt.cli.answer.evidence:evidence",
+        "solve": ("answer.solve", "Find the highest hop of a leg, verify it, and save it."),
+        "new": ("answer.new", "Write a problem file for a leg of your own, with comments."),
+        "show": ("answer.show", "Print a stored answer whole, or a problem with all its entries."),
+        "verify": ("answer.verify", "Check a stored result again, from its files alone."),
+        "repair": ("answer.verify", "Recompute a result whose files were changed, in a new folder."),
+        "diagnose": ("answer.diagnose", "Say what in a stored hop does not matter: times, motions, limits."),
+        "evidence": ("answer.evidence", "Say how far the best hop may be trusted to be the best."),
     },
     "Controllers": {
-        "compare": "hopopt.cli.controllers.compare:compare",
-        "simulate": "hopopt.cli.controllers.simulate:simulate",
-        "robust": "hopopt.cli.controllers.robust:robust",
-        "tune": "hopopt.cli.controllers.tune:tune",
+        "compare": ("controllers.compare", "Compare the paper's controllers, or yours, with the optimum."),
+        "simulate": ("controllers.simulate", "Simulate hops of the leg with one controller."),
+        "robust": ("controllers.robust", "Find the best plan for legs whose masses and motors vary."),
+        "tune": ("controllers.tune", "Tune the gains of the paper's PD control by simulation."),
     },
     "Hop after hop (also: solve and compare, with --hop periodic)": {
-        "transition": "hopopt.cli.hops.transition:transition",
+        "transition": ("hops.transition", "Find the fewest hops from rest onto a hop that repeats itself."),
     },
     "Studies": {
-        "sensitivity": "hopopt.cli.studies.sensitivity:sensitivity",
-        "sweep": "hopopt.cli.studies.sweep:sweep",
-        "pareto": "hopopt.cli.studies.pareto:pareto",
-        "families": "hopopt.cli.studies.families:families",
+        "sensitivity": ("studies.sensitivity", "Say what to change first: what 1 % more of each entry brings."),
+        "sweep": ("studies.sweep", "Solve a problem at many values of one entry or several."),
+        "pareto": ("studies.pareto", "Find the least energy, force or time for each clearance."),
+        "families": ("studies.families", "Tell which kinds of hop a leg has, in words and a picture."),
     },
     "To share": {
-        "report": "hopopt.cli.share.report:report",
-        "animate": "hopopt.cli.share.animate:animate",
-        "view": "hopopt.cli.share.view:view",
-        "export": "hopopt.cli.share.export:export",
+        "report": ("share.report", "Write results as one HTML page, with the hop moving."),
+        "animate": ("share.animate", "Write hops as a moving picture: GIF, SVG or MP4."),
+        "view": ("share.view", "Show a solved hop in three dimensions in a browser."),
+        "export": ("share.export", "Write a planned hop for a robot, or the leg for other simulators."),
     },
     "A robot's data": {
-        "log": "hopopt.cli.robot_data.log:log",
-        "identify": "hopopt.cli.robot_data.identify:identify",
+        "log": ("robot_data.log", "Read a robot's hop from its log, and compare it with the optimum."),
+        "identify": ("robot_data.identify", "Find a leg's masses, motor constants and losses from its logs."),
     },
     "The paper": {
-        "reproduce": "hopopt.cli.paper.reproduce:reproduce",
-        "calibrate": "hopopt.cli.paper.calibrate:calibrate",
+        "reproduce": ("paper.reproduce", "Print the paper's results beside those of the simulation."),
+        "calibrate": ("paper.calibrate", "Find the motor from the jump heights that the paper reports."),
     },
     "Set-up": {
-        "doctor": "hopopt.cli.setup.doctor:doctor",
-        "actuators": "hopopt.cli.setup.actuators:actuators",
-        "schema": "hopopt.cli.setup.schema:schema",
+        "doctor": ("setup.doctor", "Check this installation, with a self-test."),
+        "actuators": ("setup.actuators", "List the motors and gears that a problem can name."),
+        "schema": ("setup.schema", "Print the JSON schema of problem or result files."),
     },
 }
 QUESTION = "How high can a leg possibly lift its foot in a hop with the motors it has?"
@@ -66,8 +67,11 @@ Begin with:
 hopopt --help lists all commands, and hopopt solve --help all that solve can do."""
 
 
-def command_line() -> App:
-    """All commands, none of them imported yet; where to start is said on the first page alone."""
+def command_line(first_page: bool = False) -> App:
+    """All commands, none of them imported; where to start is said on the first page alone.
+
+    first_page: their names and lines alone, for the list of commands and for a name that is none
+    """
     made = App(
         name="hopopt",
         help=QUESTION,
@@ -78,8 +82,12 @@ def command_line() -> App:
     )
     groups = [Group(title, sort_key=place) for place, title in enumerate(COMMANDS)]
     for group, commands in zip(groups, COMMANDS.values(), strict=True):
-        for row, (name, path) in enumerate(commands.items()):
-            made.command(path, name=name, group=group, sort_key=row, help_format="markdown", help_epilogue="")
+        for row, (name, (module, line)) in enumerate(commands.items()):
+            place: dict[str, Any] = {"name": name, "group": group, "sort_key": row}
+            if first_page:
+                made.command(App(help=line, **place))
+            else:
+                made.command(f"hopopt.cli.{module}:{name}", **place, help_format="markdown", help_epilogue="")
     complete = "Let the shell complete commands and options.\n\nOf bash, zsh and fish."
     made.register_install_completion_command(help=complete, group=groups[-1], help_epilogue="")
     for flag in ("--help", "--version"):
@@ -115,9 +123,9 @@ def run(arguments: list[str] | None = None) -> int:
         if not words:
             print(BEGIN)
             return 0
-        if words[0] in app.help_flags:
-            app.resolved_commands()  # the page has the first sentence of each command's docstring
-        result = app(
+        named = words[0] in app and words[0] not in app.help_flags
+        asked = app if named else command_line(first_page=True)
+        result = asked(
             arguments, exit_on_error=False, print_error=False, result_action="return_value", help_on_error=False
         )
         return result if isinstance(result, int) else 0
@@ -132,8 +140,8 @@ def run(arguments: list[str] | None = None) -> int:
             failure = {"status": "not solved", "verified": False, "exit_code": 1, "clearance_m": None}
             print(json.dumps({**failure, "message": str(error), "diagnosis": error.diagnosis}))
         return error.exit_code
-    except KeyboardInterrupt:
-        print("hopopt: interrupted; nothing was written", file=sys.stderr)
+    except KeyboardInterrupt as stopped:  # a command that keeps what it has says so
+        print(f"hopopt: {str(stopped) or 'interrupted; nothing was written'}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         return 0

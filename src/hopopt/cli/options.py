@@ -1,17 +1,18 @@
-"""What all commands of the command line share."""
+"""What all commands of the command line share: options, notes, what keeps work that was done, and how each of them ends."""
 
+import logging
 import os
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, suppress
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from hopopt.cli.screen.console import Shown, as_is, show
 from hopopt.errors import UsageError
-
-if TYPE_CHECKING:
-    from hopopt.report.page import Content
+from hopopt.storage.folder import as_json, reason_of
 
 
 def repeated(name: str, text: str) -> Parameter:
@@ -19,10 +20,17 @@ def repeated(name: str, text: str) -> Parameter:
     return Parameter(name=name, negative=(), consume_multiple=False, help=text)
 
 
-Overrides = Annotated[
-    list[str] | None,
-    repeated("--set", "Override an entry: --set leg.gear.ratio=80 (repeat)."),
-]
+def sizes(name: str, text: str) -> Parameter:
+    """An option that takes several numbers at once, and shows its default so."""
+    shown = " ".join
+    return Parameter(
+        name=name, negative=(), consume_multiple=True, help=text, show_default=lambda given: shown(map(str, given))
+    )
+
+
+Problem = Annotated[str, Parameter(help="A problem file, or the name of a built-in one.")]
+Solved = Annotated[Path, Parameter(help="A folder that hopopt solve wrote.")]
+Overrides = Annotated[list[str] | None, repeated("--set", "Override an entry: --set leg.gear.ratio=80 (repeat).")]
 Constraints = Annotated[
     list[str] | None,
     repeated(
@@ -30,39 +38,46 @@ Constraints = Annotated[
         "A path constraint of your own, a Python function as module:function (repeat; docs/objectives.md).",
     ),
 ]
-Free = Annotated[
-    list[str] | None,
-    repeated(
-        "--free", "Let the optimum choose a number of the leg: --free leg.gear.ratio=50:200 (repeat; docs/codesign.md)."
-    ),
+Own = Annotated[
+    str | None,
+    Parameter(help="The function of your own that it was found with, if it was: module:function."),
 ]
-Couple = Annotated[
-    list[str] | None,
-    repeated(
-        "--couple",
-        'A relation of free numbers, "leg.thigh.length + leg.shank.length = 0.741", powers too, or "catalogue: MASS by TORQUE" (repeat).',
-    ),
+Starts = Annotated[
+    int | None,
+    Parameter(help="How many different starting points to solve from (default: the problem's solver.starts)."),
 ]
-CrossChecked = Annotated[bool, Parameter(alias="--second-opinion", negative="--no-cross-check")]
+Results = Annotated[Path, Parameter(help="Folder for the results; each run gets a new folder inside it.")]
+Figure = Annotated[bool, Parameter(help="Draw the figure.")]
+Figures = Annotated[bool, Parameter(help="Draw the figures.")]
+Output = Annotated[Path, Parameter(name=["--output", "-o"], help="The file to write.")]
+LogNames = Annotated[Path | None, Parameter(name="--map")]
+Flag = Parameter(negative=())
 AsJson = Annotated[
     bool, Parameter(name="--json", negative=(), help="Print one JSON object on standard output, nothing else.")
 ]
 
 
-def progress(quiet: bool) -> AbstractContextManager[Callable[[str], None]]:
-    """A function that shows progress on standard error, now and then when piped; silent if ``quiet``."""
-    from hopopt.cli.screen import console as screen
+def ended(data: Mapping[str, Any], json_: bool, shown: Iterable[Shown], code: int = 0) -> int:
+    """The end of a command: what it found, as one JSON object, or as a person is ``shown`` it; returns its exit code."""
+    if json_:
+        print(as_json(data))
+    else:
+        show(shown)
+    return code
 
-    return screen.progress(quiet)
+
+def note(words: str) -> None:
+    """One line on standard error, beside what a command prints."""
+    print(f"hopopt: {words}", file=sys.stderr)
 
 
-def content_of_results(results: Sequence[Path], command: str) -> "Content":
-    """What stored results hold, for the command that shows it; UsageError without any."""
-    from hopopt.report.content import content_of
-    from hopopt.storage.folder import fitting
-
-    with fitting(some_results(results, command)[0]):
-        return content_of(results)
+def drawn(draw: Callable[[], Any], missing: str, safe: str) -> None:
+    """Draw what is already saved: the data are what took the time, so figures that fail are only reported, with what is
+    ``safe``."""
+    try:
+        draw()
+    except (Exception, KeyboardInterrupt) as error:
+        logging.getLogger(__name__).warning(f"{missing} ({reason_of(error)}); {safe}")
 
 
 def some_results(results: Sequence[Path], command: str) -> Sequence[Path]:
@@ -73,14 +88,10 @@ def some_results(results: Sequence[Path], command: str) -> Sequence[Path]:
     return results
 
 
-def say_written(paths: Sequence[Path], json_: bool, then: str = "") -> None:
-    """Print which files were written, and what to do then."""
-    from hopopt.storage.folder import as_json
-
-    if json_:
-        print(as_json({"written": [str(path) for path in paths], "exit_code": 0}))
-    for path in () if json_ else paths:
-        print(f"{path} written{then}")
+def written(paths: Sequence[Path], json_: bool, then: str = "") -> int:
+    """The end of a command that wrote files: which, and what to do then."""
+    data = {"written": [str(path) for path in paths], "exit_code": 0}
+    return ended(data, json_, (as_is(f"{path} written{then}") for path in paths))
 
 
 def write_new(path: Path, text: str) -> None:

@@ -7,7 +7,7 @@ from every limit (the problem's [reserve]), because on the limits themselves fee
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from hopopt.leg.kinematics import two_joints
 from hopopt.leg.scales import Scale
 from hopopt.ocp.phases import STANCE
 from hopopt.paper.paper_results import PAPER, is_the_papers
-from hopopt.planner.answer.summary_extras import PaperStrategy
+from hopopt.planner.answer.extras import PaperStrategy
+from hopopt.planner.motion import Motion
 from hopopt.planner.reserve import plan_to_track, reserved
-from hopopt.planner.solution import Motion, Solution
+from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import design_hash
 from hopopt.sim.hop_metrics import HopFigures
@@ -52,12 +53,6 @@ class Comparison:
     runs: Mapping[str, Run]
     mujoco: Mapping[str, float] = field(default_factory=dict)  # clearances [m] there, where asked for
     notes: tuple[str, ...] = ()
-    # given by hopopt.api
-    plot: ClassVar[Callable[..., Any]]
-    why: ClassVar[Callable[..., Any]]
-    to_xarray: ClassVar[Callable[..., Any]]
-    to_dataframe: ClassVar[Callable[..., Any]]
-    _repr_html_: ClassVar[Callable[..., str]]
 
     def __repr__(self) -> str:
         reached = ", ".join(f"{name} {f.clearance:.3f} m" for name, f in self.figures.items())

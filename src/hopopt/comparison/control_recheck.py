@@ -6,8 +6,8 @@ from typing import Any
 
 from hopopt.comparison.compare import paper_strategy
 from hopopt.comparison.robust.robustness import can_be_had
-from hopopt.planner.answer.summary_entry import as_data
 from hopopt.planner.solution import Solution
+from hopopt.record import as_data
 from hopopt.storage.stated_figures import difference
 from hopopt.verify.check import Check
 

@@ -9,7 +9,7 @@ Gains overlap: what one freedom brings depends on those before it, so they are m
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -77,7 +77,6 @@ class Ladder:
     rungs: tuple[Rung, ...]
     orders: tuple[tuple[str, ...], ...]
     gains: tuple[tuple[float, ...], ...]
-    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
 
     @property
     def verified(self) -> bool:

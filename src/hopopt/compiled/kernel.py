@@ -1,6 +1,6 @@
 """Functions of arrays compiled by numba, kept on disk for the next process where a folder can be written."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -24,9 +24,10 @@ def kept(function: Any) -> bool:
 
 
 def packed(values: Any) -> Any:
-    """A named tuple of numbers and arrays as one record with the same names, which compiled functions read and write
+    """A named tuple or a mapping of numbers and arrays as one record with the same names, which compiled functions read and write
     without counting references: counters shared by two threads made them several times slower."""
-    arrays = {name: np.asarray(value) for name, value in values._asdict().items()}
+    named = values if isinstance(values, Mapping) else values._asdict()
+    arrays = {name: np.asarray(value) for name, value in named.items()}
     record = np.zeros(1, dtype=[(name, a.dtype, a.shape) for name, a in arrays.items()])
     for name, array in arrays.items():
         record[name][0] = array

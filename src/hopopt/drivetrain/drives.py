@@ -1,9 +1,11 @@
 """The drives of a leg as a plant has them: between a controller's command and the joints."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from hopopt.compiled.kernel import packed
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.clamp import torque_lines
 from hopopt.drivetrain.dynamics import AddedStates
@@ -15,8 +17,11 @@ class Drive:
     """The motors of a leg as a controller meets them: commands are clamped to the operating regions (paper's eq. 14).
 
     torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
-    as much more back-EMF. states: what the drives add of their own, if they do.
+    as much more back-EMF. states: what the drives add of their own, if they do. numbers: what the compiled functions read,
+    by name: the lines of the clamp, the gains, and the gears as in ``Gear``.
     """
+
+    numbers: Mapping[str, Any]
 
     def __init__(
         self,
@@ -25,16 +30,22 @@ class Drive:
         torque_gain: np.ndarray | None = None,
         states: AddedStates | None = None,
     ):
-        self.gear, n = gear or Gear(), len(regions)
-        self.lossless = self.gear.ideal
-        self.torque_gain = np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float)
-        self.efficiency = np.broadcast_to(np.asarray(self.gear.efficiency, dtype=float), n).copy()
+        gear, n = gear or Gear(), len(regions)
+        self.lossless = gear.ideal
         self.upper, self.lower = torque_lines(regions)
+        self.numbers = {
+            "upper": self.upper,
+            "lower": self.lower,
+            "gain": np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float),
+            "efficiency": np.broadcast_to(np.asarray(gear.efficiency, dtype=float), n),
+            **{name: float(getattr(gear, name)) for name in ("friction", "damping", "slow", "lightest")},
+        }
+        self._record = packed(self.numbers)
         self.states = states if states and states.size else None
 
     def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Joint torques tau (n) [N m] brought into the regions at speeds w (n): OperatingRegion.clamp, but quick."""
-        return kernels.clamped(np.asarray(w, dtype=float), np.asarray(tau, dtype=float), self.upper, self.lower)
+        return kernels.clamped(self._record, np.asarray(w, dtype=float), np.asarray(tau, dtype=float))
 
     def parts(
         self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float, x: np.ndarray | None = None
@@ -43,9 +54,7 @@ class Drive:
 
         w (n) [rad/s], command (n) [N m], armature (n): the rotors' inertia at the joints [kg m^2]; x as in ``torque``.
         """
-        motor = self.torque(w, command, x)[0]
-        gear, rotors = self.gear, np.asarray(armature)
-        return kernels.rubbing_parts(motor, self.efficiency, float(gear.friction), rotors, h, gear.slow, gear.lightest)
+        return kernels.rubbing_parts(self._record, self.torque(w, command, x)[0], np.asarray(armature), h)
 
     def torque(self, w: np.ndarray, command: np.ndarray, x: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]; x: the drives' states, if
@@ -54,8 +63,7 @@ class Drive:
         if self.states is None:
             return motor, tau
         motor[self.states.at] = self.states.torques(x, motor, w)
-        gear = self.gear
-        return motor, kernels.geared(w, motor, self.efficiency, float(gear.friction), float(gear.damping), gear.slow)
+        return motor, kernels.geared(self._record, w, motor)
 
     def rates(self, w: np.ndarray, command: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Derivatives of the drives' states x under a command, (m)."""
@@ -63,7 +71,4 @@ class Drive:
 
     def _driven(self, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What motors and joints have of a command at once."""
-        return kernels.driven(
-            np.asarray(w, dtype=float), np.asarray(command, dtype=float), self.torque_gain, self.upper, self.lower,
-            self.efficiency, float(self.gear.friction), float(self.gear.damping), self.gear.slow,
-        )  # fmt: skip
+        return kernels.driven(self._record, np.asarray(w, dtype=float), np.asarray(command, dtype=float))

@@ -62,7 +62,7 @@ class OperatingRegion:
         return np.where(empty, 0.0, lower), np.where(empty, 0.0, upper)
 
     def clamp(self, w: Any, tau: Any) -> Any:
-        """tau [N m] brought into the region at speed w [rad/s] (the paper's eq. 14)."""
+        """tau [N m] brought into the region at speed w [rad/s] (the paper's eq. 14), arrays alike: ``clamp.within`` for figures."""
         lower, upper = self.torque_bounds(w)
         return np.clip(tau, lower, upper)
 

@@ -2,19 +2,16 @@
 
 from typing import Any
 
-import numpy as np
-
 from hopopt.errors import ResultError
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.optimality.directions.flat_directions import INSENSITIVE, STRETCH, NotInvertible, flat, longer_or_shorter
 from hopopt.planner.answer.limit_names import flat_words
-from hopopt.planner.answer.limit_use import Use, as_dict, idle_uses
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import has_multipliers, without_tie_break
+from hopopt.planner.answer.limit_use import IdleLimit, idle_limits
+from hopopt.planner.answer.motion_figures import Sampled
+from hopopt.planner.solution import Solution, has_multipliers, without_tie_break
 from hopopt.problem.render import rows
+from hopopt.record import as_data
 from hopopt.storage.folder import fitting
-
-NORMALISED_TIMES = np.linspace(0.0, 1.0, 9)
 
 
 def diagnose(solution: Solution) -> dict[str, Any]:
@@ -37,12 +34,17 @@ def diagnose(solution: Solution) -> dict[str, Any]:
             words = flat_words(found)
         except NotInvertible as error:  # no reason to lose the rest
             found, words = None, [f"what the objective does not depend on cannot be computed: {error}"]
-    idle = idle_uses(solution, {phase: solution.everywhere(phase, NORMALISED_TIMES) for phase in solution.phases})
+    idle = idle_limits(solution, Sampled(solution).fine)
     words += [_duration(nlp, phase, *way) for phase, changes in durations.items() for way in changes.items()]
     units = {row.path: row.unit for row in rows(solution.design)}
-    words += [_idle(use, units.get(use.path, "")) for use in idle]
-    flat_ones = None if found is None else [f.as_dict() for f in found]
-    return {"flat": flat_ones, "durations": durations, "idle_limits": as_dict(idle), "words": words}
+    words += [_idle(name, limit, units.get(limit.entry.partition("[")[0], "")) for name, limit in idle.items()]
+    flat_ones = None if found is None else [as_data(f) for f in found]
+    return {
+        "flat": flat_ones,
+        "durations": durations,
+        "idle_limits": {name: as_data(x) for name, x in idle.items()},
+        "words": words,
+    }
 
 
 def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> str:
@@ -57,9 +59,9 @@ def _duration(nlp: NlpSolution, phase: str, way: str, change: float | None) -> s
     )
 
 
-def _idle(use: Use, unit: str) -> str:
+def _idle(name: str, limit: IdleLimit, unit: str) -> str:
     could = ""
-    if use.path:
+    if limit.entry:
         unit = "" if unit in ("", "1") else f" {unit}"
-        could = f": {use.entry} = {use.limit:g}{unit} could be tightened to {use.rounded():.4g}{unit} without effect on this hop"
-    return f"idle: {use.name}, at most {use.used:.0%} used{could}"
+        could = f": {limit.entry} = {limit.limit:g}{unit} could be tightened to {limit.enough:.4g}{unit} without effect on this hop"
+    return f"idle: {name}, at most {limit.used:.0%} used{could}"

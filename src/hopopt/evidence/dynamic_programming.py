@@ -13,10 +13,7 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.global_search.equations.bilinear import Bilinear
 from hopopt.global_search.equations.slider_leg import accelerations, slider_leg
-from hopopt.leg.kinematics import (
-    start_place,
-    two_joints,
-)
+from hopopt.leg.kinematics import start_place, two_joints
 from hopopt.leg.robot import build_robot
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
@@ -29,11 +26,11 @@ from hopopt.ocp.problem import Ends, Objective, Parameter, Problem
 from hopopt.problem.load import changed
 
 ACCELERATIONS = 9  # tried between the least and the largest
-TIE = 1e-6  # m/s: weight of the effort in the planner's reduced problem
-PACE = 1.0  # steps in the time of a fast rise, for each row of the grid to the power 2/3
-SHORTEST = 1e-3  # s: a stance may be as short as it likes
-NOWHERE = -1.0  # m: value of a state from which the leg cannot go on
-MOST = 2000  # rows of a grid: 4 million states
+TIE_BREAK = 1e-6  # m/s: weight of the effort in the planner's reduced problem
+STEPS_PER_RISE = 1.0  # steps in the time of a fast rise, for each row of the grid to the power 2/3
+SHORTEST_STANCE = 1e-3  # s: a stance may be as short as it likes
+STUCK = -1.0  # m: value of a state from which the leg cannot go on
+MOST_ROWS = 2000  # rows of a grid: 4 million states
 TELLING = 40  # rows of a grid below which its height may be wrong by more than
 CONTRADICTED = 0.01  # relative: by so much more than the planner's, it speaks against the planner
 
@@ -52,7 +49,7 @@ def reduced(design: Design) -> Design:
     plain = {
         "leg.guides": ("z",), "start.foot_x": 0.0, "start.hip_height": height,
         "contact.friction": None, "contact.least_force": 0.0, "hop.counter_movement": True, "hop.least_height": 0.0,
-        "hop.above_ground": (), "hop.stance_duration": (min(SHORTEST, longest), longest),
+        "hop.above_ground": (), "hop.stance_duration": (min(SHORTEST_STANCE, longest), longest),
     }  # fmt: skip
     try:
         return changed(design, plain)
@@ -62,8 +59,8 @@ def reduced(design: Design) -> Design:
 
 def by_dynamic_programming(design: Design, size: int) -> float:
     """Greatest height [m] to which the centre of mass can be thrown, on a grid of size x size states."""
-    if not 8 <= size <= MOST:
-        raise UsageError(f"a grid of {size} x {size} states: a size from 8 to {MOST} is needed")
+    if not 8 <= size <= MOST_ROWS:
+        raise UsageError(f"a grid of {size} x {size} states: a size from 8 to {MOST_ROWS} is needed")
     leg = slider_leg(design, size)
     share = np.linspace(-1.0, 1.0, 2 * (size // 2) + 1)  # of the largest speed
     robot = build_robot(design.leg)
@@ -76,17 +73,19 @@ def by_dynamic_programming(design: Design, size: int) -> float:
     least, largest = accelerations(design, leg, v)
     longest = design.hop.stance_duration[1]
     crossing = (leg.y[-1] - leg.y[0]) / float(np.median(fastest))  # [s], from the lowest to the highest
-    steps = max(4, round(PACE * longest / crossing * size ** (2 / 3)))  # they err with dt, cells with their size
+    steps = max(
+        4, round(STEPS_PER_RISE * longest / crossing * size ** (2 / 3))
+    )  # they err with dt, cells with their size
     dt = longest / steps
     a = least[..., None] + (largest - least)[..., None] * np.linspace(0, 1, ACCELERATIONS)
     then_v, then_y = v[..., None] + a * dt, leg.y[:, None, None] + v[..., None] * dt + 0.5 * a * dt**2
     then_share = then_v / np.interp(then_y, leg.y, fastest)
-    look_up = Bilinear(leg.y, share, then_y, then_share, NOWHERE)
+    look_up = Bilinear(leg.y, share, then_y, then_share, STUCK)
     value = rise.copy()
     for _ in range(steps):
         value = np.maximum(rise, look_up(value).max(axis=-1))
     begin = start_place(design)[1]
-    return float(Bilinear(leg.y, share, np.array(begin), np.array(0.0), NOWHERE)(value))
+    return float(Bilinear(leg.y, share, np.array(begin), np.array(0.0), STUCK)(value))
 
 
 def by_transcription(design: Design, intervals: int) -> float:
@@ -97,7 +96,7 @@ def by_transcription(design: Design, intervals: int) -> float:
     def rise(e: Ends) -> ca.SX:
         s = e.final[STANCE]
         com = hop.dynamics(s).points(hop.dynamics(s).stance_pose(s.q, s.v)[0])["com"][1]
-        return com + ca.jtimes(com, s.q, s.v) ** 2 / (2 * gravity) - TIE * e.integral[STANCE]["effort"]
+        return com + ca.jtimes(com, s.q, s.v) ** 2 / (2 * gravity) - TIE_BREAK * e.integral[STANCE]["effort"]
 
     fixed = tuple(Parameter(path, value=value) for path, value in hop.robot.parameters.items())
     problem = Problem(

@@ -21,7 +21,7 @@ import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.evidence.family_chains import Node, Step, chains, letter
-from hopopt.evidence.family_optima import Optimum, Refined
+from hopopt.evidence.family_optima import LocalOptimum, Refined
 from hopopt.files import write_whole
 from hopopt.problem.render import design_hash, resolved_toml
 from hopopt.storage.folder import as_json, new_folder, writing
@@ -51,7 +51,7 @@ class Family:
 
 
 @dataclass
-class Study:
+class FamilyStudy:
     """The families of a problem, as far as they are known.
 
     definition: the problem, and the entry with its values in rising order, or no entry
@@ -60,7 +60,7 @@ class Study:
     """
 
     definition: Definition
-    optima: list[list[Optimum]]
+    optima: list[list[LocalOptimum]]
     steps: set[Step] = field(default_factory=set)
     refined: dict[Node, Refined] = field(default_factory=dict)
     faults: dict[str, Fault] = field(default_factory=dict)
@@ -86,12 +86,17 @@ class Study:
         known = self.refined.keys() & set(nodes)
         return max(known or nodes, key=lambda n: (bool(known and self.refined[n].verified), self.clearance(n)), default=None)  # fmt: skip
 
+    @property
+    def _best(self) -> list[Node | None]:
+        """The best optimum at each value."""
+        return [self.best_at(k) for k in range(len(self.optima))]
+
     def families(self) -> list[Family]:
         """Every family, those first that are the best at most values, then the highest."""
         return [self._family(letter(k), row) for k, row in enumerate(self._rows())]
 
     def _rows(self) -> list[list[Node]]:
-        best = {self.best_at(k) for k in range(len(self.optima))}
+        best = set(self._best)
         found = chains([len(each) for each in self.optima], self.steps)
         return sorted(found, key=lambda row: (-len(best & set(row)), -max(map(self.clearance, row))))
 
@@ -109,8 +114,7 @@ class Study:
     def best(self) -> list[str | None]:
         """Name of the best family at each value, None where no hop was found."""
         names = {node: letter(k) for k, row in enumerate(self._rows()) for node in row}
-        nodes = [self.best_at(k) for k in range(len(self.optima))]
-        return [None if node is None else names[node] for node in nodes]
+        return [None if node is None else names[node] for node in self._best]
 
     def as_dict(self) -> dict[str, Any]:
         """Everything that is printed, as one object."""
@@ -132,12 +136,11 @@ class Study:
         """Values where the best is lower than at a value that only limits more: there a better hop was missed."""
         if self.entry is None:
             return []
-        nodes = [self.best_at(k) for k in range(len(self.optima))]
-        merit = np.array([np.nan if node is None else self.clearance(node) for node in nodes])
-        found = contradicted([self.entry], np.array(self.values)[:, None], merit)
+        heights = np.array([np.nan if node is None else self.clearance(node) for node in self._best])
+        found = contradicted([self.entry], np.array(self.values)[:, None], heights)
         return [
-            {"at": self.values[k], "clearance_m": float(merit[k]), "better_at": self.values[better[0]],
-             "better_clearance_m": float(merit[better[0]])} for k, better in found.items()
+            {"at": self.values[k], "clearance_m": float(heights[k]), "better_at": self.values[better[0]],
+             "better_clearance_m": float(heights[better[0]])} for k, better in found.items()
         ]  # fmt: skip
 
 
@@ -169,7 +172,7 @@ def open_folder(definition: Definition, results: Path) -> Path:
     return folder
 
 
-def save(study: Study, folder: Path, finished: bool) -> dict[str, Any]:
+def save(study: FamilyStudy, folder: Path, finished: bool) -> dict[str, Any]:
     """What is known, written to families.json whole, and returned."""
     data = {**study.as_dict(), "result_dir": str(folder), "finished": finished}
     with writing(f"{folder}: families.json", "what it holds is whole, of before: make room and run again"):

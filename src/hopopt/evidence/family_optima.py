@@ -17,6 +17,7 @@ from hopopt.ocp.guesses.feasibility import joints_without_inertia
 from hopopt.ocp.guesses.initial_guess import motion_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
+from hopopt.planner.motion import Motion
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search.families import motion, words
 from hopopt.planner.search.first_mesh import search_first_mesh
@@ -28,23 +29,24 @@ from hopopt.planner.search.multistart import (
     outcome_of,
     solution_of,
 )
-from hopopt.planner.solution import Motion
 from hopopt.planner.solve import TIME_LIMIT
 from hopopt.planner.stopwatch import Stopwatch
 
 OBJECTIVE = "clearance"
 PROGRAMS = 8  # that a process keeps: some tens of megabytes each
-PATIENCE = 60  # iterations from a neighbour's multipliers
-LIFT_OFF = 0.1  # of the scaled states at lift-off: closer than this, and as high, it is the same push
-NOISE = 1e-4  # relative
-BEFORE = np.linspace(0.0, 1.0, 13)  # of the longest stance, counted back from lift-off, where a motion's shape is taken
-KIND = 0.7  # of the scaled states: hops of one kind differ by at most 0.6 on the paper's leg, others by 1.1 and more
-CLOSE = 2e-2  # relative: hops of one kind count as one optimum if they are as close in height
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the stance, where poses are drawn; one more at the apex
+NEIGHBOUR_ITERATIONS = 60  # iterations from a neighbour's multipliers
+SAME_LIFT_OFF = 0.1  # of the scaled states at lift-off: closer than this, and as high, it is the same push
+HEIGHT_NOISE = 1e-4  # relative
+# Of the longest stance, counted back from lift-off, where a motion's shape is taken:
+BEFORE_LIFT_OFF = np.linspace(0.0, 1.0, 13)
+# Of the scaled states; of the paper's leg hops of one kind differ by at most 0.6, others by 1.1 and more:
+SAME_KIND = 0.7
+NEARLY_AS_HIGH = 2e-2  # relative: hops of one kind count as one optimum if they are as close in height
+POSE_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the stance, where poses are drawn; one more at the apex
 
 
 @dataclass(frozen=True)
-class Optimum:
+class LocalOptimum:
     """A local optimum on the first mesh.
 
     outcome: how its solve ended, with the NLP's vectors
@@ -65,28 +67,28 @@ class Optimum:
     words: str
     poses: np.ndarray = field(repr=False)
 
-    def alike(self, other: "Optimum") -> bool:
+    def alike(self, other: "LocalOptimum") -> bool:
         """Whether two optima of one problem count as one: nearly as high, by a motion of the same kind; or as high, with the
         same lift-off, whatever they do long before."""
         differ = np.abs(self.shape[0] - other.shape[0])
         apart = abs(self.clearance - other.clearance) / max(abs(self.clearance), abs(other.clearance), 1e-3)
-        return (apart <= CLOSE and self.kin(other)) or bool(apart <= SAME and differ.max() < LIFT_OFF)
+        return (apart <= NEARLY_AS_HIGH and self.kin(other)) or bool(apart <= SAME and differ.max() < SAME_LIFT_OFF)
 
-    def kin(self, other: "Optimum") -> bool:
+    def kin(self, other: "LocalOptimum") -> bool:
         """Whether the two do the same, also if they are of different problems."""
-        return bool(np.abs(self.shape - other.shape).max() < KIND)
+        return bool(np.abs(self.shape - other.shape).max() < SAME_KIND)
 
-    def beats(self, other: "Optimum") -> bool:
+    def beats(self, other: "LocalOptimum") -> bool:
         """Whether it is higher by more than the tolerances' noise."""
-        return self.clearance > other.clearance + NOISE * abs(other.clearance)
+        return self.clearance > other.clearance + HEIGHT_NOISE * abs(other.clearance)
 
 
 @dataclass(frozen=True)
-class Source:
+class Continuation:
     """An optimum to follow: its problem, and problems between that one and where it is to lead."""
 
     design: Design
-    optimum: Optimum
+    optimum: LocalOptimum
     between: tuple[Design, ...] = ()
 
 
@@ -114,23 +116,23 @@ def _program(design: Design) -> _Program:
     """The programs of a problem, built once in each process."""
     hop = Hop(design, OBJECTIVE)
     t, options = first_transcription(hop), first_options(hop, True)
-    warm = NlpSolver(t, options | CARRIED | {"ipopt.max_iter": PATIENCE})
+    warm = NlpSolver(t, options | CARRIED | {"ipopt.max_iter": NEIGHBOUR_ITERATIONS})
     return _Program(hop, t, warm, NlpSolver(t, options))
 
 
-def searched(design: Design, count: int) -> list[Optimum]:
+def searched(design: Design, count: int) -> list[LocalOptimum]:
     """The distinct optima that so many starts, relaxed problems and the global method lead to, best first."""
     p = _program(design)
     if joints_without_inertia(p.hop.design, p.hop.robot):
         return []
     outcomes = search_first_mesh(p.hop, count, 1, _silent, until=NEVER.within(TIME_LIMIT)).outcomes
-    found = list[Optimum]()
+    found = list[LocalOptimum]()
     for outcome in sorted((o for o in outcomes if o.success), key=lambda o: -o.merit):
         remember(found, _optimum(p, outcome))
     return found
 
 
-def remember(found: list[Optimum], new: Optimum) -> tuple[int, bool]:
+def remember(found: list[LocalOptimum], new: LocalOptimum) -> tuple[int, bool]:
     """Add an optimum to those of its problem, or take it for the one that it is alike if it is better: its place, and
     whether anything is new."""
     for k, known in enumerate(found):
@@ -142,12 +144,12 @@ def remember(found: list[Optimum], new: Optimum) -> tuple[int, bool]:
     return len(found) - 1, True
 
 
-def followed(design: Design, sources: Sequence[Source], name: str) -> list[Optimum | None]:
+def followed(design: Design, sources: Sequence[Continuation], name: str) -> list[LocalOptimum | None]:
     """Where each optimum of a neighbouring problem leads in this one, or None; ``name``: of such a start."""
     return [_followed(design, source, name) for source in sources]
 
 
-def _followed(design: Design, source: Source, name: str) -> Optimum | None:
+def _followed(design: Design, source: Continuation, name: str) -> LocalOptimum | None:
     """At once or, if that leads nowhere or to another kind of hop, in smaller steps."""
     end = _step(design, source.design, source.optimum, name)
     if end is not None and end.kin(source.optimum):
@@ -160,7 +162,7 @@ def _followed(design: Design, source: Source, name: str) -> Optimum | None:
     return last
 
 
-def _step(design: Design, before: Design, optimum: Optimum, name: str) -> Optimum | None:
+def _step(design: Design, before: Design, optimum: LocalOptimum, name: str) -> LocalOptimum | None:
     began = time.perf_counter()
     try:
         p = _program(design)
@@ -170,7 +172,7 @@ def _step(design: Design, before: Design, optimum: Optimum, name: str) -> Optimu
         return None
 
 
-def _from_neighbour(p: _Program, before: Design, source: Optimum) -> NlpSolution:
+def _from_neighbour(p: _Program, before: Design, source: LocalOptimum) -> NlpSolution:
     """This problem from a neighbour's optimum: with its multipliers, else without; from its motion if it does not fit."""
     v = source.outcome.vectors
     if len(source.x) != len(p.t.scale) or len(v["lam_g"]) != len(p.t.lbg):
@@ -180,10 +182,10 @@ def _from_neighbour(p: _Program, before: Design, source: Optimum) -> NlpSolution
     return s if s.success else p.cold.from_vector(z)
 
 
-def _optimum(p: _Program, outcome: StartOutcome) -> Optimum:
+def _optimum(p: _Program, outcome: StartOutcome) -> LocalOptimum:
     phases = solution_of(outcome, p.t).phases
     plan = Motion(p.hop.design, OBJECTIVE, phases)
-    return Optimum(
+    return LocalOptimum(
         outcome, (outcome.name,), outcome.vectors["z"] * p.t.scale, _shape(p, phases[STANCE]),
         plan.claims()["clearance_m"], words(motion(p.hop, plan)), _poses(plan),
     )  # fmt: skip
@@ -191,17 +193,17 @@ def _optimum(p: _Program, outcome: StartOutcome) -> Optimum:
 
 def _shape(p: _Program, stance: PhaseTrajectory) -> np.ndarray:
     phase = p.t.layouts[STANCE].phase
-    times = np.clip(stance.duration - BEFORE * p.hop.design.hop.stance_duration[1], 0.0, None)
+    times = np.clip(stance.duration - BEFORE_LIFT_OFF * p.hop.design.hop.stance_duration[1], 0.0, None)
     return stance.sample(times)[0] / phase.columns(phase.states, "scale")
 
 
 def _poses(plan: Motion) -> np.ndarray:
     names = (*plan.design.leg.joints, "foot")
-    each = (plan.sample_phase(STANCE, np.array(SHARES) * plan.lift_off), plan.apex)
+    each = (plan.sample_phase(STANCE, np.array(POSE_SHARES) * plan.lift_off), plan.apex)
     return np.concatenate([np.stack([s.points[name] for name in names], axis=1) for s in each])
 
 
-def refined(design: Design, optimum: Optimum) -> Refined:
+def refined(design: Design, optimum: LocalOptimum) -> Refined:
     """The optimum on meshes fine enough for its checks."""
     hop, until = _program(design).hop, NEVER.within(TIME_LIMIT)
     try:

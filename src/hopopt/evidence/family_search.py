@@ -5,28 +5,28 @@ from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError
-from hopopt.evidence.families import Study
+from hopopt.evidence.families import FamilyStudy
 from hopopt.evidence.family_chains import Node
-from hopopt.evidence.family_optima import Optimum, Source, followed, refined, remember, searched
+from hopopt.evidence.family_optima import Continuation, LocalOptimum, followed, refined, remember, searched
 from hopopt.problem.checking.hints import hints
-from hopopt.studies.faults import Fault, one_of_many
+from hopopt.studies.faults import Fault, side_by_side
 from hopopt.studies.sweep.definition import Definition
 
-FOLLOWED = 8  # of the best optima at each value, that are followed
+MOST_FOLLOWED = 8  # of the best optima at each value, that are followed
 SMALLER = (0.25, 0.5, 0.75)  # of the way to a neighbouring value, if the whole step leads to another kind of hop
-CLOSE = 3e-3  # relative: by so much the first mesh may put two families in the wrong order
+MAY_BE_BEST = 3e-3  # relative: by so much the first mesh may put two families in the wrong order
 
 Say = Callable[[str], None]
-Keep = Callable[[Study], object]
+Keep = Callable[[FamilyStudy], object]
 
 
-def find_families(definition: Definition, processes: int, verify: bool, say: Say, keep: Keep) -> Study:
+def find_families(definition: Definition, processes: int, verify: bool, say: Say, keep: Keep) -> FamilyStudy:
     """Search at every value, follow every family, refine the best; ``keep`` is called whenever more is known.
 
     Raises NotSolvedError if no hop is found at any value.
     """
     designs = [definition.design_at(k) for k in range(len(definition.points))]
-    study = Study(definition, [[] for _ in designs])
+    study = FamilyStudy(definition, [[] for _ in designs])
     _search(study, designs, processes, say, keep)
     if not any(study.optima):
         reasons = [f"{where}: {fault.sentence}" for where, fault in study.faults.items()]
@@ -39,7 +39,7 @@ def find_families(definition: Definition, processes: int, verify: bool, say: Say
     return study
 
 
-def _search(study: Study, designs: Sequence[Design], processes: int, say: Say, keep: Keep) -> None:
+def _search(study: FamilyStudy, designs: Sequence[Design], processes: int, say: Say, keep: Keep) -> None:
     count = study.definition.starts or study.definition.design.solver.starts
     say(f"searching at {_values(len(designs))}")
     jobs = {k: (design, count) for k, design in enumerate(designs)}
@@ -49,17 +49,14 @@ def _search(study: Study, designs: Sequence[Design], processes: int, say: Say, k
         keep(study)
 
 
-def _follow(study: Study, designs: Sequence[Design], processes: int, say: Say, keep: Keep) -> None:
+def _follow(study: FamilyStudy, designs: Sequence[Design], processes: int, say: Say, keep: Keep) -> None:
     """Follow every optimum to the values beside its own, then those that are new, until there is none."""
-    new = {(k, i) for k, found in enumerate(study.optima) for i in range(min(len(found), FOLLOWED))}
+    new = {(k, i) for k, found in enumerate(study.optima) for i in range(min(len(found), MOST_FOLLOWED))}
     while new and len(designs) > 1:
         say(f"following {len(new)} local optima to the neighbouring values")
         sources = {k: sorted(n for n in new if abs(n[0] - k) == 1) for k in range(len(designs))}
-        jobs = {
-            k: (designs[k], [_source(study, designs, n, k) for n in each], "neighbouring values")
-            for k, each in sources.items()
-            if each
-        }
+        begun = {k: [_source(study, designs, n, k) for n in each] for k, each in sources.items() if each}
+        jobs = {k: (designs[k], each, "neighbouring values") for k, each in begun.items()}
         new = set()
         for k, ends in _each(study, "following", followed, jobs, processes):
             for source, end in zip(sources[k], ends or (), strict=ends is not None):
@@ -68,28 +65,28 @@ def _follow(study: Study, designs: Sequence[Design], processes: int, say: Say, k
             keep(study)
 
 
-def _source(study: Study, designs: Sequence[Design], node: Node, k: int) -> Source:
+def _source(study: FamilyStudy, designs: Sequence[Design], node: Node, k: int) -> Continuation:
     """An optimum to be followed to value k, with the problems of smaller steps."""
     entry, begin, end = study.entry or "", study.values[node[0]], study.values[k]
     between = [study.definition.design_with({entry: begin + s * (end - begin)}) for s in SMALLER]
-    return Source(designs[node[0]], study.optima[node[0]][node[1]], tuple(between))
+    return Continuation(designs[node[0]], study.optima[node[0]][node[1]], tuple(between))
 
 
-def _linked(study: Study, source: Node, k: int, end: Optimum) -> set[Node]:
+def _linked(study: FamilyStudy, source: Node, k: int, end: LocalOptimum) -> set[Node]:
     """Note where an optimum leads; what is new and worth following."""
     place, new = remember(study.optima[k], end)
     study.steps.add((source, (k, place)))
     better = sum(o.clearance > end.clearance for o in study.optima[k])
-    return {(k, place)} if new and better < FOLLOWED else set()
+    return {(k, place)} if new and better < MOST_FOLLOWED else set()
 
 
-def _refine(study: Study, designs: Sequence[Design], processes: int, say: Say, keep: Keep) -> None:
+def _refine(study: FamilyStudy, designs: Sequence[Design], processes: int, say: Say, keep: Keep) -> None:
     say("refining and verifying the best at each value")
     jobs = {
         (k, i): (designs[k], o)
         for k, found in enumerate(study.optima)
         for i, o in enumerate(found)
-        if o.clearance >= (1 - CLOSE) * max(other.clearance for other in found)
+        if o.clearance >= (1 - MAY_BE_BEST) * max(other.clearance for other in found)
     }
     for done, (node, result) in enumerate(_each(study, "refinement", refined, jobs, processes), 1):
         if result is not None:
@@ -103,25 +100,10 @@ def _values(count: int) -> str:
 
 
 def _each(
-    study: Study, what: str, run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes: int
+    study: FamilyStudy, what: str, run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes: int
 ) -> Iterator[tuple[Any, Any]]:
     """The result of every job with its key, as they end; None and a note in the study for one that a fault ended."""
-    for key, result in _ended(run, jobs, processes):
+    for key, result in side_by_side(run, jobs, processes):
         if isinstance(result, Fault):
             study.faults[f"{what} at value {(key[0] if isinstance(key, tuple) else key) + 1}"] = result
         yield key, None if isinstance(result, Fault) else result
-
-
-def _ended(run: Callable[..., Any], jobs: dict[Any, tuple[Any, ...]], processes: int) -> Iterator[tuple[Any, Any]]:
-    """The result of every job, or the fault that ended it, side by side where more than one process is allowed."""
-    if processes == 1 or len(jobs) < 2:
-        yield from (_keyed(key, run, job) for key, job in jobs.items())
-        return
-    from joblib import Parallel, delayed
-
-    tasks = (delayed(_keyed)(key, run, job) for key, job in jobs.items())
-    yield from Parallel(n_jobs=processes, backend="loky", return_as="generator_unordered")(tasks)  # type: ignore[misc]
-
-
-def _keyed(key: Any, run: Callable[..., Any], job: tuple[Any, ...]) -> tuple[Any, Any]:
-    return key, one_of_many(run, *job)

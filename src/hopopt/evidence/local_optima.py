@@ -10,11 +10,13 @@ body moves over the foot. The best family's optimum is refined and verified like
 """
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from hopopt.design import Design
 from hopopt.errors import ResultError
@@ -23,12 +25,12 @@ from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.direction import Directed
 from hopopt.ocp.objectives.registry import find
+from hopopt.planner.motion import Motion
 from hopopt.planner.search.families import motion, words
 from hopopt.planner.search.multistart import first_solver, grouped, run_chunk, solution_of
-from hopopt.planner.solution import Motion
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, new_folder, write_json, writing
-from hopopt.studies.faults import Fault, one_of_many
+from hopopt.studies.faults import Fault, side_by_side
 
 GO_ON = "what has ended is kept: make room, then --resume goes on"
 
@@ -56,12 +58,16 @@ class Ended:
 
 
 @dataclass(frozen=True)
-class Family:
+class StartFamily:
     """Starts that end in the same local optimum: the best of them, how many, and what it does in words."""
 
     best: Ended
     count: int
     words: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**asdict(self.best), "count": self.count, "words": self.words}
 
 
 def open_study(design: Design, objective: str, results: Path) -> Path:
@@ -90,15 +96,15 @@ def reopen_study(folder: Path) -> tuple[Design, str]:
 
 def finished(folder: Path) -> list[Ended]:
     """The starts that have ended so far, by number; ResultError if a file was changed."""
-    found = []
+    found, entries, known = list[Ended](), TypeAdapter(Ended), {f.name for f in fields(Ended)}
     for path in sorted((folder / "starts").glob("*.json")):
         try:
             told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             told |= {name: float("nan") for name, x in told.items() if x is None}  # of no number, as JSON has it
-            ended = Ended(**told)
-            kinds: dict[Any, tuple[type, ...]] = {float: (float, int), int: (int,), bool: (bool,), str: (str,)}
-            whole = all(isinstance(getattr(ended, f.name), kinds[f.type]) for f in fields(Ended))
-            if not whole or ended.index != int(path.stem):
+            if told.keys() - known:
+                raise ValueError
+            ended = entries.validate_json(json.dumps(told), strict=True)
+            if ended.index != int(path.stem):
                 raise ValueError
         except (OSError, ValueError, TypeError, AttributeError):
             raise ResultError(f"{path} is not what hopopt wrote: remove it, and it is computed again") from None
@@ -114,7 +120,7 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
     say(f"{len(done)} of {count} starts")
     design, objective = reopen_study(folder)
     goal = find(objective)
-    for k, ended in _each(design, objective, missing, processes):
+    for k, ended in side_by_side(_ended, {k: (design, objective, k) for k in missing}, processes):
         if isinstance(ended, Fault):
             with writing(f"{folder}: start {k + 1}", GO_ON):
                 ended.keep(folder / "starts", f"{k:04d}")
@@ -128,27 +134,11 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
     return [done[k] for k in sorted(done) if k < count]
 
 
-def _each(
-    design: Design, objective: str, indices: Sequence[int], processes: int
-) -> Iterator[tuple[int, Ended | Fault]]:
-    if processes == 1 or len(indices) < 2:
-        yield from (_numbered(design, objective, k) for k in indices)
-        return
-    from joblib import Parallel, delayed
-
-    jobs = (delayed(_numbered)(design, objective, k) for k in indices)
-    yield from Parallel(n_jobs=processes, backend="loky", return_as="generator_unordered")(jobs)  # type: ignore[misc]
-
-
 @lru_cache(maxsize=1)
 def _program(design: Design, objective: str) -> tuple[Hop, NlpSolver]:
     """The program of the first mesh, built once in each process."""
     hop = Hop(design, objective)
     return hop, first_solver(hop)
-
-
-def _numbered(design: Design, objective: str, index: int) -> tuple[int, Ended | Fault]:
-    return index, one_of_many(_ended, design, objective, index)
 
 
 def _ended(design: Design, objective: str, index: int) -> Ended:
@@ -161,12 +151,7 @@ def _ended(design: Design, objective: str, index: int) -> Ended:
     )  # fmt: skip
 
 
-def families(ended: Sequence[Ended], goal: Directed) -> list[Family]:
+def families(ended: Sequence[Ended], goal: Directed) -> list[StartFamily]:
     """The local optima that were found, best first."""
     ranked = sorted((e for e in ended if e.success), key=lambda e: goal.merit(e.objective), reverse=True)
-    return [Family(group[0], len(group), words(asdict(group[0]))) for group in grouped(ranked)]
-
-
-def as_dicts(found: Sequence[Family]) -> list[dict[str, Any]]:
-    """Families for ``--json``."""
-    return [{**asdict(f.best), "count": f.count, "words": f.words} for f in found]
+    return [StartFamily(group[0], len(group), words(asdict(group[0]))) for group in grouped(ranked)]

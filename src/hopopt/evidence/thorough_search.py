@@ -18,10 +18,10 @@ from hopopt.planner.search.relaxations import THOROUGH, relaxed_starts, suiting
 Say = Callable[[str], None]
 BEGUN_FROM = (0, 3)  # starts that relaxed problems begin from: an upright push, and a swing
 LOW, HIGH = np.array([-0.5, -0.3, 0.0, 0.2]), np.array([0.6, 0.4, 0.4, 1.0])  # sway, lean, dip, duration of a start
-STEP = 0.3  # of that range, by which basin hopping moves at most
-LONGEST = 3600.0  # s of one grid
+LARGEST_MOVE = 0.3  # of that range, by which basin hopping moves at most
+LONGEST_GRID = 3600.0  # s of one grid
 TEMPERATURE = 0.01  # relative: by so much a worse hop is accepted now and then
-NOTHING = 0.0  # merit of a start that leads to no hop
+NO_HOP = 0.0  # merit of a start that leads to no hop
 
 
 def relaxed(hop: Hop, known: Sequence[StartOutcome], say: Say, until: Deadline = NEVER) -> list[StartOutcome]:
@@ -41,11 +41,11 @@ def on_grids(
     rows, outcomes = list[dict[str, Any]](), list[StartOutcome]()
     for size in sizes:
         say(f"dynamic programming on {size} nodes along each of the states' axes")
-        until = NEVER.within(LONGEST)
+        until = NEVER.within(LONGEST_GRID)
         try:
             found = search(hop.design, size=size, progress=say, until=until)
         except TimeoutError:
-            say(f"{size} nodes: no end after {LONGEST:g} s")
+            say(f"{size} nodes: no end after {LONGEST_GRID:g} s")
             break
         ended = rollout_starts(hop, found.rollouts, [*known, *outcomes], until=until)
         solved = [o for o in ended if o.success]
@@ -71,12 +71,12 @@ def hopped(
         start = Start(f"basin hopping {len(outcomes) + 1}", *map(float, x))
         say(f"basin hopping, {len(outcomes) + 1} of {count + 1}")
         outcomes.append(run_start(hop, solver, start, True))
-        return -outcomes[-1].merit if outcomes[-1].success else -NOTHING
+        return -outcomes[-1].merit if outcomes[-1].success else -NO_HOP
 
     rng = np.random.default_rng(hop.design.solver.seed)
 
     def step(x: np.ndarray) -> np.ndarray:
-        return np.clip(x + STEP * rng.uniform(-1, 1, len(x)) * (HIGH - LOW), LOW, HIGH)
+        return np.clip(x + LARGEST_MOVE * rng.uniform(-1, 1, len(x)) * (HIGH - LOW), LOW, HIGH)
 
     def as_it_is(fun: Callable[[np.ndarray], float], x0: np.ndarray, args: tuple[Any, ...], **_: Any) -> OptimizeResult:
         return OptimizeResult(x=x0, fun=fun(x0), success=True, nfev=1)  # Ipopt has made the descent already

@@ -7,7 +7,6 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,32 +18,12 @@ from hopopt.control.tracking import Track
 from hopopt.leg.kinematics import loop_axes
 from hopopt.leg.robot import BASE
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
-from hopopt.planner.solution import Samples, Solution
+from hopopt.planner.motion import Samples
+from hopopt.planner.solution import Solution
 from hopopt.verify.table import NORMALISED_TIMES
 
 NANOSECONDS = 10**9  # in a second
 FORMAT = 1  # of the JSON object
-
-
-@dataclass(frozen=True)
-class PlanRows:
-    """A planned hop at the control instants, and at its end.
-
-    problem: name of the problem
-    joints: names, from the body down
-    period: of the controller [s]
-    clearance: at the apex [m]
-    samples: the whole leg at k times (``Samples``)
-    gains: K (k, n, 2 n) of the tracker's torque tau - K (q - q_plan, v - v_plan) [N m/rad, N m s/rad]; NaN in phases that the
-        tracker does not follow (the descent of a hop from rest, a landing), and all along for a leg that cannot be simulated
-    """
-
-    problem: str
-    joints: tuple[str, ...]
-    period: float
-    clearance: float
-    samples: Samples
-    gains: np.ndarray
 
 
 def tracker_of(solution: Solution) -> Track:
@@ -57,9 +36,13 @@ def tracker_of(solution: Solution) -> Track:
     return Track(Setting(solution.design, 1 / solution.design.simulation.control_rate, plan))
 
 
-def plan_rows(solution: Solution) -> PlanRows:
-    """The plan of a solution at the control rate of its problem."""
-    design, samples, n = solution.design, samples_at_control_rate(solution), len(solution.robot.joints)
+def gains_of(solution: Solution, samples: Samples) -> np.ndarray:
+    """K (k, n, 2 n) of the tracker's torque tau - K (q - q_plan, v - v_plan) [N m/rad, N m s/rad] at k control instants.
+
+    NaN in phases that the tracker does not follow (the descent of a hop from rest, a landing), and all along for a leg that
+    cannot be simulated.
+    """
+    design, n = solution.design, len(solution.robot.joints)
     gains, period = np.full((len(samples.t), n, 2 * n), np.nan), 1 / design.simulation.control_rate
     if not loop_axes(design.leg):
         tracker = tracker_of(solution)
@@ -68,7 +51,7 @@ def plan_rows(solution: Solution) -> PlanRows:
             contact = bool(samples.phase[k] == STANCE)
             since = samples.t[k] - (0.0 if contact else solution.lift_off)
             gains[k] = tracker.gains[contact].at(round(since / period))[2]
-    return PlanRows(design.name, design.leg.joints, period, solution.clearance, samples, gains)
+    return gains
 
 
 def samples_at_control_rate(solution: Solution) -> Samples:
@@ -78,28 +61,29 @@ def samples_at_control_rate(solution: Solution) -> Samples:
     return solution.sample([*instants, solution.end])
 
 
-def columns(rows: PlanRows) -> dict[str, tuple[str, Sequence[Any]]]:
-    """name -> (unit, values): time, phase, body, joints, ground force, gains if the leg has any."""
-    s, found = rows.samples, {}
+def columns(solution: Solution) -> dict[str, tuple[str, Sequence[Any]]]:
+    """name -> (unit, values) at the control instants: time, phase, body, joints, ground force, gains if the leg has any."""
+    s, joints, found = samples_at_control_rate(solution), solution.design.leg.joints, {}
+    gains = gains_of(solution, s)
     found["t"], found["phase"] = ("s", s.t), ("", s.phase)
     for k, axis in enumerate("xz"):
         found[f"body_{axis}"], found[f"body_v{axis}"] = ("m", s.q[:, k]), ("m/s", s.v[:, k])
-    for k, joint in enumerate(rows.joints):
+    for k, joint in enumerate(joints):
         found[f"q_{joint}"] = "rad", s.q[:, BASE + k]
         found[f"v_{joint}"] = "rad/s", s.v[:, BASE + k]
         found[f"tau_{joint}"] = "N m", s.tau[:, k]
     for k, axis in ((0, "x"), (-1, "z")):
         found[f"force_{axis}"] = "N", s.f[:, k]
-    for k, joint in enumerate(rows.joints if np.isfinite(rows.gains).any() else ()):
-        for m, other in enumerate(rows.joints):
-            found[f"K_{joint}_q_{other}"] = "N m/rad", rows.gains[:, k, m]
-            found[f"K_{joint}_v_{other}"] = "N m s/rad", rows.gains[:, k, len(rows.joints) + m]
+    for k, joint in enumerate(joints if np.isfinite(gains).any() else ()):
+        for m, other in enumerate(joints):
+            found[f"K_{joint}_q_{other}"] = "N m/rad", gains[:, k, m]
+            found[f"K_{joint}_v_{other}"] = "N m s/rad", gains[:, k, len(joints) + m]
     return found
 
 
 def to_csv(solution: Solution) -> str:
     """One header line of names with units in brackets, one line for each instant; an empty cell where there is no gain."""
-    found, text = columns(plan_rows(solution)), io.StringIO()
+    found, text = columns(solution), io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f"{name} [{unit}]" if unit else name for name, (unit, _) in found.items()])
     writer.writerows(zip(*([_plain(x) for x in values] for _, values in found.values()), strict=True))
@@ -108,12 +92,12 @@ def to_csv(solution: Solution) -> str:
 
 def to_json(solution: Solution) -> str:
     """One object: the columns of the CSV file by name, their units, and what the plan is; null where there is no gain."""
-    rows = plan_rows(solution)
-    found = columns(rows)
-    head = {"format": FORMAT, "problem": rows.problem, "joints": rows.joints, "period_s": rows.period}
+    found, design = columns(solution), solution.design
+    head = {"format": FORMAT, "problem": design.name, "joints": design.leg.joints}
+    head |= {"period_s": 1 / design.simulation.control_rate, "clearance_m": solution.clearance}
     units = {name: unit for name, (unit, _) in found.items() if unit}
     values = {name: [_plain(x) for x in values] for name, (_, values) in found.items()}
-    return json.dumps({**head, "clearance_m": rows.clearance, "units": units, "columns": values}) + "\n"
+    return json.dumps({**head, "units": units, "columns": values}) + "\n"
 
 
 def to_ros2(solution: Solution) -> str:

@@ -50,8 +50,8 @@ def tables(tracker: Track) -> str:
     lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
     shared = {"places": stance.places, "weights": stance.barycentric, "rest": tracker.rest}
     lines += [_array(name, values) for name, values in shared.items()]
-    for side, planes in bounds.items():
-        joints = padded(planes, sizes["LINES"]).tolist()
+    for side, planes in bounds.items():  # (n, k, 2), the last repeated: that bounds nothing more
+        joints = np.pad(planes, ((0, 0), (0, sizes["LINES"] - planes.shape[1]), (0, 0)), mode="edge").tolist()
         rows = ", ".join("{" + ", ".join(f"{{{c!r}, {d!r}}}" for c, d in joint) + "}" for joint in joints)
         lines.append(f"static const double hopopt_{side}[HOPOPT_JOINTS][HOPOPT_LINES][2] = {{{rows}}};")
     for name, phase in _phases(tracker).items():
@@ -67,11 +67,6 @@ def phase_columns(phase: PhaseReference, gains: Gains) -> Mapping[str, np.ndarra
         "impulse": phase.impulses[1],
         **{name: getattr(gains, name) for name in "ABKL"},
     }
-
-
-def padded(planes: np.ndarray, count: int) -> np.ndarray:
-    """The joints' bounds (n, k, 2), the last repeated up to a count: that bounds nothing more."""
-    return np.pad(planes, ((0, 0), (0, count - planes.shape[1]), (0, 0)), mode="edge")
 
 
 def _phases(tracker: Track) -> dict[str, PhaseReference]:

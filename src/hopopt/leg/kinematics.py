@@ -239,6 +239,6 @@ def best_pose(
 
 def spread(count: int, dimensions: int) -> np.ndarray:
     """Points that fill the unit cube evenly, (count, dimensions): Roberts' sequence of the generalised golden ratio,
-    good as Sobol's for this (scipy.stats takes a third of a second to import)."""
+    good as Sobol's for this; scipy.stats takes a third of a second to import, and its points would be others."""
     ratio = np.roots([1.0, *np.zeros(dimensions - 1), -1.0, -1.0]).real.max()  # x^(d + 1) = x + 1
     return np.arange(count)[:, None] * ratio ** -np.arange(1.0, dimensions + 1) % 1.0

@@ -39,8 +39,7 @@ class Scheme:
     def _integrals(self) -> np.ndarray:
         """Coefficients (in powers 1..n of s) of the integrated Lagrange polynomials, shape (n, n + 1)."""
         n = len(self.c)
-        lagrange = np.linalg.inv(np.vander(self.c, n, increasing=True)).T
-        return np.hstack([np.zeros((n, 1)), lagrange / np.arange(1, n + 1)])
+        return np.hstack([np.zeros((n, 1)), _lagrange_powers(self.c).T / np.arange(1, n + 1)])
 
     def state_weights(self, s: np.ndarray | float) -> np.ndarray:
         """B_j(s): integrals of the Lagrange polynomials from 0 to s, shape (len(s), n)."""
@@ -64,8 +63,13 @@ class Scheme:
 
 def lagrange(nodes: Sequence[float], s: np.ndarray | float) -> np.ndarray:
     """Lagrange polynomials through ``nodes`` at s, shape (len(s), len(nodes))."""
-    powers = np.vander(np.atleast_1d(np.asarray(s, dtype=float)), len(nodes), increasing=True)
-    return powers @ np.linalg.inv(np.vander(nodes, len(nodes), increasing=True))
+    return np.vander(np.atleast_1d(np.asarray(s, dtype=float)), len(nodes), increasing=True) @ _lagrange_powers(nodes)
+
+
+def _lagrange_powers(nodes: Sequence[float]) -> np.ndarray:
+    """Coefficients of the Lagrange polynomials, one in each column, from the power 0 on. SciPy's interpolators give values
+    alone, and the integrals need the powers; the nodes are few, so that the inverse is exact to rounding."""
+    return np.linalg.inv(np.vander(nodes, len(nodes), increasing=True))
 
 
 @cache

@@ -7,21 +7,21 @@ Only the command line and Python name such functions, never a problem file.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
 
 from hopopt.errors import UsageError
 from hopopt.leg.limit_id import Kind, LimitId
-from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.guesses.motion import MovingLeg
-from hopopt.ocp.objectives.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
+from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
+from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
 from hopopt.user_code import last_line, load
 
 FIGURE = "user_objective"
 PHASES = ("stance", "flight")
+Function = TypeVar("Function", bound=Callable[..., Any])  # the user's
 
 
 @dataclass(frozen=True)
@@ -61,26 +61,37 @@ class Terms:
 
 def objective(
     *, unit: str = "", maximize: bool = True, running: bool = False, clearance: bool = False, scale: float = 1.0
-) -> Callable[[Any], Any]:
-    """Say of a function what objective it is: its unit, whether more is better, whether it is a rate to be integrated
-    over the hop (``running``), whether the hop must reach hop.clearance too, and its magnitude."""
+) -> Callable[[Function], Function]:
+    """Say of a function what objective it is.
+
+    unit: of its value
+    maximize: whether more is better
+    running: whether it is a rate, to be integrated over the hop
+    clearance: whether the hop must reach hop.clearance too
+    scale: its magnitude [unit]
+    """
     return _marked(Terms(unit, maximize, running, clearance, scale=scale))
 
 
 def constraint(
     *, lower: float | None = None, upper: float | None = None, unit: str = "", scale: float = 1.0,
     phases: tuple[str, ...] = PHASES,
-) -> Callable[[Any], Any]:  # fmt: skip
-    """Say of a function what path constraint it is: its bounds and unit, the size of its range, and in which phases it
-    holds. One bound leaves the other side open. Without any, as without this, a function must be at least 0."""
+) -> Callable[[Function], Function]:  # fmt: skip
+    """Say of a function what path constraint it is. Without any bound, as without this, it must be at least 0.
+
+    lower, upper: its bounds [unit]; where one is given, the other side is open
+    unit: of its value
+    scale: the size of its range [unit]
+    phases: in which it holds
+    """
     if lower is None:
         lower = 0.0 if upper is None else -INF
     return _marked(Terms(unit, lower=lower, upper=INF if upper is None else upper, scale=scale, phases=phases))
 
 
-def _marked(terms: Terms) -> Callable[[Any], Any]:
-    def mark(function: Any) -> Any:
-        function.hopopt_terms = terms
+def _marked(terms: Terms) -> Callable[[Function], Function]:
+    def mark(function: Function) -> Function:
+        function.hopopt_terms = terms  # type: ignore[attr-defined]
         return function
 
     return mark
@@ -140,15 +151,10 @@ def custom(function: Any) -> Custom:
 def as_objective(function: Any) -> HopObjective:
     """A user-defined function as an objective of the hop."""
     c = custom(function)
-    terms, more = c.terms, {}
+    terms = c.terms
+    more: dict[str, Any] = dict(AT_CLEARANCE) if terms.clearance else {"ends": "free"}
     if terms.running:
         more["integrands"] = lambda hop, motion: {"custom": lambda s: c(moment(hop, motion, s), 1)}
-    if terms.clearance:
-        more |= {
-            "parameters": lambda hop: (required_clearance(hop),),
-            "boundary": lambda hop: lowest_point(hop, "hop.clearance"),
-        }
-        more["fault"] = no_required_clearance
 
     def value(hop: MovingLeg, e: Ends) -> ca.SX:
         if terms.running:
@@ -156,8 +162,7 @@ def as_objective(function: Any) -> HopObjective:
         return c(end(hop, e), 1)
 
     return HopObjective(
-        c.name, f"a user-defined function, {c.name}", terms.unit, value, FIGURE,
-        "required clearance" if terms.clearance else "free", terms.maximize,
+        c.name, f"a user-defined function, {c.name}", terms.unit, value, FIGURE, maximize=terms.maximize,
         scale=lambda hop: terms.scale, custom=c, **more,
     )  # fmt: skip
 
@@ -167,16 +172,8 @@ def path(c: Custom, hop: MovingLeg, phase: str, motion: MotionAt) -> tuple[PathC
     t = c.terms
     if phase not in t.phases:
         return ()
-    return (
-        PathConstraint(
-            LimitId(Kind.USER, c.name, unit=t.unit),
-            lambda s: c(moment(hop, motion, s)),
-            lower=t.lower,
-            upper=t.upper,
-            scale=t.scale,
-            unit=t.unit,
-        ),
-    )
+    limit = LimitId(Kind.USER, c.name, unit=t.unit)
+    return (PathConstraint(limit, lambda s: c(moment(hop, motion, s)), t.lower, t.upper, t.scale, t.unit),)
 
 
 def moment(hop: MovingLeg, motion: MotionAt, s: Instant) -> Moment:
@@ -194,11 +191,7 @@ def moment(hop: MovingLeg, motion: MotionAt, s: Instant) -> Moment:
 def end(hop: MovingLeg, e: Ends) -> Moment:
     """The leg when flight ends."""
     stance, flight = (e.final[phase] for phase in PHASES)
-    poses = (
-        hop.dynamics(stance).stance_pose(stance.q, stance.v)[:2],
-        hop.dynamics(flight).flight_pose(*hop.com_and_speed(flight), flight.q, flight.v)[:2],
-    )
-    (q0, v0), (q1, v1) = poses
+    (q0, v0), (q1, v1) = hop.stance_pose(stance), hop.flight_pose(flight)
     lift_off = Moment(e.duration["stance"], "stance", q0, v0, *_points(hop, stance, q0, v0))
     whole = sum(e.duration.values(), ca.SX(0))
     return Moment(whole, "flight", q1, v1, *_points(hop, flight, q1, v1), lift_off=lift_off)

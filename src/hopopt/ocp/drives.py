@@ -11,8 +11,7 @@ from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE
-from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.problem import BoundaryConstraint, Control, Ends, Instant, Phase, State, linkage
 
 DRIVE, COMMAND = "drive", "command"  # the state and the control that are added
@@ -32,7 +31,8 @@ def with_drives(leg: MovingLeg, phase: Phase) -> Phase:
     states = leg.drive_states
     if not states.size:
         return phase
-    stall = [_stall_torque(leg, joint) for joint in states.of]
+    regions = [operating_region(leg.leg, joint, leg.robot.parameters) for joint in states.of]
+    stall = [float(region.torque_bounds(0.0)[1]) for region in regions]
     scales = [scale for d in states.of.values() for scale in d.scales]
     units = " or ".join(dict.fromkeys(unit for d in states.of.values() for unit in d.units))
     own = State(DRIVE, states.size, scale=scales, unit=units, labels=states.labels())
@@ -67,7 +67,3 @@ def torques_of(leg: MovingLeg, x: np.ndarray, a: np.ndarray, on_ground: bool) ->
     motion = dynamics.stance(q, v, rate) if on_ground else dynamics.flight(still, still, q, v, rate)
     torque = ca.Function("torque", [ca.vertcat(q, v), rate], [motion.tau])
     return np.array(torque.map(len(x))(x.T, a.T)).T
-
-
-def _stall_torque(leg: MovingLeg, joint: str) -> float:
-    return float(operating_region(leg.leg, joint, leg.robot.parameters).torque_bounds(0.0)[1])

@@ -1,6 +1,5 @@
 """The hop as a multi-phase problem: a sequence of phases, an objective, and what the user adds to both."""
 
-from collections.abc import Callable, Mapping
 from copy import copy
 from functools import cached_property
 
@@ -14,13 +13,12 @@ from hopopt.ocp.drives import carried_on
 from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.hops.periodic import hop_after_hop
-from hopopt.ocp.hops.sequence import PhaseSequence
 from hopopt.ocp.hops.to_rest import to_rest
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.objectives.tie_break import EFFORT, LOOPED, effort, largest_effort
 from hopopt.ocp.phases import LegPhase
-from hopopt.ocp.problem import BoundaryConstraint, Ends, Instant, Objective, PathConstraint, Phase, Problem
+from hopopt.ocp.problem import Ends, Objective, PathConstraint, Phase, Problem
 from hopopt.ocp.rules import RULES, added_rules
 
 FIXED = FreeParameters()
@@ -64,34 +62,23 @@ class Hop(MovingLeg):
         """The multi-phase problem; every physical parameter of the leg is a parameter of it."""
         goal = self.objective
         sequence = SEQUENCES.get(self.design.hop.kind, goal.sequence)(self, self.free_parameters)
+        names = [part.phase.name for part in sequence.phases]
+        drives = carried_on(self, *names, *(names[:1] if self.design.hop.periodic else ()))  # and round a cycle
         return Problem(
             self.design.name,
             tuple(self._extended(phase) for phase in sequence.phases),
             self._towards(1.0),
             (*self.free_parameters.parameters(self.robot.parameters), *goal.parameters(self)),
-            (
-                *sequence.transitions,
-                *self._drives(sequence),
-                *goal.boundary(self),
-                *self.free_parameters.boundary(self),
-            ),
+            (*sequence.transitions, *drives, *goal.boundary(self), *self.free_parameters.boundary(self)),
         )
-
-    def _drives(self, sequence: PhaseSequence) -> tuple[BoundaryConstraint, ...]:
-        """The drives' states go on through all phases, and in a hop that repeats from the last to the first."""
-        names = [part.phase.name for part in sequence.phases]
-        return carried_on(self, *names, *(names[:1] if self.design.hop.periodic else ()))
 
     def _extended(self, phase: LegPhase) -> Phase:
         """A phase with what the objective and the user's own constraints add to it."""
-        kind, motion = phase.kind, phase.motion
-        own = (custom_path(c, self, kind, motion) for c in self.constraints)
+        motion = phase.motion
+        own = (custom_path(c, self, phase.kind, motion) for c in self.constraints)
         path: list[PathConstraint] = [c for group in (self.objective.path(self, phase), *own) for c in group]
-        return phase.with_more(self.objective.controls(self), path, self._integrands(phase))
-
-    def _integrands(self, phase: LegPhase) -> Mapping[str, Callable[[Instant], ca.SX]]:
-        """What is integrated over a phase: the effort of the tie-break, and what the objective asks for."""
-        return {EFFORT: effort(self, phase.motion), **self.objective.integrands(self, phase.motion)}
+        integrands = {EFFORT: effort(self, motion), **self.objective.integrands(self, motion)}
+        return phase.with_more(self.objective.controls(self), path, integrands)
 
     # ---- the tie-break ---------------------------------------------------------------------------------
 

@@ -10,13 +10,12 @@ import casadi as ca
 import numpy as np
 
 from hopopt.leg.limit_id import Kind, kind_of
-from hopopt.ocp.constraints import HEIGHT, MotionAt
 from hopopt.ocp.drives import with_drives
 from hopopt.ocp.guesses.motion import FLIGHT as FLIGHT
 from hopopt.ocp.guesses.motion import STANCE as STANCE
-from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.problem import INF, Control, Ends, Instant, Numbers, PathConstraint, Phase, State
-from hopopt.ocp.rules import path_constraints
+from hopopt.ocp.rules import HEIGHT, path_constraints
 
 DESCENT, LANDING = "descent", "landing"  # flight ends at the apex, descent at touchdown, a landing at rest
 ON_GROUND = (STANCE, LANDING)  # phases in which the foot stands

@@ -1,4 +1,4 @@
-"""The physical rules of a phase: which path constraints hold on the ground and which in the air.
+"""The physical rules of a phase: which path constraints hold on the ground and which in the air, each stated at one instant.
 
 A rule is a function of the leg and of the kind of phase, "stance" or "flight"; ``RULES`` lists them all. What others add to
 it is a user-defined limit: answers name it, and it is checked by its value.
@@ -7,54 +7,92 @@ it is a user-defined limit: answers name it, and it is checked by its value.
 from collections.abc import Callable
 from dataclasses import replace
 
+import casadi as ca
+import numpy as np
+
+from hopopt.drivetrain.limits import BACKWARD, FORWARD
+from hopopt.drivetrain.region import operating_region
 from hopopt.leg.limit_id import Kind, LimitId
-from hopopt.ocp.constraints import (
-    above_ground,
-    friction_cone,
-    no_counter_movement,
-    operating_region_constraint,
-    unilateral_contact,
-)
+from hopopt.leg.robot import BASE
+from hopopt.leg.scales import DESCENT_RANGE
 from hopopt.ocp.drives import asked
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE, MovingLeg
-from hopopt.ocp.problem import PathConstraint
+from hopopt.ocp.problem import INF, Instant, PathConstraint
 
 Rule = Callable[[MovingLeg, str], tuple[PathConstraint, ...]]
+LEFT, RIGHT = "left", "right"
+GROUND_FORCE = LimitId(Kind.GROUND_FORCE, key="contact.least_force", unit="N")
+FRICTION = LimitId(Kind.FRICTION, key="contact.friction", unit="N")
+HEIGHT = LimitId(Kind.HEIGHT, key="hop.least_height", unit="m")
+NO_DESCENT = LimitId(Kind.DESCENT, key="hop.counter_movement", unit="m/s")
 
 
 def drives(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
-    """Every drive within its operating region."""
+    """Every drive within its operating region (paper, eq. 13): -1 <= a tau + b w <= 1 for every pair of its half-planes,
+    tau being what the motor is asked for [N m]."""
     motion = leg.motion_in(kind)
-    return tuple(
-        operating_region_constraint(leg.leg, joint, motion, asked(leg, joint, motion)) for joint in leg.leg.joints
-    )
+
+    def region(k: int, joint: str) -> PathConstraint:
+        torque = asked(leg, joint, motion)
+
+        def value(s: Instant) -> ca.SX:
+            return ca.vertcat(*operating_region(leg.leg, joint, s.p).use(motion(s).v[BASE + k], torque(s))[::2])
+
+        planes = operating_region(leg.leg, joint, leg.robot.parameters).planes  # each followed by its mirror image
+        labels = tuple(h.line for h in planes[::2])
+        return PathConstraint(LimitId(Kind.REGION, joint), value, -1.0, 1.0, scale=2.0, labels=labels)
+
+    return tuple(region(k, joint) for k, joint in enumerate(leg.leg.joints))
 
 
 def ground(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
-    """The ground pushes, and the foot does not slip."""
+    """The ground only pushes, f_z >= contact.least_force [N], and the foot does not slip.
+
+    |f_x| <= mu f_z are two half-planes. Where the foot is held sideways too, a pyramid lies within the cone:
+    |f_x|, |f_y| <= mu f_z / sqrt(2).
+    """
     if kind != STANCE:
         return ()
-    contact, motion = leg.design.contact, leg.motion_in(kind)
-    pushes = unilateral_contact(motion, leg.force_range, contact.least_force)
-    if contact.friction is None:
+    contact, motion, size, axes = leg.design.contact, leg.motion_in(kind), leg.force_range, leg.contact_axes
+    pushes = PathConstraint(GROUND_FORCE, lambda s: motion(s).f[-1], contact.least_force, scale=size, unit="N")
+    if (friction := contact.friction) is None:
         return (pushes,)
-    return pushes, friction_cone(motion, contact.friction, leg.force_range, leg.contact_axes)
+
+    def inside(s: Instant) -> ca.SX:
+        f = motion(s).f
+        most = f[-1] * friction * steepness(axes)
+        return ca.vertcat(*[most + sign * f[k] for k in range(axes - 1) for sign in (-1, 1)])
+
+    labels = (FORWARD, BACKWARD) if axes == 2 else (FORWARD, BACKWARD, LEFT, RIGHT)
+    return pushes, PathConstraint(FRICTION, inside, lower=0.0, scale=size, unit="N", labels=labels)
+
+
+def steepness(axes: int) -> float:
+    """What each side of the friction cone (2 axes held), or of the pyramid within it (3), has of the friction coefficient."""
+    return 1.0 if axes == 2 else 1 / np.sqrt(2)
 
 
 def heights(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
-    """Points of the leg above the ground; the foot in flight alone."""
-    hop = leg.design.hop
+    """Points of the leg at least hop.least_height above the ground [m]; the foot in flight alone, and at least 0."""
+    hop, motion = leg.design.hop, leg.motion_in(kind)
     names = tuple(name for name in hop.above_ground if name != "foot" or kind == FLIGHT)
     if not names:
         return ()
-    return (above_ground(names, leg.motion_in(kind), leg.dynamics, leg.reach, hop.least_height),)
+
+    def value(s: Instant) -> ca.SX:
+        points = leg.dynamics(s).points(motion(s).q)
+        return ca.vertcat(*[points[name][1] for name in names])
+
+    lower = [0.0 if name == "foot" else hop.least_height for name in names]
+    return (PathConstraint(HEIGHT, value, lower, scale=leg.reach, unit="m", labels=names),)
 
 
 def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
-    """The body does not descend before it rises, unless it may."""
+    """The body never descends in stance, z' >= 0 [m/s], unless it may."""
     if kind != STANCE or leg.design.hop.counter_movement:
         return ()
-    return (no_counter_movement(leg.motion_in(kind)),)
+    motion = leg.motion_in(kind)
+    return (PathConstraint(NO_DESCENT, lambda s: motion(s).v[1], 0.0, INF, DESCENT_RANGE, unit="m/s"),)
 
 
 RULES: list[Rule] = [drives, ground, heights, counter_movement]
@@ -68,8 +106,8 @@ def added_rules() -> tuple[str, ...]:
 
 def path_constraints(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     """All path constraints of a phase of that kind; those of rules that were added are user-defined."""
-    return tuple(c if rule in BUILT_IN else _user_defined(c) for rule in leg.rules for c in rule(leg, kind))
-
-
-def _user_defined(c: PathConstraint) -> PathConstraint:
-    return replace(c, name=LimitId(Kind.USER, str(c.name), unit=c.unit))
+    return tuple(
+        c if rule in BUILT_IN else replace(c, name=LimitId(Kind.USER, str(c.name), unit=c.unit))
+        for rule in leg.rules
+        for c in rule(leg, kind)
+    )

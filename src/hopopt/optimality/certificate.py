@@ -5,9 +5,8 @@ in continuous time is evaluated along the trajectory, between the nodes too (opt
 and the derivatives of the phases' functions are not those of the program. Signs: docs/certificate.md.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from hopopt.optimality.minimum_principle.costates import phase_multipliers, sign
 from hopopt.optimality.minimum_principle.phase_functions import Along, PhaseFunctions
 from hopopt.optimality.minimum_principle.pontryagin import FINE, PhaseCertificate, missed
 from hopopt.optimality.minimum_principle.transversality import TransversalityConditions, transversality_conditions
-from hopopt.verify.check import Check
+from hopopt.verify.check import Check, Condition
 
 COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself
 # Tolerances, all relative; in brackets the most that a built-in leg leaves with default settings:
@@ -41,15 +40,15 @@ class Certificate:
         """Whether every condition holds."""
         return all(check.passed for check in self.checks)
 
-    def as_dict(self) -> dict[str, Any]:
-        """For the summary: check -> residual, tolerance, unit, where, passed."""
-        entries = ({k: v for k, v in c.as_dict().items() if k != "name"} for c in self.checks)
-        return {entry(c.name): found for c, found in zip(self.checks, entries, strict=True)}
-
 
 def entry(condition: str, phase: str = "") -> str:
     """What a condition (of a phase) is called in the summary."""
     return f"{phase} {condition}".strip().replace(" ", "_")
+
+
+def by_entry(conditions: Iterable[Check]) -> dict[str, Condition]:
+    """Conditions by what they are called in the summary."""
+    return {entry(c.name): c for c in conditions}
 
 
 def certify(solution: NlpSolution) -> Certificate:

@@ -9,11 +9,11 @@ them would do instead: there multipliers of single nodes say too little. docs/ce
 fails.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
+from pydantic import computed_field
 from scipy.integrate import cumulative_trapezoid
 
 from hopopt.nlp.layout import PhaseLayout
@@ -21,6 +21,7 @@ from hopopt.nlp.schemes import lagrange
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.optimality.minimum_principle.costates import phase_multipliers
 from hopopt.optimality.minimum_principle.transversality import TransversalityConditions, transversality_conditions
+from hopopt.record import Derived, Real, stated
 from hopopt.verify.check import Check
 
 STATED = 1e-4  # relative: the largest error a verified claim may have; figures are printed to about that
@@ -37,28 +38,26 @@ WEIGHTS = np.array([0.0, *np.tile(_weights / 2 / PANELS, PANELS), 0.0])
 
 
 @dataclass(frozen=True)
-class ObjectiveError:
-    """What each fault may have gained [objective's unit].
+class ObjectiveError(Derived):
+    """What each fault of the trajectories may have gained [the objective's unit].
 
     dynamics: states and integrals that differ from their right-hand sides between the nodes
-    controls: controls that pass their limits between the nodes
-    limits: limits of the states that are passed
     program: residuals of the program's equations, and a claim that the trajectories do not bear out
-    second_order: faults that no multiplier shows, by the squares of their shares. The shares are those of all the above
-        in the objective, and of the states' drift in the states' scales, had the controls kept their limits. To these
-        comes CURVATURE times the square for the excess over limits of the states, which may be touched between the nodes.
-    size: what the error is relative to
+    second_order: by the squares of shares: those of all the above in the objective, and of the states' drift in the
+        states' scales, had the controls kept their limits. To these comes CURVATURE times the square for the excess over
+        limits of the states, which may be touched between the nodes.
     """
 
-    dynamics: float
-    controls: float
-    limits: float
-    program: float
-    second_order: float
-    size: float
+    dynamics: Real = stated("dynamics between the nodes")
+    controls: Real = stated("controls beyond their limits between the nodes")
+    limits: Real = stated("limits of the states that are passed")
+    program: Real = stated("residuals of the nonlinear program")
+    second_order: Real = stated("faults that no multiplier shows")
+    size: Real = stated("what the error is relative to")
 
+    @computed_field(description="their sum")
     @property
-    def too_high_by(self) -> float:
+    def too_high_by(self) -> Real:
         """By how much the claim may be better than the true optimum [objective's unit]."""
         return self.dynamics + self.controls + self.limits + self.program + self.second_order
 
@@ -70,10 +69,6 @@ class ObjectiveError:
     def check(self) -> Check:
         """That it is small enough for the digits that are printed."""
         return Check("stated error of the objective", self.relative, STATED, "relative")
-
-    def as_dict(self) -> dict[str, Any]:
-        """For the summary."""
-        return {"too_high_by": self.too_high_by, **asdict(self)}
 
 
 def objective_error(solution: NlpSolution) -> ObjectiveError:

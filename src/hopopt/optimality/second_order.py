@@ -27,6 +27,7 @@ from scipy.sparse.linalg import splu
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.terms import Matrix, csc
 from hopopt.optimality.directions.flat_directions import ACTS, STILL
+from hopopt.record import Strict, stated
 
 FLAT = 1e-6  # of the objective, by a move of size 1
 ON = 1e-4  # scaled: a solution that is nearer to a limit lies on it, as verification has it
@@ -35,18 +36,14 @@ MOST = 4000  # controls, durations, initial states and parameters: dense matrice
 
 
 @dataclass(frozen=True)
-class Curvature:
-    """How many directions make the objective worse, hardly change it (flat), or make it better, to second order.
+class Curvature(Strict):
+    """Directions that keep all equations and limits that act, by what moving along them does to the objective."""
 
-    lowest: least change by a move of size 1, as a share of the objective; negative: a gain
-    saddle: how many make it better and keep every limit on which the solution lies
-    """
-
-    worse: int
-    flat: int
-    better: int
-    lowest: float
-    saddle: int
+    worse: int = stated("directions that make the objective worse")
+    flat: int = stated("directions that hardly change it")
+    better: int = stated("directions that make it better, if no limit without a multiplier forbids them")
+    lowest: float = stated("least loss by a move of size 1, of the objective; negative: a gain (docs/certificate.md)")
+    saddle: int = stated("directions that make it better within every limit: with any, the hop is no optimum")
 
 
 def curvature(solution: NlpSolution) -> Curvature | None:

@@ -1,6 +1,7 @@
 """What a calibration simulates and compares: strategies on a leg of which some values are free."""
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
@@ -81,7 +82,7 @@ class Experiment:
 
     def design(self, values: Sequence[float] | np.ndarray) -> Design:
         """The problem with values (p,). Raises pydantic's ValidationError where one is out of range."""
-        tables = _copied(self.problem)
+        tables = deepcopy(self.problem)
         for free, value in zip(self.free, values, strict=True):
             if free.is_entry:
                 *way, key = free.path.split(".")
@@ -114,10 +115,6 @@ class Experiment:
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """Simulated less printed figures (k,) in units of their warrants, at x in [0, 1]^p."""
         return (self.simulated(x) - [f.value for f in self.figures]) / self.warrants
-
-
-def _copied(tables: Any) -> Any:
-    return {key: _copied(value) for key, value in tables.items()} if isinstance(tables, dict) else tables
 
 
 def present(experiment: Experiment) -> list[float]:

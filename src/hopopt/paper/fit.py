@@ -17,11 +17,11 @@ from scipy.stats import qmc
 
 from hopopt.design import Design
 from hopopt.paper.experiment import MOTOR, Experiment, Free, present
-from hopopt.paper.result import EXPERIMENT, SIMULATION, Calibration, Comparison, Figure, Parameter
+from hopopt.paper.result import EXPERIMENT, SIMULATION, CalibratedValue, Calibration, Figure, FigureComparison
 from hopopt.paper.tracking_demand import point_masses, tracking_saturation
 from hopopt.problem.render import rows
 
-STEP = 0.01  # of the span between a value's bounds: step of the fit's differences
+FIT_STEP = 0.01  # of the span between a value's bounds: step of the fit's differences
 PROBE = 0.02  # of the span: step with which the optimum is examined
 KNOWN = 1 / np.sqrt(12)  # of the span: standard error of a value of which only the bounds are known
 OPTION_UNITS = {"k_p": "N m/rad", "k_d": "N m s/rad", "k_s": "N/m", "y_neu": "m", "C_amp": "m", "C_max": "1"}
@@ -57,16 +57,16 @@ def calibrate(
         say(f"fitting from the best {len(chosen)}")
         fits = sorted(run(delayed(_fit)(experiment, x) for x in chosen), key=lambda fit: fit.misfit)
         say("examining the best fit")
-        near = _examine(experiment, fits[0].x, run)
+        here, slopes, jumps = _examine(experiment, fits[0].x, run)
         truth = replace(experiment, problem=tables, figures=tuple(held_out))
-        held = run([delayed(truth.simulated)(fits[0].x)])[0]
+        unfitted = run([delayed(truth.simulated)(fits[0].x)])[0]
     simulations = len(experiment.strategies) * (len(places) + sum(fit.evaluations for fit in fits) + 2 * len(free) + 2)
-    found = identify(near.slopes, near.jumps, fits[0].misfit)
+    found = identify(slopes, jumps, fits[0].misfit)
     return Calibration(
         problem=design.name,
         parameters=tuple(_parameters(experiment, fits[0].x, before, found.errors, design)),
-        compared=tuple(map(Comparison, figures, near.here.tolist(), (near.jumps * experiment.warrants).tolist())),
-        held_out=tuple(map(Comparison, held_out, held.tolist())),
+        compared=tuple(map(FigureComparison, figures, here.tolist(), (jumps * experiment.warrants).tolist())),
+        held_out=tuple(map(FigureComparison, held_out, unfitted.tolist())),
         misfit=fits[0].misfit,
         freedom=len(figures) - len(free),
         condition=found.condition,
@@ -82,7 +82,7 @@ def calibrate(
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedStart:
     """Where a start ended: x in [0, 1]^p, sum of squared residuals, evaluations of all figures."""
 
     x: np.ndarray
@@ -90,38 +90,30 @@ class Fit:
     evaluations: int
 
 
-def _fit(experiment: Experiment, x: np.ndarray) -> Fit:
+def _fit(experiment: Experiment, x: np.ndarray) -> FittedStart:
     """Least squares from x in [0, 1]^p; shifted to [1, 2], so that steps relative to the values suit them."""
     p = len(x)
     found = least_squares(
-        lambda y: experiment.residuals(y - 1), x + 1, bounds=(np.ones(p), np.full(p, 2.0)), diff_step=STEP,
+        lambda y: experiment.residuals(y - 1), x + 1, bounds=(np.ones(p), np.full(p, 2.0)), diff_step=FIT_STEP,
         xtol=1e-3, ftol=1e-3, max_nfev=20,
     )  # fmt: skip
-    return Fit(np.clip(found.x - 1, 0, 1), 2 * float(found.cost), int(found.nfev + p * (found.njev or 0)))
+    return FittedStart(np.clip(found.x - 1, 0, 1), 2 * float(found.cost), int(found.nfev + p * (found.njev or 0)))
 
 
-@dataclass(frozen=True)
-class Surroundings:
+def _examine(experiment: Experiment, x: np.ndarray, run: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Figures here (k,), slopes (k, p) of the residuals per span of each value, and jumps (k,): how far residuals
     stray from a straight line within PROBE."""
-
-    here: np.ndarray
-    slopes: np.ndarray
-    jumps: np.ndarray
-
-
-def _examine(experiment: Experiment, x: np.ndarray, run: Any) -> Surroundings:
     inside = np.clip(x, PROBE, 1 - PROBE)
     steps = PROBE * np.eye(len(x))
     places = [x, inside, *(inside + steps), *(inside - steps)]
     here, middle, *around = run(delayed(experiment.simulated)(place) for place in places)
     up, down = np.array(around).reshape(2, len(x), -1) / experiment.warrants
     jumps = np.abs(up + down - 2 * middle / experiment.warrants).max(axis=0) / 2
-    return Surroundings(here, (up - down).T / (2 * PROBE), jumps)
+    return here, (up - down).T / (2 * PROBE), jumps
 
 
 @dataclass(frozen=True)
-class Identification:
+class Determination:
     """Standard errors (p,) in spans (inf where undetermined), condition, correlation (p, p), open directions (p,)."""
 
     errors: np.ndarray
@@ -130,7 +122,7 @@ class Identification:
     open: list[np.ndarray]
 
 
-def identify(slopes: np.ndarray, jumps: np.ndarray, misfit: float) -> Identification:
+def identify(slopes: np.ndarray, jumps: np.ndarray, misfit: float) -> Determination:
     """What figures say about values: from slopes (k, p) of the residuals, their jumps (k,) and sum of squares.
 
     A residual is worth its warrant (1) and its jump together. All errors are widened by sqrt(misfit / (k - p)) where
@@ -144,7 +136,7 @@ def identify(slopes: np.ndarray, jumps: np.ndarray, misfit: float) -> Identifica
     errors = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(errors, errors)
     unknown = [d for d, s in zip(directions, singular, strict=True) if widened / s >= KNOWN]
-    return Identification(np.where(errors < KNOWN, errors, np.inf), singular[0] / singular[-1], correlation, unknown)
+    return Determination(np.where(errors < KNOWN, errors, np.inf), singular[0] / singular[-1], correlation, unknown)
 
 
 def _tracking(experiment: Experiment, x: np.ndarray) -> tuple[float, float]:
@@ -157,13 +149,13 @@ def _tracking(experiment: Experiment, x: np.ndarray) -> tuple[float, float]:
 
 def _parameters(
     experiment: Experiment, x: np.ndarray, before: Sequence[float], errors: np.ndarray, design: Design
-) -> Iterator[Parameter]:
+) -> Iterator[CalibratedValue]:
     units = {row.path: row.unit for row in rows(design)} | OPTION_UNITS
     spans = [f.upper - f.lower for f in experiment.free]
     for f, was, value, error, span in zip(experiment.free, before, experiment.values(x), errors, spans, strict=True):
         unit = units.get(f.path if f.is_entry else f.path.split(".")[-1], "")
         error = float(error * span) if np.isfinite(error) else None
-        yield Parameter(f.path, unit, was, float(value), error, f.lower, f.upper)
+        yield CalibratedValue(f.path, unit, was, float(value), error, f.lower, f.upper)
 
 
 def _in_words(experiment: Experiment, direction: np.ndarray) -> str:

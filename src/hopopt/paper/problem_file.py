@@ -6,7 +6,6 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.files import mark, write_whole
 from hopopt.paper.result import Calibration
@@ -56,7 +55,9 @@ def replace_checked(path: Path, text: str, values: Mapping[str, float]) -> None:
     trial = path.with_name(f"{path.stem}{mark()}.toml")
     try:
         write_whole(trial, text.encode("utf-8"))
-        if load(trial) != _expected(before, values):
+        motor = before.leg.motor.model_copy(update=dict(values))
+        leg = before.leg.model_copy(update={"motor": motor})
+        if load(trial) != before.model_copy(update={"leg": leg}):
             raise UsageError(f"{path} was not changed: its [{TABLE}] is written in a way that cannot be edited safely")
         shutil.copymode(path, trial)
         os.replace(trial, path)
@@ -64,11 +65,6 @@ def replace_checked(path: Path, text: str, values: Mapping[str, float]) -> None:
         raise UsageError(f"{path} was not changed: {error}".replace(trial.name, path.name)) from None
     finally:
         trial.unlink(missing_ok=True)
-
-
-def _expected(design: Design, values: Mapping[str, float]) -> Design:
-    motor = design.leg.motor.model_copy(update=dict(values))
-    return design.model_copy(update={"leg": design.leg.model_copy(update={"motor": motor})})
 
 
 def _with_entry(text: str, entry: str, value: float, note: str) -> str:

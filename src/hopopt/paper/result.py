@@ -46,7 +46,7 @@ EXPERIMENT = paper_figures(force=(0.38, 1.0), position=(0.24, 0.7))  # section I
 
 
 @dataclass(frozen=True)
-class Parameter:
+class CalibratedValue:
     """A calibrated value; standard_error is None where the figures tell no more about it than its bounds do."""
 
     path: str
@@ -70,7 +70,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class FigureComparison:
     """A printed figure beside the simulated one; ``jump`` is how far the latter strays from a straight line nearby."""
 
     figure: Figure
@@ -95,9 +95,9 @@ class Calibration:
     """
 
     problem: str
-    parameters: tuple[Parameter, ...]
-    compared: tuple[Comparison, ...]
-    held_out: tuple[Comparison, ...]
+    parameters: tuple[CalibratedValue, ...]
+    compared: tuple[FigureComparison, ...]
+    held_out: tuple[FigureComparison, ...]
     misfit: float
     freedom: int
     condition: float
@@ -150,14 +150,14 @@ def text(c: Calibration) -> str:
     return "\n".join([*lines, "held out: the paper's experiment", *_comparisons(c.held_out)])
 
 
-def _parameter(p: Parameter) -> str:
+def _parameter(p: CalibratedValue) -> str:
     error = "undetermined" if p.standard_error is None else f"standard error {p.standard_error:.2g}"
     speed = f" ({p.value / RPM:.0f} rpm)" if p.path.endswith("max_speed") else ""
     bound = f", AT ITS BOUND ({p.lower:.5g} to {p.upper:.5g})" if p.at_bound else ""
     return f"{p.path} = {p.rounded:.6g} {p.unit}{speed}, {error}{bound}; was {p.before:.6g}"
 
 
-def _comparisons(comparisons: Sequence[Comparison]) -> Iterator[str]:
+def _comparisons(comparisons: Sequence[FigureComparison]) -> Iterator[str]:
     for c in comparisons:
         f = c.figure
         verdict = (

@@ -10,7 +10,7 @@ from hopopt.control.setting import Setting
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
 
-STEP = 1e-5  # [s] of the differences of the joint angles
+DIFFERENCE_STEP = 1e-5  # [s] of the differences of the joint angles
 SAMPLES = 401  # instants in stance
 
 
@@ -26,8 +26,8 @@ def tracking_saturation(design: Design, options: Mapping[str, Any] | None = None
     def angles(t: np.ndarray) -> np.ndarray:
         return np.array([servo.angles(float(y)) for y in servo.two_mass.stance_reference(t)[0]])
 
-    before, q, after = (angles(times + h) for h in (-STEP, 0.0, STEP))
-    v, a = (after - before) / (2 * STEP), (after - 2 * q + before) / STEP**2
+    before, q, after = (angles(times + h) for h in (-DIFFERENCE_STEP, 0.0, DIFFERENCE_STEP))
+    v, a = (after - before) / (2 * DIFFERENCE_STEP), (after - 2 * q + before) / DIFFERENCE_STEP**2
     terms = [servo.machine.stance_terms(*state) for state in zip(q, v, strict=True)]
     tau = np.array([s.mass_matrix @ acceleration + s.joint_bias for s, acceleration in zip(terms, a, strict=True)])
     return {

@@ -11,13 +11,13 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HEIGHTS
 from hopopt.optimality.minimum_principle.free_switches import Resolved
-from hopopt.planner.answer.summary import summarize
-from hopopt.planner.answer.verdict import Verdict
 from hopopt.planner.attempts import MARGIN, REFINEMENT, Attempt, Trial, tried_again
 from hopopt.planner.checks.judge import judge
+from hopopt.planner.checks.verdict import Verdict
+from hopopt.planner.motion import Motion
 from hopopt.planner.search.calm_first import calmest, uncalmed
 from hopopt.planner.search.multistart import Progress, StartOutcome, first_transcription, solution_of
-from hopopt.planner.solution import Motion, Solution
+from hopopt.planner.solution import Solution, summarize
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.verify.check import LIMIT
 

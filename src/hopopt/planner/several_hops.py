@@ -23,12 +23,13 @@ from hopopt.ocp.objectives.tie_break import EFFORT
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.violations import violations
-from hopopt.planner.answer.verdict import Verdict
 from hopopt.planner.attempts import SEVERAL_HOPS, Attempt, Trial, tried_again
 from hopopt.planner.checks.judge import numerical_checks
+from hopopt.planner.checks.verdict import Verdict
+from hopopt.planner.motion import Motion
 from hopopt.planner.refine_and_verify import aims_of
 from hopopt.planner.search.multistart import infeasibility
-from hopopt.planner.solution import Motion, Solution
+from hopopt.planner.solution import Solution
 from hopopt.verify.hops.several_hops import several_hops_checks
 
 PUSHES = 2  # first pushes from rest that are tried as a guess

@@ -17,7 +17,8 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hops.shared_control import CLEARANCE, DAMPING, STIFFNESS, TrueLeg, highest_gains, under_one_controller
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.optimality.violations import violations
-from hopopt.planner.solution import Motion, Solution
+from hopopt.planner.motion import Motion
+from hopopt.planner.solution import Solution
 
 ACCURATE = 1e-6  # Ipopt's tolerance: the plan is judged by simulation, not by a certificate
 FIRST_GAINS = 0.4  # of the highest, where the search for them begins

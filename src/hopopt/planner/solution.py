@@ -1,224 +1,34 @@
-"""A solved hop as the user holds it: the plan as functions of time, and every figure that is printed of it."""
+"""A solved hop as the user holds it: the motion with every figure that is printed of it, and the program that it answers."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hopopt.design import Design
-from hopopt.drivetrain.dynamics import AddedStates, added_states
-from hopopt.drivetrain.half_planes import OperatingRegion
-from hopopt.drivetrain.region import operating_region
-from hopopt.errors import UsageError
-from hopopt.leg.robot import Robot, build_robot
-from hopopt.nlp.trajectory import PhaseTrajectory
+from hopopt.errors import ResultError, UsageError
+from hopopt.nlp.mesh import PhaseMesh
+from hopopt.nlp.refinement.mesh_refinement import Refinement
+from hopopt.nlp.schemes import scheme
+from hopopt.nlp.solver.ipopt import Bounds, NlpSolution
+from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.custom import Custom
-from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HopObjective
-from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE, flight, stance
-from hopopt.ocp.problem import Instant, stack, symbols
-from hopopt.planner.answer.stored_summary import Summary
-from hopopt.planner.answer.verdict import Multipliers, Verdict
-from hopopt.verify.measures import MEASURES
-from hopopt.verify.table import NORMALISED_TIMES, Table
-
-OUTSIDE = 1e-9  # s: what rounding may put a time outside the hop
-
-
-@dataclass(frozen=True)
-class Samples:
-    """The whole leg at k times: t (k,) [s] since stance began, phase (k,) names; q, v, a (k, 2 + n) of body x, z
-    [m] and joints [rad]; tau (k, n) [N m]; contact force f (k, 2) [N] (x and z; with y
-    between them where the leg leaves the plane); points: name -> (k, 2) x, z [m], with
-    every joint, "foot" and "com"; com_v (k, 2) [m/s]."""
-
-    t: np.ndarray
-    phase: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
-    tau: np.ndarray
-    f: np.ndarray
-    points: dict[str, np.ndarray]
-    com_v: np.ndarray
-
-    @property
-    def lowest(self) -> np.ndarray:
-        """Height of the leg's lowest point (k,) [m]."""
-        return np.min([p[:, 1] for name, p in self.points.items() if name != "com"], axis=0)
-
-    def __getitem__(self, rows: Any) -> "Samples":
-        """The samples at some rows (an index array, mask or slice)."""
-        points = {name: p[rows] for name, p in self.points.items()}
-        arrays = {name: getattr(self, name)[rows] for name in ("t", "phase", "q", "v", "a", "tau", "f", "com_v")}
-        return Samples(**arrays, points=points)
-
-
-class PlanEvaluator:
-    """Turns states and controls of the phases into the motion of the whole leg, by the planner's own dynamics."""
-
-    def __init__(self, design: Design, robot: Robot):
-        self.robot, self.names = robot, [*robot.points, "com"]
-        leg, self.functions = MovingLeg(design), {}
-        for part in (stance(leg), flight(leg)):
-            x, u = symbols(part.phase.states), symbols(part.phase.controls)
-            s = Instant(**x, **u, t=0.0, p=robot.parameters)
-            m, points = part.motion(s), leg.dynamics(s).points(part.motion(s).q)
-            com_speed = ca.jtimes(points["com"], s.q, s.v)
-            if part.kind == FLIGHT:
-                com_speed += ca.jtimes(points["com"], s.com, s.com_v)
-            outputs = [m.q, m.v, m.a, m.tau, m.f, com_speed, *(points[name] for name in self.names)]
-            given = [stack(x, part.phase.states), stack(u, part.phase.controls)]
-            self.functions[part.kind] = ca.Function(part.kind, given, [ca.densify(o) for o in outputs])
-        self.functions |= {DESCENT: self.functions[FLIGHT], LANDING: self.functions[STANCE]}
-
-    def __call__(self, phase: str, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Samples:
-        """Samples from states x (k, nx) and controls u (k, n or more) of one phase at times t (k,)."""
-        states, moving = (
-            self.functions[phase].size1_in(k) for k in (0, 1)
-        )  # what drives and objectives add comes after
-        of_leg = (np.ascontiguousarray(x.T[:states]), np.ascontiguousarray(u.T[:moving]))
-        results = self.functions[phase].map(len(t))(*of_leg)
-        q, v, a, tau, f, com_v, *points = (np.array(r).T for r in results)
-        return Samples(t, np.full(len(t), phase), q, v, a, tau, f, dict(zip(self.names, points, strict=True)), com_v)
-
-
-@dataclass(frozen=True, repr=False)
-class Motion:
-    """A hop as functions of time.
-
-    design, objective: the problem, and the name of what it was solved for
-    phases: trajectories, by phase
-    stated: figures that no table of the plan tells, by name [the name's unit]
-    own: the user's functions, which are not stored
-    """
-
-    design: Design
-    objective: str
-    phases: dict[str, PhaseTrajectory]
-    stated: Mapping[str, float] = field(default_factory=dict, kw_only=True)
-    own: tuple[HopObjective | None, tuple[Custom, ...]] = field(default=(None, ()), kw_only=True)
-
-    @cached_property
-    def robot(self) -> Robot:
-        return build_robot(self.design.leg)
-
-    @cached_property
-    def _evaluate(self) -> PlanEvaluator:
-        return PlanEvaluator(self.design, self.robot)
-
-    @property
-    def duration(self) -> float:
-        """From the start of stance to the apex [s]."""
-        return self.phases[STANCE].duration + self.phases[FLIGHT].duration
-
-    @property
-    def end(self) -> float:
-        """When the last phase ends [s]: at the apex, at touchdown, or at rest."""
-        return sum(p.duration for p in self.phases.values())
-
-    def _begin(self, phase: str) -> float:
-        names = list(self.phases)
-        return sum(self.phases[name].duration for name in names[: names.index(phase)])
-
-    @property
-    def lift_off(self) -> float:
-        """Time of lift-off [s]."""
-        return self.phases[STANCE].duration
-
-    def region(self, joint: str) -> OperatingRegion:
-        """The admissible operating region of a joint, in numbers."""
-        return operating_region(self.design.leg, joint, self.robot.parameters)
-
-    def sample(self, t: Any) -> Samples:
-        """The whole leg at times t [s] since stance began; at lift-off and apex, flight; at touchdown, the descent.
-        UsageError for times outside the hop."""
-        t = np.atleast_1d(np.asarray(t, dtype=float))
-        outside = ~((t >= -OUTSIDE) & (t <= self.end + OUTSIDE))  # not-a-number too
-        if outside.any():
-            words = "give times in seconds since stance began"
-            raise UsageError(f"t = {t[outside][0]:g} s is outside the hop, 0 to {self.end:.6g} s: {words}")
-        t = np.clip(t, 0.0, self.end)
-        parts, order = [], []
-        which = np.searchsorted([self._begin(phase) for phase in self.phases], t, "left") - 1
-        which = np.where(t < self.lift_off, 0, np.maximum(which, 1))
-        for k, phase in enumerate(self.phases):
-            if (rows := which == k).any():
-                parts.append(self.sample_phase(phase, t[rows] - self._begin(phase)))
-                order.append(np.flatnonzero(rows))
-        return _join(parts)[np.argsort(np.concatenate(order), kind="stable")]
-
-    def sample_phase(self, phase: str, t: np.ndarray) -> Samples:
-        """The whole leg at times t [s] since the phase began; both ends belong to the phase."""
-        x, u = self.phases[phase].sample(t)
-        return self._standing(phase, self._evaluate(phase, np.asarray(t) + self._begin(phase), x, u))
-
-    def _standing(self, phase: str, s: Samples) -> Samples:
-        """Samples of a landing as seen from where the hop began; they count x from the foot, as all dynamics does."""
-        if phase != LANDING:
-            return s
-        end = self.sample_phase(DESCENT, np.array([self.phases[DESCENT].duration]))
-        ahead, q = end.points["foot"][0, 0], s.q.copy()
-        q[:, 0] += ahead
-        return replace(s, q=q, points={name: p + np.array([ahead, 0.0]) for name, p in s.points.items()})
-
-    def everywhere(self, phase: str, normalised_times: np.ndarray) -> Samples:
-        """The whole leg at the same normalised times (0 to 1) of every interval of a phase, interval by interval."""
-        return self._standing(phase, self._everywhere(phase, normalised_times))
-
-    def _everywhere(self, phase: str, normalised_times: np.ndarray) -> Samples:
-        """The same, a landing's x counted from its foot."""
-        t, x, u = self.phases[phase].everywhere(normalised_times)
-        return self._evaluate(phase, t.ravel() + self._begin(phase), x.reshape(t.size, -1), u.reshape(t.size, -1))
-
-    @cached_property
-    def tables(self) -> dict[str, Table]:
-        """The plan at Chebyshev points of every interval: what is stored and verified."""
-        return {phase: self.fresh_table(phase) for phase in self.phases}
-
-    def fresh_table(self, phase: str) -> Table:
-        """The table of one phase, computed from its trajectory; a landing's x is counted from its foot."""
-        samples, N = self._everywhere(phase, NORMALISED_TIMES), len(self.phases[phase].x_start)
-        table = Table(
-            *(
-                getattr(samples, s).reshape(N, len(NORMALISED_TIMES), *getattr(samples, s).shape[1:])
-                for s in ("t", "q", "v", "a", "tau", "f")
-            )
-        )
-        added = added_states(self.design.leg, self.robot.parameters)
-        return self._with_drives(phase, table, added) if added.size else table
-
-    def _with_drives(self, phase: str, table: Table, added: AddedStates) -> Table:
-        """The table with the drives' states, the last of the phase's, and the commands, the last controls of the leg."""
-        _, x, u = self.phases[phase].everywhere(NORMALISED_TIMES)
-        states, moving = (self._evaluate.functions[phase].size1_in(k) for k in (0, 1))
-        command = table.tau.copy()
-        command[..., added.at] = u[..., moving - len(added.at) : moving]
-        return replace(table, command=command, drive=x[..., states - added.size : states])
-
-    @property
-    def apex(self) -> Samples:
-        """The whole leg at the end of flight (one sample)."""
-        return self.sample_phase(FLIGHT, np.array([self.phases[FLIGHT].duration]))
-
-    @property
-    def end_of_flight(self) -> str:
-        """What a figure calls that instant: "apex", or "end" where the centre of mass still rises or falls again."""
-        return "apex" if at_apex(float(self.apex.com_v[0, 1])) else "end"
-
-    def claims(self) -> dict[str, float]:
-        """What verification is to confirm: the height of the lowest point at the apex [m]; what else the hop was made
-        for, the body's height there [m] or what is ``stated``."""
-        end = self.apex
-        claims = {"clearance_m": float(end.lowest[0])}
-        if self.objective == "apex":
-            claims["apex_m"] = float(end.q[0, 1])
-        claims |= {name: self.stated[name] for name in MEASURES.keys() & self.stated.keys()}
-        return claims
+from hopopt.ocp.objectives.registry import find
+from hopopt.ocp.problem import Problem
+from hopopt.ocp.rules import added_rules
+from hopopt.optimality.minimum_principle.free_switches import Resolved
+from hopopt.planner.answer.extras import Functions
+from hopopt.planner.answer.program_figures import Source, figures
+from hopopt.planner.answer.starts import start_figures
+from hopopt.planner.answer.summary import VERSION, Summary
+from hopopt.planner.checks.verdict import Multipliers, Verdict
+from hopopt.planner.motion import Motion
+from hopopt.planner.search.multistart import StartOutcome
+from hopopt.planner.stopwatch import Stopwatch
 
 
 @dataclass(frozen=True, repr=False)
@@ -228,7 +38,7 @@ class Solution(Motion):
     summary: every figure that is printed of it
     kkt: the nonlinear program's vectors, by name
     result_dir: the folder that it lies in
-    multipliers: of the certificate, by phase (planner/answer/stored_multipliers.py)
+    multipliers: of the certificate, by phase (planner/checks/verdict.py)
     verdict: what the checks said; None for one that was read (storage/seal/recheck.py makes it)
     doubts: why its files are not to be trusted, a sentence each; such a solution is not verified
     """
@@ -239,25 +49,11 @@ class Solution(Motion):
     multipliers: dict[str, Multipliers] = field(default_factory=dict)
     verdict: Verdict | None = None
     doubts: tuple[str, ...] = ()
-    # given by hopopt.api, which knows what acts on a solution
-    plot: ClassVar[Callable[..., Any]]
-    sensitivity: ClassVar[Callable[..., Any]]
-    compare: ClassVar[Callable[..., Any]]
-    compare_hops: ClassVar[Callable[..., Any]]
-    to_xarray: ClassVar[Callable[..., Any]]
-    to_dataframe: ClassVar[Callable[..., Any]]
-    _repr_html_: ClassVar[Callable[..., str]]
 
     def __repr__(self) -> str:
         s = self.summary
         reached = f"{s.objective_figure} {s.reached} {s.objective_unit}, {s.status}"
         return f"<Solution of {self.design.name}, objective {self.objective}: {reached}>"
-
-    @classmethod
-    def of(cls, motion: Motion, summary: Summary, **more: Any) -> "Solution":
-        """The solution that a motion is, with its summary; what was derived of the motion is kept."""
-        m = motion
-        return _as_derived(cls(m.design, m.objective, m.phases, summary, stated=m.stated, own=m.own, **more), motion)
 
     def noted(self, **changes: Any) -> "Solution":
         """The same hop with another summary, folder or multipliers; what was derived of its motion is kept."""
@@ -296,15 +92,98 @@ def _as_derived(solution: Solution, motion: Motion) -> Solution:
     return solution
 
 
-def at_apex(vertical: float) -> bool:
-    """Whether the centre of mass, at this vertical speed [m/s], is within a millimetre of its highest (on earth)."""
-    return abs(vertical) < 0.14
+def summarize(
+    hop: Hop,
+    plan: Motion,
+    refinement: Refinement | Resolved,
+    verdict: Verdict,
+    outcomes: Sequence[StartOutcome],
+    chosen: StartOutcome,
+    clock: Stopwatch,
+) -> Solution:
+    """The plan with its summary: what ``--json`` prints and ``summary.json`` keeps."""
+    solution, goal = refinement.solution, hop.objective
+    names = tuple(c.name for c in hop.constraints)
+    summary = Summary(
+        version=VERSION,
+        functions=Functions(goal.name if goal.custom else None, names, rules=hop.added_rules),
+        **figures(Source(hop, plan, solution, verdict)),
+        mesh=tuple(refinement.history),
+        refinement_ended=refinement.ended,
+        starts=start_figures(outcomes, chosen),
+        timings_s=dict(clock.stages),
+        wall_s=clock.last - clock.begin,
+        result_dir=None,
+    )
+    kkt = {name: getattr(solution, name) for name in ("z", "p", "g", "lam_g", "lam_x")} | asdict(solution.bounds)
+    found = Solution(
+        plan.design, plan.objective, plan.phases, summary, kkt, multipliers=dict(verdict.multipliers), verdict=verdict,
+        stated=plan.stated, own=plan.own,
+    )  # fmt: skip
+    return _as_derived(found, plan)
 
 
-def _join(parts: list[Samples]) -> Samples:
-    if len(parts) == 1:
-        return parts[0]
-    names = ("t", "phase", "q", "v", "a", "tau", "f", "com_v")
-    arrays = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
-    points = {name: np.concatenate([p.points[name] for p in parts]) for name in parts[0].points}
-    return Samples(**arrays, points=points)
+# ---- the nonlinear program that it is the answer of --------------------------------------------------------------
+
+
+def has_multipliers(solution: Solution) -> bool:
+    """Whether the program's point and multipliers were stored."""
+    return {"z", "lam_g", "lam_x"} <= solution.kkt.keys()
+
+
+def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]:
+    """What the solution was found with; UsageError if it takes functions that were not given again: files name code,
+    they do not run it."""
+    objective, constraints = solution.summary.functions.objective, solution.summary.functions.constraints
+    goal, own = solution.own
+    _check_rules(solution)
+    if (goal.name if goal else None) != objective or sorted(c.name for c in own) != sorted(constraints):
+        options = [f"--objective {objective}"] * bool(objective) + [f"--constraint {name}" for name in constraints]
+        what = "was found without user-defined functions: give none"
+        if options:
+            what = f"was found with user-defined functions and needs their module: add {' '.join(options)}"
+        raise UsageError(f"{solution.result_dir} {what}")
+    return goal or find(solution.objective), own
+
+
+def _check_rules(solution: Solution) -> None:
+    """UsageError unless the limits that were added to RULES are those that the solution was found with."""
+    stored, present = solution.summary.functions.rules, added_rules()
+    where = solution.result_dir or solution.design.name
+    if missing := [name for name in stored if name not in present]:
+        modules = ", ".join(dict.fromkeys(name.partition(":")[0] for name in missing))
+        example = f"python -c \"import {modules}; from hopopt.cli.main import main; main(['verify', '{where}'])\""
+        raise UsageError(
+            f"{where} was found with limits added to RULES ({', '.join(missing)}) and needs their module: {example}"
+        )
+    if more := [name for name in present if name not in stored]:
+        raise UsageError(f"{where} was found without the limits that RULES has now ({', '.join(more)}): take them out")
+
+
+def hop_of(solution: Solution) -> Hop:
+    """The hop that the solution is of."""
+    goal, constraints = own_functions(solution)
+    return Hop(solution.design, goal, constraints=constraints)
+
+
+def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolution:
+    """The nonlinear program of the last mesh with its stored point, multipliers and bounds; ``problem``: the solution's,
+    if it is made already, or one that differs in its objective."""
+    problem, mesh, kkt = problem or hop_of(solution).problem, {}, dict(solution.kkt)
+    for name, trajectory in solution.phases.items():
+        edges = trajectory.edges / trajectory.duration
+        free = np.flatnonzero(np.diff(trajectory.arc)) + 1
+        mesh[name] = PhaseMesh(tuple(edges.tolist()), tuple(free.tolist()))
+    t = Transcription(problem, scheme(next(iter(solution.phases.values())).scheme.name), mesh)
+    if len(kkt["z"]) != len(t.scale):
+        raise ResultError(f"{solution.result_dir}: mesh and NLP vectors do not belong together")
+    bounds = Bounds(*(kkt.pop(side.name) for side in fields(Bounds)))
+    phases, values = t.unpack(kkt["z"], kkt["p"])
+    f, g = ca.Function("fg", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"], t.nlp["g"]])(kkt["z"], kkt["p"])
+    kkt["g"], objective = np.array(g).ravel(), t.problem.objective.cost(float(f))
+    return NlpSolution(t, phases, values, objective, "stored", True, 0, **kkt, bounds=bounds)
+
+
+def without_tie_break(solution: Solution, hop: Hop | None = None) -> NlpSolution:
+    """The program of a hop and its solution, the tie-break taken off the objective; ``hop``: it, if it is made already."""
+    return stored_nlp(solution, (hop or hop_of(solution)).tied(0.0))

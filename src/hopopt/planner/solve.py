@@ -18,11 +18,10 @@ from hopopt.ocp.objectives.registry import given
 from hopopt.optimality.minimum_principle.free_switches import resolve
 from hopopt.planner.answer.limit_names import flat_words
 from hopopt.planner.answer.notes import flat_directions, notes_on, saddle_note, second_order
-from hopopt.planner.answer.stored_summary import LATE
-from hopopt.planner.answer.summary import start_figures
-from hopopt.planner.answer.summary_extras import FlatDirection
+from hopopt.planner.answer.starts import start_figures
+from hopopt.planner.answer.summary import LATE
 from hopopt.planner.attempts import HOP, Attempt, Trial, tried_again, with_tighter_tolerances
-from hopopt.planner.checks.cross_check import with_cross_checks
+from hopopt.planner.checks.cross_check import cross_check_entries
 from hopopt.planner.refine_and_verify import (
     aims_of,
     judged,
@@ -47,8 +46,7 @@ from hopopt.planner.search.multistart import (
 )
 from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.search.shortest_stance import with_shortest_stance
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.checking.hints import hints
 from hopopt.problem.load import as_design
@@ -92,16 +90,19 @@ def solve(
     if faults := joints_without_inertia(hop.design, hop.robot):
         raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
     clock.mark("model")
-    hop, best = _found(hop, asked, starts, processes, structure, say, clock, until)
-    best = best.with_summary(time_limit_s=seconds)
-    return with_cross_checks(hop, best, clock, say, end) if cross_check else best
+    hop, best, found = _found(hop, asked, starts, processes, structure, say, clock, until)
+    if cross_check:
+        found |= cross_check_entries(hop, best, found["notes"], say, end)
+        clock.mark("second opinions")
+    times = {"timings_s": clock.stages, "wall_s": clock.last - clock.begin, "time_limit_s": seconds}
+    return best.with_summary(**found, **times)
 
 
 def _found(
     hop: Hop, asked: Design, starts: int | None, processes: int | None, structure: bool, say: Progress, clock: Stopwatch,
     until: Deadline,
-) -> tuple[Hop, Solution]:  # fmt: skip
-    """The best hop that is found in the time that is left, with its problem and what is reported of the search."""
+) -> tuple[Hop, Solution, dict[str, Any]]:  # fmt: skip
+    """The best hop that is found in the time that is left, with its problem, and what its summary says of the search."""
     count = starts or hop.design.solver.starts
     economical = from_highest(hop, count, say, until=until)
     searched = search_first_mesh(hop, count, processes, say, economical, until)
@@ -128,14 +129,14 @@ def _found(
     second = None if until.passed else second_order(stored_nlp(best, hop.problem))
     own = notes_on(hop, asked, structure, best, better)
     notes = (*late, *saddle_note(second), *alarm_note(overall), *own, *flat_words(found or []))
-    reported = None if found is None else tuple(FlatDirection(**f.as_dict()) for f in found)
     ended = start_figures(
         outcomes, outcomes[_chosen(best, outcomes)], count, told_apart(hop, outcomes, [*finished, best])
     )
-    return hop, best.with_summary(
-        notes=notes, flat=reported, second_order=second, starts=ended, searched=count >= SEARCH, families=known_as,
-        global_=overall,
-    )  # fmt: skip
+    flat = None if found is None else tuple(found)
+    return hop, best, {
+        "notes": notes, "flat": flat, "second_order": second, "starts": ended, "searched": count >= SEARCH,
+        "families": known_as, "global_": overall,
+    }  # fmt: skip
 
 
 def doubted(hop: Hop, searched: FirstMesh, finished: Sequence[Solution]) -> bool:

@@ -1,7 +1,7 @@
 """The figures of a solved hop, as matplotlib objects: the same headless and in notebooks."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
-from hopopt.ocp.constraints import steepness
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
-from hopopt.planner.solution import Samples, Solution
+from hopopt.ocp.rules import steepness
+from hopopt.planner.motion import Samples
+from hopopt.planner.solution import Solution
 from hopopt.plots.stick import stick
 from hopopt.plots.studies.swept import obstacle
 from hopopt.plots.style import (
@@ -30,7 +31,7 @@ from hopopt.plots.style import (
     PALE,
     SIZE,
     TEXT,
-    Motion,
+    PhaseSamples,
     by_phase,
     describe,
     headline,
@@ -105,7 +106,7 @@ def joints(solution: Solution) -> Figure:
     return figure
 
 
-def _angle(ax: Axes, solution: Solution, motion: Motion, k: int) -> None:
+def _angle(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
     """Angle [rad] of joint k and its limits."""
     names = solution.robot.joints
     limits = solution.design.leg.joint[names[k]]
@@ -114,7 +115,7 @@ def _angle(ax: Axes, solution: Solution, motion: Motion, k: int) -> None:
     by_phase(ax, motion, lambda s: s.t, lambda s: s.q[:, k - len(names)])
 
 
-def _torque(ax: Axes, solution: Solution, motion: Motion, k: int) -> None:
+def _torque(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
     """Torque [N m] of joint k over the band that its speed allows."""
     names = solution.robot.joints
     bounds = solution.region(names[k]).torque_bounds(joined(motion, lambda s: s.v[:, k - len(names)]))
@@ -144,7 +145,7 @@ def operating_region(solution: Solution) -> Figure:
     return figure
 
 
-def _mark_instants(ax: Axes, motion: Motion, k: int, column: int, end: str) -> None:
+def _mark_instants(ax: Axes, motion: PhaseSamples, k: int, column: int, end: str) -> None:
     """Start, lift-off (on both sides: the torque may jump), the ``end`` of flight and touchdown of joint k."""
     for phase, row, marker, size, label in (
         (STANCE, 0, "o", 9, "start"),
@@ -229,15 +230,22 @@ def figures_of(solution: Solution) -> dict[str, Callable[[Solution], Figure]]:
 
 
 def save_all(solution: Solution, folder: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
-    """Write every figure in every format to a folder, which is made if need be; the files written.
+    """``save_figures`` of a hop."""
+    return save_figures(solution, figures_of(solution), folder, formats)
+
+
+def save_figures(
+    shown: Any, figures: Mapping[str, Callable[[Any], Figure]], folder: Path, formats: Sequence[str] = FORMATS
+) -> list[Path]:
+    """Write every figure of what is shown in every format to a folder, which is made if need be; the files written.
 
     Raises ResultError, naming the figures that failed and why, when the others are written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    paths, faults = [], []
-    for name, draw in figures_of(solution).items():
+    paths, faults = list[Path](), list[str]()
+    for name, draw in figures.items():
         try:
-            paths += save_figure(draw(solution), folder / name, formats)
+            paths += save_figure(draw(shown), folder / name, formats)
         except Exception as error:  # whatever is wrong with one figure, the others are drawn
             faults.append(f"{name}: {type(error).__name__}: {error}")
     if faults:

@@ -8,14 +8,13 @@ from matplotlib.figure import Figure
 
 from hopopt.comparison.hops.hop_after_hop import HopsComparison
 from hopopt.comparison.ladder import Ladder
-from hopopt.errors import ResultError
 from hopopt.leg.robot import BASE
 from hopopt.plots.controllers.ladder import staircase
 from hopopt.plots.controllers.runs_style import looks
-from hopopt.plots.hop import save_figure
+from hopopt.plots.hop import save_figures
 from hopopt.plots.style import BLACK, GREEN, GREY, PALE, SIZE, SMALL, called_after, describe, legend, new_figure
 
-MOST = 5  # orbits in a figure; with more it cannot be read
+MOST_ORBITS = 5  # orbits in a figure; with more it cannot be read
 
 
 def clearances(found: HopsComparison) -> Figure:
@@ -36,7 +35,7 @@ def clearances(found: HopsComparison) -> Figure:
 
 def orbit(found: HopsComparison) -> Figure:
     """Speed [rad/s] over angle [rad] of every joint: the optimum's cycle, and the hop on which each strategy settles."""
-    runs = dict(list(found.shown.items())[:MOST])
+    runs = dict(list(found.shown.items())[:MOST_ORBITS])
     joints = found.solution.robot.joints
     figure = new_figure(f"{called_after(found.solution.design)}: the cycle of every joint", (SIZE[0], SIZE[1]))
     look = looks(found.shown)
@@ -79,19 +78,10 @@ FIGURES: dict[str, Callable[[HopsComparison], Figure]] = {"clearances": clearanc
 
 
 def save_all(found: HopsComparison, folder: Path, steps: Ladder | None = None) -> list[Path]:
-    """Write every figure to a folder, with that of the ladder if there is one; the files written. ResultError, naming those that
-    failed, when the others are there."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths, faults, figures = list[Path](), list[str](), dict(FIGURES)
+    """``save_figures`` of a comparison, with that of the ladder if there is one."""
+    figures = dict(FIGURES)
     if not found.basins:
         del figures["basin"]
     if steps is not None:
         figures["why"] = lambda found: staircase(steps, called_after(found.solution.design))
-    for name, draw in figures.items():
-        try:
-            paths += save_figure(draw(found), folder / name)
-        except Exception as error:  # whatever is wrong with one figure, the others are drawn
-            faults.append(f"{name}: {type(error).__name__}: {error}")
-    if faults:
-        raise ResultError("; ".join(faults))
-    return paths
+    return save_figures(found, figures, folder)

@@ -21,13 +21,13 @@ from hopopt.errors import MissingExtraError, UsageError
 from hopopt.leg.files.urdf_visuals import BODY, Visual
 from hopopt.planner.solution import Solution
 
-STEP = 0.002  # [s] between two poses
-FRAME = 1 / 50  # [s] between two pictures
+POSE_INTERVAL = 0.002  # [s] between two poses
+FRAME_INTERVAL = 1 / 50  # [s] between two pictures
 THICK = 0.04  # radius of a link's cylinder, as a share of the leg's length
 FORCE = 0.0006  # [m/N]: length of the ground force's line
-SPEEDS = {"1": 1.0, "1/4": 0.25, "1/10": 0.1}
+PLAY_SPEEDS = {"1": 1.0, "1/4": 0.25, "1/10": 0.1}
 BLUE, GREY, BLACK = (0, 114, 178), (120, 120, 120), (26, 26, 26)
-LARGEST = 100_000_000  # bytes of a mesh
+LARGEST_MESH = 100_000_000  # bytes of a mesh
 
 
 class HopScene:
@@ -40,7 +40,7 @@ class HopScene:
     def __init__(self, server: Any, solution: Solution, looks: Sequence[Visual] = ()):
         self.server, self._robot, self._lock = server, solution.robot, RLock()
         self.end = solution.end
-        even = np.linspace(0.0, self.end, max(2, round(self.end / STEP) + 1))
+        even = np.linspace(0.0, self.end, max(2, round(self.end / POSE_INTERVAL) + 1))
         samples = solution.sample(even)
         self._t, self._q, self._force = samples.t, samples.q, samples.f
         self._data = solution.robot.model.createData()
@@ -118,7 +118,7 @@ class HopScene:
         gui.configure_theme(show_share_button=False, show_logo=False)  # sharing would send the hop to another's server
         self.slider = gui.add_slider("time [s]", 0.0, round(self.end, 3), 0.001, 0.0)
         self.button = gui.add_button("Play")
-        self.speed = gui.add_dropdown("speed", list(SPEEDS), initial_value="1/4")
+        self.speed = gui.add_dropdown("speed", list(PLAY_SPEEDS), initial_value="1/4")
         self.slider.on_update(lambda event: self.show(self.slider.value))
         self.button.on_click(lambda event: self.play(not self.playing))
 
@@ -152,7 +152,7 @@ class HopScene:
         """Let so much time pass [s], at the speed that is chosen; at its end the hop pauses."""
         if not self.playing:
             return
-        t = min(self.end, self.slider.value + SPEEDS[self.speed.value] * seconds)
+        t = min(self.end, self.slider.value + PLAY_SPEEDS[self.speed.value] * seconds)
         self.slider.value = min(t, self.slider.max)
         self.show(t)
         if t >= self.end - 1e-3:
@@ -162,7 +162,7 @@ class HopScene:
         """Play whenever asked, until interrupted."""
         before = time.perf_counter()
         while True:
-            time.sleep(FRAME)
+            time.sleep(FRAME_INTERVAL)
             now = time.perf_counter()
             self.advance(now - before)
             before = now
@@ -213,7 +213,7 @@ def _mesh(look: Visual) -> Any:
 
 def _read(trimesh: Any, file: Path, scale: Sequence[float]) -> Any:
     try:
-        if file.stat().st_size > LARGEST:
+        if file.stat().st_size > LARGEST_MESH:
             return None
         mesh = trimesh.load(file, force="mesh")
         mesh.apply_scale(scale)

@@ -33,7 +33,7 @@ WIDE = 1.25  # share of a slide's width over its height, divided by the rows, th
 def stick(solution: Solution) -> Figure:
     """The leg every 40 ms, at the end of flight and where it lands, each pose beside the one before it and all to one scale [m]."""
     figure = solution_figure(solution, "the hop every 40 ms, poses side by side")
-    poses = _Poses(solution)
+    poses = _HopPoses(solution)
     for ax, row in zip(figure.subplots(len(poses.rows), squeeze=False)[:, 0], poses.rows, strict=True):
         for k in row:
             poses.draw(ax, k)
@@ -48,7 +48,7 @@ def stick(solution: Solution) -> Figure:
     return figure
 
 
-class _Poses:
+class _HopPoses:
     """Where each pose of the hop is drawn: x, z (k, points) and body x [m], in rows that fill a slide."""
 
     def __init__(self, solution: Solution):

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 
 from hopopt.design import Design
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE
-from hopopt.planner.solution import Samples, Solution
-from hopopt.problem.render import rows
+from hopopt.planner.motion import Samples
+from hopopt.planner.solution import Solution
 
 DPI = 150  # 1650 pixels across
 SIZE = (11.0, 6.2)  # [in], the shape of a slide
@@ -31,7 +31,8 @@ TITLE, TEXT, SMALL = 15, 13, 11  # font sizes [pt]
 BAND = {"color": PALE, "lw": 0}
 LIMIT = {"color": GREY, "lw": 1.2, "ls": "--"}
 
-Motion = dict[str, Samples]  # by phase
+PhaseSamples = dict[str, Samples]  # by phase
+Value = Callable[[Samples], np.ndarray]  # of every sample
 
 
 class Picture(Figure):
@@ -71,12 +72,6 @@ def describe(ax: Axes, x: str, y: str, title: str = "") -> None:
     ax.set_axisbelow(True)
 
 
-def entry_label(design: Design, entry: str) -> str:
-    """An entry of a problem with its unit."""
-    unit = {row.path: row.unit for row in rows(design)}.get(entry.partition("[")[0], "")
-    return f"{entry} [{unit}]" if unit not in ("", "1") else entry
-
-
 def legend(figure: Figure) -> None:
     """One legend for all axes, below them, where it covers no curve; each label once, read line by line."""
     handles: dict[str, Artist] = {}
@@ -98,17 +93,17 @@ def _columns(labels: Sequence[str], width: float) -> int:
     return -(-len(labels) // lines)
 
 
-def motion_of(solution: Solution) -> Motion:
+def motion_of(solution: Solution) -> PhaseSamples:
     """Every phase, sampled inside every interval."""
     return {phase: solution.everywhere(phase, NORMALISED_TIMES) for phase in solution.phases}
 
 
-def joined(motion: Motion, value: Callable[[Samples], np.ndarray]) -> np.ndarray:
+def joined(motion: PhaseSamples, value: Value) -> np.ndarray:
     """A value of all phases, one after the other."""
     return np.concatenate([value(s) for s in motion.values()])
 
 
-def by_phase(ax: Axes, motion: Motion, x: Callable[[Samples], np.ndarray], y: Callable[[Samples], np.ndarray]) -> None:
+def by_phase(ax: Axes, motion: PhaseSamples, x: Value, y: Value) -> None:
     """A curve in the colours of the phases."""
     for phase, s in motion.items():
         jumping_curve(ax, s.t, x(s), y(s), color=COLOR[phase], lw=2, label=phase)

@@ -8,19 +8,9 @@ from matplotlib.figure import Figure
 from hopopt.comparison.hops.transition import Transition
 from hopopt.ocp.hops.several_hops import in_words
 from hopopt.ocp.phases import FLIGHT, STANCE
-from hopopt.planner.solution import Motion
+from hopopt.planner.motion import Motion
 from hopopt.plots.hop import save_figure
-from hopopt.plots.style import (
-    BLACK,
-    COLOR,
-    GREEN,
-    GREY,
-    NORMALISED_TIMES,
-    called_after,
-    describe,
-    legend,
-    new_figure,
-)
+from hopopt.plots.style import BLACK, COLOR, GREEN, GREY, NORMALISED_TIMES, called_after, describe, legend, new_figure
 
 ORBIT = 0.45  # opacity of the hops of an orbit: they are not what was planned
 

@@ -40,11 +40,7 @@ def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[s
     for label, layer in _layers(source, report):
         _lay_over(data, with_numbers(_plain(layer), data, label, report), label, report)
     _lay_overrides(data, overrides, report)
-    data = data if report.unreadable else with_leg(data, report)
-    design = None if report.unreadable else check(data, report)
-    if design is None or report.sentences:
-        raise ProblemFileError(report.source, report.sentences)
-    return design
+    return _checked(data if report.unreadable else with_leg(data, report), report)
 
 
 def urdf_of(source: str | Path) -> Mapping[str, Any] | None:
@@ -75,10 +71,14 @@ def changed(design: Design, entries: Mapping[str, Any]) -> Design:
     report = Report(design.name, design.name)
     data = design.model_dump(exclude_none=True)
     _lay_overrides(data, entries, report)
-    found = None if report.unreadable else check(data, report)
-    if found is None or report.sentences:
+    return _checked(data, report)
+
+
+def _checked(data: dict[str, Any], report: Report) -> Design:
+    design = None if report.unreadable else check(data, report)
+    if design is None or report.sentences:
         raise ProblemFileError(report.source, report.sentences)
-    return found
+    return design
 
 
 def builtin_names() -> list[str]:

@@ -51,7 +51,10 @@ def design_hash(design: Design) -> str:
 
 
 def toml_value(value: Any) -> str:
-    """A value as TOML writes it; TypeError if a problem file cannot hold it."""
+    """A value as TOML writes it; TypeError if a problem file cannot hold it.
+
+    Not by a library: tomli-w writes no comments, which hold the meaning of every entry, and sentences quote values alone.
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):

@@ -7,8 +7,9 @@ that extends another, and no links of one with a URDF.
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from hopopt.design import Design, Joint, Leg, Link
+from hopopt.design import Design, Leg
 from hopopt.problem.catalogue import PARTS, names
+from hopopt.problem.checking.entries import raw_schema
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 OWN = ("unit", "physical", "allowed", "title", "default", "description")  # keywords that are written anew
@@ -24,8 +25,7 @@ Schema = dict[str, Any]
 
 def problem_schema() -> Schema:
     """The schema of a problem file, as JSON data."""
-    raw = Design.model_json_schema()
-    found = _plain(raw)
+    found = _plain(raw_schema())
     tables: dict[str, Schema] = found["definitions"]
     for table in (found, *tables.values()):
         table.pop("required", None)
@@ -40,15 +40,10 @@ def problem_schema() -> Schema:
 
 
 def _plain(value: Any) -> Any:
-    """Pydantic's schema without nulls, which TOML has not, and in the words of draft 7."""
+    """Pydantic's schema in the words of draft 7."""
     if isinstance(value, list):
         return [_plain(x) for x in value]
-    if not isinstance(value, Mapping):
-        return value
-    if "anyOf" in value and {"type": "null"} in value["anyOf"]:
-        others = [x for x in value["anyOf"] if x != {"type": "null"}]
-        value = {**{k: v for k, v in value.items() if k != "anyOf"}, **(others[0] if len(others) == 1 else {})}
-    return dict(_keywords(value))
+    return dict(_keywords(value)) if isinstance(value, Mapping) else value
 
 
 def _keywords(value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -93,27 +88,17 @@ def _open(leg: Schema) -> None:
 
 def _complete() -> Schema:
     """What a file needs that extends no other, and a leg without a URDF."""
+    required = {name: table.get("required", []) for name, table in raw_schema()["$defs"].items()}
+    unnamed = {"type": "object", "not": {"required": ["model"]}}
     tables = {
-        name: {"if": {"type": "object", "not": {"required": ["model"]}}, "then": {"required": _required(kind)}}
-        for name, kind in _annotations(Leg)
+        name: {"if": unnamed, "then": {"required": required[name.capitalize()]}} for name in ("body", "motor", "gear")
     }
     stated = {name: tables.get(name, {}) for name in [*Leg.model_fields, *URDF_ENTRIES, "locked"]}
-    either = {"anyOf": [{"required": _required(kind)} for kind in (Joint, Link)]}
-    needed = [name for name in _required(Leg) if name not in ("joint", "link")]
+    either = {"anyOf": [{"required": required[kind]} for kind in ("Joint", "Link")]}
+    needed = [name for name in required["Leg"] if name not in ("joint", "link")]
     leg = {
         "if": {"not": {"required": ["urdf"]}},
         "then": {"required": needed, "properties": stated, "additionalProperties": either},
     }
-    then = {"required": _required(Design), "properties": {"leg": leg}}
+    then = {"required": raw_schema()["required"], "properties": {"leg": leg}}
     return {"if": {"not": {"required": ["extends"]}}, "then": then}
-
-
-def _annotations(kind: Any) -> Iterator[tuple[str, Any]]:
-    """Tables of a table that are required, each with its model."""
-    for name, info in kind.model_fields.items():
-        if info.is_required() and hasattr(info.annotation, "model_fields"):
-            yield name, info.annotation
-
-
-def _required(kind: Any) -> list[str]:
-    return [name for name, info in kind.model_fields.items() if info.is_required()]

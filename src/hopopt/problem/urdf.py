@@ -12,16 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from hopopt.files import read_regular
-from hopopt.leg.files.urdf_xml import MAX_BYTES
+from hopopt.leg.files.urdf import read_leg
+from hopopt.leg.files.urdf_xml import MAX_BYTES, UrdfError
 from hopopt.problem.checking.faults import Report
+from hopopt.problem.checking.wording import is_number
 from hopopt.problem.render import shown, shown_path
 
 ENTRIES = ("urdf", "foot_frame", "locked")  # of [leg], besides what a leg without a URDF has
 WHOLE_TURN = 6.27  # rad; nearly: files round it
-STRONGEST, FASTEST = (
-    1000.0,
-    100.0,
-)  # N m, rad/s of a joint: more than any leg's has, and what stands in place of a limit
+STRONGEST, FASTEST = 1000.0, 100.0  # N m, rad/s of a joint: more than any has; files say so where there is no limit
 ROBOTS = "example-robot-data"  # package of public robots; a path that begins with its name lies in it
 ROBOTS_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 
@@ -33,16 +32,15 @@ def located(layer: Mapping[str, Any], folder: Path, label: str, report: Report) 
     if not isinstance(leg, Mapping) or not isinstance(name, str):
         return dict(layer)
     where = f"{label}: leg.urdf = {shown(name)}"
-    if name.startswith(f"{ROBOTS}/"):
-        inside, folder = name.removeprefix(f"{ROBOTS}/"), _robots() or Path()
-    else:
-        inside = name
+    inside = name.removeprefix(f"{ROBOTS}/")
+    robots = None if inside == name else _robots()
+    folder = robots or folder
     try:
         found = (folder / inside).resolve()
     except (OSError, ValueError, RuntimeError):  # a null byte, a loop of links
         report.unusable(f"{where} is not the path of a file")
         return dict(layer)
-    if folder == Path() and name.startswith(f"{ROBOTS}/"):
+    if inside != name and robots is None:
         report.unusable(f'{where} is in the package {ROBOTS}, which is not installed: pip install "hopopt[robots]"')
     elif os.path.isabs(inside) or not found.is_relative_to(folder.resolve()):
         report.unusable(f"{where} leads out of the folder of the problem: put the URDF beside it, or below")
@@ -78,9 +76,6 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
         return {**data, "leg": rest}
     if not _usable(given, rest, report):
         return {**data, "leg": rest}
-    from hopopt.leg.files.urdf import read_leg
-    from hopopt.leg.files.urdf_xml import UrdfError
-
     path = Path(given["urdf"])
     try:
         found = read_leg(
@@ -117,7 +112,7 @@ def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: Report) ->
         report.add("leg.joints", "has to name the joints of the URDF that move, from the body to the foot")
     elif not isinstance(foot, str):
         report.add("leg.foot_frame", "has to name the link of the URDF whose origin touches the ground")
-    elif not isinstance(locked, Mapping) or not all(_is_angle(value) for value in locked.values()):
+    elif not isinstance(locked, Mapping) or not all(map(_moderate, locked.values())):
         report.add(
             "leg.locked", "takes names of joints with the angle [rad] they are held at: locked = {hip_yaw = 0.0}"
         )
@@ -125,10 +120,6 @@ def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: Report) ->
         return True
     report.unreadable = True  # what is missing then would only be said again
     return False
-
-
-def _is_angle(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e3
 
 
 def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any]:
@@ -183,7 +174,7 @@ def _drives(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
     drives: dict[str, Any] = {}
     for item in found.links:
         own = leg.get(item.joint)
-        ratio = next((t["ratio"] for t in _gears(own, leg) if _is_ratio(t.get("ratio"))), 1.0)
+        ratio = _ratio(own, leg)
         values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
         stated = {k: v for k, v in values.items() if math.isfinite(v)}
         given = own.get("motor", {}) if isinstance(own, Mapping) else {}
@@ -199,13 +190,16 @@ def _drives(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
     return {"motor": common, **drives} if common else drives
 
 
-def _is_ratio(value: Any) -> bool:
-    return _is_angle(value) and value > 0
+def _ratio(*holders: Any) -> float:
+    """The first gear ratio that one of these tables has in its gear; 1 if none has."""
+    gears = [holder.get("gear") for holder in holders if isinstance(holder, Mapping)]
+    ratios: list[Any] = [gear.get("ratio") for gear in gears if isinstance(gear, Mapping)]
+    return next((ratio for ratio in ratios if _moderate(ratio) and ratio > 0), 1.0)
 
 
-def _gears(own: Any, leg: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    tables = [own.get("gear") if isinstance(own, Mapping) else None, leg.get("gear")]
-    return [table for table in tables if isinstance(table, Mapping)]
+def _moderate(value: Any) -> bool:
+    """Whether a value is a number that an angle or a ratio may be."""
+    return is_number(value) and abs(value) <= 1e3
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

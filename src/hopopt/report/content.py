@@ -3,13 +3,12 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from hopopt.design import Design
 from hopopt.errors import ResultError, UsageError
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash
-from hopopt.report.motion import ShownHop, planned, simulated
+from hopopt.report.motion import planned, simulated
 from hopopt.report.page import COLORS, Content
-from hopopt.storage.runs import StoredRuns, read_runs
+from hopopt.storage.runs import read_runs
 from hopopt.storage.seal.digests import manifest_of
 from hopopt.storage.solution import read
 
@@ -65,20 +64,12 @@ def of_comparison(folder: Path) -> Content:
     stored = read_runs(folder, "comparison")
     names = [name for name in FIRST if name in stored.traces]
     names += [name for name in stored.traces if name not in names]
-    hops = [_run(stored, name) for name in names[: len(COLORS)]]
-    solution = bound_in(folder, stored.design)
+    heights = {name: stored.data["strategies"][name]["clearance_m"] for name in names}
+    hops = [simulated(stored.traces[name], name, heights[name]) for name in names[: len(COLORS)]]
+    found = (read(path.parent) for path in sorted(folder.glob("*/solution.nc")))  # none if it was solved before
+    solution = next((s for s in found if design_hash(s.design) == design_hash(stored.design)), None)
     where = provenance(solution) if solution else {"folder": str(folder)}
     return Content(stored.design, hops, solution, stored.data, {"comparison": str(folder), **where})
-
-
-def _run(stored: StoredRuns, name: str) -> ShownHop:
-    return simulated(stored.traces[name], name, stored.data["strategies"][name]["clearance_m"])
-
-
-def bound_in(folder: Path, design: Design) -> Solution | None:
-    """The optimum of this very problem in a comparison's folder; None if it was solved before and lies elsewhere."""
-    found = (read(path.parent) for path in sorted(folder.glob("*/solution.nc")))
-    return next((s for s in found if design_hash(s.design) == design_hash(design)), None)
 
 
 def provenance(solution: Solution) -> Mapping[str, str]:

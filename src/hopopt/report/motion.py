@@ -8,7 +8,7 @@ from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution
 from hopopt.sim.trace import Trace
 
-STEP = 0.002  # [s] between two instants: smoother than a screen shows at a fourth of the speed
+SHOWN_INTERVAL = 0.002  # [s] between two instants: smoother than a screen shows at a fourth of the speed
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ShownHop:
 
 def planned(solution: Solution, name: str) -> ShownHop:
     """The hop of a solution."""
-    even = np.linspace(0.0, solution.end, max(2, round(solution.end / STEP)))
+    even = np.linspace(0.0, solution.end, max(2, round(solution.end / SHOWN_INTERVAL)))
     s = solution.sample(np.union1d(even, [solution.lift_off, solution.duration]))
     n = len(solution.robot.joints)
     chain = np.stack([s.points[point] for point in (*solution.robot.joints, "foot")], axis=1)
@@ -54,7 +54,7 @@ def planned(solution: Solution, name: str) -> ShownHop:
 
 def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:
     """A simulated hop; its torques are those behind the drives' limits."""
-    even = np.arange(trace.t[0], trace.t[-1], STEP)
+    even = np.arange(trace.t[0], trace.t[-1], SHOWN_INTERVAL)
     rows = np.unique([*np.searchsorted(trace.t, even), len(trace.t) - 1])
     arrays = ("t", "q", "v", "command", "motor", "tau", "f", "contact", "work")
     few = replace(trace, **{array: getattr(trace, array)[rows] for array in arrays})

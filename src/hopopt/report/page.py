@@ -15,8 +15,8 @@ from markupsafe import Markup
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import build_robot
-from hopopt.planner.answer.summary_entry import as_data
 from hopopt.planner.solution import Solution
+from hopopt.record import as_data
 from hopopt.report.chart import LEFT, RIGHT, Chart, span
 from hopopt.report.html import part, render
 from hopopt.report.motion import ShownHop
@@ -157,16 +157,12 @@ def _regions(design: Design, hops: Sequence[ShownHop]) -> list[dict[str, Any]]:
     parameters, found = build_robot(design.leg).parameters, []
     for k, joint in enumerate(design.leg.joints):
         corners = operating_region(design.leg, joint, parameters).corners()
-        x, y = (span(corners[:, i], *(way[:, k] for way in ways)) for i, ways in enumerate(_ways(hops)))
+        x = span(corners[:, 0], *(h.v[:, k] for h in hops))
+        y = span(corners[:, 1], *(h.tau[:, k] for h in hops))
         chart = Chart(x, y, WIDTH, HEIGHT, "speed [rad/s]", "torque [N m]")
         paths = [_path(chart, h.v[:, k], h.tau[:, k], color) for h, color in zip(hops, COLORS, strict=False)]
         found.append({"joint": joint, "index": k, "chart": chart, "corners": chart.line(*corners.T), "paths": paths})
     return found
-
-
-def _ways(hops: Sequence[ShownHop]) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Speeds and torques of all hops."""
-    return [h.v for h in hops], [h.tau for h in hops]
 
 
 def _curves(hops: Sequence[ShownHop]) -> list[dict[str, Any]]:

@@ -11,22 +11,16 @@ import numpy as np
 
 from hopopt.errors import ResultError
 from hopopt.ocp.objectives.registry import find
-from hopopt.problem.render import rows
 from hopopt.report.chart import Chart, round_numbers, span
 from hopopt.report.html import render
 from hopopt.storage.seal.digests import changed, manifest_of
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED, Point
 from hopopt.studies.sweep.run import Study
+from hopopt.studies.sweep.shown import NO_LIMIT, cell_edges, colors, entry_label, entry_unit, value
 from hopopt.studies.sweep.store import FILES, load_points, read_definition
 
-LIMITS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#999999")  # in turn
-NO_LIMIT = "no limit"
 MARKS = {NOT_VERIFIED: "×", NOT_SOLVED: "✕", IMPOSSIBLE: "+", ENDED: "!"}  # of points without a verified hop
-LISTED, DRAWN, TITLED = (
-    500,
-    5000,
-    1000,
-)  # points in the table, marks in the figures, marks with words: a page stays small
+LISTED, DRAWN, TITLED = 500, 5000, 1000  # points in the table, marks in figures, marks with words: pages stay small
 WRITTEN = 60  # cells of a map that have room for their values
 WIDTH, HEIGHT = 640, 400  # pixels of a figure with one chart
 NARROW = 420  # pixels of one of several charts
@@ -73,6 +67,7 @@ def study_page(folder: Path) -> str:
     """The HTML file of a study's folder; ResultError if it cannot be read."""
     study = study_in(folder)
     goal, ranked, by_limit = find(study.definition.objective), _best_first(study), colors(study)
+    entries = [axis.entry for axis in study.definition.axes]
     other, listed = goal.figure != "clearance_m", ranked[:LISTED]
     return render(
         "study.html", study.definition.design, of="study", kind=_kind(study), answer=answer(study),
@@ -80,7 +75,7 @@ def study_page(folder: Path) -> str:
         outcomes=Counter(p.outcome for p in study.points if not p.verified), marks=MARKS, best=study.best,
         points=listed, reasons=[p for p in listed if not p.verified], left_out=len(ranked) - len(listed),
         goal=goal if other else None, not_drawn=len(ranked) - len(_drawn(study)),
-        entries=[axis.entry for axis in study.definition.axes], units=_units(study), no_limit=NO_LIMIT,
+        entries=entries, units={e: entry_unit(study.definition.design, e) for e in entries}, no_limit=NO_LIMIT,
     )  # fmt: skip
 
 
@@ -94,7 +89,8 @@ def answer(study: Study) -> list[str]:
     if best is None:
         return ["No best point is stated: no point has a verified hop.", counted]
     goal = find(study.definition.objective)
-    where = ", ".join(f"{entry} = {x:g}{_unit(study, entry)}" for entry, x in best.values.items())
+    design = study.definition.design
+    where = ", ".join(f"{entry} = {x:g} {entry_unit(design, entry)}".rstrip() for entry, x in best.values.items())
     words = [f"Best is {where}: the leg lifts its lowest point {best.clearance_m:.4f} m above the ground."]
     if goal.figure != "clearance_m":
         most, unit = "most" if goal.maximize else "least", "" if goal.unit == "1" else f" {goal.unit}"
@@ -107,12 +103,6 @@ def answer(study: Study) -> list[str]:
     return [*words, counted]
 
 
-def colors(study: Study) -> dict[str, str]:
-    """By limit that holds a hop back, its colour; the most frequent one first."""
-    counted = Counter(p.limit or NO_LIMIT for p in study.points if p.verified)
-    return {limit: LIMITS[k % len(LIMITS)] for k, (limit, _) in enumerate(counted.most_common())}
-
-
 def _kind(study: Study) -> str:
     d = study.definition
     how = f"sample {d.sample}" if d.sample else f"grid of {' × '.join(map(str, d.shape or ()))}"
@@ -123,17 +113,6 @@ def _best_first(study: Study) -> list[Point]:
     """Verified points from the best to the last, then those without a hop in the study's order."""
     goal = find(study.definition.objective)
     return sorted(study.points, key=lambda p: (not p.verified, -goal.merit(p.objective_value or 0.0) * p.verified))
-
-
-def _units(study: Study) -> dict[str, str]:
-    """By varied entry, its unit; empty without one."""
-    known = {row.path: row.unit for row in rows(study.definition.design)}
-    found = {axis.entry: known.get(axis.entry.partition("[")[0], "") for axis in study.definition.axes}
-    return {entry: "" if unit == "1" else unit for entry, unit in found.items()}
-
-
-def _unit(study: Study, entry: str) -> str:
-    return f" {unit}" if (unit := _units(study)[entry]) else ""
 
 
 def _varied(study: Study) -> dict[str, str]:
@@ -176,16 +155,6 @@ def _drawn(study: Study) -> list[Point]:
     return sorted(_best_first(study)[: DRAWN // charts], key=lambda p: p.index)
 
 
-def _value(study: Study, point: Point) -> float:
-    """Clearance [m], or another objective's value; not-a-number where it is not verified."""
-    found = point.clearance_m if study.definition.objective == "clearance" else point.objective_value
-    return float(found) if point.verified and found is not None else float("nan")
-
-
-def _label(study: Study, entry: str) -> str:
-    return f"{entry} [{unit}]" if (unit := _units(study)[entry]) else entry
-
-
 def _goal(study: Study) -> str:
     goal = find(study.definition.objective)
     return f"{goal.name.replace('_', ' ')} [{goal.unit}]"
@@ -196,18 +165,27 @@ def _words(study: Study, point: Point) -> str:
     where = ", ".join(f"{entry} = {x:g}" for entry, x in point.values.items())
     if not point.verified:
         return f"{where}: {point.outcome}"
-    return f"{where}: {_value(study, point):.5g} {find(study.definition.objective).unit}, {point.limit or NO_LIMIT}"
+    return f"{where}: {value(study, point):.5g} {find(study.definition.objective).unit}, {point.limit or NO_LIMIT}"
 
 
 def _over(study: Study, k: int, width: int, by_limit: Mapping[str, str]) -> dict[str, Any]:
     """The heights over the k-th entry, with a line through those that follow each other if there is no other entry."""
     points, entry = _drawn(study), study.definition.axes[k].entry
-    x, y = np.array([p.values[entry] for p in points]), np.array([_value(study, p) for p in points])
+    x, y = np.array([p.values[entry] for p in points]), np.array([value(study, p) for p in points])
     known = y[np.isfinite(y)] if np.isfinite(y).any() else np.zeros(1)
     low, high = span(known, margin=0.1) if np.ptp(known) else (float(known[0]) - 0.05, float(known[0]) + 0.05)
     strip = STRIP * (high - low) if any(not p.verified for p in points) else 0.0
     values, ticks = study.definition.axes[k].values, tuple(round_numbers(low, high))  # of heights; the strip has none
-    chart = Chart(_wide(x), (low - strip, high), width, HEIGHT, _label(study, entry), _goal(study), values, ticks)
+    chart = Chart(
+        _wide(x),
+        (low - strip, high),
+        width,
+        HEIGHT,
+        entry_label(study.definition.design, entry),
+        _goal(study),
+        values,
+        ticks,
+    )
     marks = [
         _mark(study, by_limit, p, chart, a, b if np.isfinite(b) else low - 0.35 * strip)
         for p, a, b in zip(points, x, y, strict=True)
@@ -218,12 +196,13 @@ def _over(study: Study, k: int, width: int, by_limit: Mapping[str, str]) -> dict
 
 
 def _mark(
-    study: Study, by_limit: Mapping[str, str], point: Point, chart: Chart, x: float, y: float, value: str = ""
-) -> Mark:
+    study: Study, by_limit: Mapping[str, str], point: Point, chart: Chart, x: float, y: float, text: str = "",
+    cell: tuple[float, ...] = (),
+) -> Mark:  # fmt: skip
     color = by_limit[point.limit or NO_LIMIT] if point.verified else ""
     place = chart.x_zero + chart.x_scale * x, chart.y_zero + chart.y_scale * y
     words = _words(study, point) if len(study.points) * len(study.definition.axes) <= TITLED else ""
-    return Mark(point, *place, color, words, value)
+    return Mark(point, *place, color, words, text, cell)
 
 
 def _wide(x: np.ndarray) -> tuple[float, float]:
@@ -245,27 +224,17 @@ def _map(study: Study, by_limit: Mapping[str, str]) -> dict[str, Any]:
     first, second = study.definition.axes
     points = _drawn(study)
     x, y = (np.array([p.values[axis.entry] for p in points]) for axis in (first, second))
-    edges = [_edges(axis.values) for axis in (first, second)] if study.definition.shape else []
+    edges = [cell_edges(np.array(axis.values)) for axis in (first, second)] if study.definition.shape else []
     ranges = [(float(e[0]), float(e[-1])) for e in edges] or [_wide(x), _wide(y)]
-    labels = _label(study, first.entry), _label(study, second.entry)
-    chart = Chart(ranges[0], ranges[1], WIDTH, HEIGHT, *labels, first.values, second.values)
+    along, up = (entry_label(study.definition.design, axis.entry) for axis in (first, second))
+    chart = Chart(ranges[0], ranges[1], WIDTH, HEIGHT, along, up, first.values, second.values)
     written = len(points) <= WRITTEN
     marks = []
     for p, a, b in zip(points, x, y, strict=True):
-        value = f"{_value(study, p):#.4g}" if p.verified and written else ""
-        mark = _mark(study, by_limit, p, chart, a, b, value)
-        marks.append(Mark(**{**vars(mark), "cell": _cell(chart, edges, a, b)}) if edges else mark)
+        text = f"{value(study, p):#.4g}" if p.verified and written else ""
+        marks.append(_mark(study, by_limit, p, chart, a, b, text, _cell(chart, edges, a, b) if edges else ()))
     entry = f"{first.entry} and {second.entry}"
     return {"chart": chart, "marks": marks, "lines": [], "entry": entry, "floor": None}
-
-
-def _edges(values: Sequence[float]) -> np.ndarray:
-    """Edges of cells around sorted values."""
-    v = np.unique(values)
-    if len(v) == 1:
-        return np.array([v[0] - 0.5, v[0] + 0.5])
-    middle = 0.5 * (v[1:] + v[:-1])
-    return np.concatenate([[2 * v[0] - middle[0]], middle, [2 * v[-1] - middle[-1]]])
 
 
 def _cell(chart: Chart, edges: Sequence[np.ndarray], x: float, y: float) -> tuple[float, ...]:

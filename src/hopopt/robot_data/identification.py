@@ -9,7 +9,7 @@ inertia, friction and torque constant from a common factor; without a drive at i
 no-load speed. And by the interval: a parameter whose interval is wider than ``TOLD`` either way keeps the problem's value.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from typing import Any
@@ -19,18 +19,18 @@ from scipy import stats
 
 from hopopt.design import Design
 from hopopt.errors import ResultError, UsageError
-from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import planar
-from hopopt.leg.robot import build_robot
 from hopopt.problem.load import changed
 from hopopt.problem.render import printable, resolved_toml
-from hopopt.robot_data.identification_fit import NOT_THIS_LEG, TOO_LITTLE, Fit, Regression
-from hopopt.robot_data.identification_rows import LegMomenta, LogRows, places
+from hopopt.robot_data.identification_fit import NOT_THIS_LEG, TOO_LITTLE, Regression, WeightedFit
+from hopopt.robot_data.identification_parameters import Unknown, changed_by, unknowns_of
+from hopopt.robot_data.identification_rows import LogRows, places
+from hopopt.robot_data.leg_momenta import LegMomenta
 from hopopt.robot_data.robot_log import RobotLog, same_run
 
 CONFIDENCE = 0.95  # of the intervals
 TOLD = 0.1  # of a parameter by which its interval may reach to either side
-LEAST = 0.02  # of the logged torque that friction, damping or rotor inertia take where their share counts
+NOTICED = 0.02  # of the logged torque that friction, damping or rotor inertia take where their share counts
 UNEXPLAINED = 0.2  # of the logged torque, root mean square, above which it is not this leg's
 STRANGE = 3.0  # factor between a mass or torque constant and the problem's, beyond which units are wrong
 CORRELATED = 0.9  # correlation of two parameters above which one is named as the other's excuse
@@ -40,20 +40,7 @@ GIVEN = "given as known"
 
 
 @dataclass(frozen=True)
-class Unknown:
-    """A parameter: its key and unit, the problem's value, its kind, the joints it belongs to, and what one unit of it changes
-    in the vector of ``Values``."""
-
-    key: str
-    unit: str
-    believed: float
-    kind: str
-    joints: tuple[int, ...]
-    column: np.ndarray
-
-
-@dataclass(frozen=True)
-class Estimate:
+class ParameterEstimate:
     """A parameter as the logs tell it: value and 95 % interval in ``unit``, whether it is identified, and if not, why; what is
     not identified keeps the problem's value, and has no interval where there is none."""
 
@@ -73,7 +60,7 @@ class Identification:
     (SI), and the lags of torque and force behind the angles, and how much greater those are at a drive's line [s]."""
 
     design: Design
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[ParameterEstimate, ...]
     noise: dict[str, float]
     lags: dict[str, float]
 
@@ -103,82 +90,10 @@ class Identification:
         unknowns = {u.key: u for u in unknowns_of(self.design)}
         for e in self.estimates:
             if e.identified and e.why != GIVEN:
-                own = dict(_changed_by(self.design, unknowns[e.key], float(f"{e.value:.6g}")))
+                own = dict(changed_by(self.design, unknowns[e.key], float(f"{e.value:.6g}")))
                 entries |= own
                 sources |= dict.fromkeys(own, f"95 %: {e.key} {e.low:.5g} to {e.high:.5g}")
         return entries, sources
-
-
-# ---- the parameters -----------------------------------------------------------------------------------------------
-
-
-def unknowns_of(design: Design) -> list[Unknown]:
-    """Every parameter that logs may tell; joints that share an entry of the problem share its parameter."""
-    leg, n = design.leg, len(design.leg.joints)
-    p, at = build_robot(leg).parameters, places(len(design.leg.joints))
-    found: list[Unknown] = []
-
-    def add(
-        key: str, unit: str, believed: float, kind: str, joints: Sequence[int], weights: Mapping[int, float]
-    ) -> None:
-        column = np.zeros(at["end"])
-        column[list(weights)] = list(weights.values())
-        found.append(Unknown(key, unit, believed, kind, tuple(joints), column))
-
-    for k, path in enumerate(["leg.body.mass", *(f"leg.{link}.mass" for link in leg.links)]):
-        add(path, "kg", p[path], "mass", range(n), {k: 1 / p[path]})
-    for path, joints in _shared(design, "motor", "rotor_inertia"):
-        squares = {at["rotor"] + k: leg.drive(leg.joints[k], "gear", "ratio")[1] ** 2 for k in joints}
-        add(path, "kg m^2", p.get(path, 0.0), "rotor", joints, squares)
-    for path, joints in _shared(design, "motor", "max_torque"):
-        given = leg.drive(leg.joints[joints[0]], "motor", "torque_constant")[1]
-        key, unit = path.replace("max_torque", "torque_constant"), "1" if given is None else "N m/A"
-        add(key, unit, given or 1.0, "gain", joints, {at["gain"] + k: 1 / (given or 1.0) for k in joints})
-    for path, joints in _shared(design, "gear", "efficiency"):
-        own, common = leg.drive(leg.joints[joints[0]], "gear", "efficiency")[1], design.simulation.gear_efficiency
-        key = "simulation.gear_efficiency" if own is None else path
-        add(key, "1", common if own is None else own, "kept", joints, {at["kept"] + k: 1.0 for k in joints})
-    everywhere, s = range(n), design.simulation
-    for key, unit, value, kind in (
-        ("simulation.gear_friction", "N m", s.gear_friction, "friction"),
-        ("simulation.gear_damping", "N m s/rad", s.gear_damping, "damping"),
-    ):
-        add(key, unit, value, kind, everywhere, {at[kind] + k: 1.0 for k in everywhere})
-    for path, joints in _shared(design, "motor", "max_speed"):
-        add(path, "rad/s", p[path], "speed", joints, {at["speed"] + k: 1.0 for k in joints})
-    return found
-
-
-def _shared(design: Design, part: Any, entry: str) -> Iterator[tuple[str, list[int]]]:
-    """Paths of a drive's entry, and the joints that have it from there."""
-    found: dict[str, list[int]] = {}
-    for k, joint in enumerate(design.leg.joints):
-        found.setdefault(design.leg.drive(joint, part, entry)[0], []).append(k)
-    yield from found.items()
-
-
-def _changed_by(design: Design, u: Unknown, value: float) -> Iterator[tuple[str, Any]]:
-    """Entries of the problem that a parameter's value changes: a link's own inertia goes with its mass, and a drive's torques
-    with its torque constant, for its limits are currents."""
-    leg, ratio = design.leg, value / u.believed if u.believed else 1.0
-    if u.kind == "gain":
-        for entry in ("max_torque", "torque_cap", "torque_constant"):
-            for k in u.joints:
-                path, old = leg.drive(leg.joints[k], "motor", entry)
-                if path == f"leg.motor.{entry}" and len(u.joints) < len(leg.joints):
-                    path = f"leg.{leg.joints[k]}.motor.{entry}"  # the other joints keep the leg's
-                if old is not None:
-                    yield path, old * ratio
-        return
-    if u.kind == "mass":
-        part = u.key.split(".")[1]
-        for entry, changed_to in {**scaled(leg.model_dump()[part], mass=ratio), "mass": value}.items():
-            yield f"leg.{part}.{entry}", changed_to
-        return
-    yield u.key, value
-
-
-# ---- what the logs tell -------------------------------------------------------------------------------------------
 
 
 def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()) -> Identification:
@@ -207,14 +122,19 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
     if not rows:
         raise ResultError(TOO_LITTLE)
     untold = _structural(unknowns, rows, known)
-    anchor = None if _anchored(unknowns, rows, known) else next(u.key for u in unknowns if u.kind == "gain")
+    forced = any(r.axes and r.standing.count for r in rows)  # which fixes the factor that the SCALED have in common
+    anchored = forced or any(u.key in known for u in unknowns if u.kind in SCALED)
+    anchor = None if anchored else next(u.key for u in unknowns if u.kind == "gain")
     free = [u for u in unknowns if u.key not in {*known, *untold, anchor}]
-    fixed, columns, lags = _vectors(design, unknowns, free, rows)
+    lags = ["lag", *(["force_lag"] if forced else [])]
+    if any(r.ramps.any() for r in rows):
+        lags += ["ramp_lag", *(["force_ramp_lag"] if forced else [])]
+    fixed, columns = _vectors(design, unknowns, free, lags)
     period = float(max(np.median(np.diff(log.t)) for log in logs))
     about = np.array([*(np.inf for _ in free), *(period if "ramp" in name else np.inf for name in lags)])
     regression = Regression(rows, fixed, columns, about)
     fit = regression.fit(np.array([*(u.believed for u in free), *(0.0 for _ in lags)]))
-    _credible(free, fit, regression, anchor is None)
+    _credible(free, fit, regression, anchored)
     places_of = {u.key: k for k, u in enumerate(free)}
     found = []
     for u in unknowns:
@@ -232,9 +152,9 @@ def identify(design: Design, logs: Sequence[RobotLog], known: Sequence[str] = ()
     return Identification(design, tuple(found), noise, late)
 
 
-def _kept(u: Unknown, why: str, identified: bool = False) -> Estimate:
+def _kept(u: Unknown, why: str, identified: bool = False) -> ParameterEstimate:
     """A parameter that keeps the problem's value."""
-    return Estimate(u.key, u.unit, u.believed, u.believed, None, None, identified, why)
+    return ParameterEstimate(u.key, u.unit, u.believed, u.believed, None, None, identified, why)
 
 
 def _one_of_many(u: Unknown, anchor: str, value: str) -> str:
@@ -242,11 +162,6 @@ def _one_of_many(u: Unknown, anchor: str, value: str) -> str:
     if u.key == anchor or not value:
         return "without force_z, masses, rotor inertia, friction and torque constant times any factor fit as well"
     return f"without force_z only its ratio to the torque constant shows: {value} with --known {anchor}"
-
-
-def _anchored(unknowns: Sequence[Unknown], rows: Sequence[LogRows], known: Sequence[str]) -> bool:
-    """Whether something fixes the factor that masses, friction and torque constants have in common."""
-    return any(r.axes and r.standing.count for r in rows) or any(u.key in known for u in unknowns if u.kind in SCALED)
 
 
 def _sensor(design: Design, name: str) -> str:
@@ -274,9 +189,9 @@ def _structural(unknowns: Sequence[Unknown], rows: Sequence[LogRows], known: Seq
 
 
 def _vectors(
-    design: Design, unknowns: Sequence[Unknown], free: Sequence[Unknown], rows: Sequence[LogRows]
-) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """The vector of ``Values`` at theta = 0, its derivatives by theta, and the names of the lags at theta's end."""
+    design: Design, unknowns: Sequence[Unknown], free: Sequence[Unknown], lags: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The vector of unknown values at theta = 0, and its derivatives by theta: the free parameters, then the lags."""
     at, leg = places(len(design.leg.joints)), design.leg
     fixed = np.zeros(at["end"])
     for k, joint in enumerate(leg.joints):
@@ -284,15 +199,11 @@ def _vectors(
         fixed[at["rotor"] + k] = turning * leg.drive(joint, "gear", "ratio")[1] ** 2
     keys = [u.key for u in free]
     fixed += sum((u.believed * u.column for u in unknowns if u.key not in keys), np.zeros(at["end"]))
-    forced = any(r.axes and r.standing.count for r in rows)
-    lags = ["lag", *(["force_lag"] if forced else [])]
-    if any(r.ramps.any() for r in rows):
-        lags += ["ramp_lag", *(["force_ramp_lag"] if forced else [])]
     late = np.eye(at["end"])[[at[name] for name in lags]]
-    return fixed, np.vstack([*(u.column for u in free), *late]).T, lags
+    return fixed, np.vstack([*(u.column for u in free), *late]).T
 
 
-def _credible(free: Sequence[Unknown], fit: Fit, regression: Regression, anchored: bool) -> None:
+def _credible(free: Sequence[Unknown], fit: WeightedFit, regression: Regression, anchored: bool) -> None:
     """ResultError where the fit does not explain the logs, or says what no leg is like."""
     blocks = [b for r in regression.rows for b in r.blocks(regression.fixed + regression.columns @ fit.theta)]
     for kind in sorted({b.kind for b in blocks}):
@@ -309,26 +220,31 @@ def _credible(free: Sequence[Unknown], fit: Fit, regression: Regression, anchore
             )
 
 
-def _estimate(u: Unknown, fit: Fit, k: int, free: Sequence[Unknown], rows: Sequence[LogRows]) -> Estimate:
+def _estimate(
+    u: Unknown, fit: WeightedFit, k: int, free: Sequence[Unknown], rows: Sequence[LogRows]
+) -> ParameterEstimate:
     """A parameter with its interval; the problem's value, and why, where that is too wide."""
     value, error = float(fit.theta[k]), float(fit.errors[k])
     reach = error * float(stats.t.ppf(0.5 + CONFIDENCE / 2, fit.freedom[k]))
-    lowest, highest = (-np.inf if u.kind in ("mass", "gain", "speed") else 0.0), (1.0 if u.kind == "kept" else np.inf)
+    lowest, highest = (
+        (-np.inf if u.kind in ("mass", "gain", "speed") else 0.0),
+        (1.0 if u.kind == "efficiency" else np.inf),
+    )
     low, high = (float(np.clip(x, lowest, highest)) for x in (value - reach, value + reach))
     if reach <= TOLD * max(abs(value), _least(u, rows)):
-        return Estimate(u.key, u.unit, u.believed, float(np.clip(value, lowest, highest)), low, high, True)
+        return ParameterEstimate(u.key, u.unit, u.believed, float(np.clip(value, lowest, highest)), low, high, True)
     why = f"its 95 % interval is {low:.3g} to {high:.3g} {u.unit}: these motions tell no more"
     spread = np.sqrt(np.diag(fit.covariance))
     alike = np.abs(fit.covariance[k] / spread[k] / spread)[: len(free)] * (np.arange(len(free)) != k)
     if alike.max(initial=0.0) > CORRELATED:
         why = f"{why.partition(':')[0]}: it can hardly be told from {free[int(np.argmax(alike))].key}"
-    return Estimate(u.key, u.unit, u.believed, u.believed, low, high, False, why)
+    return ParameterEstimate(u.key, u.unit, u.believed, u.believed, low, high, False, why)
 
 
 def _least(u: Unknown, rows: Sequence[LogRows]) -> float:
-    """The size of a parameter that takes ``LEAST`` of the logged torque; for others nothing."""
+    """The size of a parameter that takes ``NOTICED`` of the logged torque; for others nothing."""
     k = u.joints[0]
-    torque = LEAST * np.sqrt(np.mean([np.mean(r.s.tau[:, k] ** 2) for r in rows]))
+    torque = NOTICED * np.sqrt(np.mean([np.mean(r.s.tau[:, k] ** 2) for r in rows]))
     if u.kind == "friction":
         return float(torque)
     if u.kind == "damping":

@@ -31,7 +31,7 @@ TOO_LITTLE = "the logs hold too little motion to tell the parameters apart: log 
 
 
 @dataclass(frozen=True)
-class Fit:
+class WeightedFit:
     """Where weighted least squares ended: parameters and lags theta [their units], their covariances from the noise model and
     from the residuals, variances of the sensors' noise, degrees of freedom of each variance of theta."""
 
@@ -70,7 +70,7 @@ class Regression:
         noise: list[Noise] = [r.noise(self.fixed + self.columns @ theta) for r in self.rows]
         return [{name: (B @ B.T).toarray() for name, B in log.items()} for log in noise]
 
-    def fit(self, theta: np.ndarray) -> Fit:
+    def fit(self, theta: np.ndarray) -> WeightedFit:
         """Weighted least squares from theta on, weights and variances made anew in every round. Raises ResultError where that
         comes to nothing."""
         if sum(r.count for r in self.rows) < ENOUGH * len(theta):
@@ -89,7 +89,7 @@ class Regression:
             if number == WEIGHED:
                 shares = self.shares(theta)
 
-    def _round(self, theta: np.ndarray, shares: Sequence[Mapping[str, np.ndarray]]) -> tuple[np.ndarray, Fit]:
+    def _round(self, theta: np.ndarray, shares: Sequence[Mapping[str, np.ndarray]]) -> tuple[np.ndarray, WeightedFit]:
         """A step of theta, and the fit there with the variances that the residuals show."""
         white, wide, factors = [], [], []
         for (e, J), log in zip(self.linear(theta), shares, strict=True):
@@ -111,7 +111,7 @@ class Regression:
         leverage = np.minimum(np.sum(Q**2, axis=1), MOST_LEVERAGE)
         influence = (Q * (left / (1 - leverage))[:, None]) @ half.T
         variances, freedom = self._variances(factors, shares, Q, left, half)
-        fit = Fit(theta + step, covariance, influence.T @ influence, variances, freedom)
+        fit = WeightedFit(theta + step, covariance, influence.T @ influence, variances, freedom)
         return step, fit
 
     def _variances(

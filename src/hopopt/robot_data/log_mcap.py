@@ -77,7 +77,8 @@ def mcap_table(file: Path, wanted: Set[str]) -> dict[str, list[float]]:
     if not within.any():
         names = ", ".join(topic.name for topic in (main, *needed))
         raise ResultError(f"{file}: the topics {names} have no time in common: log them by one clock")
-    table = {} if _own_time(main) else {"t": (times - times[0])[within].tolist()}
+    own_time = any(_bare(name) == "t" for name in main.columns)
+    table = {} if own_time else {"t": (times - times[0])[within].tolist()}
     table |= {name: main.column(name)[within].tolist() for name in main.columns}
     for topic in (*needed, *(topic for topic in others if topic not in needed)):
         for name in topic.columns:
@@ -89,11 +90,6 @@ def mcap_table(file: Path, wanted: Set[str]) -> dict[str, list[float]]:
 def _bare(name: str) -> str:
     """A column's name without the unit behind it."""
     return name.partition("[")[0].strip()
-
-
-def _own_time(topic: Topic) -> bool:
-    """Whether its messages have a column t, perhaps with a unit."""
-    return any(_bare(name) == "t" for name in topic.columns)
 
 
 def _kept(topic: Topic) -> bool:
@@ -117,10 +113,8 @@ def _topics(file: Path) -> list[Topic]:
 def _messages(file: Path) -> Iterator[tuple[str, float, Row]]:
     """Topic, time [s] since the first message, and numbers of every message that can be read."""
     try:
-        make_reader, factory = (
-            import_module("mcap.reader").make_reader,
-            import_module("mcap_ros2.decoder").DecoderFactory(),
-        )
+        make_reader = import_module("mcap.reader").make_reader
+        factory = import_module("mcap_ros2.decoder").DecoderFactory()
     except ModuleNotFoundError:
         raise MissingExtraError("the reader of MCAP files", "mcap") from None
     origin = None

@@ -22,7 +22,7 @@ FEWEST_NEAR = 5  # angles that give one
 
 
 @dataclass(frozen=True)
-class Samples:
+class LogSamples:
     """A log as the rows take it: t (k,), q and v = D q (k, n) [SI], D (k, k), tau and command (k, n), sign (k, n) of the speeds
     or 0, force (k, 2), contact (k,), phase (k,): a number for each stretch in one phase, -1 next to its ends."""
 
@@ -38,7 +38,7 @@ class Samples:
     phase: np.ndarray
 
 
-def samples_of(log: RobotLog) -> Samples:
+def samples_of(log: RobotLog) -> LogSamples:
     """A log with speeds that are slopes of its angles within each phase."""
     t, k = log.t, len(log.t)
     phase, blocks = np.full(k, -1), []
@@ -51,7 +51,7 @@ def samples_of(log: RobotLog) -> Samples:
     v = D @ log.q
     sign = np.where(np.abs(v) > MOVING, np.sign(v), 0.0)
     command = np.full(log.tau.shape, np.nan) if log.command is None else log.command
-    return Samples(t, log.q, v, D, log.tau, command, sign, log.force, log.contact, phase)
+    return LogSamples(t, log.q, v, D, log.tau, command, sign, log.force, log.contact, phase)
 
 
 def slopes(t: np.ndarray) -> sparse.csr_array:

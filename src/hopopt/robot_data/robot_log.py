@@ -91,20 +91,20 @@ def read_log(file: Path, design: Design, names: Mapping[str, str] | None = None)
     def column(name: str) -> np.ndarray:
         return _in_si(file, table, name, mine.get(name, name))
 
+    def has(name: str) -> bool:
+        return mine.get(name, name) in table
+
     t = column("t")
     q, v, tau = (np.stack([column(f"{part}_{joint}") for joint in joints], axis=1) for part in ("q", "v", "tau"))
-    force = np.stack(
-        [column(f"force_{a}") if mine.get(f"force_{a}", f"force_{a}") in table else np.zeros(len(t)) for a in "xz"],
-        axis=1,
-    )
-    if mine.get("contact", "contact") in table:
+    force = np.stack([column(f"force_{a}") if has(f"force_{a}") else np.zeros(len(t)) for a in "xz"], axis=1)
+    if has("contact"):
         contact = column("contact") > 0.5
-    elif mine.get("force_z", "force_z") in table:
+    elif has("force_z"):
         contact = force[:, 1] > PRESSED * weight(build_robot(design.leg).model)
     else:
         raise ResultError(f"{file}: nothing says when the foot stands: add a column contact (0 or 1) or force_z [N]")
     unknown, asked = np.full(len(t), np.nan), [f"command_{joint}" for joint in joints]
-    command = np.stack([column(c) if mine.get(c, c) in table else unknown for c in asked], axis=1)
+    command = np.stack([column(c) if has(c) else unknown for c in asked], axis=1)
     log = RobotLog(t - t[0], q, v, tau, without_bounces(t, contact), force, command)
     _sensible(file, design, log)
     return log

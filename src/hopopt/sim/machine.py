@@ -157,7 +157,7 @@ class Machine:
         return self.impact(q, v)[0]
 
     def impact(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Speeds just after the foot has hit the ground and stays (plastic impact; Featherstone, RBDA, 11.6), and what
+        """Speeds just after the foot has hit the ground and stays (plastic impact; Featherstone, RBDA, 11.7), and what
         the ground, then the guides, give to the leg [N s]."""
         M = self.mass_matrix(q)
         J = np.vstack([self.foot_jacobian(q), np.eye(len(v))[self.held]])  # a guide holds in an impact too

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
 from hopopt.leg.files.export import to_mjcf
@@ -120,12 +121,12 @@ def replay(
     """
     instants = np.arange(round(plan.duration / control_period) + 1) * control_period
     reference, feedforward = plan.sample(np.minimum(instants, plan.duration)), _means(plan, instants, control_period)
-    regions = [operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints]
+    drive = Drive([operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints])
 
     def controller(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
         k = round(t / control_period)
         tau = feedforward[k] + stiffness * (reference.q[k] - q)[BASE:] + damping * (reference.v[k] - v)[BASE:]
-        return np.array([r.clamp(w, wanted) for r, w, wanted in zip(regions, v[BASE:], tau, strict=True)])
+        return drive.clamp(v[BASE:], tau)
 
     q0, v0, duration = reference.q[0], reference.v[0], float(instants[-1])
     return simulate(robot, q0, v0, controller, duration, time_step=time_step, control_period=control_period)

@@ -168,15 +168,12 @@ class Plant:
     def change(self, s: State, torque: Torque) -> tuple[State, Event | None]:
         """Let go of the foot; or land it, with a plastic impact, and note the energy that takes; whatever the torque."""
         if s.contact:
-            return replace(s, contact=False, since=s.t, before=s.since), Event("lift-off", s.t, 0.0)
+            return replace(s, contact=False).lifted(), Event("lift-off", s.t, 0.0)
         v = self.machine.touch_down(s.q, s.v)
         lost = self.machine.energy(s.q, s.v) - self.machine.energy(s.q, v)
         x, z = self.machine.foot_motion(s.q, v)[0]
         q = s.q - np.array([0.0, z, *[0.0] * self.n])
-        landed = replace(s, q=q, v=v, contact=True, foot=x, since=s.before)
-        if s.t - s.since >= self.bounce:
-            landed = replace(landed, since=s.t, landings=s.landings + 1)
-        return landed, Event("touchdown", s.t, lost)
+        return replace(s, q=q, v=v, contact=True, foot=x).landed(self.bounce), Event("touchdown", s.t, lost)
 
     # ---- the run ---------------------------------------------------------------------------------------
 

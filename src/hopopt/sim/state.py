@@ -1,7 +1,7 @@
 """The plant's state, and how often a controller is asked."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -47,6 +47,16 @@ class State:
     def sane(self, fastest: float) -> bool:
         """Whether all speeds are below the fastest [rad/s, m/s], not those of a simulation that has broken down."""
         return all(-fastest < speed < fastest for speed in self.v.tolist())
+
+    def lifted(self) -> "State":
+        """In the phase that begins with a lift-off here."""
+        return replace(self, since=self.t, before=self.since)
+
+    def landed(self, bounce: float) -> "State":
+        """In the phase that a landing here begins; in the one before the flight if that took less than a bounce [s]."""
+        if self.t - self.since < bounce:
+            return replace(self, since=self.before)
+        return replace(self, since=self.t, landings=self.landings + 1)
 
 
 Torque = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # (t, q_j, v_j) -> command

@@ -77,19 +77,20 @@ def _unused(folder: Path) -> Path:
 
 def write_json(data: Mapping[str, Any], path: Path) -> None:
     """Write a mapping as a JSON file (infinities become null)."""
-    write_whole(path, (json.dumps(_finite(data), indent=2) + "\n").encode())
+    write_whole(path, (json.dumps(finite(data), indent=2) + "\n").encode())
 
 
 def as_json(summary: Mapping[str, Any]) -> str:
     """A summary as one JSON object (infinities become null)."""
-    return json.dumps(_finite(summary))
+    return json.dumps(finite(summary))
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """JSON data with null for infinities, which JSON does not know."""
     if isinstance(value, Mapping):
-        return {k: _finite(v) for k, v in value.items()}
+        return {k: finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
+        return [finite(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 

@@ -2,13 +2,15 @@
 
 import io
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import h5netcdf
 import h5py
 import numpy as np
+
+TO_OPEN = 'xarray.open_dataset(file, group="...") opens one of the groups, xarray.open_datatree(file) all of them'
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,15 @@ class Group:
 
 
 def to_bytes(groups: Mapping[str, Group]) -> bytes:
-    """A file of groups by their path, made in memory: HDF5 itself does not survive a disk that is full."""
+    """A file of groups by their path, made in memory: HDF5 itself does not survive a disk that is full.
+
+    A file whose variables all lie in groups opens empty in xarray.open_dataset: attributes of its root name them.
+    """
+    root, inner = groups.get("/", Group()), [path.strip("/") for path in groups if path != "/"]
+    groups = {
+        **groups,
+        "/": replace(root, attributes={**root.attributes, "groups": ", ".join(inner), "to_open": TO_OPEN}),
+    }
     buffer = io.BytesIO()
     with h5netcdf.File(buffer, "w") as file:
         for path, group in groups.items():

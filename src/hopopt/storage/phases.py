@@ -11,35 +11,49 @@ from hopopt.planner.solution import Solution
 from hopopt.storage.netcdf import Group
 from hopopt.verify.table import Table
 
-UNITS = {
-    "t": "s", "q": "m or rad", "v": "m/s or rad/s", "a": "m/s^2 or rad/s^2", "tau": "N m", "f": "N", "command": "N m",
-    "drive": "SI",
+TABLE = {  # of every array of a table: its last dimension, unit and meaning
+    "t": (None, "s", "time since the phase began, at nine instants of every interval"),
+    "q": ("coordinate", "m or rad", "place of the body (x, z) and joint angles"),
+    "v": ("coordinate", "m/s or rad/s", "velocity of the body and joint speeds"),
+    "a": ("coordinate", "m/s^2 or rad/s^2", "acceleration of the body and of the joints"),
+    "tau": ("joint", "N m", "joint torque"),
+    "f": ("direction", "N", "force of the ground on the foot"),
+    "command": ("joint", "N m", "torque that the drive is asked for"),
+    "drive": ("drive_state", "SI", "states of the drives"),
 }  # fmt: skip
 
 
 def phase_group(solution: Solution, table: Table, trajectory: PhaseTrajectory) -> Group:
     """The table and the collocation data of one phase, with units."""
-    joints, last = list(solution.robot.joints), dict.fromkeys("qva", "coordinate")
-    last |= {"tau": "joint", "f": "direction"} | {"command": "joint", "drive": "drive_state"}
-    last = {name: dim for name, dim in last.items() if name in table.parts}
-    labels = {
-        "coordinate": ["x", "z", *joints],
-        "joint": joints,
-        "direction": ["xyz"[axis] for axis in contact_axes(solution.design.leg)],
+    joints, of_interval = list(solution.robot.joints), ("interval", "place")
+    found = {
+        name: (of_interval if last is None else (*of_interval, last), getattr(table, name), _described(unit, text))
+        for name, (last, unit, text) in TABLE.items()
+        if name in table.parts
     }
-    return Group(
-        {
-            "t": (("interval", "place"), table.t, {"units": "s"}),
-            **{k: (("interval", "place", dim), getattr(table, k), {"units": UNITS[k]}) for k, dim in last.items()},
-            "edges": (("edge",), trajectory.edges, {"units": "s", "long_name": "interval edges since the phase began"}),
-            "arc": (("interval",), trajectory.arc, {}),
-            "x_start": (("interval", "state"), trajectory.x_start, {"units": "SI"}),
-            "xdot": (("interval", "abscissa", "state"), trajectory.xdot, {"units": "SI"}),
-            "u": (("interval", "abscissa", "control"), trajectory.u, {"units": "rad/s^2"}),
-            **{name: ((name,), np.array(names), {}) for name, names in labels.items()},
-        },
-        {"scheme": trajectory.scheme.name},
-    )
+    states, steps = "states of the program", ("interval", "abscissa")
+    found |= {
+        "edges": (("edge",), trajectory.edges, _described("s", "interval edges since the phase began")),
+        "arc": (("interval",), trajectory.arc, _described("1", "number of the arc that the interval belongs to")),
+        "x_start": (("interval", "state"), trajectory.x_start, _described("SI", f"{states} where an interval begins")),
+        "xdot": ((*steps, "state"), trajectory.xdot, _described("SI", f"rates of the {states} at the abscissae")),
+        "u": (
+            (*steps, "control"),
+            trajectory.u,
+            _described("SI", "controls at the abscissae: joint accelerations first"),
+        ),
+    }
+    labels = {
+        "coordinate": (["x", "z", *joints], "the body's coordinates, then the joints"),
+        "joint": (joints, "joints from the body to the foot"),
+        "direction": (["xyz"[axis] for axis in contact_axes(solution.design.leg)], "axes of the ground force, z up"),
+    }
+    found |= {name: ((name,), np.array(words), {"long_name": text}) for name, (words, text) in labels.items()}
+    return Group(found, {"scheme": trajectory.scheme.name})
+
+
+def _described(unit: str, text: str) -> dict[str, str]:
+    return {"units": unit, "long_name": text}
 
 
 def trajectory_of(group: Group) -> PhaseTrajectory:

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from hopopt.design import Design
 from hopopt.errors import ResultError
@@ -24,12 +23,23 @@ from hopopt.leg.robot import Robot, build_robot
 from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.sim.trace import Event, Trace
 from hopopt.storage.folder import new_work_folder, published, reason_of, write_json
-from hopopt.storage.netcdf import Group
+from hopopt.storage.netcdf import Group, to_bytes
 from hopopt.storage.netcdf import read as read_netcdf
 
-UNITS = {"q": "m or rad", "v": "m/s or rad/s", "command": "N m", "motor": "N m", "tau": "N m", "f": "N", "work": "J"}
-DIMENSIONS = {"q": "coordinate", "v": "coordinate", "command": "joint", "motor": "joint", "tau": "joint"}
-DIMENSIONS |= {"f": "direction", "work": "account"}
+ARRAYS = {  # of every array of a run: its dimensions, unit and meaning
+    "t": (("sample",), "s", "time since the run began"),
+    "q": (("sample", "coordinate"), "m or rad", "place of the body (x, z) and joint angles"),
+    "v": (("sample", "coordinate"), "m/s or rad/s", "velocity of the body and joint speeds"),
+    "command": (("sample", "joint"), "N m", "joint torque that the controller asks for"),
+    "motor": (
+        ("sample", "joint"),
+        "N m",
+        "torque of the drive at the joint, within its limits, before the gear's losses",
+    ),
+    "tau": (("sample", "joint"), "N m", "torque that reaches the joint"),
+    "f": (("sample", "direction"), "N", "force of the ground on the foot"),
+    "work": (("sample", "account"), "J", "work so far, by account"),
+}
 
 
 def save_runs(
@@ -73,25 +83,31 @@ def _save_data(what: str, design: Design, data: Mapping[str, Any], traces: Mappi
         raise
 
 
-def _netcdf(design: Design, traces: Mapping[str, Trace]) -> Any:
-    groups = {"/": xr.Dataset(attrs={"problem": design.name})}
-    groups |= {f"/{name.replace(':', '.')}": _dataset(trace) for name, trace in traces.items()}
-    return xr.DataTree.from_dict(groups).to_netcdf(engine="h5netcdf")
+def _netcdf(design: Design, traces: Mapping[str, Trace]) -> bytes:
+    runs = {name.replace(":", "."): _group(trace) for name, trace in traces.items()}
+    return to_bytes({"/": Group(attributes={"problem": design.name}), **runs})
 
 
-def _dataset(trace: Trace) -> xr.Dataset:
-    variables: dict[str, Any] = {
-        name: (("sample", DIMENSIONS[name]), getattr(trace, name), {"units": unit}) for name, unit in UNITS.items()
+def _group(trace: Trace) -> Group:
+    found: dict[str, Any] = {
+        name: (dimensions, getattr(trace, name), {"units": unit, "long_name": text})
+        for name, (dimensions, unit, text) in ARRAYS.items()
     }
-    variables["t"] = ("sample", trace.t, {"units": "s"})
-    variables["contact"] = ("sample", trace.contact.astype(np.int8), {"long_name": "1: foot on the ground"})
-    variables["event_t"] = ("event", np.array([e.t for e in trace.events]), {"units": "s"})
+    contact = {"units": "1", "long_name": "1 while the foot is on the ground"}
+    found["contact"] = (("sample",), trace.contact.astype(np.int8), contact)
+    times = np.array([e.t for e in trace.events], dtype=float)
+    found["event_t"] = (("event",), times, {"units": "s", "long_name": "time of an event"})
     kinds = np.array([e.kind for e in trace.events], dtype=str)
-    variables["event_kind"] = ("event", kinds, {"long_name": "what happened"})
+    found["event_kind"] = (("event",), kinds, {"long_name": "what happened"})
     joints = list(trace.robot.joints)
-    coordinates = {"coordinate": ["x", "z", *joints], "joint": joints, "direction": ["x", "z"]}
-    coordinates["account"] = ["motors", "gears", "stops", "ground friction"]
-    return xr.Dataset(variables, coords=coordinates, attrs={"outcome": trace.outcome})
+    labels = {
+        "coordinate": (["x", "z", *joints], "the body's coordinates, then the joints"),
+        "joint": (joints, "joints from the body to the foot"),
+        "direction": (["x", "z"], "axes of the ground force, z up"),
+        "account": (["motors", "gears", "stops", "ground friction"], "who does the work or takes it"),
+    }
+    found |= {name: ((name,), np.array(words), {"long_name": text}) for name, (words, text) in labels.items()}
+    return Group(found, {"outcome": trace.outcome})
 
 
 @dataclass(frozen=True)
@@ -137,7 +153,7 @@ def _readable(folder: Path, what: str) -> Iterator[None]:
 
 
 def _trace(group: Group, robot: Robot) -> Trace:
-    arrays = {name: group[name] for name in ("t", *UNITS)} | {"contact": group["contact"].astype(bool)}
+    arrays = {name: group[name] for name in ARRAYS} | {"contact": group["contact"].astype(bool)}
     kinds = zip(group["event_kind"], group["event_t"], strict=True)
     events = tuple(Event(str(kind), float(t), 0.0) for kind, t in kinds)  # losses: not kept
     return Trace(robot, **arrays, events=events, outcome=str(group.attributes["outcome"]))

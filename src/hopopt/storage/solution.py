@@ -16,6 +16,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,10 @@ from typing import Any
 from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.ocp.custom import FIGURE
-from hopopt.planner.answer.stored_summary import Summary
-from hopopt.planner.answer.summary_entry import as_data
+from hopopt.planner.answer.summary import Summary
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash, load, resolved_toml
+from hopopt.record import as_data
 from hopopt.storage.folder import new_work_folder, published, reason_of, write_json
 from hopopt.storage.multipliers import groups, multipliers
 from hopopt.storage.netcdf import Group, to_bytes
@@ -36,6 +37,11 @@ from hopopt.storage.seal.digests import changed, digest, seal
 from hopopt.storage.summary import read_summary
 from hopopt.verify.measures import MEASURES
 
+PROGRAM = {  # vectors of the nonlinear program, all scaled
+    "z": "variables", "p": "parameters: numbers of the leg", "g": "rows: equations and limits", "lam_g": "multipliers of the rows",
+    "lam_x": "multipliers of the variables' bounds", "low_z": "lower bounds of the variables",
+    "high_z": "upper bounds of the variables", "low_g": "lower bounds of the rows", "high_g": "upper bounds of the rows",
+}  # fmt: skip
 PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
 FORMAT = 2  # of the folder's contents
 KINDS = {  # what a folder is that another command wrote, by a file in it
@@ -82,14 +88,17 @@ def _save_data(solution: Solution, results: Path) -> Solution:
     work = new_work_folder(results)
     name = folder_name(solution.design, solution.objective, solution.summary.functions.limits)
 
-    def write_summary(folder: Path) -> None:
-        write_json(as_data(_placed(solution, folder).summary), work / "summary.json")
+    def placed(folder: Path) -> Solution:
+        return solution.noted(result_dir=folder, summary=replace(solution.summary, result_dir=str(folder)))
+
+    def note(folder: Path) -> None:
+        write_json(as_data(placed(folder).summary), work / "summary.json")
         seal(work, more=_manifest(solution))
 
     try:
         (work / "solution.nc").write_bytes(_netcdf(solution))
         (work / "problem.toml").write_text(resolved_toml(solution.design), encoding="utf-8")
-        return _placed(solution, published(work, results / name, write_summary))
+        return placed(published(work, results / name, note))
     except BaseException:
         shutil.rmtree(work, ignore_errors=True)
         raise
@@ -104,10 +113,6 @@ def _rescued(solution: Solution) -> str:
     if place is not None:
         shutil.rmtree(place, ignore_errors=True)
     return " and neither can the folder for temporary files: make room or choose another folder, and solve again"
-
-
-def _placed(solution: Solution, target: Path) -> Solution:
-    return solution.noted(result_dir=target).with_summary(result_dir=str(target))
 
 
 def _with_figures(solution: Solution, figures: Figures) -> Solution:
@@ -136,17 +141,24 @@ def with_more(solution: Solution, **entries: Any) -> Solution:
 
 def _manifest(solution: Solution) -> dict[str, Any]:
     versions = {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
-    figures = {name: as_data(getattr(solution.summary, name)) for name in ("seed", "scheme", "mesh", "timings_s")}
+    stated = as_data(solution.summary)
+    figures = {name: stated[name] for name in ("seed", "scheme", "mesh", "timings_s")}
     return {"format": FORMAT, "objective": solution.objective, "versions": versions, **figures}
 
 
 def _netcdf(solution: Solution) -> bytes:
     attributes = {"objective": solution.objective, "problem": solution.design.name, "format": FORMAT}
     attributes["problem_sha256"] = digest(resolved_toml(solution.design).encode())
+    attributes["in_python"] = "hopopt.read(folder).to_dataframe() is the whole hop as one table"
     found = {"/": Group(attributes=attributes)}
     for phase, trajectory in solution.phases.items():
         found[phase] = phase_group(solution, solution.tables[phase], trajectory)
-    found["nlp"] = Group({name: ((f"{name}_row",), value, {}) for name, value in solution.kkt.items()})
+    found["nlp"] = Group(
+        {
+            name: ((f"{name}_row",), value, {"units": "1", "long_name": PROGRAM.get(name, name)})
+            for name, value in solution.kkt.items()
+        }
+    )
     return to_bytes(found | groups(solution.multipliers))
 
 
@@ -169,7 +181,7 @@ def read(folder: str | Path) -> Solution:
     with _readable(problem):
         problem_digest = digest(problem.read_bytes())
     with _readable(folder / "summary.json"):
-        summary = read_summary(folder / "summary.json")
+        summary, contradictions = read_summary(folder / "summary.json")
     with _readable(folder / "solution.nc"):
         stored = read_netcdf(folder / "solution.nc")
         names = ("stance", "flight", *(name for name in ("descent", "landing") if name in stored))
@@ -184,7 +196,7 @@ def read(folder: str | Path) -> Solution:
             f"{problem}: it was changed after this result was written: undo that, and change a copy elsewhere instead"
         )
     figures = {name: x for name in (*MEASURES, FIGURE) if (x := summary.figure(name)) is not None}
-    doubts = (*changed(folder), *(f"summary.json contradicts itself: {words}" for words in summary.contradictions()))
+    doubts = (*changed(folder), *(f"summary.json contradicts itself: {words}" for words in contradictions))
     solution = Solution(load(problem), objective, phases, summary, kkt, folder, kept, doubts=doubts, stated=figures)
     solution.__dict__["tables"] = tables
     return solution

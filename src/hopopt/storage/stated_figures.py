@@ -5,19 +5,19 @@ meshes, times. Digests alone guard those (storage/seal/digests.py).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, replace
 from typing import Any
 
 from hopopt.nlp.refinement.interval_errors import IntervalErrors
 from hopopt.nlp.refinement.mesh_refinement import change_of
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
-from hopopt.planner.answer.motion_figures import FINE, motion_figures
-from hopopt.planner.answer.stored_summary import FORMER, VERSION
-from hopopt.planner.answer.summary import figures
-from hopopt.planner.answer.summary_entry import as_data
-from hopopt.planner.answer.verdict import Verdict
-from hopopt.planner.answer.verdict_entries import verification_entries
+from hopopt.planner.answer.motion_figures import MotionFigures, Sampled
+from hopopt.planner.answer.program_figures import Source, figures
+from hopopt.planner.answer.summary import FORMER, VERSION
+from hopopt.planner.checks.verdict import Verdict, Verification
 from hopopt.planner.solution import Solution
+from hopopt.record import as_data, computed
 from hopopt.verify.check import Check
 
 FIGURES = 1e-6  # relative, of figures
@@ -32,6 +32,8 @@ REDEFINED = (
     "leans_on",
 )  # version 1 counted the tie-break, and friction of no force
 
+APART = ("objective_error", "certificate", *(f.name for f in fields(Verification)))  # compared as residuals are
+
 Pair = tuple[str, Any, Any]  # path of an entry, what is stated, what was computed
 
 
@@ -44,8 +46,10 @@ def stated_checks(
     errors: local errors of every interval, by phase
     found: the verdict, computed again
     """
-    s, fresh = as_data(solution.summary), as_data(figures(hop, solution, nlp, found))
-    error, certificate = fresh.pop("objective_error"), fresh.pop("certificate")
+    entries = figures(Source(hop, solution, nlp, found))
+    s, again = as_data(solution.summary), as_data(replace(solution.summary, **entries))
+    fresh = {name: again.get(name) for name in entries if name not in APART}
+    error = again["objective_error"]
     fresh["structure"] = {**s["structure"], **fresh["structure"]}  # of free switches it says more
     fresh["mesh"] = [*s["mesh"][:-1], s["mesh"][-1] | _last_mesh(nlp)]
     if solution.summary.version < VERSION:
@@ -54,15 +58,16 @@ def stated_checks(
     off = [(name, difference(a, b, size)) for name, a, b in _pairs(s["objective_error"], error, "objective_error")]
     return [
         _figures_check(solution, fresh),
-        _check("residuals of the summary as computed", list(_residuals(s, certificate, errors, nlp, found)), RESIDUALS),
+        _check("residuals of the summary as computed", list(_residuals(s, again, errors, nlp)), RESIDUALS),
         _check("error of the objective as stated", off, RESIDUALS),
     ]
 
 
 def motion_check(solution: Solution) -> Check:
     """The same of a result without multipliers: what the summary says of the motion alone."""
-    fresh = as_data(motion_figures(solution, {phase: solution.everywhere(phase, FINE) for phase in solution.phases}))
-    return _figures_check(solution, fresh)
+    entries = computed(MotionFigures, Sampled(solution))
+    again = as_data(replace(solution.summary, **entries))
+    return _figures_check(solution, {name: again.get(name) for name in entries})
 
 
 def _figures_check(solution: Solution, fresh: Mapping[str, Any]) -> Check:
@@ -90,14 +95,12 @@ def _last_mesh(nlp: NlpSolution) -> dict[str, Any]:
 
 
 def _residuals(
-    s: Mapping[str, Any],
-    certificate: Mapping[str, Any],
-    errors: Mapping[str, IntervalErrors],
-    nlp: NlpSolution,
-    found: Verdict,
+    s: Mapping[str, Any], checks: Mapping[str, Any], errors: Mapping[str, IntervalErrors], nlp: NlpSolution
 ) -> Iterator[tuple[str, float]]:
-    """Differences of what was measured, by name: the checks, the certificate's conditions, and the last mesh."""
-    checks = as_data(verification_entries(found))
+    """Differences of what was measured, by name: the checks, the certificate's conditions, and the last mesh.
+
+    s, checks: the summary as it is stored, and as it is computed again
+    """
     for key in ("verified", "failed_checks"):
         yield key, difference(s[key], checks[key])
     told, again = ({c["name"]: c for c in v} for v in (s["verification"], checks["verification"]))
@@ -108,12 +111,13 @@ def _residuals(
     for name in told.keys() - again.keys() - set(FORMER.values()):
         yield f"verification.{name}", float("inf")
     again = {name: c for name, c in again.items() if name in told}  # earlier versions made fewer
-    for stated, computed, where in ((told, again, "verification"), (s["certificate"], certificate, "certificate")):
-        for name, a, b in _pairs(_only(stated, computed), computed, where):
+    certificates = (s["certificate"], checks["certificate"], "certificate")
+    for stated, fresh, where in ((told, again, "verification"), certificates):
+        for name, a, b in _pairs(_only(stated, fresh), fresh, where):
             check = name.split(".")[1]
             if name.endswith(".where"):  # of several places that are as bad, rounding chooses one
                 continue
-            yield name, difference(a, b, ROUNDING * computed[check]["tolerance"] if check in computed else 0.0)
+            yield name, difference(a, b, ROUNDING * fresh[check]["tolerance"] if check in fresh else 0.0)
     for name, part in (("local_error", "local"), ("excess", "excess")):
         worst = max(float(getattr(e, part).max()) for e in errors.values())
         yield f"mesh.{name}", difference(s["mesh"][-1][name], worst, ROUNDING * LEAST)

@@ -1,27 +1,28 @@
 """summary.json read back as a summary, or refused in one sentence."""
 
-from functools import cache
+import json
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from hopopt.errors import ResultError
-from hopopt.planner.answer.stored_summary import OLDEST, VERSION, Summary
+from hopopt.planner.answer.summary import OLDEST, VERSION, Summary
+from hopopt.record import adapter, as_data
+from hopopt.storage.folder import finite
 
 
-@cache
-def adapter() -> TypeAdapter[Summary]:
-    """What checks and describes summaries; made when it is first needed, for it takes a tenth of a second."""
-    return TypeAdapter(Summary)
-
-
-def read_summary(path: Path) -> Summary:
-    """The summary in a file; ResultError if it is none, naming the key at fault and what to do."""
+def read_summary(path: Path) -> tuple[Summary, list[str]]:
+    """The summary in a file, and what in it contradicts itself, a sentence each; ResultError if it is none, naming the key
+    at fault and what to do."""
+    content = path.read_bytes()
     try:
-        return adapter().validate_json(path.read_bytes(), strict=True)
+        summary: Summary = adapter(Summary).validate_json(content, strict=True)
     except ValidationError as error:
         raise ResultError(f"{path}: {_fault(error.errors()[0])}: solve it again") from error
+    data, again = json.loads(content), finite(as_data(summary))  # what follows from other entries was computed anew
+    wrong = [name for name in {**data, **again} if data.get(name) != again.get(name)]
+    return summary, [*summary.contradictions(), *(f"{name} is not what its own entries say" for name in wrong)]
 
 
 def _fault(error: Any) -> str:
@@ -42,4 +43,4 @@ def _fault(error: Any) -> str:
 def summary_schema() -> dict[str, Any]:
     """The JSON schema of summary.json, as JSON data."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    return {**head, **adapter().json_schema(mode="validation"), "title": "hopopt summary"}
+    return {**head, **adapter(Summary).json_schema(mode="serialization"), "title": "hopopt summary"}

@@ -23,10 +23,10 @@ from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.registry import given
 from hopopt.optimality.directions.parametric_sensitivity import slopes
-from hopopt.planner.answer.stored_summary import LATE
-from hopopt.planner.answer.summary_extras import CoDesign, CouplingHeld, FreeEntry, MassLawUsed
-from hopopt.planner.answer.verdict_entries import verification_entries
+from hopopt.planner.answer.extras import CoDesign, CouplingHeld, FreeEntry
+from hopopt.planner.answer.summary import LATE
 from hopopt.planner.attempts import CODESIGN, Attempt, tried_again
+from hopopt.planner.checks.verdict import Verification
 from hopopt.planner.refine_and_verify import refine_outcome, refined_and_verified
 from hopopt.planner.search.first_mesh import search_first_mesh
 from hopopt.planner.search.from_known import from_motion
@@ -46,6 +46,7 @@ from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.load import as_design, changed
 from hopopt.problem.render import rows
+from hopopt.record import computed
 from hopopt.storage.seal.recheck import CONFIRMED, co_design_checks
 from hopopt.studies.codesign_kinks import between
 from hopopt.studies.mass_coupling import asks_catalogue, beyond, catalogue_coupling, laws
@@ -171,7 +172,7 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution, until: Deadline) -
         best.value,
         parameters=tuple(_parameters(hop, best, until)),
         couplings=tuple(_coupling(c, hop, best) for c in hop.free_parameters.couplings),
-        mass_laws={part: MassLawUsed(**law) for part, law in laws(hop.free_parameters).items()},
+        mass_laws=laws(hop.free_parameters),
     )
     assert answer.verdict is not None
     value, notes = answer.summary.objective_value, beyond(hop.free_parameters)
@@ -179,7 +180,7 @@ def _described(answer: Solution, hop: Hop, best: NlpSolution, until: Deadline) -
     if hop.objective.sign * (value - best.value) > CONFIRMED * abs(value):
         notes.append("the fixed design has a better hop than the co-design found: try more starts")
     reported = (*answer.summary.notes, *notes)
-    return answer.noted(verdict=verdict).with_summary(**verification_entries(verdict), codesign=found, notes=reported)
+    return answer.noted(verdict=verdict).with_summary(**computed(Verification, verdict), codesign=found, notes=reported)
 
 
 def _parameters(hop: Hop, best: NlpSolution, until: Deadline) -> list[FreeEntry]:

@@ -14,7 +14,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.optimality.directions.kinks import DIFFERS, kink
 from hopopt.optimality.directions.parametric_sensitivity import gradient_by_parameters, slopes
 from hopopt.optimality.limits import Limit
-from hopopt.planner.answer.summary_extras import Between, WithoutLimit
+from hopopt.planner.answer.extras import Between, WithoutLimit
 
 
 def between(hop: Hop, best: NlpSolution, entry: str) -> Between | None:

@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-CONTRADICTED = (
-    1e-4  # relative: by so much more, a point with tighter limits shows that another's answer is not the best
-)
+CONTRADICTED = 1e-4  # relative: a point with tighter limits that is so much better shows that another is not the best
 # Which way an entry relaxes the problem, by the end of its name; joints' and motors' own entries end alike. Speeds and
 # torques of drives count for all laws; a gear's ratio, masses and lengths do both.
 RELAXING = {

@@ -1,6 +1,6 @@
 """What a study does where its own program is at fault: the part ends with its traceback kept, and the study goes on."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,12 +35,30 @@ def guarded(job: Callable[..., Any], *given: Any, **named: Any) -> Any:
         return _fault(error)
 
 
-def one_of_many(job: Callable[..., Any], *given: Any) -> Any:
-    """``guarded``; a program that no solver can work on is a Fault too, so that it does not end the others' study."""
+def side_by_side(
+    job: Callable[..., Any], given: Mapping[Any, tuple[Any, ...]], processes: int
+) -> Iterator[tuple[Any, Any]]:
+    """The key of each job with what it returned, or with the Fault that ended it, as they end.
+
+    job: what is done, a function of a module
+    given: its arguments by key
+    processes: how many jobs at a time; 1: in this process, in order
+    """
+    if processes == 1 or len(given) < 2:
+        yield from (_keyed(key, job, arguments) for key, arguments in given.items())
+        return
+    from joblib import Parallel, delayed
+
+    tasks = (delayed(_keyed)(key, job, arguments) for key, arguments in given.items())
+    yield from Parallel(n_jobs=processes, backend="loky", return_as="generator_unordered")(tasks)  # type: ignore[misc]
+
+
+def _keyed(key: Any, job: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, Any]:
+    """A program that no solver can work on is a Fault too: it does not end the others' study."""
     try:
-        return guarded(job, *given)
+        return key, guarded(job, *arguments)
     except SolverError as error:
-        return Fault(one_line(error), "".join(format_exception(error)))
+        return key, Fault(one_line(error), "".join(format_exception(error)))
 
 
 @contextmanager

@@ -19,18 +19,17 @@ from hopopt.nlp.refinement.continuous_limits import held_between, held_in, holds
 from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.studies.influence import Difference, Influence
 from hopopt.studies.sensitivity import settled_within
 
-STEP, WIDEST = 0.005, 0.05  # relative change of an entry, and of one that hardly matters
-LEAST = 1e-6  # [m per unit], below which an entry that is 0 is not looked at
-FELT = 5e-4  # share of the height that a step from 0 is to make
+RELATIVE_STEP, WIDEST_STEP = 0.005, 0.05  # relative change of an entry, and of one that hardly matters
+SLIGHTEST_SLOPE = 1e-6  # [m per unit], below which an entry that is 0 is not looked at
+FELT_SHARE = 5e-4  # share of the height that a step from 0 is to make
 LEADING = 5  # entries that are confirmed unless others are named
-NOISE = 0.005  # share of the difference that noise should be
-CLOSER = 0.1  # share of a step, over which a difference that disagrees is taken again
+NOISE_SHARE = 0.005  # share of the difference that noise should be
+CLOSER_STEP = 0.1  # share of a step, over which a difference that disagrees is taken again
 SOLVED = 1e-8  # relative accuracy to which a program is solved again on one mesh
 
 
@@ -55,17 +54,17 @@ def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Differenc
         nlp = replace(nlp, objective=solve_again(nlp, solution.design, solution.objective).objective)
     noise, slope = settled_within(solution), max(abs(i.m_per_unit), abs(i.less_m_per_unit or 0.0), 1e-12)
     if not i.value:
-        if slope < LEAST:
+        if slope < SLIGHTEST_SLOPE:
             return Difference(fault="not solved again: it is 0, and hardly matters")
-        return _over(solution, nlp, i, FELT * abs(nlp.objective) / slope, noise)
-    wide = abs(i.value) * float(np.clip(noise / (NOISE * abs(i.value) * slope), STEP, WIDEST))
-    found, narrow = _over(solution, nlp, i, wide, noise), STEP * abs(i.value)
+        return _over(solution, nlp, i, FELT_SHARE * abs(nlp.objective) / slope, noise)
+    wide = abs(i.value) * float(np.clip(noise / (NOISE_SHARE * abs(i.value) * slope), RELATIVE_STEP, WIDEST_STEP))
+    found, narrow = _over(solution, nlp, i, wide, noise), RELATIVE_STEP * abs(i.value)
     if found.fault and wide > narrow:
         found = _over(solution, nlp, i, narrow, noise)
     sides = i.m_per_unit, i.less_m_per_unit
     if found.fault or found.agrees(*sides):
         return found
-    closer = _over(solution, nlp, i, CLOSER * wide, SOLVED * abs(nlp.objective))  # over a smaller step less bends
+    closer = _over(solution, nlp, i, CLOSER_STEP * wide, SOLVED * abs(nlp.objective))  # over a smaller step less bends
     return closer if not closer.fault and closer.agrees(*sides) else found
 
 
@@ -120,21 +119,21 @@ def with_entry(design: Design, path: str, value: float) -> Design:
 
 
 def solve_again(old: NlpSolution, design: Design, objective: str) -> NlpSolution:
-    """The optimum of a slightly different problem on the same mesh, with the same limits enforced between the nodes or drawn
-    in by as much."""
+    """The optimum of a slightly different problem on the same mesh, with the same limits enforced between the nodes or
+    tightened by as much."""
     before, b = old.transcription, old.bounds
     t, guess = Transcription(Hop(design, objective).problem, before.scheme, before.mesh), before.guess_from(old.phases)
-    held, given = held_between(t, held_in(old)), (*before.bounds(guess), before.lbg, before.ubg)
-    drawn = (b.low_z, b.high_z, *(given[2:] if holds(before) else (b.low_g, b.high_g)))  # rows that are held are not
-    bounds = Bounds(*map(_moved, (*t.bounds(guess), t.lbg, t.ubg), drawn, given))
-    program, lam_g = held.transcription, held.multipliers(old.lam_g)
+    enforced, given = held_between(t, held_in(old)), (*before.bounds(guess), before.lbg, before.ubg)
+    rows = given[2:] if holds(before) else (b.low_g, b.high_g)  # those enforced between the nodes are not tightened
+    bounds = Bounds(*map(_moved, (*t.bounds(guess), t.lbg, t.ubg), (b.low_z, b.high_z, *rows), given))
+    program, lam_g = enforced.transcription, enforced.multipliers(old.lam_g)
     start = replace(old, transcription=program, p=t.parameter_values(), lam_g=lam_g)
     solution = NlpSolver(program, WARM).again(start, bounds)
     return solution if solution.success else NlpSolver(program).again(start, bounds)
 
 
-def _moved(new: np.ndarray, drawn: np.ndarray, given: np.ndarray) -> np.ndarray:
+def _moved(new: np.ndarray, tightened: np.ndarray, given: np.ndarray) -> np.ndarray:
     """New limits, tightened by as much as the given ones were."""
     by = np.zeros(len(new))
-    np.subtract(drawn, given, out=by, where=drawn != given)  # not where both are infinite
+    np.subtract(tightened, given, out=by, where=tightened != given)  # not where both are infinite
     return new + by

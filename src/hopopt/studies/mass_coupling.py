@@ -6,16 +6,15 @@ its masses count its own motors already.
 
 import re
 from collections.abc import Mapping
-from dataclasses import asdict
 from itertools import combinations
-from typing import Any, Literal, cast
+from typing import Literal, cast
 
 import numpy as np
 
 from hopopt.design import Leg, physical_parameters
 from hopopt.errors import UsageError
 from hopopt.ocp.free_parameters import Coupling, FreeParameters
-from hopopt.problem.checking.mass_law import TORQUES, mass_law
+from hopopt.problem.checking.mass_law import TORQUES, MassLaw, mass_law
 from hopopt.problem.checking.wording import did_you_mean
 
 ASKED = re.compile(r"\s*catalogue\s*:\s*([\w.-]+)\s+by\s+([\w.-]+(?:\s+and\s+[\w.-]+)*)\s*")
@@ -52,12 +51,9 @@ def catalogue_coupling(text: str, leg: Leg, bounds: Mapping[str, tuple[float, fl
     return Coupling(" ".join(text.split()), {mass: 1.0}, own, own, powers)
 
 
-def laws(free_parameters: FreeParameters) -> dict[str, Any]:
-    """{"motor" or "gear": its law's numbers} of what the catalogue's couplings use."""
-    return {
-        part: asdict(mass_law(part))
-        for part in dict.fromkeys(entry.split(".")[-2] for entry in _torques(free_parameters))
-    }
+def laws(free_parameters: FreeParameters) -> dict[str, MassLaw]:
+    """{"motor" or "gear": its law} of what the catalogue's couplings use."""
+    return {part: mass_law(part) for part in dict.fromkeys(entry.split(".")[-2] for entry in _torques(free_parameters))}
 
 
 def beyond(free_parameters: FreeParameters) -> list[str]:

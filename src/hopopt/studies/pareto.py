@@ -40,11 +40,11 @@ from hopopt.storage.solution import save
 from hopopt.studies.faults import Fault, guarded, kept
 from hopopt.verify.measures import MEASURES
 
-CLOSER = 1.5  # exponent that brings points closer to the highest hop
-PATIENCE = 150  # iterations from a neighbour
-MOST = 1000  # points of a front
+CROWDING = 1.5  # exponent that brings points closer to the highest hop
+NEIGHBOUR_ITERATIONS = 150  # iterations from a neighbour
+MOST_POINTS = 1000  # points of a front
 TOP, LEAST = "highest hop", "least {}"
-AT_LEAST = 0.2  # of the highest clearance: a periodic hop with hardly any stands still
+LOWEST_PERIODIC = 0.2  # of the highest clearance: a periodic hop with hardly any stands still
 
 
 @dataclass(frozen=True)
@@ -75,14 +75,19 @@ class Front:
     complete: bool = False
 
     @property
-    def verified(self) -> list[FrontPoint]:
-        """The verified points, by clearance."""
+    def verified_points(self) -> list[FrontPoint]:
+        """Those that are verified, by clearance."""
         return sorted((p for p in self.points if p.verified), key=lambda p: p.clearance_m or 0.0)
+
+    @property
+    def verified(self) -> bool:
+        """Whether every point is, and there is one."""
+        return bool(self.points) and all(p.verified for p in self.points)
 
     @property
     def exit_code(self) -> int:
         """0 every point verified, 1 none, 3 some not."""
-        return 1 if not self.verified else 0 if all(p.verified for p in self.points) else 3
+        return 0 if self.verified else 3 if self.verified_points else 1
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -111,10 +116,9 @@ class Front:
         if self.folder is None:
             return
         buffer = io.StringIO()
-        table = csv.writer(buffer)
+        table, ranked = csv.writer(buffer), sorted(self.points, key=lambda p: p.asked_m)
         table.writerow(["clearance_m", self.against.figure, "least", "verified", "point", "sentence", "result_dir"])
-        for p in sorted(self.points, key=lambda p: p.asked_m):
-            table.writerow([p.clearance_m, p.value, p.least, p.verified, p.kind, p.sentence, p.result_dir])
+        table.writerows([p.clearance_m, p.value, p.least, p.verified, p.kind, p.sentence, p.result_dir] for p in ranked)
         with writing(f"{self.folder}: the front", "the points of before are kept there: make room and run again"):
             write_json(self.as_dict(), self.folder / "front.json")
             write_whole(self.folder / "table.csv", buffer.getvalue().encode())
@@ -133,7 +137,7 @@ def front(
     begun: Any = None,
 ) -> Front:
     """The front of the clearance against an economical objective: ``points`` hops from the least of that objective
-    (at a clearance of at least ``lowest`` [m], of a periodic hop AT_LEAST of the highest) to the highest hop.
+    (at a clearance of at least ``lowest`` [m], of a periodic hop LOWEST_PERIODIC of the highest) to the highest hop.
 
     results: the folder in which a new folder keeps every point as it is finished (none: nothing is written); begun is
     called with the front before the first point. Raises UsageError for what is no front, NotSolvedError if an end
@@ -147,54 +151,40 @@ def front(
     say("the highest hop")
     top = solve(design, "clearance", starts=starts, processes=processes, progress=say)
     if design.hop.periodic:
-        lowest = max(lowest, AT_LEAST * top.clearance)
+        lowest = max(lowest, LOWEST_PERIODIC * top.clearance)
     if lowest >= top.clearance:
         raise UsageError(f"the leg clears {top.clearance:.4f} m at most: give a lowest clearance below that")
-    found = Front(design, goal, _folder(design, against, results))
+    found = Front(design, goal)
+    if results is not None:
+        with writing(f"{results}: the front", "choose another folder"):
+            found.folder = new_folder(results / f"{design.name}-pareto-{against}")
+            (found.folder / "points").mkdir()
     if begun:
         begun(found)
     with kept(found.folder, "the points that are finished are kept there"):
-        _traced(found, top, lowest, points, starts or design.solver.starts, processes or os.cpu_count() or 1, say)
+        _keep(found, TOP, top, top.clearance, MEASURES[goal.figure](top.robot, top.tables, top.design.hop), 0.0)
+        chain = Chain(design, goal, lowest, starts or design.solver.starts, processes or os.cpu_count() or 1, say)
+        least = _refined(found, chain, 0, LEAST.format(goal.name.replace("_", " ")))
+        reached = least.clearance if least is not None and least.verified else lowest
+        chain.between(reached, top.clearance, points)
+        for k in range(1, len(chain.clearances)):
+            _refined(found, chain, k, f"point {k + 1} of {points}")
+        found.complete = True
+        found.write()
     return found
 
 
-def _traced(
-    found: Front, top: Solution, lowest: float, points: int, starts: int, processes: int, say: Progress
-) -> None:
-    """All points of a front, from its highest hop."""
-    goal = found.against
-    _keep(found, TOP, top, top.clearance, MEASURES[goal.figure](top.robot, top.tables, top.design.hop), 0.0)
-    chain = Chain(found.design, goal, lowest, starts, processes, say)
-    least = _refined(found, chain, 0, LEAST.format(goal.name.replace("_", " ")), say)
-    reached = least.clearance if least is not None and least.verified else lowest
-    chain.between(reached, top.clearance, points)
-    for k in range(1, len(chain.clearances)):
-        _refined(found, chain, k, f"point {k + 1} of {points}", say)
-    found.complete = True
-    found.write()
-
-
 def _goal(design: Design, against: str, points: int) -> HopObjective:
-    choices = [
-        o.name for o in OBJECTIVES.values() if o.ends == "required clearance" and o.name != "impact"
-    ]  # the top: no landing
+    # The highest hop does not land, so that it has no impact.
+    choices = [o.name for o in OBJECTIVES.values() if o.ends == "required clearance" and o.name != "impact"]
     if against not in choices:
         raise UsageError(f"there is no front against {against!r}: choose one of {', '.join(choices)}")
-    if not 3 <= points <= MOST:
-        raise UsageError(f"a front has at least 3 points and at most {MOST}")
+    if not 3 <= points <= MOST_POINTS:
+        raise UsageError(f"a front has at least 3 points and at most {MOST_POINTS}")
     goal = find(against)
     if fault := goal.fault(changed(design, {"hop.clearance": 0.0})):
         raise UsageError(f"objective {against}: {fault}")
     return goal
-
-
-def _folder(design: Design, against: str, results: Path | None) -> Path | None:
-    if results is None:
-        return None
-    with writing(f"{results}: the front", "choose another folder"):
-        folder = new_folder(results / f"{design.name}-pareto-{against}")
-        (folder / "points").mkdir()
-    return folder
 
 
 class Chain:
@@ -205,7 +195,7 @@ class Chain:
         self.clearances, self.outcomes = [lowest], list[list[StartOutcome]]()
         hop = self.hop(0)
         self.program = first_transcription(hop)
-        self.warm = NlpSolver(self.program, CARRIED | {"ipopt.max_iter": PATIENCE})
+        self.warm = NlpSolver(self.program, CARRIED | {"ipopt.max_iter": NEIGHBOUR_ITERATIONS})
         self.cold = NlpSolver(self.program, {"ipopt.max_iter": design.solver.max_iterations})
         self.outcomes.append(self._from_starts(hop))
 
@@ -225,18 +215,16 @@ class Chain:
 
     def between(self, low: float, high: float, points: int) -> None:
         """All points: from starts at the upper end, then up from the least and down from the upper end."""
-        share = 1 - (1 - np.linspace(0, 1, points)[1:-1]) ** CLOSER  # the cost rises most at the upper end
+        share = 1 - (1 - np.linspace(0, 1, points)[1:-1]) ** CROWDING  # the cost rises most at the upper end
         self.clearances = [self.clearances[0], *(low + (high - low) * share)]
         last = len(self.clearances) - 1
         self.outcomes += [[] for _ in range(last)]
         self.outcomes[last] += self._from_starts(self.hop(last))
-        for order in (range(1, last + 1), range(last - 1, -1, -1)):
-            for k in order:
-                self._step(k, k - 1 if order.step > 0 else k + 1)
-        self._made_consistent(last)
-
-    def _made_consistent(self, last: int) -> None:
-        """Less clearance can only cost less: a point that costs more than one above it is solved again from there."""
+        for k in range(1, last + 1):
+            self._step(k, k - 1)
+        for k in range(last - 1, -1, -1):
+            self._step(k, k + 1)
+        # Less clearance can only cost less: a point that costs more than one above it is solved again from there.
         for k in range(last - 1, -1, -1):
             own, above = best(self.outcomes[k]), best(self.outcomes[k + 1])
             if above is not None and (own is None or own.merit < above.merit):
@@ -265,18 +253,13 @@ def best(outcomes: Sequence[StartOutcome]) -> StartOutcome | None:
     return max((o for o in outcomes if o.success), key=lambda o: o.merit, default=None)
 
 
-def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> Solution | None:
+def _refined(found: Front, chain: Chain, k: int, kind: str) -> Solution | None:
     """Refine, verify and keep point k, its best first-mesh optimum or, if that is not verified, the next."""
-    began, hop, clock = time.perf_counter(), chain.hop(k), Stopwatch()
-    until = NEVER.within(TIME_LIMIT)
+    began, hop, clock, until = time.perf_counter(), chain.hop(k), Stopwatch(), NEVER.within(TIME_LIMIT)
     asked, outcomes = float(chain.clearances[k]), chain.outcomes[k]
-    ranked = sorted((o for o in outcomes if o.success), key=lambda o: -o.merit)
-    if not ranked:
-        found.add(FrontPoint(kind, asked, None, None, False, "not solved: no start led to a hop"), None)
-        return None
-    solution, why = None, ""
-    for outcome in _distinct(ranked)[:2]:
-        told, first = lambda text: say(f"{kind}: {text}"), chain.transcription(k)
+    solution, why = None, "not solved: no start led to a hop"
+    for outcome in _distinct(outcomes)[:2]:
+        told, first = lambda text: chain.say(f"{kind}: {text}"), chain.transcription(k)
         try:
             ended = guarded(refined_and_verified, hop, outcome, outcomes, told, clock, first, until=until)
         except NotSolvedError as error:
@@ -284,7 +267,7 @@ def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> So
             continue
         if isinstance(ended, Fault):
             why = found.note(ended, k)
-            say(f"{kind}: {why}")
+            chain.say(f"{kind}: {why}")
             continue
         solution = ended
         if solution.verified:
@@ -296,9 +279,10 @@ def _refined(found: Front, chain: Chain, k: int, kind: str, say: Progress) -> So
     return _keep(found, kind, solution, asked, value, time.perf_counter() - began)
 
 
-def _distinct(ranked: Sequence[StartOutcome]) -> list[StartOutcome]:
+def _distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
+    """Those that were solved and differ by more than 0.2 %, best first."""
     found: list[StartOutcome] = []
-    for o in ranked:
+    for o in sorted((o for o in outcomes if o.success), key=lambda o: -o.merit):
         if all(abs(o.objective - other.objective) > 2e-3 * abs(other.objective) for other in found):
             found.append(o)
     return found

@@ -20,13 +20,12 @@ from hopopt.ocp.phases import STANCE, duration_entry
 from hopopt.optimality.directions.kinks import DIFFERS, kink
 from hopopt.optimality.directions.parametric_sensitivity import Slopes, gradient_by_parameters, slopes
 from hopopt.optimality.directions.touchdown_slopes import touchdown_slopes
-from hopopt.planner.answer.summary import by_friction
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.answer.program_figures import by_friction
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.problem.render import rows
 from hopopt.studies.influence import Influence
 
-FELT = 1e-6  # [m] that twice an entry's value must make of two sides that differ
+FELT_HEIGHT = 1e-6  # [m] that twice an entry's value must make of two sides that differ
 STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretched
 
 
@@ -52,7 +51,7 @@ def sensitivity(solution: Solution) -> list[Influence]:
         path, _, index = (part_of or name).partition("[")
         value = entries[path].value[int(index[:-1])] if index else entries[path].value
         felt = abs(more[k] - less[k]) * max(abs(value), 1.0)
-        smooth = felt <= FELT or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
+        smooth = felt <= FELT_HEIGHT or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
         i = Influence(name, float(value), entries[path].unit, float(more[k]), part_of)
         influences.append(i if smooth else replace(i, less_m_per_unit=float(less[k]), between=between))
     return sorted(influences, key=lambda i: (-i.most_cm, -abs(i.m_per_unit)))

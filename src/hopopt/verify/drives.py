@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from hopopt.drivetrain.dynamics import AddedStates, added_states
 from hopopt.leg.robot import BASE, Robot
 from hopopt.verify.check import EXACT, STATE, Check
+from hopopt.verify.replay import missed
 from hopopt.verify.table import POWERS, TO_POWERS, Table
 
 
@@ -27,8 +27,8 @@ def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
     yield Check(f"{phase} drives", float(np.abs(missed).max()), STATE, "of their scales", where)
     jumps = (table.drive[1:, 0] - table.drive[:-1, -1]) / scales
     yield Check(f"{phase} drives' continuity", float(np.abs(jumps).max(initial=0.0)), EXACT, "of their scales")
-    flat = [part.reshape(-1, part.shape[-1]) for part in (table.drive, table.command, table.v[..., BASE:], table.tau)]
-    wrong = [np.array(states.torques(x, u, w)) - tau[states.at] for x, u, w, tau in zip(*flat, strict=True)]
+    rows = zip(*table.flat("drive", "command", "v", "tau"), strict=True)
+    wrong = [np.array(states.torques(x, u, v[BASE:])) - tau[states.at] for x, u, v, tau in rows]
     size = max(1.0, float(np.abs(table.tau).max()))
     yield Check(f"{phase} drive torque", float(np.abs(wrong).max()) / size, EXACT, "relative")
 
@@ -43,5 +43,4 @@ def _missed(states: AddedStates, table: Table, k: int) -> np.ndarray:
         powers = (2 * place - 1) ** POWERS
         return h * np.array(states.rates(x, powers @ command, powers @ speed))
 
-    run = solve_ivp(rates, (0.0, 1.0), table.drive[k, 0], "DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)
-    return run.y[:, -1] - table.drive[k, -1] if run.success else np.full(states.size, np.inf)
+    return missed(rates, table.drive[k, 0], table.drive[k, -1])

@@ -6,25 +6,38 @@ interpolated first.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
 
 from hopopt.design import Hop
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import BASE, Robot
+from hopopt.record import Strict, if_any
 from hopopt.sim.machine import Machine
 from hopopt.verify.hops.obstacle import highest_box
-from hopopt.verify.table import NORMALISED_TIMES, Table
+from hopopt.verify.table import NORMALISED_TIMES, Table, dense
 
 FINE = np.linspace(0.0, 1.0, 201)  # normalised times of an interval; trapezoids are good to about 1e-5 of it
 Tables = Mapping[str, Table]
 
 
-def dense(normalised_times: np.ndarray, values: np.ndarray, at: np.ndarray = FINE) -> np.ndarray:
-    """Values (N, K, ...) at ``normalised_times`` (K,) of every interval, interpolated at ``at`` (k,): (N, k, ...)."""
-    weights = BarycentricInterpolator(normalised_times, np.eye(len(normalised_times)))(at)
-    return np.einsum("kp,ip...->ik...", weights, values)
+@dataclass(frozen=True)
+class Measures(Strict):
+    """Figures that a hop can be made for; those that nobody asked for are None."""
+
+    apex_m: float | None = if_any("height of the body when flight ends [m]")
+    energy_J: float | None = if_any("positive mechanical work of the joints [J]")
+    absolute_work_J: float | None = if_any("absolute mechanical work of the joints [J]")
+    electrical_energy_J: float | None = if_any("electrical energy of the motors [J]")
+    time_s: float | None = if_any("duration of the hop [s]")
+    saturation: float | None = if_any("largest share of a drive's operating region that is used")
+    peak_torque_Nm: float | None = if_any("largest torque of any joint [N m]")
+    peak_force_N: float | None = if_any("largest ground force [N]")
+    impact_J: float | None = if_any("kinetic energy lost at touchdown [J]")
+    obstacle_m: float | None = if_any("height of the highest obstacle that the leg clears [m]")
+    user_objective: float | None = if_any("a user-defined objective [its unit]")
 
 
 def normalised_times_of(table: Table) -> np.ndarray:
@@ -34,46 +47,47 @@ def normalised_times_of(table: Table) -> np.ndarray:
     return (t - t[0]) / (t[-1] - t[0])
 
 
+def finely(table: Table, values: np.ndarray) -> np.ndarray:
+    """Values (N, K, ...) of a table interpolated at FINE, (N, 201, ...)."""
+    return dense(normalised_times_of(table), values, FINE)
+
+
 def integral(table: Table, values: np.ndarray) -> float:
     """Integral over time of values (N, 201) at FINE."""
     h = table.t[:, -1] - table.t[:, 0]
     return float(h @ np.trapezoid(values, FINE, axis=1))
 
 
-def _over_phases(robot: Robot, tables: Tables, rate: Callable[[Robot, np.ndarray, np.ndarray], np.ndarray]) -> float:
-    """Integral over all phases of rate(robot, tau, w), both (N, 201, n), summed over the joints."""
+def _over_phases(tables: Tables, rate: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> float:
+    """Integral over all phases of rate(tau, w), both (N, 201, n), summed over the joints."""
     total = 0.0
     for table in tables.values():
-        normalised_times = normalised_times_of(table)
-        tau, w = dense(normalised_times, table.tau), dense(normalised_times, table.v[..., BASE:])
-        total += integral(table, rate(robot, tau, w).sum(axis=-1))
+        tau, w = finely(table, table.tau), finely(table, table.v[..., BASE:])
+        total += integral(table, rate(tau, w).sum(axis=-1))
     return total
 
 
 def positive_work(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Positive mechanical work of the joints [J]."""
-    return _over_phases(robot, tables, lambda robot, tau, w: np.maximum(tau * w, 0.0))
+    return _over_phases(tables, lambda tau, w: np.maximum(tau * w, 0.0))
 
 
 def absolute_work(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Mechanical work of the joints [J], braking counted like driving."""
-    return _over_phases(robot, tables, lambda robot, tau, w: np.abs(tau * w))
+    return _over_phases(tables, lambda tau, w: np.abs(tau * w))
 
 
 def electrical_energy(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Electrical energy drawn by the motors [J], Joule heat with it, nothing fed back."""
 
-    def rate(robot: Robot, tau: np.ndarray, w: np.ndarray) -> np.ndarray:
-        current = tau / np.array([_drive(robot, j, "gear", "ratio") for j in robot.joints])
-        current = current / np.array([_drive(robot, j, "motor", "torque_constant") for j in robot.joints])
-        resistance = np.array([_drive(robot, j, "motor", "winding_resistance") for j in robot.joints])
-        return np.maximum(tau * w + resistance * current**2, 0.0)
+    def of_drives(part: Literal["motor", "gear"], entry: str) -> np.ndarray:
+        return np.array([robot.parameters[robot.leg.drive(joint, part, entry)[0]] for joint in robot.joints])
 
-    return _over_phases(robot, tables, rate)
+    def rate(tau: np.ndarray, w: np.ndarray) -> np.ndarray:
+        current = tau / of_drives("gear", "ratio") / of_drives("motor", "torque_constant")
+        return np.maximum(tau * w + of_drives("motor", "winding_resistance") * current**2, 0.0)
 
-
-def _drive(robot: Robot, joint: str, part: str, entry: str) -> float:
-    return float(robot.parameters[robot.leg.drive(joint, part, entry)[0]])  # type: ignore[arg-type]
+    return _over_phases(tables, rate)
 
 
 def joint_work(table: Table) -> tuple[float, float]:
@@ -106,7 +120,7 @@ def region_share(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
-        tau, w = (dense(normalised_times_of(table), x) for x in (table.tau, table.v[..., BASE:]))
+        tau, w = finely(table, table.tau), finely(table, table.v[..., BASE:])
         for k, joint in enumerate(robot.joints):
             used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k])
             worst = max(worst, float(np.max(used)))
@@ -115,14 +129,12 @@ def region_share(robot: Robot, tables: Tables, hop: Hop) -> float:
 
 def peak_torque(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest torque of any joint [N m]."""
-    return max(float(np.abs(dense(normalised_times_of(table), table.tau)).max()) for table in tables.values())
+    return max(float(np.abs(finely(table, table.tau)).max()) for table in tables.values())
 
 
 def peak_force(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest ground force [N]."""
-    return max(
-        float(np.linalg.norm(dense(normalised_times_of(table), table.f), axis=-1).max()) for table in tables.values()
-    )
+    return max(float(np.linalg.norm(finely(table, table.f), axis=-1).max()) for table in tables.values())
 
 
 def obstacle(robot: Robot, tables: Tables, hop: Hop) -> float:
@@ -141,5 +153,5 @@ MEASURES: dict[str, Callable[[Robot, Tables, Hop], float]] = {
     "impact_J": impact,
     "obstacle_m": obstacle,
 }
-AT_LEAST = ("obstacle_m",)  # the hop may clear more elsewhere
-LEAST = {"impact_J": 0.01}  # a figure that may be 0 is relative to this at least
+MAY_BE_MORE = ("obstacle_m",)  # the hop may clear more elsewhere
+SMALLEST_SCALE = {"impact_J": 0.01}  # a figure that may be 0 is relative to this at least

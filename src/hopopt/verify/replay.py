@@ -1,5 +1,7 @@
 """The plan's torques played into Pinocchio's C++, interval by interval."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -28,6 +30,11 @@ def _replay_interval(
         given = (2 * s - 1) ** POWERS @ torque
         return h * np.concatenate([x[m:], machine.acceleration(x[:m], x[m:], given, contact)])
 
-    x0 = np.concatenate([q[0], v[0]])
-    run = solve_ivp(rates, (0.0, 1.0), x0, method="DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)
-    return float(np.abs(run.y[:, -1] - np.concatenate([q[-1], v[-1]])).max()) if run.success else np.inf
+    return float(np.abs(missed(rates, *(np.concatenate([q[k], v[k]]) for k in (0, -1)))).max())
+
+
+def missed(rates: Callable[[float, np.ndarray], np.ndarray], begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """What states at the end of an interval differ by from those that their rates, by normalised time, lead to; infinite where
+    that cannot be integrated."""
+    run = solve_ivp(rates, (0.0, 1.0), begin, method="DOP853", rtol=1e-10, atol=1e-11, first_step=1.0)
+    return run.y[:, -1] - end if run.success else np.full(len(end), np.inf)

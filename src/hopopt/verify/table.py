@@ -3,12 +3,12 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
+from scipy.interpolate import BarycentricInterpolator
 
 NORMALISED_TIMES = 0.5 - 0.5 * np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points of an interval, both ends included
 POWERS = np.arange(len(NORMALISED_TIMES))
-TO_POWERS = np.linalg.inv(
-    (2 * NORMALISED_TIMES[:, None] - 1) ** POWERS
-)  # values at NORMALISED_TIMES to coefficients of (2 s - 1)^k
+# Values at NORMALISED_TIMES to coefficients of (2 s - 1)^k:
+TO_POWERS = np.linalg.inv((2 * NORMALISED_TIMES[:, None] - 1) ** POWERS)
 STANCE, FLIGHT, DESCENT, LANDING = "stance", "flight", "descent", "landing"  # the last two only of hops that land
 ON_GROUND = (STANCE, LANDING)  # in both the foot is the origin
 
@@ -37,3 +37,18 @@ class Table:
     def asked(self) -> np.ndarray:
         """What the motors are asked for (N, K, n) [N m]: the joints' torques where drives have no states."""
         return self.tau if self.command is None else self.command
+
+    def flat(self, *names: str) -> list[np.ndarray]:
+        """Arrays by name, the instants of all intervals one after the other, (N K, ...) each."""
+        return [(x := getattr(self, name)).reshape(-1, *x.shape[2:]) for name in names]
+
+
+def dense(normalised_times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values (N, K, ...) at ``normalised_times`` (K,) of every interval, interpolated at ``at`` (k,): (N, k, ...)."""
+    weights = BarycentricInterpolator(normalised_times, np.eye(len(normalised_times)), rng=0)(at)  # no order by chance
+    return np.einsum("kp,ip...->ik...", weights, values)
+
+
+def jumps(before: Table, after: Table) -> list[np.ndarray]:
+    """By how much time, place and speed differ where a phase follows another."""
+    return [getattr(before, s)[-1, -1] - getattr(after, s)[0, 0] for s in ("t", "q", "v")]

@@ -13,38 +13,22 @@ from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
+from hopopt.record import Real, Strict, stated
 from hopopt.sim.machine import Machine
 
 
 @dataclass(frozen=True)
-class Bound:
-    """Heights [m] that no hop from rest passes: by energy, by speed, and the clearance by the lower of the two.
+class UpperBound(Strict):
+    """What no hop within the drives' limits and the longest stance can pass; null for what nothing bounds."""
 
-    power: what all drives together can give at most [W]; speed: of the centre of mass at lift-off at most [m/s];
-    below_com: how far above the centre of mass the lowest point can lie at most [m].
-    """
-
-    by_energy: float
-    by_speed: float
-    power: float
-    speed: float
-    below_com: float
-
-    @property
-    def clearance(self) -> float:
-        """Height of the leg's lowest point that no hop passes [m]."""
-        return min(self.by_energy, self.by_speed) + self.below_com
-
-    def figures(self) -> dict[str, float | None]:
-        """For the summary; None for what nothing bounds."""
-        found = {
-            "clearance_m": self.clearance, "by_energy_m": self.by_energy, "by_speed_m": self.by_speed,
-            "power_W": self.power, "lift_off_speed_m_s": self.speed,
-        }  # fmt: skip
-        return {name: float(value) if np.isfinite(value) else None for name, value in found.items()}
+    clearance_m: Real = stated("clearance [m]")
+    by_energy_m: Real = stated("height of the centre of mass by energy [m]")
+    by_speed_m: Real = stated("height of the centre of mass by the drives' speeds [m]")
+    power_W: Real = stated("what all drives together can give at most [W]")
+    lift_off_speed_m_s: Real = stated("of the centre of mass at most [m/s]")
 
 
-def upper_bound(design: Design) -> Bound:
+def upper_bound(design: Design) -> UpperBound:
     """The bound on a problem's hop (docs/bound.md)."""
     robot = build_robot(design.leg)
     machine, q_j = Machine(robot), start_angles(design)
@@ -56,7 +40,8 @@ def upper_bound(design: Design) -> Bound:
     height, speed = _stretched(robot, np.array([most_speed(region) for region in regions]))
     by_energy = np.inf if design.hop.periodic else start + design.hop.stance_duration[1] * power / weight
     by_speed = height + speed**2 / (2 * -machine.gravity[1])
-    return Bound(*map(float, (by_energy, by_speed, power, speed, _below_com(robot))))
+    clearance = min(by_energy, by_speed) + _below_com(robot)
+    return UpperBound(*map(float, (clearance, by_energy, by_speed, power, speed)))
 
 
 def most_power(region: OperatingRegion) -> float:

@@ -7,8 +7,7 @@ state and of the ground: by how much is stated.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -22,29 +21,41 @@ from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import Scale
+from hopopt.record import Real, if_any
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.hops.periodic import closure, joints_at
 from hopopt.verify.limits import limit_words, limits_of, windowed
-from hopopt.verify.measures import MEASURES
+from hopopt.verify.measures import MEASURES, Measures
 from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, ON_GROUND, POWERS, STANCE, TO_POWERS, Table
 
-HOLD = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
+FEEDBACK_RATE = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
 SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
-RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it dear
+RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it slow
 FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's value
-VALUE, LIMITS = (
-    ("simulated in one piece", SHORT, "relative"),
-    ("limits when simulated in one piece", 2 * LIMIT, "of its range"),
-)
+VALUE = Check("simulated in one piece", float("nan"), SHORT, "relative")  # of nothing as yet
+LIMITS = Check("limits when simulated in one piece", float("nan"), 2 * LIMIT, "of its range")
 
-State = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
+LegState = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
 Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # joint torques [N m] from place, angles and speeds
 
 
 @dataclass(frozen=True)
-class Rollout:
+class Simulated(Measures):
+    """The whole hop simulated in one piece, torques clamped to the drives' limits."""
+
+    clearance_m: float | None = if_any("height of the lowest point when flight ends [m]")
+    followed: bool | None = if_any("whether it stayed on the plan")
+    short_by: Real | None = if_any("by how much the rollout value is less than the claim [the objective's unit]")
+    strayed: Real | None = if_any("largest distance from the plan [SI]")
+    passed: Real | None = if_any("largest share of its range by which a limit was passed")
+    limit: str | None = if_any("that limit")
+    note: str | None = if_any("why it says nothing about the plan")
+
+
+@dataclass(frozen=True)
+class WholeHopRollout:
     """The simulated hop; infinite numbers if the simulation failed.
 
     values: rollout values by name: ``clearance_m``, ``apex_m`` and what the hop was made for [its unit]
@@ -86,34 +97,22 @@ class Rollout:
         """
         if self.note:
             return left_out(self.note)
-        limits = _check(LIMITS, self.passed, where=self.limit)
+        limits = replace(LIMITS, residual=self.passed, where=self.limit)
         if self.values and figure not in self.values:
             return [limits]  # a user-defined function
-        return [_check(VALUE, self.short(figure, claim, sign) / size), limits]
+        return [replace(VALUE, residual=self.short(figure, claim, sign) / size), limits]
 
-    def as_dict(self, figure: str, claim: float, sign: float) -> dict[str, Any]:
-        """For the summary."""
+    def beside(self, figure: str, claim: float, sign: float) -> Simulated:
+        """What is stated of it beside a claim; arguments as those of ``short``."""
         if not np.isfinite(self.strayed):
-            return {"followed": False, "note": self.note}
-        reported = {
-            "short_by": self.short(figure, claim, sign),
-            "strayed": self.strayed,
-            "passed": self.passed,
-            "limit": self.limit,
-        }
-        if self.note:
-            reported["note"] = self.note
-        return {**self.values, "followed": self.followed, **reported}
+            return Simulated(followed=False, note=self.note)
+        reported = {"strayed": self.strayed, "passed": self.passed, "limit": self.limit, "note": self.note or None}
+        return Simulated(**self.values, **reported, followed=self.followed, short_by=self.short(figure, claim, sign))
 
 
 def left_out(why: str) -> list[Check]:
     """The checks of a hop that cannot be made."""
-    return [_check(kind, float("nan"), left_out=why) for kind in (VALUE, LIMITS)]
-
-
-def _check(kind: tuple[str, float, str], residual: float, where: str = "", left_out: str = "") -> Check:
-    name, tolerance, unit = kind
-    return Check(name, residual, tolerance, unit, where, left_out)
+    return [replace(check, left_out=why) for check in (VALUE, LIMITS)]
 
 
 def not_simulated(design: Design) -> str:
@@ -127,7 +126,7 @@ def not_simulated(design: Design) -> str:
 
 def whole_hop_rollout(
     design: Design, tables: Mapping[str, Table], figure: str = "clearance_m", ends: str = "window"
-) -> Rollout:
+) -> WholeHopRollout:
     """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``."""
     robot = build_robot(design.leg)
     machine = Machine(robot)
@@ -136,7 +135,7 @@ def whole_hop_rollout(
     try:
         found, state = simulated_hop(machine, clamp, tables, state)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-        return Rollout({}, np.inf, np.inf, "the simulation failed")
+        return WholeHopRollout({}, np.inf, np.inf, "the simulation failed")
     strayed = max(
         float(np.abs(getattr(found[name], part) - getattr(table, part)).max())
         for name, table in tables.items()
@@ -149,18 +148,14 @@ def whole_hop_rollout(
         limit_words(name, limit): float(excess.max())
         for name, table in found.items()
         for limit, excess in limits_of(
-            machine, robot, design, name, _motion(table), windowed(design, name, ends)
+            machine, robot, design, name, tuple(table.flat("q", "v", "tau", "f")), windowed(design, name, ends)
         ).items()
         if limit.kind is not Kind.REGION  # kept by clamping
     }
     if ends == "required clearance":
         shares["clearance asked for"] = float((design.hop.clearance or 0.0) - values["clearance_m"]) / reach(design.leg)
     limit = max(shares, key=lambda key: shares[key])
-    return Rollout(values, strayed, max(shares[limit], 0.0), limit)
-
-
-def _motion(table: Table) -> tuple[np.ndarray, ...]:
-    return tuple(part.reshape(-1, part.shape[-1]) for part in (table.q, table.v, table.tau, table.f))
+    return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit)
 
 
 def _values(machine: Machine, robot: Robot, hop: Hop, tables: Mapping[str, Table], figure: str) -> dict[str, float]:
@@ -172,8 +167,8 @@ def _values(machine: Machine, robot: Robot, hop: Hop, tables: Mapping[str, Table
 
 
 def simulated_hop(
-    machine: Machine, clamp: Clamp, tables: Mapping[str, Table], state: State
-) -> tuple[dict[str, Table], State]:
+    machine: Machine, clamp: Clamp, tables: Mapping[str, Table], state: LegState
+) -> tuple[dict[str, Table], LegState]:
     """The phases of a hop one after the other from ``state``: their tables, and the state in which the last ends."""
     found = dict[str, Table]()
     for name, table in tables.items():
@@ -183,7 +178,7 @@ def simulated_hop(
     return found, state
 
 
-def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contact: bool) -> tuple[Table, State]:
+def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: LegState, contact: bool) -> tuple[Table, LegState]:
     """One phase from ``state``: its table, and the state in which it ends."""
     rows: list[tuple[np.ndarray, ...]] = []
     for k in range(len(plan.t)):
@@ -195,10 +190,10 @@ def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: State, contac
 
 
 def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> Law:
-    """The plan's torque in one interval (values at NORMALISED_TIMES), held to its motion by feedback and to the regions."""
+    """The plan's torque in one interval (values at NORMALISED_TIMES), kept to its motion by feedback and within the regions."""
     inertia = machine.stance_terms(q[0, BASE:], v[0, BASE:]).mass_matrix if contact else _free(machine, q[0])
-    hold = HOLD / Scale.of(machine.leg).time
-    stiffness, damping = hold**2 * inertia, 2 * hold * inertia
+    rate = FEEDBACK_RATE / Scale.of(machine.leg).time
+    stiffness, damping = rate**2 * inertia, 2 * rate * inertia
     ahead = (TO_POWERS @ (tau + q[:, BASE:] @ stiffness.T + v[:, BASE:] @ damping.T)).T
 
     def torque(place: float, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
@@ -219,7 +214,7 @@ def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
     return M[BASE:, BASE:] - M[BASE:, :BASE] @ np.linalg.solve(M[:BASE, :BASE], M[:BASE, BASE:])
 
 
-def _interval(machine: Machine, torque: Law, t: np.ndarray, state: State, contact: bool) -> tuple[np.ndarray, ...]:
+def _interval(machine: Machine, torque: Law, t: np.ndarray, state: LegState, contact: bool) -> tuple[np.ndarray, ...]:
     """q, v, a, tau, f at NORMALISED_TIMES of one interval, integrated tightly."""
     first, h = (BASE if contact else 0), t[-1] - t[0]
 

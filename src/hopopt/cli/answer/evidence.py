@@ -1,40 +1,47 @@
 """The command that gathers global evidence: evidence."""
 
 import os
-import sys
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
+from rich.table import Column
 
 from hopopt import amounts
-from hopopt.cli.options import AsJson, Overrides, progress
+from hopopt.cli.options import AsJson, Overrides, Results, ended, sizes
+from hopopt.cli.screen.answer import bound_line
+from hopopt.cli.screen.console import Part, Shown, marked, progress, table
+from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
+from hopopt.evidence import dynamic_programming as upright
+from hopopt.evidence import local_optima as study
+from hopopt.evidence import thorough_search as thorough
+from hopopt.evidence.dynamic_programming import CONTRADICTED, TELLING
+from hopopt.global_search import applies
+from hopopt.global_search.search import check_size
+from hopopt.nlp.deadline import NEVER
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.objectives.registry import find
+from hopopt.planner.search.families import families
+from hopopt.planner.search.global_verdict import MAY_EXIST, highest, led_to, verdict
+from hopopt.planner.search.multistart import contenders, run_chunk
+from hopopt.planner.solve import TIME_LIMIT, solve_from
+from hopopt.problem.load import load
+from hopopt.record import as_data
+from hopopt.storage.folder import prepare, write_json
+from hopopt.studies.faults import kept
+from hopopt.verify.upper_bound import upper_bound
 
 MOST_STARTS, MOST_ROWS = 100_000, 2000
 FEWEST_NODES, MOST_NODES = 9, 81
 HOPS = 20  # steps of basin hopping
+Say = Callable[[str], None]
 
-Sizes = Annotated[
-    tuple[int, ...],
-    Parameter(
-        name="--grids",
-        negative=(),
-        consume_multiple=True,
-        help="Grids of the dynamic programming, growing: N for N x N states.",
-        show_default=lambda sizes: " ".join(map(str, sizes)),
-    ),
-]
-
+Sizes = Annotated[tuple[int, ...], sizes("--grids", "Grids of the dynamic programming, growing: N for N x N states.")]
 Nodes = Annotated[
     tuple[int, ...],
-    Parameter(
-        name="--nodes",
-        negative=(),
-        consume_multiple=True,
-        help="Grids of --global, growing: N nodes along each axis of the states; 61 takes minutes.",
-        show_default=lambda sizes: " ".join(map(str, sizes)),
-    ),
+    sizes("--nodes", "Grids of --global, growing: N nodes along each axis of the states; 61 takes minutes."),
 ]
 
 
@@ -48,7 +55,7 @@ def evidence(
     set_: Overrides = None,
     processes: int | None = None,
     resume: Path | None = None,
-    results: Path = Path("results"),
+    results: Results = Path("results"),
     json_: AsJson = False,
 ) -> int:
     """Say how far the best hop may be trusted to be the best.
@@ -71,8 +78,6 @@ def evidence(
         How many starts side by side (default: one for each core).
     resume
         Go on with a folder that was begun, with as many starts as are asked for now.
-    results
-        Folder for the results; each run gets a new folder inside it.
     """
     if not 1 <= starts <= MOST_STARTS:
         raise UsageError(f"--starts takes 1 to {MOST_STARTS}")
@@ -82,61 +87,36 @@ def evidence(
     if not nodes or any(not FEWEST_NODES <= size <= MOST_NODES for size in nodes):
         raise UsageError(f"--nodes takes sizes from {FEWEST_NODES} to {MOST_NODES}")
     if global_:
-        from hopopt.global_search.search import check_size
-
         check_size(max(nodes))
     if resume is not None and (problem is not None or set_):
         raise UsageError("--resume goes on with what was begun: leave out the problem and --set")
     grids, nodes = (tuple(sorted(set(sizes))) for sizes in (grids, nodes))  # the last, the finest, is judged by
-    from hopopt.evidence import local_optima as study
-    from hopopt.problem.load import load
-    from hopopt.storage.folder import as_json, prepare, write_json
-    from hopopt.studies.faults import kept
-
     if resume is None:
         prepare(results)
         design, objective = load(problem or "paper", set_ or ()), "clearance"
         folder = study.open_study(design, objective, results)
     else:
         folder, (design, objective) = resume, study.reopen_study(resume)
+    go_on = f"go on with: hopopt evidence --resume {folder}"
     try:
-        with progress(quiet=json_) as say, kept(folder, f"go on with: hopopt evidence --resume {folder}"):
-            ended = study.run_starts(folder, starts, processes or os.cpu_count() or 1, say)
-            data = _gathered(design, objective, ended, grids, nodes if global_ else (), say)
+        with progress(quiet=json_) as say, kept(folder, go_on):
+            tried = study.run_starts(folder, starts, processes or os.cpu_count() or 1, say)
+            data = _gathered(design, objective, tried, grids, nodes if global_ else (), say)
     except KeyboardInterrupt:
-        print(f"hopopt: stopped; go on with: hopopt evidence --resume {folder}", file=sys.stderr)
-        return 130
+        raise KeyboardInterrupt(f"stopped; {go_on}") from None
     data["result_dir"] = str(folder)
     write_json(data, folder / "summary.json")
-    if json_:
-        print(as_json(data))
-    else:
-        from hopopt.cli.screen.evidence import print_evidence
-
-        print_evidence(data)
-    return int(data["exit_code"])
+    return ended(data, json_, shown(data), data["exit_code"])
 
 
 def _gathered(
-    design: Any, objective: str, ended: Any, grids: tuple[int, ...], nodes: tuple[int, ...], say: Any
+    design: Design, objective: str, tried: list[study.Ended], grids: tuple[int, ...], nodes: tuple[int, ...], say: Say
 ) -> dict[str, Any]:
     """Everything that is said, as one object."""
-    from hopopt.evidence import local_optima as study
-    from hopopt.evidence.dynamic_programming import CONTRADICTED, TELLING
-    from hopopt.nlp.deadline import NEVER
-    from hopopt.ocp.hop import Hop
-    from hopopt.ocp.objectives.registry import find
-    from hopopt.planner.answer.summary_entry import as_data
-    from hopopt.planner.search.families import families
-    from hopopt.planner.search.global_verdict import MAY_EXIST, highest, led_to, verdict
-    from hopopt.planner.search.multistart import contenders, run_chunk
-    from hopopt.planner.solve import TIME_LIMIT, solve_from
-    from hopopt.verify.upper_bound import upper_bound
-
-    found = study.families(ended, find(objective))
+    found = study.families(tried, find(objective))
     if not found:
-        statuses = "; ".join(sorted({e.status for e in ended}))
-        raise NotSolvedError(f"{design.name}: none of {len(ended)} starts led to a hop.", [statuses])
+        statuses = "; ".join(sorted({e.status for e in tried}))
+        raise NotSolvedError(f"{design.name}: none of {len(tried)} starts led to a hop.", [statuses])
     hop = Hop(design, objective)
     outcomes = run_chunk(hop, [f.best.index for f in found])
     more, overall = _searched(hop, outcomes, nodes, say)
@@ -144,7 +124,7 @@ def _gathered(
     say("refining and verifying the best")
     best = solve_from(hop, contenders(outcomes), outcomes, say, NEVER.within(TIME_LIMIT))
     bound = upper_bound(design)
-    passed, simple = best.clearance > bound.clearance, _reduced(design, grids, say)
+    passed, simple = best.clearance > bound.clearance_m, _reduced(design, grids, say)
     finest = (simple.get("grids") or [{"size": 0}])[-1]
     contradicted = finest["size"] >= TELLING and finest["difference"] > CONTRADICTED
     known_as = families(hop, outcomes, [best])
@@ -152,10 +132,10 @@ def _gathered(
     said = verdict(on_finest["value_m"], highest(on_finest["rollout_m"], led_to(known_as)), best.clearance)
     overall |= {"verdict": said, "alarm": said == MAY_EXIST}
     return {
-        "problem": design.name, "objective": objective, "upper_bound": bound.figures(),
+        "problem": design.name, "objective": objective, "upper_bound": as_data(bound),
         "reduced": simple, "global": overall,
-        "starts": {"count": len(ended), "solved": sum(e.success for e in ended), "families": study.as_dicts(found)},
-        "families": as_data(known_as),
+        "starts": {"count": len(tried), "solved": sum(e.success for e in tried), "families": [f.as_dict() for f in found]},
+        "families": [as_data(f) for f in known_as],
         "best": {
             "clearance_m": best.clearance, "verified": best.verified, "failed_checks": list(best.summary.failed_checks),
             "start": best.summary.starts.chosen,
@@ -166,13 +146,8 @@ def _gathered(
     }  # fmt: skip
 
 
-def _searched(hop: Any, known: Any, nodes: tuple[int, ...], say: Any) -> tuple[list[Any], dict[str, Any]]:
+def _searched(hop: Hop, known: Any, nodes: tuple[int, ...], say: Say) -> tuple[list[Any], dict[str, Any]]:
     """Hops from relaxed problems and, on grids or by basin hopping, from all over; and the grids' account."""
-    from hopopt.evidence import thorough_search as thorough
-    from hopopt.global_search import applies
-    from hopopt.nlp.deadline import NEVER
-    from hopopt.planner.solve import TIME_LIMIT
-
     more = thorough.relaxed(hop, known, say, NEVER.within(TIME_LIMIT))
     if reason := applies(hop.design):
         hops = thorough.hopped(hop, HOPS, [*known, *more], say, NEVER.within(TIME_LIMIT))
@@ -181,21 +156,82 @@ def _searched(hop: Any, known: Any, nodes: tuple[int, ...], say: Any) -> tuple[l
         return more, {"reason": "not asked for (--global)"}
     rows, ended = thorough.on_grids(hop, nodes, [*known, *more], say)
     if not rows:
-        return more, {"reason": f"a grid of {nodes[0]} nodes took longer than {thorough.LONGEST:g} s"}
+        return more, {"reason": f"a grid of {nodes[0]} nodes took longer than {thorough.LONGEST_GRID:g} s"}
     return more + ended, {"method": rows[-1]["method"], "grids": rows}
 
 
-def _reduced(design: Any, grids: tuple[int, ...], say: Any) -> dict[str, Any]:
+def _reduced(design: Design, grids: tuple[int, ...], say: Say) -> dict[str, Any]:
     """The reduced hop by both methods; or the reason why not."""
-    from hopopt.evidence.dynamic_programming import by_dynamic_programming, by_transcription, reduced
-
     try:
-        simple = reduced(design)
-        planned, rows = by_transcription(simple, 80), list[dict[str, Any]]()
+        simple = upright.reduced(design)
+        planned, rows = upright.by_transcription(simple, 80), list[dict[str, Any]]()
     except (UsageError, NotSolvedError) as error:
         return {"reason": str(error)}
     for size in grids:
         say(f"dynamic programming on {size} x {size} states")
-        height = by_dynamic_programming(simple, size)
+        height = upright.by_dynamic_programming(simple, size)
         rows.append({"size": size, "height_m": height, "difference": height / planned - 1})
     return {"planned_m": planned, "grids": rows}
+
+
+def shown(data: Mapping[str, Any]) -> Iterator[Shown]:
+    """The best hop, the bound, the reduced hop by two methods, and the families of local optima."""
+    best, starts = data["best"], data["starts"]
+    state = "verified" if best["verified"] else f"NOT verified ({', '.join(best['failed_checks'])})"
+    yield marked(
+        f"[bold]{data['problem']}[/bold]: best of {starts['count']} starts {best['clearance_m']:.4f} m, {state}"
+    )
+    yield Part("bound", bound_line(data["upper_bound"]["clearance_m"], data["objective"]))
+    if data["contradicted"]:
+        yield marked(
+            "[bold red]the global method finds more than the planner in the reduced hop[/bold red]: neither is to be trusted"
+        )
+    yield Part("global", _global_lines(data["global"], best["clearance_m"]))
+    yield Part("reduced", _reduced_lines(data["reduced"]))
+    rows = [
+        (f"{f['objective_value']:.4f}", str(_count(data, f)), f["words"], f["found_by"][0]) for f in data["families"]
+    ]
+    numbers = [Column(head, justify="right") for head in ("height [m]", "starts")]
+    yield table([*numbers, "what it does", "first found by"], rows, "local optima on the first mesh")
+    if failed := starts["count"] - starts["solved"]:
+        yield f"{failed} of the starts led to no hop"
+    yield f"results {data['result_dir']}"
+
+
+def _count(data: Mapping[str, Any], family: Mapping[str, Any]) -> int:
+    """How many starts, relaxed problems and motions of a global method ended in a family, or were stopped near it."""
+    drawn = {f["name"]: f["count"] for f in data["starts"]["families"]}
+    return sum(drawn.get(name, 1) for name in (*family["found_by"], *family.get("stopped", ())))
+
+
+def _global_lines(overall: Mapping[str, Any], best: float) -> list[str]:
+    """The global method on growing grids, or why not."""
+    if "grids" not in overall:
+        hops = f"; basin hopping over {overall['basin_hopping']} starts instead" if "basin_hopping" in overall else ""
+        return [f"left out: {overall['reason']}{hops}"]
+    lines = [f"{overall['method']}; it approximates and is no bound"]
+    for g in overall["grids"]:
+        motion = (
+            "no motion"
+            if g["rollout_m"] is None
+            else f"a motion of {g['rollout_m']:.4f} m ({g['rollout_m'] / best - 1:+.1%})"
+        )
+        solved = "no hop" if g["solved_m"] is None else f"{g['solved_m']:.4f} m"
+        lines.append(
+            f"{g['size']}^4 states: value {g['value_m']:.4f} m ({g['value_m'] / best - 1:+.1%}), {motion}, "
+            f"solved from there {solved}, {g['seconds']:.0f} s"
+        )
+    return [*lines, f"verdict: {overall['verdict']}"]
+
+
+def _reduced_lines(reduced: Mapping[str, Any]) -> list[str]:
+    if "reason" in reduced:
+        return [f"left out: {reduced['reason']}"]
+    rows = ", ".join(
+        f"{r['height_m']:.4f} m ({r['difference']:+.2%}) on {r['size']} x {r['size']}" for r in reduced["grids"]
+    )
+    coarse = f"; grids below {TELLING} are too coarse to tell" if reduced["grids"][-1]["size"] < TELLING else ""
+    return [
+        f"foot under the hip, body on a slider: the centre of mass can be thrown to {reduced['planned_m']:.4f} m (planner)",
+        f"by dynamic programming, which knows no local optima: {rows}{coarse}",
+    ]

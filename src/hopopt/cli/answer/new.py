@@ -5,6 +5,7 @@ from pathlib import Path
 
 from hopopt.cli.options import write_new
 from hopopt.errors import UsageError
+from hopopt.problem.load import template
 
 
 def new(name: str) -> int:
@@ -17,8 +18,6 @@ def new(name: str) -> int:
     name
         Name of the problem, with or without .toml; may lie in a folder: legs/mine.
     """
-    from hopopt.problem.load import template
-
     if name.endswith(("/", os.sep)) or Path(name).name in ("", "..", ".toml"):
         raise UsageError(f'"{name}" names no file: give a name such as mine, or legs/mine')
     path = Path(name if name.endswith(".toml") else f"{name}.toml")

@@ -1,14 +1,19 @@
 """The command that prints a stored answer, or a problem: show."""
 
-import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from hopopt.cli.options import AsJson, Overrides
+from rich.table import Column
+
+from hopopt.cli.options import AsJson, Overrides, ended
+from hopopt.cli.screen.console import Shown, table
+from hopopt.cli.screen.details import answer
+from hopopt.design import Design
 from hopopt.errors import UsageError
-
-if TYPE_CHECKING:
-    from hopopt.planner.solution import Solution
+from hopopt.problem.load import as_json, load, rows
+from hopopt.storage.folder import fitting
+from hopopt.storage.solution import read, stated
 
 
 def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:
@@ -21,48 +26,28 @@ def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) 
     what
         A folder that hopopt solve wrote; or a problem file, or the name of a built-in problem.
     """
-    if Path(what).is_dir():
-        from hopopt.storage.folder import fitting
-        from hopopt.storage.solution import read
-
-        if set_:
-            raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
-        with fitting(Path(what)):
-            print_solution(read(what), json_, whole=True)
-        return 0
-    from hopopt.problem.load import as_json, load, rows
-
-    design = load(what, set_ or ())
-    if json_:
-        print(json.dumps(as_json(design)))
-        return 0
-    from hopopt.cli.screen.console import print_rows
-
-    print_rows(design.title or design.name, rows(design))
-    return 0
+    if not Path(what).is_dir():
+        design = load(what, set_ or ())
+        return ended(as_json(design), json_, _problem(design))
+    if set_:
+        raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
+    with fitting(Path(what)):
+        solution = read(what)
+        return ended(stated(solution.shown), json_, answer(solution, all_of_it=True))
 
 
-def print_solution(solution: "Solution", as_object: bool, whole: bool = False) -> None:
-    """Print an answer: as one object, or for a person short or ``whole``; one that is not verified is never short, but
-    where the time was up."""
-    if as_object:
-        from hopopt.storage.folder import as_json
-        from hopopt.storage.solution import stated
+def _problem(design: Design) -> Iterator[Shown]:
+    """Every entry with value, unit and meaning."""
+    cells = []
+    for row in rows(design):
+        unset = "by default" if "(default" in row.meaning else "not set"
+        cells.append([row.path, unset if row.value is None else _plain(row.value), row.unit, row.meaning])
+    styles = {"entry": "bold", "value": "", "unit": "dim", "meaning": ""}
+    columns = [Column(head, style=style, overflow="fold") for head, style in styles.items()]
+    yield table(columns, cells, design.title or design.name)
 
-        print(as_json(stated(solution.shown)))
-        return
-    from hopopt.cli.screen.answer import print_answer, print_late
-    from hopopt.cli.screen.details import print_details
 
-    s = solution.summary
-    unverified = print_late if s.late else print_details
-    show_it = print_details if whole else print_answer if s.verified else unverified
-    show_it(solution)
-    if solution.summary.codesign:
-        from hopopt.cli.screen.codesign import print_codesign
-
-        print_codesign(solution.summary.codesign)
-    if solution.summary.second_opinions:
-        from hopopt.cli.screen.cross_check import print_cross_checks
-
-        print_cross_checks(solution.summary)
+def _plain(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"  # as a file has it
+    return ", ".join(map(_plain, value)) or "none" if isinstance(value, (list, tuple)) else str(value)

@@ -1,27 +1,64 @@
 """The command that finds the best hop of a leg: solve."""
 
 import os
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
-from threading import Thread
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
 
 from hopopt import amounts
-from hopopt.cli.answer.show import print_solution
-from hopopt.cli.options import AsJson, Constraints, Couple, CrossChecked, Free, Overrides, progress, write_new
+from hopopt.cli.options import (
+    AsJson,
+    Constraints,
+    Figures,
+    Overrides,
+    Results,
+    Starts,
+    ended,
+    note,
+    repeated,
+    write_new,
+)
+from hopopt.cli.screen.console import progress
+from hopopt.cli.screen.details import answer
+from hopopt.comparison.compare import paper_strategy
+from hopopt.comparison.robust.robustness import can_be_had
+from hopopt.control.closed_loop import make_plant
+from hopopt.design import Design, refuse_landed
 from hopopt.errors import HopoptError, UsageError
 from hopopt.nlp.deadline import NEVER
-
-if TYPE_CHECKING:
-    from hopopt.design import Design
-    from hopopt.planner.solution import Solution
-
+from hopopt.ocp.free_parameters import parse_free
+from hopopt.planner import solve as planning
+from hopopt.planner.solution import Solution
+from hopopt.plots.hop import save_all
+from hopopt.problem.checking.hints import hints
+from hopopt.problem.load import load
+from hopopt.report.content import of_solutions
+from hopopt.report.page import page
+from hopopt.storage.folder import prepare
+from hopopt.storage.solution import save, stated, with_more
+from hopopt.studies.codesign import codesign
+from hopopt.studies.faults import Fault, guarded
 
 MORE = 5.0  # s that figures and a simulation take, which are not begun with less time left
+
+Free = Annotated[
+    list[str] | None,
+    repeated(
+        "--free", "Let the optimum choose a number of the leg: --free leg.gear.ratio=50:200 (repeat; docs/codesign.md)."
+    ),
+]
+Couple = Annotated[
+    list[str] | None,
+    repeated(
+        "--couple",
+        'A relation of free numbers, "leg.thigh.length + leg.shank.length = 0.741", powers too, or "catalogue: MASS by TORQUE" (repeat).',
+    ),
+]
+CrossChecked = Annotated[bool, Parameter(alias="--second-opinion", negative="--no-cross-check")]
 
 
 def solve(
@@ -33,15 +70,15 @@ def solve(
     constraint: Constraints = None,
     free: Free = None,
     couple: Couple = None,
-    starts: int | None = None,
+    starts: Starts = None,
     processes: int | None = None,
     time_limit: float | None = None,
     structure: bool = False,
     cross_check: CrossChecked = False,
     control: bool = True,
     draws: int = 0,
-    results: Path = Path("results"),
-    figures: bool = True,
+    results: Results = Path("results"),
+    figures: Figures = True,
     report: bool = False,
     json_: AsJson = False,
 ) -> int:
@@ -65,8 +102,6 @@ def solve(
     hop
         single: one hop from rest. landing: the same, landed and brought to rest (docs/landing.md). periodic: a hop that ends
         as it began, for ever (docs/periodic.md); its mean speed is --set hop.speed=0.5. Default: the problem's hop.kind.
-    starts
-        How many different starting points to solve from (default: the problem's solver.starts).
     processes
         How many of them side by side (default: one for each core).
     time_limit
@@ -81,16 +116,10 @@ def solve(
     draws
         Also say what can be had, about a minute: what 95 % of so many legs reach that differ from this one by the problem's
         [uncertainty], tracking a plan and by PD control.
-    results
-        Folder for the results; each run gets a new folder inside it.
-    figures
-        Draw the figures.
     report
         Also write report.html into the results folder: a page with the hop moving (hopopt report has more).
     """
     began = time.perf_counter()
-    from hopopt.problem.load import load
-
     set_ = [*(set_ or ()), *([f'hop.kind="{hop}"'] if hop else ())]
     design = load(problem, set_)
     amounts.check("starts", starts)
@@ -100,78 +129,74 @@ def solve(
     if couple and not free:
         raise UsageError("--couple relates numbers that are free: give them as --free leg.thigh.length=0.3:0.45")
     _check_draws(draws, objective, constraint or (), design)
-    from hopopt.problem.checking.hints import hints
-    from hopopt.storage.folder import prepare
-
     prepare(results)
     for words in hints(design):
-        print(f"hopopt: {words}", file=sys.stderr)  # before what may take long
-
+        note(words)  # before what may take long
     control = control and not design.hop.lands  # the paper's control ends with the apex
-    draw: Callable[[Solution, Path], Any] | None = None
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}
         more |= {"time_limit": time_limit, "progress": say}
         once = {"structure": structure, "cross_check": cross_check}
-        later = {"hopopt.storage.solution": True, "hopopt.plots.hop": figures, "hopopt.comparison.compare": control}
-        _import_beside(*(name for name, wanted in later.items() if wanted))
-        from hopopt.planner.solve import TIME_LIMIT
-
-        end = NEVER.within(time_limit or TIME_LIMIT)
+        end = NEVER.within(time_limit or planning.TIME_LIMIT)
         solution = _solved(design, objective, free, couple, once, more)
-        from hopopt.storage.solution import save
-
         if end.seconds_left < MORE and (figures or control or draws or report):
             figures = control = report = False
             draws = 0
-            print("hopopt: the answer alone: the time limit leaves no time for more", file=sys.stderr)
+            note("the answer alone: the time limit leaves no time for more")
         if figures:
-            from hopopt.plots.hop import save_all as draw
-
             say("drawing")
         took = time.perf_counter() - began  # all but drawing and writing
         solution = solution.with_summary(overrides=tuple(set_), wall_s=took)
-        solution = save(solution, results, draw)
-        if control:
-            say("simulating the paper's force control")
-            with suppress(KeyboardInterrupt):  # the answer is there
+        solution = save(solution, results, save_all if figures else None)
+        with suppress(KeyboardInterrupt):  # the answer is there
+            if control:
+                say("simulating the paper's force control")
                 solution = _beside(solution)
-        if draws and solution.verified:
-            with suppress(KeyboardInterrupt):
+        with suppress(KeyboardInterrupt):
+            if draws and solution.verified:
                 solution = _had(solution, draws, say)
         if report:
             say("writing the report")
             _report(solution)
-    print_solution(solution, json_)
-    return solution.summary.exit_code
+    return ended(stated(solution.shown), json_, answer(solution), solution.summary.exit_code)
 
 
-def _import_beside(*later: str) -> None:
-    """Import what comes after the solve while it runs: Ipopt, and waiting for other processes, leave Python's time free.
-
-    What the solve itself needs is imported before, for modules that import each other must not do so in two threads.
-    """
-    import_module("hopopt.planner.solve")
-
-    def load() -> None:
-        with suppress(ImportError):  # whoever needs it says so
-            for name in later:
-                import_module(name)
-
-    Thread(target=load).start()
+def _check_draws(draws: int, objective: str, constraints: Sequence[str], design: Design) -> None:
+    """UsageError where legs are drawn for a hop that is no bound of theirs."""
+    amounts.check("draws", draws, 0)
+    if draws:
+        if objective != "clearance" or constraints:
+            raise UsageError("--draws is for the objective clearance without user-defined constraints")
+        refuse_landed(design, "solve --draws")
+        make_plant(design)
 
 
-def _beside(solution: "Solution") -> "Solution":
+def _solved(
+    design: Design,
+    objective: str,
+    free: list[str] | None,
+    couple: list[str] | None,
+    once: dict[str, bool],
+    more: dict[str, Any],
+) -> Solution:
+    """The best hop of the design, or of the best design if numbers of it are free."""
+    if not free:
+        return planning.solve(design, objective, **once, **more)
+    for asked in (name.replace("_", "-") for name, wanted in once.items() if wanted):
+        raise UsageError(f"--{asked} goes with a design that is given: use it on the problem.toml that --free finds")
+    return codesign(design, parse_free(free), objective, couple=couple or (), **more)
+
+
+# What is added when the answer is there: what goes wrong with it is only reported.
+
+
+def _beside(solution: Solution) -> Solution:
     """The answer with what the paper's force control makes of the same leg; exit code 3 if that passes it."""
-    from hopopt.comparison.compare import paper_strategy
-    from hopopt.storage.solution import with_more
-    from hopopt.studies.faults import Fault, guarded
-
     found = guarded(paper_strategy, solution)
     if isinstance(found, Fault):
         assert solution.result_dir is not None  # the answer was saved before
         found.keep(solution.result_dir, "control")
-        print(f"hopopt: the paper's control is missing: {found.sentence}", file=sys.stderr)
+        note(f"the paper's control is missing: {found.sentence}")
         return solution
     if found is None:
         return solution
@@ -179,59 +204,19 @@ def _beside(solution: "Solution") -> "Solution":
     return with_more(solution, paper_strategy=found, exit_code=code)
 
 
-def _check_draws(draws: int, objective: str, constraints: Sequence[str], design: "Design") -> None:
-    """UsageError where legs are drawn for a hop that is no bound of theirs."""
-    amounts.check("draws", draws, 0)
-    if draws:
-        from hopopt.control.closed_loop import make_plant
-        from hopopt.design import refuse_landed
-
-        if objective != "clearance" or constraints:
-            raise UsageError("--draws is for the objective clearance without user-defined constraints")
-        refuse_landed(design, "solve --draws")
-        make_plant(design)
-
-
-def _had(solution: "Solution", draws: int, say: Callable[[str], None]) -> "Solution":
-    """The answer with what controllers make of it on drawn legs; the answer is there, so what goes wrong is only reported."""
-    from hopopt.comparison.robust.robustness import can_be_had
-    from hopopt.storage.solution import with_more
-
+def _had(solution: Solution, draws: int, say: Callable[[str], None]) -> Solution:
+    """The answer with what controllers make of it on drawn legs."""
     try:
         return with_more(solution, can_be_had=can_be_had(solution, draws, 0, os.cpu_count() or 1, say))
     except HopoptError as error:
-        print(f"hopopt: what can be had is missing ({error})", file=sys.stderr)
+        note(f"what can be had is missing ({error})")
         return solution
 
 
-def _report(solution: "Solution") -> None:
-    """Write report.html into the folder of a saved solution; the answer is there, so what goes wrong is only reported."""
-    from hopopt.report.content import of_solutions
-    from hopopt.report.page import page
-
+def _report(solution: Solution) -> None:
+    """Write report.html into the folder of a saved solution."""
     assert solution.result_dir is not None
     try:
         write_new(solution.result_dir / "report.html", page(of_solutions([solution])))
     except (HopoptError, KeyboardInterrupt) as error:
-        print(f"hopopt: the report is missing ({error or 'interrupted'})", file=sys.stderr)
-
-
-def _solved(
-    design: "Design",
-    objective: str,
-    free: list[str] | None,
-    couple: list[str] | None,
-    once: dict[str, bool],
-    more: dict[str, Any],
-) -> "Solution":
-    """The best hop of the design, or of the best design if numbers of it are free."""
-    if not free:
-        from hopopt.planner.solve import solve as run
-
-        return run(design, objective, **once, **more)
-    for asked in (name.replace("_", "-") for name, wanted in once.items() if wanted):
-        raise UsageError(f"--{asked} goes with a design that is given: use it on the problem.toml that --free finds")
-    from hopopt.ocp.free_parameters import parse_free
-    from hopopt.studies.codesign import codesign
-
-    return codesign(design, parse_free(free), objective, couple=couple or (), **more)
+        note(f"the report is missing ({error or 'interrupted'})")

@@ -1,18 +1,33 @@
-"""The command that sets controllers beside the optimum: compare."""
+"""The command that sets controllers beside the optimum: compare, of one hop from rest or hop after hop."""
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter
+from typing import Annotated, Any, Literal
 
 from hopopt import amounts
-from hopopt.cli.controllers.ladder import ladder_of
-from hopopt.cli.controllers.simulate import save_with_figures
-from hopopt.cli.options import AsJson, Overrides, progress, repeated
-from hopopt.errors import UsageError
+from hopopt.cli.options import AsJson, Figures, Flag, Overrides, Results, ended, repeated
+from hopopt.cli.screen.console import progress
+from hopopt.cli.screen.hops import hops as shown_hops
+from hopopt.cli.screen.runs import comparison
+from hopopt.comparison import compare as comparing
+from hopopt.comparison.compare import Comparison
+from hopopt.comparison.hops.hop_after_hop import HopsComparison, compare_hops
+from hopopt.comparison.ladder import Ladder, ladder
+from hopopt.comparison.robust.robustness import chosen, drawn, four_numbers, spread
+from hopopt.design import Design
+from hopopt.errors import HopoptError, UsageError
+from hopopt.plots import hops as hops_figures
+from hopopt.plots.controllers import runs as figures_of_one
+from hopopt.problem.load import load
+from hopopt.record import as_data
+from hopopt.storage.folder import prepare
+from hopopt.storage.runs import save_runs
+from hopopt.storage.seal.recheck import reverified
+from hopopt.storage.solution import read, save
 
+Say = Callable[[str], None]
 Strategies = Annotated[
     list[str] | None,
     repeated(
@@ -33,14 +48,14 @@ def compare(
     tune: int = 0,
     mujoco: bool = False,
     draws: int = 0,
-    why: Annotated[bool, Parameter(negative=())] = False,
+    why: Annotated[bool, Flag] = False,
     mass: float | None = None,
     torque: float | None = None,
     seed: int = 0,
     hops: int = 50,
-    basin: Annotated[bool, Parameter(negative=())] = False,
-    results: Path = Path("results"),
-    figures: bool = True,
+    basin: Annotated[bool, Flag] = False,
+    results: Results = Path("results"),
+    figures: Figures = True,
     json_: AsJson = False,
 ) -> int:
     """Compare the paper's controllers, or yours, with the optimum.
@@ -78,14 +93,8 @@ def compare(
         Of a periodic hop: how many each strategy does.
     basin
         Of a periodic hop: also find from how far off each strategy comes back to its orbit; a minute or two each.
-    results
-        Folder for the results; each run gets a new folder inside it.
-    figures
-        Draw the figures.
     """
     began = time.perf_counter()
-    from hopopt.problem.load import load
-
     given_names = [name.strip() for words in strategies or () for name in words.split(",") if name.strip()]
     names = list(dict.fromkeys(given_names)) if strategies else None
     if names == []:
@@ -99,45 +108,64 @@ def compare(
     spreads = {entry: share for entry, share in spreads.items() if share is not None}
     if not all(0 <= share <= 0.5 for share in spreads.values()):
         raise UsageError("--mass and --torque are shares from 0 to 0.5")
-    from hopopt.comparison import compare as comparing
-    from hopopt.comparison.robust.robustness import chosen, four_numbers, spread
-    from hopopt.planner.answer.summary_entry import as_data
-    from hopopt.storage.folder import as_json, prepare
-    from hopopt.storage.seal.recheck import reverified
-    from hopopt.storage.solution import read, save
-
     given = reverified(read(bound)) if bound else None
     set_ = [*(set_ or ()), *([f'hop.kind="{hop}"'] if hop else ()), *(f"{entry}={x}" for entry, x in spreads.items())]
     design = load(problem or (bound / "problem.toml" if bound else "paper"), set_)
     prepare(results)
-    if design.hop.periodic:
-        from hopopt.cli.hops.compare import compare_hops
-
-        if tune:
-            raise UsageError("--tune is for the hop from rest: leave it out for a periodic one")
-        return compare_hops(design, names, given, hops, draws, seed, basin, mujoco, why, results, figures, json_)
-    if basin:
+    periodic, processes, steps = design.hop.periodic, os.cpu_count() or 1, None
+    if periodic and tune:
+        raise UsageError("--tune is for the hop from rest: leave it out for a periodic one")
+    if basin and not periodic:
         raise UsageError("--basin is for the hop that repeats itself: give --hop periodic, or leave it out")
+    if periodic:
+        amounts.check("hops", hops, 2)
     with progress(quiet=json_) as say:
-        found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
-        data = found.as_dict()
-        if draws:
-            of_legs = seed, design.uncertainty, os.cpu_count() or 1, say
-            data["mismatch"] = spread(found, draws, *of_legs)
-            best, ideal = chosen(found, *of_legs), comparing.on_ideal_ground(found.solution, say)
-            numbers = four_numbers(found, data["mismatch"], best, ideal)
-            data["four_numbers"] = as_data(numbers)
-        steps = ladder_of(found, data, say) if why else None
+        if periodic:
+            legs = drawn(design, design.uncertainty, draws, seed)
+            found = compare_hops(
+                design, names, hops=hops, bound=given, draws=legs, basins=basin, mujoco=mujoco, processes=processes,
+                progress=say,
+            )  # fmt: skip
+            data, shown = found.as_dict() | {"seed": seed}, found.shown
+        else:
+            found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
+            data, shown = found.as_dict(), found.figures
+            if draws:
+                data |= _on_drawn_legs(design, found, draws, seed, say)
+        if why:
+            steps = _ladder(found, data, say)
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
-        traces = {name: f.trace for name, f in found.figures.items()}
-        where = save_with_figures("comparison", design, data, traces, results, figures, found.figures, steps)
+        draw = (lambda folder: _draw(found, folder, steps)) if figures else None
+        traces = {name: f.trace for name, f in shown.items()}
+        where = save_runs("hops" if periodic else "comparison", design, data, traces, results, draw)
         for solution in (found.solution, found.plan):
             if solution is not None and solution.result_dir is None:  # what the figures stand on
                 save(solution, where)
-    if json_:
-        print(as_json({**data, "result_dir": str(where)}))
-        return found.exit_code
-    from hopopt.cli.screen.runs import print_comparison
+    data["result_dir"] = str(where)
+    return ended(data, json_, (shown_hops if periodic else comparison)(data), found.exit_code)
 
-    print_comparison(data, f"{where}   ({data['wall_s']:.1f} s)")
-    return found.exit_code
+
+def _on_drawn_legs(design: Design, found: Comparison, draws: int, seed: int, say: Say) -> dict[str, Any]:
+    """What strategies reach on legs that differ from the believed one, and what can be had there."""
+    of_legs = seed, design.uncertainty, os.cpu_count() or 1, say
+    mismatch = spread(found, draws, *of_legs)
+    best, ideal = chosen(found, *of_legs), comparing.on_ideal_ground(found.solution, say)
+    return {"mismatch": mismatch, "four_numbers": as_data(four_numbers(found, mismatch, best, ideal))}
+
+
+def _ladder(found: Comparison | HopsComparison, data: dict[str, Any], say: Say) -> Ladder | None:
+    """The ladder, and its entries in the data; a note where there is none, for all else is found."""
+    try:
+        steps = ladder(found, say)
+    except HopoptError as error:
+        data["notes"].append(str(error))
+        return None
+    data |= steps.as_dict()
+    return steps
+
+
+def _draw(found: Comparison | HopsComparison, folder: Path, steps: Ladder | None) -> None:
+    if isinstance(found, HopsComparison):
+        hops_figures.save_all(found, folder, steps)
+    else:
+        figures_of_one.save_all(found.figures, folder, steps=steps)

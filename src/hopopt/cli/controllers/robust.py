@@ -1,15 +1,28 @@
-"""The command that says what a share of uncertain legs reaches."""
+"""The command that says what a share of uncertain legs reaches: robust."""
 
 import os
 import time
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
-from hopopt.cli.options import AsJson, Overrides, progress
+from rich.table import Column
+
+from hopopt.cli.options import AsJson, Figure, Overrides, Problem, Results, ended
+from hopopt.cli.screen.console import Shown, progress, table
+from hopopt.cli.screen.runs import results as where_it_lies
+from hopopt.comparison.compare import planned_trace
+from hopopt.comparison.robust import robust as studying
+from hopopt.plots.controllers.robust import save_all
+from hopopt.problem.load import load
+from hopopt.report.robust import UNITS, WAYS
+from hopopt.storage.folder import prepare
+from hopopt.storage.runs import save_runs
 
 
 def robust(
-    problem: str = "paper",
+    problem: Problem = "paper",
     *,
     set_: Overrides = None,
     share: float = 0.95,
@@ -18,8 +31,8 @@ def robust(
     evaluations: int = 8,
     seed: int = 0,
     starts: int | None = None,
-    results: Path = Path("results"),
-    figures: bool = True,
+    results: Results = Path("results"),
+    figures: Figure = True,
     json_: AsJson = False,
 ) -> int:
     """Find the best plan for legs whose masses and motors vary.
@@ -34,8 +47,6 @@ def robust(
 
     Parameters
     ----------
-    problem
-        A problem file, or the name of a built-in one.
     share
         The share of legs that must reach the clearance.
     confidence
@@ -48,42 +59,46 @@ def robust(
         Seed of the draws.
     starts
         Starting points of each bound (default: the problem's solver.starts).
-    results
-        Folder for the results; each run gets a new folder inside it.
-    figures
-        Draw the figure.
     """
     began = time.perf_counter()
-    from hopopt.problem.load import load
-
     design = load(problem, set_ or ())
-    from hopopt.comparison.compare import planned_trace
-    from hopopt.comparison.robust import robust as studying
-    from hopopt.plots.controllers.robust import save_all
-    from hopopt.storage.folder import as_json, prepare
-    from hopopt.storage.runs import save_runs
-
     prepare(results)
     with progress(quiet=json_) as say:
         found = studying.robust(
-            design,
-            share=share,
-            confidence=confidence,
-            draws=draws,
-            evaluations=evaluations,
-            seed=seed,
-            starts=starts,
-            processes=os.cpu_count() or 1,
-            progress=say,
-        )
+            design, share=share, confidence=confidence, draws=draws, evaluations=evaluations, seed=seed, starts=starts,
+            processes=os.cpu_count() or 1, progress=say,
+        )  # fmt: skip
         data = found.as_dict() | {"wall_s": time.perf_counter() - began, "seed": seed, "hopopt": version("hopopt")}
         say("drawing the figure")
         draw = (lambda folder: save_all(found, folder)) if figures else None
         where = save_runs("robust", found.best.design, data, {"plan": planned_trace(found.best.plan)}, results, draw)
-    if json_:
-        print(as_json({**data, "result_dir": str(where)}))
-        return found.exit_code
-    from hopopt.cli.screen.robust import print_robust
+    data["result_dir"] = str(where)
+    return ended(data, json_, shown(data), found.exit_code)
 
-    print_robust(data, str(where))
-    return found.exit_code
+
+def shown(found: Mapping[str, Any]) -> Iterator[Shown]:
+    """Four numbers: the bounds, what the share reaches with the tracker and with PD; the promise, and the reserve."""
+    share = f"{100 * found['share']:g} %"
+    rows = []
+    for words, key in (("bound, ideal ground", "ideal_bound_m"), ("bound, this ground", "bound_m")):
+        rows.append([words, "not verified" if found[key] is None else f"{found[key]:.4f} m", ""])
+    rows.append([f"{found['tracker']}, {share} of the legs", f"{found['clearance_m']:.4f} m", f"{found['fell']}"])
+    for name, clearance in found["pd"].items():
+        rows.append([f"{name}, {share} of the legs", f"{clearance:.4f} m", f"{found['pd_fell'][name]}"])
+    yield table(["", *(Column(head, justify="right") for head in ("clearance", "fell"))], rows, edge=True)
+    yield (
+        f"{share} of all legs within [uncertainty] reach this, with confidence {100 * found['confidence']:g} %: "
+        f"it is number {found['rank']} from below of {found['draws']} legs that the tuning did not see"
+    )
+    yield f"tracked by {found['tracker']}: lowest {found['lowest_m']:.4f} m, median {found['median_m']:.4f} m"
+    doubt = "" if found["plan_verified"] else "; it was NOT verified"
+    yield f"the plan clears {found['plan_m']:.4f} m, best of {found['evaluations']} that were tried{doubt}"
+    lowest = found["lowest_by_way_m"]
+    each = [f"{words} {lowest[way]:.4f} m" for way, words in WAYS.items() if lowest.get(way) is not None]
+    yield f"lowest of the legs that it was chosen on, by way: {', '.join(each) or 'no way led to a verified plan'}"
+    for name, gains in (found["feedback"] or {}).items():
+        yield f"its feedback {name} = {', '.join(f'{gain:.4g}' for gain in gains)} {UNITS[name]}, joint by joint"
+    if (best := found["pd_best"]) and found["pd"][best] > found["clearance_m"]:
+        yield f"{best} reaches more than any plan that was tracked: of those that were tried, none suits these legs"
+    yield "[reserve]\n" + "\n".join(f"{name} = {value:.6g}" for name, value in found["reserve"].items())
+    yield where_it_lies(found)

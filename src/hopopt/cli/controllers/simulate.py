@@ -1,16 +1,26 @@
 """The command that simulates one controller on the leg: simulate."""
 
 import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from hopopt import amounts
-from hopopt.cli.options import AsJson, Overrides, progress, repeated
+from hopopt.cli.options import AsJson, Figures, Overrides, Problem, Results, ended, repeated
+from hopopt.cli.screen import runs
+from hopopt.cli.screen.console import progress
+from hopopt.comparison.simulation import followed
+from hopopt.control import closed_loop
+from hopopt.control.reference import PlanReference
+from hopopt.control.strategies import find
+from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
-
-if TYPE_CHECKING:
-    from hopopt.comparison.ladder import Ladder
-    from hopopt.design import Design
+from hopopt.planner.reserve import plan_to_track
+from hopopt.plots.controllers.runs import save_all
+from hopopt.problem.load import load
+from hopopt.storage import solution as stored
+from hopopt.storage.folder import fitting, prepare
+from hopopt.storage.runs import save_runs
 
 Options = Annotated[
     list[str] | None,
@@ -25,7 +35,7 @@ TrueLeg = Annotated[
 
 
 def simulate(
-    problem: str = "paper",
+    problem: Problem = "paper",
     *,
     strategy: str = "force",
     set_: Overrides = None,
@@ -33,8 +43,8 @@ def simulate(
     option: Options = None,
     hops: int = 1,
     plan: Path | None = None,
-    results: Path = Path("results"),
-    figures: bool = True,
+    results: Results = Path("results"),
+    figures: Figures = True,
     json_: AsJson = False,
 ) -> int:
     """Simulate hops of the leg with one controller.
@@ -43,8 +53,6 @@ def simulate(
 
     Parameters
     ----------
-    problem
-        A problem file, or the name of a built-in one.
     strategy
         force, force_braked, force_tuck, force_tuned, position, position_soft, position_tuck, position_tuned (the
         paper's, scaled to the leg), track, track_mpc, track_pd (follow the optimum), an entry point of the group
@@ -53,21 +61,10 @@ def simulate(
         How many hops one after the other.
     plan
         A results folder of hopopt solve to follow; without it, track solves for its own plan.
-    results
-        Folder for the results; each run gets a new folder inside it.
-    figures
-        Draw the figures.
     """
-    from hopopt.problem.load import load
-
     design = load(problem, set_ or ())
     amounts.check("hops", hops)
     truth, options = load(problem, [*(set_ or ()), *plant]) if plant else None, _options(option or ())
-    from hopopt.control import closed_loop
-    from hopopt.control.strategies import find
-    from hopopt.design import refuse_landed
-    from hopopt.storage.folder import as_json, prepare
-
     chosen = find(strategy)
     refuse_landed(design, "a simulation from rest")
     closed_loop.make_plant(truth or design)  # what cannot be simulated is said before the work
@@ -87,19 +84,13 @@ def simulate(
             "lift_offs": run.trace.times_of("lift-off"),
             "touchdowns": run.trace.times_of("touchdown"),
         }
-        where = save_with_figures(
-            "simulation", design, row, {strategy: run.trace}, results, figures, {strategy: run.figures}
-        )
-    if json_:
-        print(as_json({**row, "exit_code": 0, "result_dir": str(where)}))
-        return 0
-    from hopopt.cli.screen.runs import print_run
-
-    print_run(row, str(where))
-    return 0
+        draw = (lambda folder: save_all({strategy: run.figures}, folder)) if figures else None
+        where = save_runs("simulation", design, row, {strategy: run.trace}, results, draw)
+    data = {**row, "exit_code": 0, "result_dir": str(where)}
+    return ended(data, json_, runs.run(data))
 
 
-def _options(given: "list[str] | tuple[str, ...]") -> dict[str, Any]:
+def _options(given: Sequence[str]) -> dict[str, Any]:
     """key=value pairs; values are JSON where they can be, else text."""
     options = {}
     for pair in given:
@@ -113,38 +104,13 @@ def _options(given: "list[str] | tuple[str, ...]") -> dict[str, Any]:
     return options
 
 
-def _plan(design: "Design", folder: Path | None, needed: bool, say: Any) -> Any:
+def _plan(design: Design, folder: Path | None, needed: bool, say: Callable[[str], None]) -> PlanReference | None:
     """What the strategy is to follow: the plan given, or one of its own."""
     if not needed:
         if folder:
             raise UsageError("--plan is for strategies that follow one, such as track")
         return None
-    from hopopt.comparison.simulation import followed
-    from hopopt.planner.reserve import plan_to_track
-    from hopopt.storage.folder import fitting
-    from hopopt.storage.solution import read
-
-    if folder:
-        with fitting(folder):
-            return followed(design, read(folder))
-    return followed(design, plan_to_track(design, say))
-
-
-def save_with_figures(
-    what: str,
-    design: "Design",
-    data: Any,
-    traces: Any,
-    results: Path,
-    draw: bool,
-    figures: Any,
-    steps: "Ladder | None" = None,
-) -> Path:
-    """Save simulated runs, with their figures if those are wanted; the new folder."""
-    from hopopt.storage.runs import save_runs
-
-    if not draw:
-        return save_runs(what, design, data, traces, results)
-    from hopopt.plots.controllers.runs import save_all
-
-    return save_runs(what, design, data, traces, results, lambda folder: save_all(figures, folder, steps=steps))
+    if folder is None:
+        return followed(design, plan_to_track(design, say))
+    with fitting(folder):
+        return followed(design, stored.read(folder))

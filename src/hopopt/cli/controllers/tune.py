@@ -1,11 +1,14 @@
 """The command that finds the best gains of the paper's strategies: tune."""
 
 from hopopt import amounts
-from hopopt.cli.options import AsJson, Overrides, progress
+from hopopt.cli.options import AsJson, Overrides, Problem, ended
+from hopopt.cli.screen.console import as_is, progress
+from hopopt.comparison import gain_tuning
+from hopopt.problem.load import load
 
 
 def tune(
-    problem: str = "paper",
+    problem: Problem = "paper",
     *,
     set_: Overrides = None,
     strategy: str = "force,position",
@@ -20,8 +23,6 @@ def tune(
 
     Parameters
     ----------
-    problem
-        A problem file, or the name of a built-in one.
     strategy
         Which to tune, separated by commas: force, position.
     evaluations
@@ -31,23 +32,13 @@ def tune(
     processes
         How many simulations side by side (default: one for each core).
     """
-    from hopopt.problem.load import load
-
     design = load(problem, set_ or ())
     amounts.check("evaluations", evaluations)
     amounts.check_processes(processes)
-    from hopopt.comparison import gain_tuning as gain_study
-    from hopopt.storage.folder import as_json
-
     names = list(dict.fromkeys(name.strip() for name in strategy.split(",") if name.strip()))
-    gain_study.check_search(design, names, evaluations, seed)  # all of them, before the first
+    gain_tuning.check_search(design, names, evaluations, seed)  # all of them, before the first
     with progress(quiet=json_) as say:
-        found = [
-            gain_study.tune(design, name, evaluations=evaluations, seed=seed, processes=processes, progress=say)
-            for name in names
-        ]
-    if json_:
-        print(as_json({"problem": design.name, "seed": seed, "strategies": {t.strategy: t.as_dict() for t in found}}))
-    else:
-        print(gain_study.text(found))
-    return 0
+        asked = {"evaluations": evaluations, "seed": seed, "processes": processes}
+        found = [gain_tuning.tune(design, name, **asked, progress=say) for name in names]
+    data = {"problem": design.name, "seed": seed, "strategies": {t.strategy: t.as_dict() for t in found}}
+    return ended(data, json_, [as_is(gain_tuning.text(found))])

@@ -4,8 +4,14 @@ from pathlib import Path
 from typing import Annotated
 
 from hopopt import amounts
-from hopopt.cli.options import AsJson, Overrides, progress, repeated
+from hopopt.cli.options import AsJson, Overrides, Problem, ended, repeated
+from hopopt.cli.screen.console import as_is, progress
 from hopopt.errors import UsageError
+from hopopt.paper import fit as calibrating
+from hopopt.paper.experiment import MOTOR, parse_free
+from hopopt.paper.problem_file import write_motor
+from hopopt.paper.result import text
+from hopopt.problem.load import load
 
 Frees = Annotated[
     list[str] | None,
@@ -17,7 +23,7 @@ Frees = Annotated[
 
 
 def calibrate(
-    problem: str = "paper",
+    problem: Problem = "paper",
     *,
     set_: Overrides = None,
     free: Frees = None,
@@ -31,31 +37,21 @@ def calibrate(
 
     Parameters
     ----------
-    problem
-        A problem file, or the name of a built-in one.
     write
         Put the values into the problem file; refused if they are not determined.
     processes
         How many simulations side by side (default: one for each core).
     """
-    from hopopt.problem.load import load
-
     design = load(problem, set_ or ())
     amounts.check_processes(processes)
     if write and not Path(problem).is_file():
         raise UsageError(f"--write changes a problem file: give its path, not the name {problem}")
     if write and set_:
         raise UsageError("--write and --set do not go together: the file would not be the problem that was fitted")
-    from hopopt.paper import fit as calibrating
-    from hopopt.paper.experiment import MOTOR, parse_free
-    from hopopt.paper.problem_file import write_motor
-    from hopopt.paper.result import text
-    from hopopt.storage.folder import as_json
-
     values = (*MOTOR, *(parse_free(words) for words in free or ()))
     with progress(quiet=json_) as say:
         found = calibrating.calibrate(design, free=values, processes=processes, progress=say)
-    print(as_json({**found.as_dict(), "exit_code": 0}) if json_ else text(found))
+    code = ended({**found.as_dict(), "exit_code": 0}, json_, [as_is(text(found))])
     if write:
         write_motor(Path(problem), found)
-    return 0
+    return code

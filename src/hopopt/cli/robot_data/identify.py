@@ -1,12 +1,18 @@
 """The command that finds a leg's parameters in logs of the real robot: identify."""
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
+from rich.table import Column
 
-from hopopt.cli.options import AsJson, repeated, write_new
+from hopopt.cli.options import AsJson, LogNames, ended, repeated, write_new
+from hopopt.cli.screen.console import Part, Shown, figures, table
 from hopopt.errors import ResultError, UsageError
+from hopopt.problem.load import load
+from hopopt.robot_data.identification import identify as identification
+from hopopt.robot_data.robot_log import read_log, read_map
 
 Known = Annotated[
     list[str] | None,
@@ -19,7 +25,7 @@ def identify(
     /,
     *,
     leg: str = "paper",
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    map_: LogNames = None,
     known: Known = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     json_: AsJson = False,
@@ -31,7 +37,7 @@ def identify(
     Parameters
     ----------
     runs
-        CSV or MCAP files as hopopt log reads them. Their columns command_JOINT, force_z and force_x tell more (docs/simulation.md).
+        CSV or MCAP files as hopopt log reads them. Their columns command_JOINT, force_z and force_x tell more (docs/logs.md).
     leg
         The problem file of the leg as it is believed to be, or the name of a built-in problem.
     map_
@@ -39,11 +45,6 @@ def identify(
     output
         Also write the problem with what was identified, such as my_leg_identified.toml.
     """
-    from hopopt.problem.load import load
-    from hopopt.robot_data.identification import identify as identification
-    from hopopt.robot_data.robot_log import read_log, read_map
-    from hopopt.storage.folder import as_json
-
     design, names = load(leg), read_map(map_)
     if output is not None and output.exists():
         raise UsageError(f"{output} exists already and is not overwritten: choose another name")
@@ -55,29 +56,20 @@ def identify(
     if output is not None:
         write_new(output, found.problem_file([run.name for run in runs]))
     data = {"logs": [str(run) for run in runs], **found.as_dict(), "output": None if output is None else str(output)}
-    if json_:
-        print(as_json({**data, "exit_code": 0}))
-    else:
-        _print(data)
-    return 0
+    return ended({**data, "exit_code": 0}, json_, shown(data))
 
 
-def _print(data: dict[str, Any]) -> None:
+def shown(data: Mapping[str, Any]) -> Iterator[Shown]:
     """The table of parameters, what the logs cannot tell, and where the problem was written."""
-    from rich.table import Table
-
-    from hopopt.cli.screen.console import console, print_lines, print_table
-
-    out, parameters = console(), data["parameters"]
-    table = Table(title=f"{data['problem']}: {', '.join(data['logs'])}", title_justify="left", box=None, pad_edge=False)
-    for column in ("parameter", "problem", "identified", "95 % interval", "unit"):
-        table.add_column(column, justify="left" if column in ("parameter", "unit") else "right", no_wrap=True)
+    parameters, rows = data["parameters"], []
     for key, p in parameters.items():
         interval = "" if p["low"] is None or not p["identified"] else f"{p['low']:.5g} to {p['high']:.5g}"
         value = f"{p['value']:.5g}" if interval else "given" if p["identified"] else "not told"
-        table.add_row(key, f"{p['believed']:.5g}", value, interval, p["unit"])
-    print_table(out, table)
+        rows.append([key, f"{p['believed']:.5g}", value, interval, p["unit"]])
+    numbers = figures("problem", "identified", "95 % interval")
+    columns = [Column("parameter", no_wrap=True), *numbers, Column("unit", no_wrap=True)]
+    yield table(columns, rows, f"{data['problem']}: {', '.join(data['logs'])}")
     lines = [f"the data cannot tell {key}: {p['why']}" for key, p in parameters.items() if not p["identified"]]
-    print_lines(out, "not told", lines)
+    yield Part("not told", lines)
     if data["output"]:
-        out.print(f"{data['output']} written; to see it: hopopt show {data['output']}")
+        yield f"{data['output']} written; to see it: hopopt show {data['output']}"

@@ -1,11 +1,16 @@
 """The command that sets a robot's hop beside the bound: log."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from hopopt.cli.options import AsJson, write_new
+from hopopt.cli.options import AsJson, LogNames, ended, write_new
+from hopopt.cli.screen.console import Part
+from hopopt.errors import UsageError
+from hopopt.problem.load import load
+from hopopt.report.motion import planned, simulated
+from hopopt.report.page import Content, page
+from hopopt.robot_data.robot_hop import account, sentences, trace_of
+from hopopt.robot_data.robot_log import read_log, read_map
+from hopopt.storage.solution import read
 
 
 def log(
@@ -13,7 +18,7 @@ def log(
     *,
     leg: str = "paper",
     bound: Path | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    map_: LogNames = None,
     report: Path | None = None,
     json_: AsJson = False,
 ) -> int:
@@ -25,7 +30,7 @@ def log(
     ----------
     run
         A CSV file with a header: t, q_JOINT, v_JOINT and tau_JOINT of every joint, and contact or force_z. A unit may
-        follow in brackets, as in q_knee [deg]. Or an MCAP file with JointState messages or JSON (docs/simulation.md).
+        follow in brackets, as in q_knee [deg]. Or an MCAP file with JointState messages or JSON (docs/logs.md).
     leg
         The problem file of the leg, or the name of a built-in problem.
     bound
@@ -35,13 +40,6 @@ def log(
     report
         Also write a page with the run beside the bound, such as run.html.
     """
-    from hopopt.errors import UsageError
-    from hopopt.problem.load import load
-    from hopopt.robot_data.robot_hop import account, sentences, trace_of
-    from hopopt.robot_data.robot_log import read_log, read_map
-    from hopopt.storage.folder import as_json
-    from hopopt.storage.solution import read
-
     design, best = load(leg), read(bound) if bound else None
     if best is not None and (best.design.leg.joints != design.leg.joints or best.objective != "clearance"):
         raise UsageError(
@@ -51,21 +49,10 @@ def log(
         raise UsageError(f"--bound {bound}: it is not verified, so it bounds nothing: hopopt verify says why")
     found = read_log(run, design, read_map(map_))
     data = {"log": str(run), "problem": design.name, **account(design, found, best)}
+    first, *others = sentences(data)
     if report is not None:
-        from hopopt.report.motion import planned, simulated
-        from hopopt.report.page import Content, page
-
         trace = trace_of(found, design)
         hops = [simulated(trace, run.name, data["clearance_m"]), *([planned(best, "the bound")] if best else [])]
-        answer = sentences(data)
-        write_new(report, page(Content(design, hops, words=answer, provenance={"log": str(run), "bound": str(bound)})))
-    if json_:
-        print(as_json({**data, "exit_code": 0}))
-    else:
-        from hopopt.cli.screen.console import console, print_lines
-
-        out = console()
-        first, *others = sentences(data)
-        out.print(f"{run}: {first}")
-        print_lines(out, "hop", others)
-    return 0
+        where = {"log": str(run), "bound": str(bound)}
+        write_new(report, page(Content(design, hops, words=[first, *others], provenance=where)))
+    return ended({**data, "exit_code": 0}, json_, [f"{run}: {first}", Part("hop", others)])

@@ -3,64 +3,57 @@
 The whole account is in cli/screen/details.py.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import ceil, floor, isfinite, log10
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
-from hopopt.cli.screen.certificate import certified_words, structure_lines
-from hopopt.cli.screen.console import console, print_lines
+from hopopt.cli.screen.checks import certified_words, structure_lines
+from hopopt.cli.screen.console import Part, Shown, marked
 from hopopt.cli.screen.runs import OVERSHOOT
 from hopopt.cli.screen.search import global_line, measure, measured, starts_lines
+from hopopt.design import Design
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.objectives.direction import sign
-from hopopt.planner.solution import at_apex
-
-if TYPE_CHECKING:
-    from hopopt.design import Design
-    from hopopt.planner.answer.stored_summary import Summary
-    from hopopt.planner.answer.summary_parts import Impact
-    from hopopt.planner.solution import Solution
+from hopopt.planner.answer.summary import Summary
+from hopopt.planner.answer.touchdown import Impact
+from hopopt.planner.motion import at_apex
+from hopopt.planner.solution import Solution
 
 MOST = 4  # limits that are named
 LITTLE = 0.005  # share of stance that is no word worth
 
 
-def print_answer(solution: "Solution") -> None:
-    """The answer, short."""
+def short(solution: Solution) -> Iterator[Shown]:
+    """The answer, short; of one that was late, before it was verified, only that."""
     s = solution.shown
-    print_parts(
+    if s.late and not s.verified:
+        return headed(s, results=_results(s))
+    return headed(
         s,
         in_short=in_short(s, solution.design),
         hop=hop_lines(s),
         control=control_lines(s),
         limits=_limits(s),
         structure=structure_lines(s) if s.structure.solved_again is not None else [],
-        evidence=_evidence(s),
-        notes=list(s.notes),
+        evidence=[checks_line(s), error_line(s), *starts_lines(s, certified_words(s)), *global_line(s)],
+        notes=s.notes,
         results=_results(s),
     )
 
 
-def print_late(solution: "Solution") -> None:
-    """That the time was up before an answer was verified."""
-    print_parts(solution.shown, results=_results(solution.shown))
-
-
-def print_parts(s: "Summary", **parts: Sequence[str]) -> None:
+def headed(s: Summary, **parts: Sequence[str]) -> Iterator[Shown]:
     """Title and headline, and below them each part's lines under its name."""
-    head, out, changed = _headline(s), console(), " and ".join(s.overrides or ())
+    changed = " and ".join(s.overrides or ())
     which = f"{s.problem}{f' with {changed}' if changed else ''}, objective {s.objective}"
     which += f", limited by {' and '.join(limits)} too" if (limits := s.functions.limits) else ""
-    out.print(f"[bold]{escape(s.title or s.problem)}[/bold]  ({escape(which)})", markup=True)
-    out.print(head, markup=True)
-    for name, lines in parts.items():
-        print_lines(out, name.replace("_", " "), lines)
+    yield marked(f"[bold]{escape(s.title or s.problem)}[/bold]  ({escape(which)})")
+    yield marked(_headline(s))
+    yield from (Part(name.replace("_", " "), lines) for name, lines in parts.items())
 
 
-def _headline(s: "Summary") -> str:
+def _headline(s: Summary) -> str:
     if s.late and not s.verified:
         return (
             f"[bold red]Solved, but NOT verified[/bold red]: the time limit of {s.time_limit_s:g} s was reached; a larger one "
@@ -83,7 +76,7 @@ def _headline(s: "Summary") -> str:
     )
 
 
-def reached(s: "Summary") -> str:
+def reached(s: Summary) -> str:
     """What the hop was made for, and what came of it."""
     name = "body apex" if s.objective == "apex" else s.objective.replace("_", " ")
     value = measured(s, s.reached, 4)
@@ -91,7 +84,7 @@ def reached(s: "Summary") -> str:
     return f"{name} {value}" if asked is None else f"least {name} {value} to clear {asked:g} m"
 
 
-def in_short(s: "Summary", design: "Design") -> list[str]:
+def in_short(s: Summary, design: Design) -> list[str]:
     """What the hop is worth in lengths of the leg; what its motion needs of the ground, which another may not; and what it
     leans on: what it would lose by less of it."""
     found, lengths = s.leans_on, s.clearance_m / reach(design.leg)
@@ -114,12 +107,12 @@ def in_short(s: "Summary", design: "Design") -> list[str]:
     return [cleared, *([f"it leans on {lean}"] if lean else []), *more]
 
 
-def loss(s: "Summary", amount: float) -> str:
+def loss(s: Summary, amount: float) -> str:
     """What is lost of the objective: lengths in cm."""
     return f"{100 * amount:.2g} cm" if s.objective_unit == "m" else measure(s, amount, ".2g")
 
 
-def hop_lines(s: "Summary") -> list[str]:
+def hop_lines(s: Summary) -> list[str]:
     """Where the clearance comes from; durations, speeds at lift-off and the greatest ground force."""
     p, stance, flight, lift = s.parts, s.phases["stance"], s.phases["flight"], s.lift_off
     lands = "".join(
@@ -128,6 +121,11 @@ def hop_lines(s: "Summary") -> list[str]:
     end, flown = s.vertical_at_end_of_flight_m_s, f"{flight.duration_s:.3f} s"
     way = "rising" if end > 0 else "falling"
     flown = f"to the apex {flown}" if at_apex(end) else f"{flown} (then {way} at {abs(end):.2f} m/s)"
+    box = (
+        [f"clears a box {o.width_m:g} m wide and {o.height_m:.4f} m high, {o.begins_m:.3f} m ahead"]
+        if (o := s.obstacle)
+        else []
+    )
     parts = (
         f"clearance = COM height at lift-off {p.com_height_at_lift_off_m:.4f} + ballistic rise "
         f"{p.ballistic_rise_m:.4f} - COM height over the {s.lowest_point} {-p.com_height_over_lowest_point_m:.4f} m"
@@ -137,19 +135,12 @@ def hop_lines(s: "Summary") -> list[str]:
         f"stance {stance.duration_s:.3f} s, flight {flown}{lands}, lift-off at "
         f"{lift.vertical_m_s:.2f} m/s up and {lift.horizontal_m_s:+.2f} m/s along, peak ground force "
         f"{s.peak_ground_force_N:.0f} N",
-        *_box_lines(s),
+        *box,
         *orbit_lines(s),
     ]
 
 
-def _box_lines(s: "Summary") -> list[str]:
-    """What a hop over an obstacle clears."""
-    if (box := s.obstacle) is None:
-        return []
-    return [f"clears a box {box.width_m:g} m wide and {box.height_m:.4f} m high, {box.begins_m:.3f} m ahead"]
-
-
-def orbit_lines(s: "Summary") -> list[str]:
+def orbit_lines(s: Summary) -> list[str]:
     """The cycle of a periodic hop, or how a hop comes to rest, and the impact."""
     if (end := s.landing) is not None:
         return [
@@ -163,7 +154,7 @@ def orbit_lines(s: "Summary") -> list[str]:
     return [f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}", _impact_line(o)]
 
 
-def _impact_line(o: "Impact") -> str:
+def _impact_line(o: Impact) -> str:
     """What an impact takes."""
     return (
         f"touchdown: foot at {o.foot_speed_m_s:.2f} m/s, impulse {o.impulse_Ns:.2f} N s, {o.impact_loss_J:.2f} J lost, "
@@ -171,30 +162,27 @@ def _impact_line(o: "Impact") -> str:
     )
 
 
-def control_lines(s: "Summary") -> list[str]:
-    """What controllers reach."""
+def control_lines(s: Summary) -> list[str]:
+    """What controllers reach: the paper's on this leg, and others on a share of drawn legs."""
     return [*_paper_lines(s), *_had_lines(s)]
 
 
-def _had_lines(s: "Summary") -> list[str]:
-    """What a share of drawn legs reaches."""
+def _had_lines(s: Summary) -> list[str]:
     if (found := s.can_be_had) is None:
         return []
     ways = [f"{way.clearance_m:.3f} m with {way.strategy}" for way in (found.tracked, found.pd) if way]
-    ideal = (
-        f"; on ground that grips without limit the bound is {found.ideal_bound_m:.3f} m" if found.ideal_bound_m else ""
-    )
-    behind = found.tracked and found.pd and found.tracked.clearance_m < found.pd.clearance_m
-    more = ["the plan's [reserve] is too small for such legs: hopopt robust finds a better one"] if behind else []
-    return [
+    line = (
         f"what can be had: {found.share:.0%} of all legs within [uncertainty] reach {' and '.join(ways)} "
-        f"(simulated, {found.draws} draws, each with confidence {found.confidence:.0%}){ideal}",
-        *more,
-    ]
+        f"(simulated, {found.draws} draws, each with confidence {found.confidence:.0%})"
+    )
+    if found.ideal_bound_m:
+        line += f"; on ground that grips without limit the bound is {found.ideal_bound_m:.3f} m"
+    if found.tracked and found.pd and found.tracked.clearance_m < found.pd.clearance_m:
+        return [line, "the plan's [reserve] is too small for such legs: hopopt robust finds a better one"]
+    return [line]
 
 
-def _paper_lines(s: "Summary") -> list[str]:
-    """What the paper's PD strategy reaches."""
+def _paper_lines(s: Summary) -> list[str]:
     if (found := s.paper_strategy) is None:
         return []
     if found.fault:
@@ -211,12 +199,12 @@ def _paper_lines(s: "Summary") -> list[str]:
     ]
 
 
-def gains(s: "Summary") -> dict[str, str]:
+def gains(s: Summary) -> dict[str, str]:
     """What 1 % more of a limit's range would give, the greatest gain first."""
     return {name: _gain(s, gain) for name, gain in list(s.gains.items())[:MOST]}
 
 
-def _limits(s: "Summary") -> list[str]:
+def _limits(s: Summary) -> list[str]:
     if not (found := gains(s)):
         return ["none whose range would give more"]
     (most, gain), *others = found.items()
@@ -224,16 +212,7 @@ def _limits(s: "Summary") -> list[str]:
     return [f"limiting constraint: {most}; 1 % more of its range would give {gain}{rest}"]
 
 
-def _evidence(s: "Summary") -> list[str]:
-    return [
-        checks_line(s),
-        f"{error_line(s)}{simulated_words(s)}",
-        *starts_lines(s, certified_words(s)),
-        *global_line(s),
-    ]
-
-
-def _results(s: "Summary") -> list[str]:
+def _results(s: Summary) -> list[str]:
     where = s.result_dir or ""
     drawn = "figures inside, " if (Path(where) / "figures").is_dir() else ""
     return [
@@ -242,13 +221,13 @@ def _results(s: "Summary") -> list[str]:
     ]
 
 
-def _gain(s: "Summary", gain: float) -> str:
+def _gain(s: Summary, gain: float) -> str:
     if s.objective_unit == "m":
         return f"+{1000 * gain:.1f} mm"
     return measure(s, sign(s.maximized) * gain, "+.2g")
 
 
-def checks_line(s: "Summary") -> str:
+def checks_line(s: Summary) -> str:
     """How many checks passed, and the two that matter most."""
     replay = max(s.check(f"{phase} replay").residual for phase in s.phases)
     made, checks = [c.passed for c in s.verification if not c.left_out], s.verification
@@ -259,16 +238,23 @@ def checks_line(s: "Summary") -> str:
     )
 
 
-def error_line(s: "Summary") -> str:
-    """How far the claim may be too high."""
+def error_line(s: Summary) -> str:
+    """How far the claim may be too high; and from below, in brackets, what a simulation in one piece with clamped torques
+    reaches, or why it says nothing."""
     if not isfinite((e := s.objective_error).too_high_by):
         return "its error could not be computed"
     most = measure(s, upwards(e.too_high_by), ".0e")
     side = "above" if sign(s.maximized) > 0 else "below"
-    return f"{measure(s, s.reached, '.6g')}, by estimate at most {most} {side} the optimum{_gentle(s)}"
+    claim = f"{measure(s, s.reached, '.6g')}, by estimate at most {most} {side} the optimum{_gentle(s)}"
+    if note := e.simulated.note:
+        return f"{claim} ({note})"
+    simulated = getattr(e.simulated, s.objective_figure)
+    if simulated is None:
+        return claim
+    return f"{claim} (simulated in one piece, torques clamped: {measure(s, simulated, '.6g')})"
 
 
-def _gentle(s: "Summary") -> str:
+def _gentle(s: Summary) -> str:
     """What the preference of gentle torques may have cost, where that is more than a thousandth."""
     if s.tie_break_weighs <= 1e-3 * abs(s.objective_value):
         return ""
@@ -278,19 +264,9 @@ def _gentle(s: "Summary") -> str:
     return f" and, as gentle torques are preferred, at most {measure(s, upwards(most), '.0e')} {side} it"
 
 
-def simulated_words(s: "Summary") -> str:
-    """The claim from below, in brackets: what a simulation in one piece with clamped torques reaches, or why it says nothing."""
-    if not isfinite((e := s.objective_error).too_high_by):
-        return ""
-    if note := e.simulated.note:
-        return f" ({note})"
-    reached = getattr(e.simulated, s.objective_figure)
-    return "" if reached is None else f" (simulated in one piece, torques clamped: {measure(s, reached, '.6g')})"
-
-
-def bound_line(bound: float | None, objective: str) -> list[str]:
+def bound_line(bound: float, objective: str) -> list[str]:
     """What nothing can pass [m], of heights."""
-    if bound is None or objective not in ("clearance", "apex"):
+    if not isfinite(bound) or objective not in ("clearance", "apex"):
         return []
     return [
         f"no hop that keeps the drives' limits and the longest stance can pass {bound:.2f} m: a crude bound, by speed and "

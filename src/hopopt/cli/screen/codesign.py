@@ -1,16 +1,35 @@
 """What the command line shows of a co-design: which numbers were free, what they became, and what holds them back."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
-from rich.table import Table
+from rich.table import Column
 
-from hopopt.cli.screen.console import console, print_table
-
-if TYPE_CHECKING:
-    from hopopt.planner.answer.summary_extras import CoDesign, FreeEntry
+from hopopt.cli.screen.console import Shown, table
+from hopopt.planner.answer.extras import CoDesign, FreeEntry
 
 
-def _between(p: "FreeEntry") -> list[str]:
+def codesign(found: CoDesign) -> Iterator[Shown]:
+    """A line for each free entry, and the couplings."""
+    heads = ("entry", "was", "optimal", "lowest", "highest", "unit", "")
+    rows = []
+    for p in found.parameters:
+        numbers = [f"{x:.5g}" for x in (p.was, p.optimal, p.lower, p.upper)]
+        rows.append([p.entry, *numbers, p.unit, f"at its {p.at_bound} bound" if p.at_bound else ""])
+    yield table([Column(head, no_wrap=True) for head in heads], rows, "free design parameters")
+    for p in found.parameters:
+        yield from _between(p)
+    for c in found.couplings:
+        yield f"{c.coupling}   ({'active' if c.active else 'not active'})"
+        if c.coupling.startswith("catalogue"):
+            yield f"  that is {c.equation}"
+    for part, law in found.mass_laws.items():
+        yield (
+            f"  law of {law.entries} {part}s from {law.lowest:.3g} to {law.highest:.3g} N m, "
+            f"typically off by a factor of {law.scatter:.2g}: hopopt actuators --fit"
+        )
+
+
+def _between(p: FreeEntry) -> list[str]:
     """The limits that an entry sits between, and what it would be without each."""
     if (at := p.between) is None:
         return []
@@ -21,27 +40,3 @@ def _between(p: "FreeEntry") -> list[str]:
             f"  without the {w.limit}{which}: {w.objective_value:.5g} at {w.optimal:.5g} {p.unit}".removesuffix(" 1")
         )
     return lines
-
-
-def print_codesign(found: "CoDesign") -> None:
-    """A line for each free entry, and the couplings."""
-    table = Table(title="free design parameters", title_justify="left", box=None, pad_edge=False)
-    for column in ("entry", "was", "optimal", "lowest", "highest", "unit", ""):
-        table.add_column(column, no_wrap=True)
-    for p in found.parameters:
-        figures = [f"{x:.5g}" for x in (p.was, p.optimal, p.lower, p.upper)]
-        table.add_row(p.entry, *figures, p.unit, f"at its {p.at_bound} bound" if p.at_bound else "")
-    out = console()
-    print_table(out, table)
-    for p in found.parameters:
-        for line in _between(p):
-            out.print(line)
-    for c in found.couplings:
-        out.print(f"{c.coupling}   ({'active' if c.active else 'not active'})")
-        if c.coupling.startswith("catalogue"):
-            out.print(f"  that is {c.equation}")
-    for part, law in found.mass_laws.items():
-        out.print(
-            f"  law of {law.entries} {part}s from {law.lowest:.3g} to {law.highest:.3g} N m, "
-            f"typically off by a factor of {law.scatter:.2g}: hopopt actuators --fit"
-        )

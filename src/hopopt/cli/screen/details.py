@@ -1,6 +1,6 @@
 """What the command line shows of a stored answer: all that cli/screen/answer.py leaves out."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
 
 from hopopt.cli.screen.answer import (
     bound_line,
@@ -8,27 +8,35 @@ from hopopt.cli.screen.answer import (
     control_lines,
     error_line,
     gains,
+    headed,
     hop_lines,
     in_short,
-    print_parts,
-    simulated_words,
+    short,
     upwards,
 )
-from hopopt.cli.screen.certificate import certificate_line, second_order_line, structure_lines
+from hopopt.cli.screen.checks import certificate_line, cross_check_lines, second_order_line, structure_lines
+from hopopt.cli.screen.codesign import codesign
+from hopopt.cli.screen.console import Part, Shown
 from hopopt.cli.screen.search import global_line, measure, starts_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from hopopt.planner.answer.stored_summary import Summary
-    from hopopt.planner.answer.summary_parts import IdleLimit, NamedCheck
-    from hopopt.planner.solution import Solution
+from hopopt.planner.answer.limit_use import IdleLimit
+from hopopt.planner.answer.summary import Summary
+from hopopt.planner.solution import Solution
 
 
-def print_details(solution: "Solution") -> None:
+def answer(solution: Solution, all_of_it: bool = False) -> Iterator[Shown]:
+    """An answer, short or ``all_of_it``; one that is not verified is never short, but where the time was up."""
+    s = solution.summary
+    yield from short(solution) if not all_of_it and (s.verified or s.late) else whole(solution)
+    if s.codesign:
+        yield from codesign(s.codesign)
+    yield Part("cross-check", cross_check_lines(s))
+
+
+def whole(solution: Solution) -> Iterator[Shown]:
     """The whole account of an answer."""
     s = solution.shown
-    print_parts(
+    folder = str(solution.result_dir or s.result_dir)
+    return headed(
         s,
         in_short=in_short(s, solution.design),
         hop=[*hop_lines(s), _ground(s)],
@@ -37,12 +45,12 @@ def print_details(solution: "Solution") -> None:
         control=control_lines(s),
         structure=structure_lines(s),
         evidence=_evidence(s),
-        notes=list(s.notes),
-        results=_results(str(solution.result_dir or s.result_dir)),
+        notes=s.notes,
+        results=[f"{folder}, as it was stored: hopopt verify {folder} checks it again"],
     )
 
 
-def _ground(s: "Summary") -> str:
+def _ground(s: Summary) -> str:
     if s.friction is not None:
         return "the friction cone is held"
     if (grip := s.grip_without_load_N) < 0.5:
@@ -50,11 +58,7 @@ def _ground(s: "Summary") -> str:
     return f"the foot is pinned: without load it is held along the ground by up to {grip:.0f} N (contact.friction limits that)"
 
 
-def _results(folder: str) -> list[str]:
-    return [f"{folder}, as it was stored: hopopt verify {folder} checks it again"]
-
-
-def _effort(s: "Summary") -> list[str]:
+def _effort(s: Summary) -> list[str]:
     means = ", ".join(f"{joint} {mean:.0%}" for joint, mean in s.saturation_mean.items())
     e = s.energy
     return [
@@ -63,7 +67,7 @@ def _effort(s: "Summary") -> list[str]:
     ]
 
 
-def _limits(s: "Summary") -> list[str]:
+def _limits(s: Summary) -> list[str]:
     active = ", ".join(f"{name} {share:.0%}" for name, share in list(s.active_limits.items())[:5]) or "none"
     return [
         f"active in stance: {active}",
@@ -72,14 +76,14 @@ def _limits(s: "Summary") -> list[str]:
     ]
 
 
-def _idle(found: "Mapping[str, IdleLimit]", most: int = 4) -> list[str]:
+def _idle(found: Mapping[str, IdleLimit], most: int = 4) -> list[str]:
     """The least used limits in one line; none if every limit acts."""
     named = [f"{name} ({use.used:.0%} used)" for name, use in list(found.items())[:most]]
     rest = f" and {len(found) - most} more (hopopt diagnose names them)" if len(found) > most else ""
     return [f"never act: {', '.join(named)}{rest}"] if named else []
 
 
-def _evidence(s: "Summary") -> list[str]:
+def _evidence(s: Summary) -> list[str]:
     mesh, change = s.mesh[-1], s.check("change of the objective").residual
     sizes = " + ".join(str(n) for n in mesh.intervals.values())
     settled = f"objective settled to {change:.0e}" if change < float("inf") else "no second mesh to compare with"
@@ -87,7 +91,7 @@ def _evidence(s: "Summary") -> list[str]:
     if s.tie_break_weighs > 1e-3 * abs(s.objective_value):
         bias = "insensitive to torques: gentle ones are preferred"
     return [
-        *([f"{error_line(s)}{simulated_words(s)}{_beaten(s)}"] if s.verified else []),
+        *([f"{error_line(s)}{_beaten(s)}"] if s.verified else []),
         *starts_lines(s),
         *global_line(s),
         f"{len(s.mesh)} mesh{'es' if len(s.mesh) > 1 else ''}, last {sizes} intervals ({s.scheme}); {settled}, {bias}",
@@ -99,7 +103,7 @@ def _evidence(s: "Summary") -> list[str]:
     ]
 
 
-def _beaten(s: "Summary") -> str:
+def _beaten(s: Summary) -> str:
     """What limits enforced between the nodes cost, and what neighbouring hops may gain at most."""
     e = s.objective_error
     reported = f"; limits enforced between the nodes cost {measure(s, e.relaxed.gains, '.0e')}"
@@ -108,11 +112,10 @@ def _beaten(s: "Summary") -> str:
     return reported
 
 
-def _failed(s: "Summary") -> list[str]:
+def _failed(s: Summary) -> list[str]:
     """The checks that failed, with their residuals."""
-    return [f"FAILED {_check_line(c)}" for c in s.verification if not c.passed]
-
-
-def _check_line(c: "NamedCheck") -> str:
-    where = f", {c.where}" if c.where else ""
-    return f"{c.name}: {c.residual:.1e} {c.unit} (allowed {c.tolerance:.0e}){where}"
+    return [
+        f"FAILED {c.name}: {c.residual:.1e} {c.unit} (allowed {c.tolerance:.0e}){f', {c.where}' if c.where else ''}"
+        for c in s.verification
+        if not c.passed
+    ]

@@ -1,16 +1,15 @@
 """What the command line shows of simulated strategies: one table, the gaps, and what was not kept."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
-from hopopt.cli.screen.console import console, print_table
-from hopopt.cli.screen.ladder import cm, print_ladder
+from hopopt.cli.screen.console import Shown, figures, marked, named, table
 
-ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
+ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/robust.md)"
 HALF = 0.5  # of the bound, below which a line says what is in the way
 OVERSHOOT = 0.005  # [m] from which on it is worth a line
 BRAKED = "force_braked"
@@ -18,85 +17,81 @@ GAPS = {"push": "push_m", "timing": "timing_m", "fold": "retraction_m"}
 PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
 
 
-def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
+def comparison(found: Mapping[str, Any]) -> Iterator[Shown]:
     """The bound, the table, the paper's figures, and warnings."""
-    rows, out = comparison["strategies"], console()
-    out.print(_headline(comparison))
-    print_table(out, run_table(rows))
-    out.print(
+    rows = found["strategies"]
+    yield _headline(found)
+    yield run_table(rows)
+    yield (
         "push, timing, fold: where the centimetres to the bound are lost (+) or gained (-): height and speed at lift-off, not "
         "at the apex, leg not drawn up as far; C_avg: mean saturation of each joint in stance; ground: largest force"
     )
     for name, row in rows.items():
-        if row["no_hop"]:
-            out.print(f"{name} does not hop: {row['no_hop']}")
-        elif row["share_of_bound"] is not None and row["share_of_bound"] < HALF:
-            part, key = max(GAPS.items(), key=lambda item: row["gap"][item[1]])
-            lost = f"it loses most by {part}, {100 * row['gap'][key]:.1f} cm"
-            out.print(f"{name} clears less than half of the bound: {lost}")
-        if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
-            out.print(f"{name}: {_overshoot(short)}; {BRAKED} follows it without")
+        yield from _in_the_way(name, row)
+    yield from (_paper(name, row) for name, row in rows.items() if "paper" in row)
     for name, row in rows.items():
-        if "paper" in row:
-            out.print(_paper(name, row))
-    for name, row in rows.items():
-        if row["limits_exceeded"]:
-            out.print(f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}")
+        yield from not_kept(name, row)
         if row["left_early"]:
-            out.print(f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/simulation.md)")
+            yield f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/robust.md)"
         if row["cut_short"]:
-            out.print(f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}")
-    for name, spread in comparison.get("mismatch", {}).items():
-        out.print(_spread(name, spread))
-    if "four_numbers" in comparison:
-        print_table(out, _four(comparison["four_numbers"]))
-    print_ladder(out, comparison)
+            yield f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}"
+    yield from (_spread(name, spread) for name, spread in found.get("mismatch", {}).items())
+    if "four_numbers" in found:
+        yield _four(found["four_numbers"])
+    yield from ladder(found)
     elsewhere = {name: row["mujoco_clearance_m"] for name, row in rows.items() if "mujoco_clearance_m" in row}
     if elsewhere:
-        out.print("in MuJoCo: " + ", ".join(f"{name} {clearance:.3f} m" for name, clearance in elsewhere.items()))
-    if comparison["tracked_plan_m"]:
-        doubt = "" if comparison["tracked_plan_verified"] else "; it was NOT verified"
-        plan = f"a plan of {comparison['tracked_plan_m']:.4f} m, which holds the problem's [reserve] back"
-        out.print(f"tracked: {plan}{doubt}")
-    for note in comparison["notes"]:
-        out.print(note)
-    out.print(f"results {where}")
+        yield "in MuJoCo: " + ", ".join(f"{name} {clearance:.3f} m" for name, clearance in elsewhere.items())
+    if found["tracked_plan_m"]:
+        doubt = "" if found["tracked_plan_verified"] else "; it was NOT verified"
+        yield f"tracked: a plan of {found['tracked_plan_m']:.4f} m, which holds the problem's [reserve] back{doubt}"
+    yield from found["notes"]
+    yield results(found)
 
 
-def print_run(row: Mapping[str, Any], where: str) -> None:
+def not_kept(name: str, row: Mapping[str, Any]) -> Iterator[Shown]:
+    """Which limits of the problem a strategy does not keep."""
+    if row["limits_exceeded"]:
+        yield f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}"
+
+
+def results(found: Mapping[str, Any]) -> str:
+    """Where it all lies, and how long it took."""
+    return f"results {found['result_dir']}   ({found['wall_s']:.1f} s)"
+
+
+def run(row: Mapping[str, Any]) -> Iterator[Shown]:
     """One strategy's hop."""
-    out = console()
     p, lift = row["parts"], row["lift_off"]
-    out.print(f"[bold]{escape(row['strategy'])}[/bold]: {escape(row['meaning'])}", markup=True)
+    yield marked(f"[bold]{escape(row['strategy'])}[/bold]: {escape(row['meaning'])}")
     if not row["lift_offs"]:
-        out.print(f"  the foot never left the ground; the run ended: {row['outcome']}\n  results {where}")
+        yield f"  the foot never left the ground; the run ended: {row['outcome']}\n  results {row['result_dir']}"
         return
-    out.print(
+    yield (
         f"  clearance {row['clearance_m']:.4f} m = COM height at lift-off {p[PARTS[0]]:.4f} + ballistic rise {p[PARTS[1]]:.4f} "
         f"- COM height over the lowest point {-p[PARTS[2]]:.4f} m; foot at most {row['foot_height_m']:.3f} m"
     )
-    out.print(
+    yield (
         f"  lift-off at {lift['time_s']:.4f} s, body at {lift['body_height_m']:.3f} m, {lift['vertical_m_s']:.2f} m/s up and "
         f"{lift['horizontal_m_s']:+.2f} m/s along"
     )
-    means = ", ".join(f"{joint} {mean:.0%}" for joint, mean in row["saturation_mean"].items())
-    e = row["energy"]
-    out.print(
+    means, e = ", ".join(f"{joint} {mean:.0%}" for joint, mean in row["saturation_mean"].items()), row["energy"]
+    yield (
         f"  mean saturation in stance: {means}; work of the motors {e['motors_J']:.1f} J, gained {e['gained_J']:.1f} J, "
         f"gears {e['gears_J']:.1f} J, end stops {e['stops_J']:.1f} J, friction {e['ground_friction_J']:.1f} J (balance closes to {row['energy_error']:.0e})"
     )
-    out.print(f"  peak ground force {row['peaks']['ground_force_N']:.0f} N; the run ended: {row['outcome']}")
+    yield f"  peak ground force {row['peaks']['ground_force_N']:.0f} N; the run ended: {row['outcome']}"
     if row["no_hop"]:
-        out.print(f"  no hop: {row['no_hop']}")
+        yield f"  no hop: {row['no_hop']}"
     if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
-        out.print(f"  {_overshoot(short)}; the strategy {BRAKED} follows it without")
+        yield f"  {_overshoot(short)}; the strategy {BRAKED} follows it without"
     if row["limits_exceeded"]:
-        out.print(f"  limits of the problem not kept: {', '.join(row['limits_exceeded'])}")
+        yield f"  limits of the problem not kept: {', '.join(row['limits_exceeded'])}"
     if row["cut_short"]:
-        out.print(f"  {row['cut_short']}")
+        yield f"  {row['cut_short']}"
     if row.get("hops", 1) > 1:
-        out.print(f"  hops: {_hops(row['touchdowns'])}")
-    out.print(f"  results {where}")
+        yield f"  hops: {_hops(row['touchdowns'])}"
+    yield f"  results {row['result_dir']}"
 
 
 def _hops(times: Sequence[float]) -> str:
@@ -115,47 +110,70 @@ def _headline(c: Mapping[str, Any]) -> str:
     return f"{c['problem']}: the bound is {c['bound_m']:.4f} m, the highest hop found, verified"
 
 
+def _in_the_way(name: str, row: Mapping[str, Any]) -> Iterator[Shown]:
+    """Why a strategy does not hop, or clears little; and by how much its servo overshoots."""
+    if row["no_hop"]:
+        yield f"{name} does not hop: {row['no_hop']}"
+    elif row["share_of_bound"] is not None and row["share_of_bound"] < HALF:
+        part, key = max(GAPS.items(), key=lambda item: row["gap"][item[1]])
+        yield f"{name} clears less than half of the bound: it loses most by {part}, {100 * row['gap'][key]:.1f} cm"
+    if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
+        yield f"{name}: {_overshoot(short)}; {BRAKED} follows it without"
+
+
 def run_table(rows: Mapping[str, Any]) -> Table:
     """A row for each strategy: its clearance, what it misses of the bound and by what, and how it pushed."""
-    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("strategy", style="bold", no_wrap=True)
-    for head in (
-        "clears\nm",
-        "of\nbound",
-        *(f"{part}\ncm" for part in GAPS),
-        "C_avg",
-        "left\ns",
-        "at\nm/s",
-        "ground\nN",
-    ):
-        table.add_column(head, justify="right", no_wrap=True)
+    heads = ("clears\nm", "of\nbound", *(f"{part}\ncm" for part in GAPS), "C_avg", "left\ns", "at\nm/s", "ground\nN")
+    cells = []
     for name, r in rows.items():
-        hops, share = not r["no_hop"], r["share_of_bound"]
-        table.add_row(
+        lift, share = None if r["no_hop"] else r["lift_off"], r["share_of_bound"]
+        cells.append([
             name,
             f"{r['clearance_m']:.3f}",
             "-" if share is None else f"{share:.0%}",
-            *(cm(r["gap"][key]) if hops else "-" for key in GAPS.values()),
+            *(cm(r["gap"][key]) if lift else "-" for key in GAPS.values()),
             " ".join(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
-            f"{r['lift_off']['time_s']:.3f}" if hops else "-",
-            f"{r['lift_off']['vertical_m_s']:.2f}" if hops else "-",
+            f"{lift['time_s']:.3f}" if lift else "-",
+            f"{lift['vertical_m_s']:.2f}" if lift else "-",
             f"{r['peaks']['ground_force_N']:.0f}",
-        )
-    return table
+        ])  # fmt: skip
+    return table([named("strategy"), *figures(*heads)], cells, between=(0, 1))
 
 
 def _four(found: Mapping[str, Any]) -> Table:
     """What can be had of the optimum."""
-    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("what can be had", style="bold")
-    table.add_column("m", justify="right")
     legs = f"{found['share']:.0%} of the drawn legs (confidence {found['confidence']:.0%})"
-    for words, height in (("bound, ideal ground", "ideal_bound_m"), ("bound, this ground", "bound_m")):
-        table.add_row(words, "not verified" if found[height] is None else f"{found[height]:.3f}")
+    rows = []
+    for words, key in (("bound, ideal ground", "ideal_bound_m"), ("bound, this ground", "bound_m")):
+        rows.append((words, "not verified" if found[key] is None else f"{found[key]:.3f}"))
     for best in (found["tracked"], found["pd"]):
         if best is not None:
-            table.add_row(f"{best['strategy']}, {legs}", f"{best['clearance_m']:.3f}")
-    return table
+            rows.append((f"{best['strategy']}, {legs}", f"{best['clearance_m']:.3f}"))
+    columns = [Column("what can be had", style="bold"), Column("m", justify="right")]
+    return table(columns, rows, between=(0, 1))
+
+
+def ladder(found: Mapping[str, Any]) -> Iterator[Shown]:
+    """Why PD control is lower, one freedom a row, if the comparison has it."""
+    if "ladder" not in found:
+        return
+    start = found["ladder_from"]
+    rows = [[f"{start['strategy']}, simulated", f"{start['clearance_m']:.3f}", "", "", ""]]
+    for rung in found["ladder"]:
+        span = f"{cm(rung['least_gain_m'])} to {cm(rung['most_gain_m'])}"
+        doubt = "" if rung["verified"] else "not verified"
+        rows.append([rung["allows"], f"{rung['clearance_m']:.3f}", cm(rung["gain_m"]), span, doubt])
+    heads = ("clears\nm", "gain\ncm", "orders\ncm", "")
+    yield table([named("why PD is lower"), *figures(*heads)], rows, between=(0, 1))
+    yield (
+        f"orders: the least and the most that a freedom gains in {len(found['ladder_orders'])} orders of lifting "
+        "them; the gains of each sum to the whole gap"
+    )
+
+
+def cm(gap: float) -> str:
+    """A difference [m] in centimetres, signed."""
+    return f"{round(100 * gap, 1) or 0:+.1f}"
 
 
 def _overshoot(short: float) -> str:

@@ -1,34 +1,29 @@
 """What the command line shows of the search: how what was tried ended, which hops it found, what a global method says."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
+from hopopt.planner.answer.extras import HopFamily
+from hopopt.planner.answer.summary import Summary
 from hopopt.planner.search.global_verdict import followed, highest, verdict
 from hopopt.planner.search.multistart import STOPPED
-
-if TYPE_CHECKING:
-    from hopopt.planner.answer.stored_summary import Summary
-    from hopopt.planner.answer.summary_extras import HopFamily
 
 FAMILIES = 3  # different hops that are listed
 
 
-def measure(s: "Summary", value: float, form: str) -> str:
+def measure(s: Summary, value: float, form: str) -> str:
     """A value of the objective with its unit."""
     return f"{value:{form}} {s.objective_unit.replace('1', '')}".strip()
 
 
-def measured(s: "Summary", value: float, digits: int) -> str:
+def measured(s: Summary, value: float, digits: int) -> str:
     """A value of the objective with its unit to so many places, or to as many digits where those would be zeros."""
     return measure(s, value, f".{digits}f" if abs(value) >= 10.0**-digits else f".{digits}g")
 
 
-def starts_lines(s: "Summary", more: str = "") -> list[str]:
+def starts_lines(s: Summary, more: str = "") -> list[str]:
     """How all that was tried on the first mesh ended; the different hops that were found, with what found them, and ``more``."""
     starts = s.starts
     if s.families is None:  # a result of one start
         ends = ", ".join(f"{o.count} at {measured(s, o.objective, 3)}" for o in starts.optima)
-        return [f"{_starts(starts.count)} on the first mesh: {ends}{more}"]
+        return [f"{starts.count} start{'' if starts.count == 1 else 's'} on the first mesh: {ends}{more}"]
     stopped = sum(o.status == STOPPED for o in starts.each)
     ended, asked = starts.count - stopped - len(starts.failed), starts.count if starts.asked is None else starts.asked
     tried = f"{starts.count} tried" + (f", {asked} of them starts" if asked < starts.count else "")
@@ -42,21 +37,15 @@ def starts_lines(s: "Summary", more: str = "") -> list[str]:
     ]
 
 
-def _family(s: "Summary", f: "HopFamily") -> str:
+def _family(s: Summary, f: HopFamily) -> str:
     """The value of a kind of hop, marked where only the first mesh tells it, and what found it."""
     rough = "" if f.refined else "first mesh, "
-    return f"{measured(s, f.objective_value, 4)} ({rough}by {_found_by(f.found_by)})"
+    first, *others = f.found_by
+    more = f" and {len(others)} more" if others else ""
+    return f"{measured(s, f.objective_value, 4)} ({rough}by {first}{more})"
 
 
-def _starts(count: int) -> str:
-    return f"{count} start{'' if count == 1 else 's'}"
-
-
-def _found_by(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
-
-
-def global_line(s: "Summary") -> list[str]:
+def global_line(s: Summary) -> list[str]:
     """What the global method says of the answer, where it was used: the number, its parts, the verdict."""
     found = s.global_
     if found is None or found.grid is None or (most := highest(found.value_m, followed(found))) is None:

@@ -3,6 +3,9 @@
 import json
 from typing import Literal
 
+from hopopt.problem.schema import problem_schema
+from hopopt.storage.summary import summary_schema
+
 
 def schema(of: Literal["problem", "summary"]) -> int:
     """Print the JSON schema of problem or result files.
@@ -16,9 +19,5 @@ def schema(of: Literal["problem", "summary"]) -> int:
     of
         problem: of problem files (TOML); summary: of the summary.json in a results folder.
     """
-    if of == "problem":
-        from hopopt.problem.schema import problem_schema as made
-    else:
-        from hopopt.storage.summary import summary_schema as made
-    print(json.dumps(made(), indent=2))
+    print(json.dumps(problem_schema() if of == "problem" else summary_schema(), indent=2))
     return 0

@@ -13,7 +13,7 @@ from packaging.version import Version
 TESTED = {  # the newest of each that all tests have passed with, on the newest Python that has it
     "casadi": "3.8.2", "cyclopts": "5.5.2", "h5netcdf": "1.8.2", "jinja2": "3.1.6", "joblib": "1.6.0", "matplotlib": "3.11.2",
     "numba": "0.68.1", "numpy": "2.5.5", "packaging": "26.4", "pin": "4.1.0", "pydantic": "2.14.4", "rich": "14.3.4",
-    "scipy": "1.18.1", "xarray": "2026.9.0",
+    "scipy": "1.18.1", "typing-extensions": "4.16.0", "xarray": "2026.9.0",
     "dask": "2026.8.0", "distributed": "2026.8.0", "example-robot-data": "6.0.0", "mcap": "1.6.0", "mcap-ros2-support": "0.6.0",
     "mujoco": "4.0.0", "pycollada": "0.9.3", "viser": "1.1.1",
 }  # fmt: skip

@@ -5,7 +5,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from hopopt.cli.options import AsJson, content_of_results, progress, say_written
+from hopopt.cli.options import AsJson, some_results, written
+from hopopt.cli.screen.console import progress
+from hopopt.errors import UsageError
+from hopopt.plots import animation
+from hopopt.report.content import content_of
+from hopopt.storage.folder import fitting
 
 
 def animate(
@@ -27,15 +32,11 @@ def animate(
     slower
         How many seconds a second takes, from 1 to 100.
     """
-    from hopopt.errors import UsageError
-
     if not 1 <= slower <= 100:
         raise UsageError(f"--slower {slower:g}: from 1 to 100 are allowed")
-    from hopopt.plots import animation
-
     with progress(quiet=json_) as say:
-        content = content_of_results(results, "animate")
+        with fitting(some_results(results, "animate")[0]):
+            content = content_of(results)
         say("drawing")
         animation.animate(content.hops, content.design.title or content.design.name, output, slower)
-    say_written([output], json_)
-    return 0
+    return written([output], json_)

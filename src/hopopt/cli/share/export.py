@@ -1,18 +1,19 @@
 """The command that writes a leg, or a planned hop, for other programs: export."""
 
-import sys
-from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from hopopt.cli.options import AsJson, Overrides, say_written, write_new
+from hopopt.cli.options import AsJson, Overrides, note, write_new, written
 from hopopt.errors import ResultError, UsageError
-
-if TYPE_CHECKING:
-    from hopopt.planner.solution import Solution
+from hopopt.export import plan, tracker_c
+from hopopt.leg.files.export import to_mjcf, to_urdf
+from hopopt.leg.robot import build_robot
+from hopopt.planner.solution import Solution
+from hopopt.problem.load import load
+from hopopt.storage.solution import read
 
 
 class Format(StrEnum):
@@ -24,7 +25,12 @@ class Format(StrEnum):
     C = "c"
 
 
-SUFFIXES = {Format.CSV: "csv", Format.JSON: "json", Format.ROS2: "yaml", Format.C: "h"}
+WAYS = {  # suffix of the file, and what makes its text
+    Format.CSV: ("csv", plan.to_csv),
+    Format.JSON: ("json", plan.to_json),
+    Format.ROS2: ("yaml", plan.to_ros2),
+    Format.C: ("h", tracker_c.to_c),
+}
 
 
 def export(
@@ -63,47 +69,31 @@ def export(
             "say what to write: --format csv, json, ros2 or c for a planned hop; --urdf leg.urdf or --mjcf leg.xml for "
             "the leg"
         )
-    from hopopt.leg.files.export import to_mjcf, to_urdf
-    from hopopt.leg.robot import build_robot
-    from hopopt.problem.load import load
-
-    written: list[Path] = []
+    made = list[Path]()
     if format_ is not None:
         if set_:
             raise UsageError("--set changes an entry of a problem: a planned hop is exported as it was solved")
-        written.append(output or Path(f"{Path(what).resolve().name}.{SUFFIXES[format_]}"))
-        write_new(written[-1], _written_as(format_)(_verified_plan(Path(what))))
+        suffix, write = WAYS[format_]
+        made.append(output or Path(f"{Path(what).resolve().name}.{suffix}"))
+        write_new(made[-1], write(_verified_plan(Path(what))))
     if urdf is not None or mjcf is not None:
-        robot = build_robot(
-            load(str(file) if (file := Path(what) / "problem.toml").is_file() else what, set_ or ()).leg
-        )
+        file = Path(what) / "problem.toml"
+        robot = build_robot(load(str(file) if file.is_file() else what, set_ or ()).leg)
         for path, write in ((urdf, to_urdf), (mjcf, to_mjcf)):
             if path is not None:
                 write_new(path, write(robot))
-                written.append(path)
-    say_written(written, json_)
-    return 0
+                made.append(path)
+    return written(made, json_)
 
 
-def _verified_plan(folder: Path) -> "Solution":
+def _verified_plan(folder: Path) -> Solution:
     """A stored solution; ResultError if it is not verified, for a robot is to move by it."""
-    from hopopt.storage.solution import read
 
     solution = read(folder)
     for words in solution.doubts:
-        print(f"hopopt: {words}", file=sys.stderr)
+        note(words)
     if not solution.verified:
         raise ResultError(
             f"{folder}: the plan is not verified, and only verified plans are exported: hopopt verify says why"
         )
     return solution
-
-
-def _written_as(format_: Format) -> "Callable[[Solution], str]":
-    if format_ is Format.C:
-        from hopopt.export.tracker_c import to_c
-
-        return to_c
-    from hopopt.export import plan
-
-    return {Format.CSV: plan.to_csv, Format.JSON: plan.to_json, Format.ROS2: plan.to_ros2}[format_]

@@ -1,16 +1,15 @@
 """The command that makes a page of results: report."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from hopopt.cli.options import AsJson, say_written, some_results, write_new
+from hopopt.cli.options import AsJson, Output, some_results, write_new, written
+from hopopt.report.result import page_of
+from hopopt.storage.folder import fitting
 
 
 def report(
     *results: Path,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("report.html"),
+    output: Output = Path("report.html"),
     json_: AsJson = False,
 ) -> int:
     """Write results as one HTML page, with the hop moving.
@@ -24,14 +23,8 @@ def report(
     results
         A folder that hopopt solve, compare, sweep or robust wrote; or up to four solved hops of legs with the same
         joints, which then move side by side.
-    output
-        The file to write.
     """
-    from hopopt.report.result import page_of
-    from hopopt.storage.folder import fitting
-
     with fitting(some_results(results, "report")[0]):
         text = page_of(results)
     write_new(output, text)
-    say_written([output], json_, ": open it in a browser")
-    return 0
+    return written([output], json_, ": open it in a browser")

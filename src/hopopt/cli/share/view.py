@@ -1,12 +1,14 @@
 """The command that shows a hop in three dimensions in a browser: view."""
 
-from pathlib import Path
-
-from hopopt.cli.options import AsJson
+from hopopt.cli.options import AsJson, Solved
+from hopopt.plots.scene import HopScene, quiet, serve
+from hopopt.problem.checking.looks import looks_if_known, looks_of
+from hopopt.storage.folder import as_json, fitting
+from hopopt.storage.solution import read
 
 
 def view(
-    result: Path,
+    result: Solved,
     *,
     leg: str | None = None,
     host: str = "127.0.0.1",
@@ -19,8 +21,6 @@ def view(
 
     Parameters
     ----------
-    result
-        A folder that hopopt solve wrote.
     leg
         The problem file with the URDF, for its meshes (default: the built-in problem that the hop is of, if any).
     host
@@ -28,11 +28,6 @@ def view(
     port
         The port to listen at; 0: any that is free.
     """
-    from hopopt.plots.scene import HopScene, quiet, serve
-    from hopopt.problem.checking.looks import looks_if_known, looks_of
-    from hopopt.storage.folder import as_json, fitting
-    from hopopt.storage.solution import read
-
     with fitting(result):
         solution = read(result)
         joints = solution.robot.joints

@@ -1,21 +1,23 @@
 """The command that traces what a clearance costs: pareto."""
 
-import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
+from rich.table import Column
 
 from hopopt import amounts
-from hopopt.cli.options import AsJson, Overrides, progress
+from hopopt.cli.options import AsJson, Figure, Overrides, Problem, drawn, ended, note
+from hopopt.cli.screen.console import Shown, progress, table
 from hopopt.errors import UsageError
-
-if TYPE_CHECKING:
-    from hopopt.studies.pareto import Front
+from hopopt.plots.studies.pareto import save
+from hopopt.problem.load import load
+from hopopt.studies.pareto import Front, front
 
 
 def pareto(
-    problem: str = "paper",
+    problem: Problem = "paper",
     *,
     against: str = "energy",
     points: int = 8,
@@ -24,7 +26,7 @@ def pareto(
     starts: int | None = None,
     processes: int | None = None,
     results: Path = Path("results"),
-    figures: bool = True,
+    figures: Figure = True,
     json_: AsJson = False,
 ) -> int:
     """Find the least energy, force or time for each clearance.
@@ -36,8 +38,6 @@ def pareto(
 
     Parameters
     ----------
-    problem
-        A problem file, or the name of a built-in one.
     against
         What is to be small: energy, absolute_work, electrical_energy, time, saturation, peak_torque or peak_force.
     points
@@ -51,19 +51,12 @@ def pareto(
         How many of them side by side (default: one for each core).
     results
         Folder for the results; each front gets a new folder inside it.
-    figures
-        Draw the figure.
     """
     amounts.check("starts", starts)
     amounts.check_processes(processes)
     if not 0 <= lowest < 20:
         raise UsageError(f"--from {lowest}: a clearance from 0 to 20 m is needed")
-    from hopopt.problem.load import load
-    from hopopt.storage.folder import as_json
-    from hopopt.studies.pareto import front
-
-    design, begun = load(problem, set_ or ()), list["Front"]()
-    code = None
+    design, begun, stopped = load(problem, set_ or ()), list[Front](), False
     try:
         with progress(quiet=json_) as say:
             front(
@@ -73,29 +66,23 @@ def pareto(
     except KeyboardInterrupt:
         if not begun or not begun[0].points:
             raise
-        print(f"hopopt: interrupted; what is finished is kept in {begun[0].folder}", file=sys.stderr)
-        code = 130
-    found = begun[0]
-    if figures:
-        _draw(found)
-    if json_:
-        print(as_json(found.as_dict()))
-    else:
-        from hopopt.cli.screen.pareto import print_front
-
-        print_front(found)
-    return found.exit_code if code is None else code
+        note(f"interrupted; what is finished is kept in {begun[0].folder}")
+        stopped = True
+    found, folder = begun[0], begun[0].folder
+    if figures and folder is not None:
+        drawn(lambda: save(found, folder / "figures"), "figures are missing", f"the data in {folder} are complete")
+    return ended(found.as_dict(), json_, shown(found), 130 if stopped else found.exit_code)
 
 
-def _draw(found: "Front") -> None:
-    import logging
-
-    from hopopt.plots.studies.pareto import save
-    from hopopt.storage.folder import reason_of
-
-    assert found.folder is not None
-    try:
-        save(found, found.folder / "figures")
-    except (Exception, KeyboardInterrupt) as error:  # the data are what took the time
-        words = f"figures are missing ({reason_of(error)}); the data in {found.folder} are complete"
-        logging.getLogger(__name__).warning(words)
+def shown(found: Front) -> Iterator[Shown]:
+    """A line for each point, by clearance, and where they are kept."""
+    name, unit, rows = found.against.name.replace("_", " "), found.against.unit, list[list[str]]()
+    for p in sorted(found.points, key=lambda p: p.asked_m):
+        figures = [f"{x:.4f}" if x is not None else "-" for x in (p.clearance_m or p.asked_m, p.value)]
+        kind, state = p.kind if p.least else f"{p.kind} (not the least)", "verified" if p.verified else p.sentence
+        rows.append([kind, *figures, state, (p.result_dir or "").split("/")[-1]])
+    heads = ("point", "clearance [m]", f"{name} [{unit}]" if unit != "1" else name, "", "folder")
+    title = f"{found.design.title or found.design.name}: clearance against {name}"
+    yield table([Column(head, no_wrap=True) for head in heads], rows, title)
+    whole = "" if found.complete else ", not complete"
+    yield f"{len(found.verified_points)} of {len(found.points)} points verified{whole}; {found.folder}"

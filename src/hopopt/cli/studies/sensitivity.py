@@ -1,19 +1,34 @@
-"""Commands that study a design: sensitivity."""
+"""The command that says what to change first: sensitivity."""
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter
+from rich.table import Column, Table
 
 from hopopt import amounts
-from hopopt.cli.options import AsJson, Overrides, progress
+from hopopt.cli.options import AsJson, Figure, Overrides, Results, Starts, ended
+from hopopt.cli.screen.console import Shown, named, progress, table
+from hopopt.cli.screen.console import figures as columns
 from hopopt.errors import UsageError
+from hopopt.ocp.objectives.objective import HEIGHTS
+from hopopt.ocp.objectives.registry import find
+from hopopt.planner import solve as planning
+from hopopt.planner.solution import Solution
+from hopopt.plots.studies.sensitivity import save_all
+from hopopt.problem.load import load
+from hopopt.storage.folder import fitting, prepare
+from hopopt.storage.runs import save_runs
+from hopopt.storage.seal.recheck import recheck
+from hopopt.storage.solution import read
+from hopopt.studies import sensitivity as study
+from hopopt.studies.finite_differences import LEADING, chosen, confirmed
+from hopopt.studies.influence import Influence
 
-if TYPE_CHECKING:
-    from hopopt.planner.solution import Solution
-    from hopopt.studies.influence import Influence
-
+ROWS = 16  # of the table
+LEAST = 5e-4  # [cm] per per cent, below which an entry is left out of it
 Confirm = Annotated[
     list[str] | None,
     Parameter(
@@ -32,10 +47,10 @@ def sensitivity(
     result: Path | None = None,
     objective: str = "clearance",
     set_: Overrides = None,
-    starts: int | None = None,
+    starts: Starts = None,
     confirm: Confirm = None,
-    results: Path = Path("results"),
-    figures: bool = True,
+    results: Results = Path("results"),
+    figures: Figure = True,
     json_: AsJson = False,
 ) -> int:
     """Say what to change first: what 1 % more of each entry brings.
@@ -50,71 +65,51 @@ def sensitivity(
         A folder that hopopt solve wrote, in place of a problem: its optimum is verified again, not solved again.
     objective
         What is made as large as possible: clearance or apex.
-    starts
-        How many different starting points to solve from (default: the problem's solver.starts).
-    results
-        Folder for the results; each run gets a new folder inside it.
-    figures
-        Draw the figure.
     """
     if result is not None and (problem, set_, starts, objective) != (None, None, None, "clearance"):
         raise UsageError("--result names an optimum that is there: leave out the problem, --set, --objective, --starts")
     if problem is not None and (Path(problem) / "summary.json").is_file():
         raise UsageError(f"{problem} is a result, not a problem: hopopt sensitivity --result {problem}")
     amounts.check("starts", starts)
-    from hopopt.storage.folder import as_json, fitting, prepare
-    from hopopt.studies import sensitivity as study
-
     prepare(results)
     with fitting(result) if result else nullcontext(), progress(quiet=json_) as say:
         solution, failed = _optimum(problem or "paper", result, objective, set_ or [], starts, say)
         influences = [] if failed else _confirmed(solution, study.sensitivity(solution), confirm, say)
         data: dict[str, Any] = study.as_dict(solution, influences, failed)
         if not failed:
-            data["result_dir"] = str(_saved(solution, influences, data, results, figures))
-    if json_:
-        print(as_json(data))
-        return data["exit_code"]
-    from hopopt.cli.screen.sensitivity import print_sensitivity
-
-    print_sensitivity(data, influences)
-    return data["exit_code"]
+            draw = (lambda folder: save_all(solution, influences, folder)) if figures else None
+            data["result_dir"] = str(save_runs("sensitivity", solution.design, data, {}, results, draw))
+    return ended(data, json_, shown(data, influences), data["exit_code"])
 
 
 def _optimum(
-    problem: str, folder: Path | None, objective: str, overrides: list[str], starts: int | None, say: Any
-) -> "tuple[Solution, list[str]]":
+    problem: str,
+    folder: Path | None,
+    objective: str,
+    overrides: list[str],
+    starts: int | None,
+    say: Callable[[str], None],
+) -> tuple[Solution, list[str]]:
     """The optimum, stored or solved for, and the checks that it fails."""
     if folder is not None:
-        from hopopt.storage.seal.recheck import recheck
-        from hopopt.storage.solution import read
-
         say("verifying")
         solution = read(folder)
         return solution, [*solution.doubts, *recheck(solution).failed_checks]
-    from hopopt.ocp.objectives.objective import HEIGHTS
-    from hopopt.ocp.objectives.registry import find
-    from hopopt.planner.solve import solve
-    from hopopt.problem.load import load
-
     if find(objective).figure not in HEIGHTS:
         raise UsageError(
             f"what to change first is reported for heights, not for {objective}: --objective clearance or apex"
         )
-    design = load(problem, overrides)
-    solution = solve(design, objective, starts=starts, progress=say)
+    solution = planning.solve(load(problem, overrides), objective, starts=starts, progress=say)
     return solution, list(solution.summary.failed_checks)
 
 
 def _confirmed(
-    solution: "Solution", influences: "list[Influence]", wanted: list[str] | None, say: Any
-) -> "list[Influence]":
+    solution: Solution, influences: list[Influence], wanted: list[str] | None, say: Callable[[str], None]
+) -> list[Influence]:
     """The influences, those that are wanted with their finite differences: unless others are named, those at a kink."""
     kinked = [i.name for i in influences if i.kinked and i.part_of is None]
     if wanted is None and not kinked:
         return influences
-    from hopopt.studies.finite_differences import LEADING, chosen, confirmed
-
     names, found = kinked[:LEADING] if wanted is None else chosen(influences, wanted), []
     for i in influences:
         if i.name in names:
@@ -123,13 +118,88 @@ def _confirmed(
     return found
 
 
-def _saved(
-    solution: "Solution", influences: "list[Influence]", data: dict[str, Any], results: Path, draw: bool
-) -> Path:
-    from hopopt.storage.runs import save_runs
+def shown(data: Mapping[str, Any], influences: Sequence[Influence]) -> Iterator[Shown]:
+    """The optimum, the leading entries, what to change first, and how well the figures are known."""
+    if data["failed_checks"]:
+        yield f"{data['problem']}: the optimum was NOT verified, so nothing is reported about what it depends on."
+        yield f"Failed: {', '.join(data['failed_checks'])}"
+        return
+    what, height = ("body apex", data["apex_m"]) if "apex_m" in data else ("clearance", data["clearance_m"])
+    yield f"{data['problem']}: {what} {height:.4f} m, verified. What 1 % more of an entry would change:"
+    rows = _in_the_table(influences)
+    yield _table(influences, rows)
+    if at := next((i for i in influences if i.kinked), None):
+        yield f"Limits trade places at this optimum, so that more and less of an entry differ: {'; '.join(at.between)}."
+    if any(i.part_of for i in rows):
+        yield "Indented: what one joint has of an entry that the whole leg shares."
+    yield from left_out(influences)
+    yield from sentences(influences)
+    zero = [i for i in influences if not i.value and abs(i.m_per_unit) > 1e-6]  # there is no per cent of it
+    if zero:
+        each = ", ".join(f"{i.name} {i.m_per_unit:+.3g} m per {i.unit}" for i in zero)
+        yield f"At 0 now, so by the unit: {each}"
+    yield (
+        f"From the multipliers of the optimum, as long as the same limits stay active. The height depends on the mesh "
+        f"within {data['settled_within_m']:.0e} m, on the tie-break within {data['tie_break_bias_m']:.0e} m; "
+        "a derivative depends on the mesh more than the height does (--confirm solves again)."
+    )
+    yield f"results {data['result_dir']}"
 
-    if not draw:
-        return save_runs("sensitivity", solution.design, data, {}, results)
-    from hopopt.plots.studies.sensitivity import save_all
 
-    return save_runs("sensitivity", solution.design, data, {}, results, lambda f: save_all(solution, influences, f))
+def _table(influences: Sequence[Influence], rows: Sequence[Influence]) -> Table:
+    again, kinked = any(i.difference for i in influences), any(i.kinked for i in influences)
+    sides = ["1 % more gives", *(["1 % less gives"] if kinked else []), "m per unit"]
+    heads = [Column(head, justify="right") for head in (*sides, *(["solved again"] if again else []))]
+    cells = []
+    for i in rows:
+        row = [f"  {i.name}" if i.part_of else i.name, f"{i.value:g} {i.unit}".removesuffix(" 1")]
+        row += [f"{i.cm_per_percent:+.3f} cm", *([f"{i.cm_per_percent_less:+.3f} cm"] if kinked else [])]
+        row += [f"{i.m_per_unit:+.4g}" + (f", {i.less_m_per_unit:+.4g}" if i.kinked else "")]
+        if again:
+            d = i.difference
+            found = "" if d is None or d.fault or i.kinked else f"{d.central:+.4g}"
+            row += [found, "" if d is None else d.verdict(i.m_per_unit, i.less_m_per_unit)]
+        cells.append(row)
+    return table([named("entry"), *columns("value"), *heads, *([""] if again else [])], cells)
+
+
+def _in_the_table(influences: Sequence[Influence]) -> list[Influence]:
+    return [i for k, i in enumerate(influences) if (k < ROWS and i.most_cm >= LEAST) or i.difference]
+
+
+def left_out(influences: Sequence[Influence]) -> list[str]:
+    """How many entries that matter have no row."""
+    shown = _in_the_table(influences)
+    count = sum(i.most_cm >= LEAST and i not in shown for i in influences)
+    return [f"({count} more that matter less: --json)"] if count > 0 else []
+
+
+def sentences(influences: Sequence[Influence]) -> list[str]:
+    """What to change first: of the leg, of the joints apart, and of what the hop is asked to be."""
+    gains = [i for i in influences if i.best_cm >= LEAST]
+    if any(i.kinked for i in influences):  # they are ranked by their larger side, which may be a loss
+        gains.sort(key=lambda i: -i.best_cm)
+    first = next((i for i in gains if i.of_leg), None)
+    if first is None:
+        return ["No entry of the leg makes the height more to first order."]
+    lines = [f"What to change first: {_advice(first)}."]
+    for whole in influences:
+        parts = [i for i in gains if i.part_of == whole.name]
+        if len({_up(i) for i in parts}) > 1:
+            lines.append(f"{whole.name} pulls both ways, give the joints their own: {'; '.join(map(_advice, parts))}.")
+    asked = next((i for i in gains if not i.of_leg), None)
+    return lines + ([f"Of what the hop is asked to be: {_advice(asked)}."] if asked else [])
+
+
+def _up(i: Influence) -> bool:
+    """Whether more of it is the better way."""
+    return i.cm_per_percent >= i.cm_per_percent_less
+
+
+def _advice(i: Influence) -> str:
+    """leg.gear.ratio 1 % down, from 100 to 99, gains 0.24 cm"""
+    up = _up(i)
+    to = i.value * (1.01 if up else 0.99)
+    unit = "" if i.unit == "1" else f" {i.unit}"
+    size = "1 % more" if up else "1 % less"
+    return f"{i.name} {size}, from {i.value:g} to {to:.4g}{unit}, gains {i.best_cm:.2f} cm"

@@ -1,17 +1,23 @@
 """The command that runs design studies: sweep."""
 
-import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from hopopt import amounts
-from hopopt.cli.options import AsJson, Overrides, progress, repeated
+from hopopt.cli.options import AsJson, Figures, Overrides, drawn, ended, note, repeated
+from hopopt.cli.screen.console import Shown, progress, table
 from hopopt.errors import UsageError
+from hopopt.ocp.objectives.registry import find
+from hopopt.planner.stopwatch import duration
+from hopopt.plots.studies.sweep import save_all
+from hopopt.problem.load import load
+from hopopt.studies.sweep.definition import Definition, define, parse
+from hopopt.studies.sweep.recheck import Rechecked, recheck_study
+from hopopt.studies.sweep.run import Study, run
+from hopopt.studies.sweep.store import read_definition
 
-if TYPE_CHECKING:
-    from hopopt.studies.sweep.definition import Definition
-    from hopopt.studies.sweep.run import Study
-
+SHOWN = 60  # points; the rest is in the table's file
 Vary = Annotated[
     list[str] | None,
     repeated(
@@ -33,7 +39,7 @@ def sweep(
     scheduler: str | None = None,
     resume: Path | None = None,
     results: Path = Path("results"),
-    figures: bool = True,
+    figures: Figures = True,
     json_: AsJson = False,
 ) -> int:
     """Solve a problem at many values of one entry or several.
@@ -62,13 +68,9 @@ def sweep(
         The folder of a study that was interrupted: it goes on where it stopped; nothing else need be given.
     results
         Folder for the results; each study gets a new folder inside it.
-    figures
-        Draw the figures.
     """
     definition = _definition(problem, vary, sample, seed, objective, set_, starts, resume)
     amounts.check_processes(processes)
-    from hopopt.studies.sweep.run import run
-
     folders = [] if resume is None else [resume]
     try:
         with progress(quiet=json_) as say:
@@ -78,36 +80,27 @@ def sweep(
             )  # fmt: skip
             if figures:
                 say("drawing")
-                _draw(study)
+                safe = f"the data in {study.folder} are complete"
+                drawn(lambda: save_all(study, study.folder / "figures"), "figures are missing", safe)
     except KeyboardInterrupt:
         if not folders:
             raise
-        print(f"hopopt: interrupted; what is finished is kept: hopopt sweep --resume {folders[-1]}", file=sys.stderr)
-        return 130
-    _answer(study, json_)
-    return study.exit_code
+        kept = f"interrupted; what is finished is kept: hopopt sweep --resume {folders[-1]}"
+        raise KeyboardInterrupt(kept) from None
+    return ended(study.as_dict(), json_, shown(study), study.exit_code)
 
 
-def verify_study(folder: Path, as_object: bool) -> int:
+def verify_study(folder: Path, json_: bool) -> int:
     """Verify every point of a stored study again; exit code 0 if all that it states is confirmed and no file was changed,
     3 if not."""
-    from hopopt.storage.folder import as_json
-    from hopopt.studies.sweep.recheck import recheck_study
-
-    with progress(quiet=as_object) as say:
+    with progress(quiet=json_) as say:
         found, wrong = recheck_study(folder, say)
     doubts = [*wrong, *(f"{r.path.name}: {r.doubt}" for r in found if r.doubt)]
     for words in doubts:
-        print(f"hopopt: {words}", file=sys.stderr)
+        note(words)
     code = 3 if doubts or any(r.fault for r in found) else 0
-    if as_object:
-        points = [r.as_dict() for r in found]
-        print(as_json({"verified": not code, "exit_code": code, "changed": doubts, "points": points}))
-        return code
-    from hopopt.cli.screen.sweep import print_rechecked
-
-    print_rechecked(folder, found, doubts)
-    return code
+    data = {"verified": not code, "exit_code": code, "changed": doubts, "points": [r.as_dict() for r in found]}
+    return ended(data, json_, rechecked(folder, found, doubts), code)
 
 
 def _definition(
@@ -119,43 +112,49 @@ def _definition(
     set_: list[str] | None,
     starts: int | None,
     resume: Path | None,
-) -> "Definition":
+) -> Definition:
     """What is asked for; with only --resume, what that study's folder says."""
     if resume is not None and not (problem or vary or sample or set_):
-        from hopopt.studies.sweep.store import read_definition
-
         found = read_definition(resume)
         for name, asked in {"objective": objective, "seed": seed, "starts": starts}.items():
             if asked not in ("clearance", 0, None, has := getattr(found, name)):
                 stated = "that of the problem" if has is None else has
                 raise UsageError(f"--{name} {asked}: of the study in {resume} it is {stated}: leave --{name} out")
         return found
-    from hopopt.problem.load import load
-    from hopopt.studies.sweep.definition import define, parse
-
     design = load(problem or "paper", set_ or ())
     return define(design, parse(vary or ()), objective=objective, sample=sample, seed=seed, starts=starts)
 
 
-def _draw(study: "Study") -> None:
-    import logging
+def shown(study: Study) -> Iterator[Shown]:
+    """Every point with its outcome, the best, what failed and why, and where it lies."""
+    goal, best, rows = find(study.definition.objective), study.best, list[list[str]]()
+    other = [] if goal.figure == "clearance_m" else [f"{goal.name} {goal.unit}"]
+    for p in study.points[:SHOWN]:
+        height = "" if p.clearance_m is None else f"{p.clearance_m:.4f}"
+        what = " best" if best is p else f": {p.sentence}" if p.sentence else ""
+        value = [f"{p.objective_value:.5g}" if p.verified else ""] if other else []
+        rows.append([*(f"{x:g}" for x in p.values.values()), *value, height, f"{p.outcome}{what}"])
+    yield table([*(axis.entry for axis in study.definition.axes), *other, "clearance m", "outcome"], rows)
+    if len(study.points) > SHOWN:
+        yield f"… and {len(study.points) - SHOWN} more in {study.folder / 'table.csv'}"
+    verified = sum(p.verified for p in study.points)
+    corrected = f", {study.corrected} improved from other neighbours" if study.corrected else ""
+    yield f"{verified} of {len(study.points)} points verified{corrected}, in {duration(study.seconds)}"
+    if best:
+        where = ", ".join(f"{entry} = {x:g}" for entry, x in best.values.items())
+        edge = f"; {study.at_the_edge}" if study.at_the_edge else ""
+        yield f"best: {where}: clearance {best.clearance_m:.4f} m{edge}"
+    yield f"results {study.folder}"
 
-    from hopopt.plots.studies.sweep import save_all
-    from hopopt.storage.folder import reason_of
 
-    try:
-        save_all(study, study.folder / "figures")
-    except (Exception, KeyboardInterrupt) as error:  # the data are what took the time
-        words = f"figures are missing ({reason_of(error)}); the data in {study.folder} are complete"
-        logging.getLogger(__name__).warning(words)
-
-
-def _answer(study: "Study", as_object: bool) -> None:
-    if as_object:
-        from hopopt.storage.folder import as_json
-
-        print(as_json(study.as_dict()))
-        return
-    from hopopt.cli.screen.sweep import print_study
-
-    print_study(study)
+def rechecked(folder: Path, found: Sequence[Rechecked], doubts: Sequence[str]) -> Iterator[Shown]:
+    """Points that were verified again: what each states, and what is wrong with that; and which files were changed."""
+    for r in found:
+        stated = "nothing" if r.stated.clearance_m is None else f"{r.stated.clearance_m:.4f} m"
+        wrong = r.fault or r.doubt
+        yield f"point {r.stated.index}: states {stated}: {f'FAILED: {wrong}' if wrong else 'verified'}"
+    bad = sum(bool(r.fault) for r in found)
+    mend = f"remove a point's file to have it solved again, then hopopt sweep --resume {folder} writes the tables"
+    files = f"; {'; '.join(doubts)}: {mend}" if doubts else ""
+    verdict = "NOT verified" if bad or doubts else "verified"
+    yield f"{folder}: {verdict}: {len(found) - bad} of {len(found)} points confirmed{files}"

@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -141,8 +141,6 @@ class HopsComparison:
     basins: Mapping[str, "Basin"] = field(default_factory=dict)
     mujoco: Mapping[str, Sequence[float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api, with ``why``
-    why: ClassVar[Callable[..., Any]]
 
     @cached_property
     def optimum(self) -> HopFigures:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +31,6 @@ class Transition:
     orbit: Solution
     begin: Solution | None = None
     fewer: tuple[str, ...] = ()
-    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
 
     @property
     def design(self) -> Design:

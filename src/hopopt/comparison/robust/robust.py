@@ -6,7 +6,7 @@ What the share reaches is stated on legs that the search (comparison/robust/robu
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +44,6 @@ class RobustHop:
     share: float
     confidence: float
     evaluations: int
-    plot: ClassVar[Callable[..., Any]]  # given by hopopt.api
 
     @property
     def reached(self) -> dict[str, Reached]:

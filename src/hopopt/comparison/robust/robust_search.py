@@ -22,10 +22,11 @@ from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import Scale, weight
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
+from hopopt.planner.motion import Motion
 from hopopt.planner.reserve import reserved
 from hopopt.planner.search.from_known import solved_from_known
 from hopopt.planner.shared_plan import SharedPlan, shared_plan, true_legs
-from hopopt.planner.solution import Motion, Solution
+from hopopt.planner.solution import Solution
 from hopopt.verify.table import NORMALISED_TIMES
 
 TRACKER = "track"

@@ -17,7 +17,7 @@ from hopopt.design import Design, Uncertainty, as_changed
 from hopopt.errors import UsageError
 from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import start_angles
-from hopopt.planner.answer.summary_extras import Attained, CanBeHad
+from hopopt.planner.answer.extras import Attained, CanBeHad
 from hopopt.planner.solution import Solution
 from hopopt.sim.plant import PAST_APEX
 

@@ -36,6 +36,7 @@ from hopopt.nlp.refinement.tightening_cost import tightening_cost
 from hopopt.nlp.solver.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
+from hopopt.record import Real, Strict, stated
 
 FINEST = 500  # intervals: a solution that needs more has torques that hardly matter and chatter; a larger tie-break calms them
 LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
@@ -55,20 +56,19 @@ UNSOLVED, WORSE = "the next mesh's program was not solved", "the next mesh led t
 
 
 @dataclass(frozen=True)
-class MeshStep:
-    """One solve: intervals by phase, in how many of them limits are held, objective, largest errors, effort; how often
-    limits were tightened on this mesh before."""
+class MeshStep(Strict):
+    """One solve of the refinement."""
 
-    intervals: dict[str, int]
-    held: int
-    objective: float
-    local_error: float
-    excess: float
-    iterations: int
-    build_seconds: float
-    solve_seconds: float
-    seconds: float
-    drawn_in: int = 0
+    intervals: Mapping[str, int] = stated("by phase")
+    held: int = stated("intervals in which limits are enforced between the nodes")
+    objective: Real = stated("[its unit]")
+    local_error: Real = stated("largest of any interval, scaled")
+    excess: Real = stated("largest share of its range by which a limit is passed between the nodes")
+    iterations: int = stated("of Ipopt")
+    build_seconds: float = stated("to build the program [s]")
+    solve_seconds: float = stated("to solve it [s]")
+    seconds: float = stated("in all [s]")
+    drawn_in: int = stated("how often limits were tightened on this mesh before")
 
 
 Report = Callable[[MeshStep], None]

@@ -20,6 +20,7 @@ from hopopt.leg.scales import force_range, time_scale, weight
 from hopopt.ocp.problem import Instant
 
 STANCE, FLIGHT = "stance", "flight"  # what the leg does
+MotionAt = Callable[[Instant], Motion]  # the whole leg at an instant of a phase
 
 
 class MovingLeg:
@@ -71,7 +72,7 @@ class MovingLeg:
         """The leg with the instant's parameters."""
         return s.once("dynamics", lambda: LegDynamics(self.robot, s.p))
 
-    def motion_in(self, kind: str) -> Callable[[Instant], Motion]:
+    def motion_in(self, kind: str) -> MotionAt:
         """The whole leg at an instant of a phase of that kind, "stance" or "flight"."""
         return {STANCE: self.stance_motion, FLIGHT: self.flight_motion}[kind]
 

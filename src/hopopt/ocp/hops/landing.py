@@ -1,6 +1,6 @@
 """The softest landing: a third phase, from the apex to the foot's touchdown, and the energy lost there.
 
-The impact is plastic: the foot stays where it lands (Featherstone, Rigid Body Dynamics Algorithms, 11.6). Before it
+The impact is plastic: the foot stays where it lands (Featherstone, Rigid Body Dynamics Algorithms, 11.7). Before it
 the foot's speed is u = J v, and the mass that the foot shows is L = (J M^-1 J')^-1. The kinetic energy u' L u / 2 is
 lost: smooth, and least at rest.
 
@@ -15,7 +15,7 @@ from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.hops.sequence import PhaseSequence, from_rest
-from hopopt.ocp.objectives.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
+from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE, descent
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends
 from hopopt.ocp.transitions import apex, impact_at, touchdown
@@ -60,8 +60,6 @@ def landing_guess(leg: MovingLeg, flight: Guess) -> Guess:
 
 IMPACT = HopObjective(
     "impact", "kinetic energy lost when the foot lands, after the descent from the apex", "J",
-    energy_lost, "impact_J", "required clearance", maximize=False,
-    scale=lambda leg: leg.weight * leg.reach, parameters=lambda leg: (required_clearance(leg),),
-    boundary=lambda leg: lowest_point(leg, "hop.clearance"),
-    fault=no_required_clearance, tie_break=lambda leg: GENTLE / leg.time_scale, sequence=to_touchdown,
+    energy_lost, "impact_J", maximize=False, scale=lambda leg: leg.weight * leg.reach,
+    tie_break=lambda leg: GENTLE / leg.time_scale, sequence=to_touchdown, **AT_CLEARANCE,
 )  # fmt: skip

@@ -22,10 +22,11 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, LegPhase
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, Parameter, PathConstraint, linkage
 from hopopt.ocp.transitions import RISE
 
-HEIGHT, AT, STEP = "obstacle", "obstacle at", "obstacle step"  # height, near side, how far ahead the foot lands [m]
-WIDTH = "hop.obstacle.width"
+BOX_HEIGHT, BOX_AT = "obstacle", "obstacle at"  # height and near side of the box [m]
+STEP_LENGTH = "obstacle step"  # how far ahead the foot lands [m]
+BOX_WIDTH = "hop.obstacle.width"
 SMOOTH = 2e-3  # of the leg's length
-OBSTACLE = LimitId(Kind.OBSTACLE, key=WIDTH, unit="m")
+OBSTACLE = LimitId(Kind.OBSTACLE, key=BOX_WIDTH, unit="m")
 
 
 def _links(leg: MovingLeg) -> list[tuple[str, str]]:
@@ -39,10 +40,11 @@ def _clear(leg: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
 
     def value(s: Instant) -> ca.SX:
         points = leg.dynamics(s).points(phase.motion(s).q)
-        begins = [s.p[AT] - s.p[STEP]] * landed or [s.p[AT], *[s.p[AT] - s.p[STEP]] * leg.design.hop.periodic]
+        ahead, behind = s.p[BOX_AT], s.p[BOX_AT] - s.p[STEP_LENGTH]
+        begins = [behind] * landed or [ahead, *[behind] * leg.design.hop.periodic]
         return ca.vertcat(
             *[
-                distance(points[top], points[end], begin, s.p[WIDTH], s.p[HEIGHT], SMOOTH * leg.reach)
+                distance(points[top], points[end], begin, s.p[BOX_WIDTH], s.p[BOX_HEIGHT], SMOOTH * leg.reach)
                 for begin in begins for top, end in links
             ]
         )  # fmt: skip
@@ -86,10 +88,10 @@ def _numbers(leg: MovingLeg) -> tuple[Parameter, ...]:
     """Height and place of the box, both free, and its width."""
     size = leg.reach
     return (
-        Parameter(HEIGHT, lower=-5.0, upper=20.0, unit="m", value=0.2 * size, free=True),
-        Parameter(AT, lower=0.0, upper=100 * size, scale=size, unit="m", value=0.3 * size, free=True),
-        Parameter(WIDTH, value=leg.design.hop.obstacle.width or 0.0, unit="m"),
-        Parameter(STEP, lower=0.0, upper=100 * size, scale=size, unit="m", value=size, free=True),
+        Parameter(BOX_HEIGHT, lower=-5.0, upper=20.0, unit="m", value=0.2 * size, free=True),
+        Parameter(BOX_AT, lower=0.0, upper=100 * size, scale=size, unit="m", value=0.3 * size, free=True),
+        Parameter(BOX_WIDTH, value=leg.design.hop.obstacle.width or 0.0, unit="m"),
+        Parameter(STEP_LENGTH, lower=0.0, upper=100 * size, scale=size, unit="m", value=size, free=True),
     )
 
 
@@ -103,13 +105,13 @@ def _beyond(leg: MovingLeg) -> tuple[BoundaryConstraint, ...]:
         return leg.flight_pose(e.final[FLIGHT])[0][0]
 
     beyond = BoundaryConstraint(
-        "foot beyond the obstacle", lambda e: foot(e) - e.p[AT] - e.p[WIDTH], 0.0, INF, leg.reach, "m"
+        "foot beyond the obstacle", lambda e: foot(e) - e.p[BOX_AT] - e.p[BOX_WIDTH], 0.0, INF, leg.reach, "m"
     )
     return (
         beyond,
-        linkage("obstacle behind", lambda e: foot(e) - e.p[STEP], unit="m"),
+        linkage("obstacle behind", lambda e: foot(e) - e.p[STEP_LENGTH], unit="m"),
         linkage("apex", lambda e: e.final[FLIGHT].com_v[-1], RISE, unit="m/s"),
-        linkage("obstacle below the apex", lambda e: e.p[AT] + e.p[WIDTH] / 2 - body(e), unit="m"),
+        linkage("obstacle below the apex", lambda e: e.p[BOX_AT] + e.p[BOX_WIDTH] / 2 - body(e), unit="m"),
     )
 
 
@@ -124,6 +126,6 @@ def _no_width(design: Design) -> str | None:
 
 OVER = HopObjective(
     "obstacle", "height of the highest box of the given width that the whole leg clears on its way forwards", "m",
-    lambda leg, e: e.p[HEIGHT], "obstacle_m", "free", parameters=_numbers, boundary=_beyond, path=_clear,
+    lambda leg, e: e.p[BOX_HEIGHT], "obstacle_m", "free", parameters=_numbers, boundary=_beyond, path=_clear,
     kind="landing", fault=_no_width, tie_break=lambda leg: 100.0,
 )  # fmt: skip

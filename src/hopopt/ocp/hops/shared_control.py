@@ -26,16 +26,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import lowest_point
 from hopopt.ocp.objectives.tie_break import EFFORT, effort
 from hopopt.ocp.phases import flight, stance
-from hopopt.ocp.problem import (
-    BoundaryConstraint,
-    Ends,
-    Instant,
-    Objective,
-    Parameter,
-    PathConstraint,
-    Phase,
-    Problem,
-)
+from hopopt.ocp.problem import BoundaryConstraint, Ends, Instant, Objective, Parameter, PathConstraint, Phase, Problem
 from hopopt.ocp.transitions import lift_off
 
 CLEARANCE, STIFFNESS, DAMPING = "clearance", "k_p", "k_d"  # the program's parameters

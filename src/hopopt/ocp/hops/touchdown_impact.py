@@ -12,10 +12,10 @@ import numpy as np
 
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
-from hopopt.ocp.constraints import LEFT, RIGHT
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.phases import SPEED
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, linkage
+from hopopt.ocp.rules import LEFT, RIGHT
 from hopopt.ocp.transitions import foot_before, impact_at
 
 IMPACT_PUSH = LimitId(Kind.IMPACT_PUSH, unit="N s")

@@ -15,15 +15,15 @@ from hopopt.drivetrain.limits import BACKWARD, FORWARD
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE
-from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.drives import asked
-from hopopt.ocp.guesses.motion import MovingLeg
-from hopopt.ocp.objectives.objective import HopObjective, lowest_point, no_required_clearance, required_clearance
+from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
+from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective, no_required_clearance, required_clearance
+from hopopt.ocp.objectives.tie_break import stall_torque
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
 
 FLAT = 5e4  # times the usual tie-break, in the leg's own time: work without heat hardly depends on when it is done
-SPEED = 10.0  # [rad/s]: joint speed of a push, for the scale of power
+PUSH_SPEED = 10.0  # [rad/s]: joint speed of a push, for the scale of power
 SHARP = 0.1  # a peak may be passed by a smaller share of its range than a limit: it is the answer
 KINK = 3.0  # a power may be passed by a larger one where work is flat: what that gains is in the estimate of its error
 ELECTRICAL = ("winding_resistance", "torque_constant")
@@ -31,16 +31,11 @@ ELECTRICAL = ("winding_resistance", "torque_constant")
 
 def _economical(name: str, meaning: str, unit: str, figure: str, value: Any, **more: Any) -> HopObjective:
     """An objective to be made small at the clearance that the problem asks for."""
-    own = more.pop("parameters", lambda hop: ())
-    fault = more.pop("fault", lambda design: None)
-    return HopObjective(
-        name, meaning, unit, value, figure, "required clearance",
-        maximize=False,
-        parameters=lambda hop: (required_clearance(hop), *own(hop)),
-        boundary=lambda hop: lowest_point(hop, "hop.clearance"),
-        fault=lambda design: no_required_clearance(design) or fault(design),
-        **more,
-    )  # fmt: skip
+    own, fault = more.pop("parameters", lambda hop: ()), more.pop("fault", lambda design: None)
+    more = AT_CLEARANCE | more
+    more["parameters"] = lambda hop: (required_clearance(hop), *own(hop))
+    more["fault"] = lambda design: no_required_clearance(design) or fault(design)
+    return HopObjective(name, meaning, unit, value, figure, maximize=False, **more)
 
 
 def total(e: Ends, what: str) -> ca.SX:
@@ -49,16 +44,6 @@ def total(e: Ends, what: str) -> ca.SX:
 
 
 # ---- work ---------------------------------------------------------------------------------------------------
-
-
-def work_scale(hop: MovingLeg) -> float:
-    """What it takes to lift the leg by its length [J]."""
-    return hop.weight * hop.reach
-
-
-def power_scale(hop: MovingLeg) -> float:
-    """Power of the leg's weight at the length of the leg and a push's joint speed [W]."""
-    return hop.weight * hop.reach * SPEED
 
 
 def _power(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
@@ -78,25 +63,24 @@ def _losses(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
 
 
 def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], share: float = SHARP) -> dict[str, Any]:
-    """A control for every joint that is at least its power and at least zero: at the optimum the positive part; ``share``
-    of the power's scale: what its range is taken to be."""
+    """A control for every joint that is at least its power and at least zero: at the optimum the positive part.
+
+    Work is scaled by what it takes to lift the leg by its length [J], power by the leg's weight at that length and a push's
+    joint speed [W]; ``share`` of it is what the power's range is taken to be.
+    """
 
     def controls(hop: MovingLeg) -> tuple[Control, ...]:
-        return (
-            Control(
-                "drawn", hop.n, lower=0.0, scale=power_scale(hop), unit="W", labels=hop.leg.joints, only_bounds=True
-            ),
-        )
+        size = hop.weight * hop.reach * PUSH_SPEED
+        return (Control("drawn", hop.n, 0.0, scale=size, unit="W", labels=hop.leg.joints, only_bounds=True),)
 
     def path(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
-        return (
-            PathConstraint(
-                LimitId(Kind.POWER, unit="W"), lambda s: s.drawn - power(hop, phase.motion, s), lower=0.0, scale=share * power_scale(hop),
-                unit="W", labels=hop.leg.joints,
-            ),
-        )  # fmt: skip
+        def short(s: Instant) -> ca.SX:
+            return s.drawn - power(hop, phase.motion, s)
 
-    return {"controls": controls, "path": path, "scale": work_scale}
+        size, limit = share * (hop.weight * hop.reach * PUSH_SPEED), LimitId(Kind.POWER, unit="W")
+        return (PathConstraint(limit, short, 0.0, scale=size, unit="W", labels=hop.leg.joints),)
+
+    return {"controls": controls, "path": path, "scale": lambda hop: hop.weight * hop.reach}
 
 
 def _mechanical() -> dict[str, Any]:
@@ -156,10 +140,7 @@ def _region_share(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]
 
 def largest_stall(hop: MovingLeg) -> float:
     """The largest stall torque of any joint [N m]."""
-    p = hop.robot.parameters
-    return max(
-        p[hop.leg.drive(j, "gear", "ratio")[0]] * p[hop.leg.drive(j, "motor", "max_torque")[0]] for j in hop.leg.joints
-    )
+    return max(stall_torque(hop, joint, hop.robot.parameters) for joint in hop.leg.joints)
 
 
 def _torque_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
@@ -168,16 +149,8 @@ def _torque_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
         return ca.vertcat(s.p["peak torque"] - tau, s.p["peak torque"] + tau)
 
     labels = tuple(JointWay(j, way) for way in (FORWARD, BACKWARD) for j in hop.leg.joints)
-    return (
-        PathConstraint(
-            LimitId(Kind.PEAK_TORQUE, unit="N m"),
-            both,
-            lower=0.0,
-            scale=SHARP * largest_stall(hop),
-            unit="N m",
-            labels=labels,
-        ),
-    )
+    limit, size = LimitId(Kind.PEAK_TORQUE, unit="N m"), SHARP * largest_stall(hop)
+    return (PathConstraint(limit, both, lower=0.0, scale=size, unit="N m", labels=labels),)
 
 
 def _force_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
@@ -189,9 +162,8 @@ def _force_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
         peak = s.p["peak force"]
         return peak - ca.sumsqr(phase.motion(s).f) / peak
 
-    return (
-        PathConstraint(LimitId(Kind.PEAK_FORCE, unit="N"), value, lower=0.0, scale=SHARP * hop.force_range, unit="N"),
-    )
+    limit, size = LimitId(Kind.PEAK_FORCE, unit="N"), SHARP * hop.force_range
+    return (PathConstraint(limit, value, lower=0.0, scale=size, unit="N"),)
 
 
 EFFORTS = (

@@ -8,8 +8,7 @@ import casadi as ca
 
 from hopopt.design import Design
 from hopopt.leg.limit_id import Kind, LimitId
-from hopopt.ocp.constraints import MotionAt
-from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.hops.sequence import Sequence, from_rest
 from hopopt.ocp.objectives.direction import Directed
 from hopopt.ocp.phases import FLIGHT, LegPhase, points_at_apex
@@ -95,3 +94,11 @@ def no_required_clearance(design: Design) -> str | None:
     if design.hop.clearance is None:
         return "it needs a clearance to reach: give hop.clearance [m], such as --set hop.clearance=0.4"
     return None
+
+
+AT_CLEARANCE: dict[str, Any] = {  # fields of an objective that is asked of a hop which reaches hop.clearance
+    "ends": "required clearance",
+    "parameters": lambda hop: (required_clearance(hop),),
+    "boundary": lambda hop: lowest_point(hop, REQUIRED),
+    "fault": no_required_clearance,
+}

@@ -7,9 +7,8 @@ import casadi as ca
 import numpy as np
 
 from hopopt.drivetrain.region import operating_region
-from hopopt.ocp.constraints import MotionAt
 from hopopt.ocp.drives import asked
-from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.problem import Instant
 
 EFFORT = "effort"  # the name of its integral
@@ -22,7 +21,7 @@ def effort(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
 
     def rate(s: Instant) -> ca.SX:
         tau = motion(s).tau if torques is None else ca.vertcat(*[torque(s) for torque in torques])
-        return ca.sumsqr(tau / ca.vertcat(*[_stall(leg, j, s.p) for j in leg.leg.joints]))
+        return ca.sumsqr(tau / ca.vertcat(*[stall_torque(leg, j, s.p) for j in leg.leg.joints]))
 
     return rate
 
@@ -31,10 +30,11 @@ def largest_effort(leg: MovingLeg) -> float:
     """The most that ``effort`` can be; a region that no half-plane closes is taken up to twice its stall torque."""
     total, p = 0.0, leg.robot.parameters
     for joint in leg.leg.joints:
-        stall = _stall(leg, joint, p)
+        stall = stall_torque(leg, joint, p)
         total += float(np.max(np.abs(operating_region(leg.leg, joint, p).corners()[:, 1]))) ** 2 / stall**2
     return total
 
 
-def _stall(leg: MovingLeg, joint: str, p: Mapping[str, Any]) -> Any:
+def stall_torque(leg: MovingLeg, joint: str, p: Mapping[str, Any]) -> Any:
+    """Stall torque of a joint's motor behind its gear [N m], of parameters that are numbers or symbols."""
     return p[leg.leg.drive(joint, "gear", "ratio")[0]] * p[leg.leg.drive(joint, "motor", "max_torque")[0]]

@@ -19,17 +19,19 @@ They are means, because a control at a single node matters the less, the finer t
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 import casadi as ca
 import numpy as np
+from pydantic import PlainSerializer, PlainValidator, WithJsonSchema
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from hopopt.nlp.solver.ipopt import Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.terms import Matrix, csc
 from hopopt.ocp.problem import Component
+from hopopt.record import Strict, stated
 
 BLOCKS = 10  # of a phase, over which a control is averaged
 INSENSITIVE = (
@@ -47,6 +49,9 @@ PIVOTS = (  # none first: a symmetric matrix that is nearly definite then stays 
 STILL = 1e-3  # largest scaled value below which a control counts as unused; its scale is taken instead
 STRETCH = 0.1  # of a duration, by which it is moved when all else is optimised anew
 ITERATIONS = 200
+InJson = Annotated[  # the name of a component is a text there
+    Component, PlainValidator(Component), PlainSerializer(str), WithJsonSchema({"type": "string"})
+]
 Who = tuple[str, str, Component, tuple[float, float] | None]
 
 
@@ -55,20 +60,14 @@ class NotInvertible(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Flat:
-    """A quantity to which the objective is insensitive: kind (duration, control, parameter), phase, name of the component, from when to
-    when [s] since the phase began (empty for durations and parameters), and its ``felt``: the largest relative change
-    of the objective if it moved by its whole range."""
+class Flat(Strict):
+    """A quantity to which the objective is insensitive."""
 
-    kind: str
-    phase: str
-    name: Component
-    when: tuple[float, float] | None
-    felt: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """For the summary."""
-        return {**{f.name: getattr(self, f.name) for f in fields(self)}, "name": str(self.name)}
+    kind: str = stated("duration, control or parameter")
+    phase: str = stated("in which phase")
+    name: InJson = stated("which component")
+    when: tuple[float, float] | None = stated("from when to when [s since the phase began]")
+    felt: float = stated("largest relative change of the objective if it moved by its whole range")
 
 
 def flat(solution: NlpSolution, allowed: float = INSENSITIVE) -> list[Flat]:

@@ -5,7 +5,7 @@ shorter than SHORTEST of its phase is the trace of a switch between two nodes, n
 """
 
 from collections.abc import Hashable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -14,9 +14,10 @@ import numpy as np
 from hopopt.drivetrain.limits import BACKWARD, FORWARD, Line
 from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
 from hopopt.nlp.solver.ipopt import NlpSolution
-from hopopt.ocp.constraints import LEFT, RIGHT
 from hopopt.ocp.problem import Component
+from hopopt.ocp.rules import LEFT, RIGHT
 from hopopt.optimality.minimum_principle.arcs import Activity, activity
+from hopopt.record import Strict, stated
 
 SHORTEST = 2e-3  # share of the phase
 GAP = 0.015  # share of the phase: a drive that is free for less between two lines is switching
@@ -67,13 +68,13 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """From begin to end [s] since the phase began, ``limit`` acts on ``subject``; "free" where none does."""
+class Stretch(Strict):
+    """A stretch of time in which one limit acts."""
 
-    subject: str
-    limit: str
-    begin: float
-    end: float
+    subject: str = stated("on what")
+    limit: str = stated('which; "free" where none does')
+    begin: float = stated("since the phase began [s]")
+    end: float = stated("since the phase began [s]")
 
 
 def described(limit: Component, side: str) -> tuple[str, Acting]:
@@ -208,8 +209,3 @@ def sentences(found: dict[str, list[Stretch]]) -> list[str]:
         for phase, parts in found.items()
         for subject, words in by_subject(parts).items()
     ]
-
-
-def as_dict(found: dict[str, list[Stretch]]) -> dict[str, Any]:
-    """For the summary: words and, by phase, the stretches [s since the phase began]."""
-    return {"words": sentences(found), **{phase: [asdict(s) for s in parts] for phase, parts in found.items()}}

@@ -1,24 +1,34 @@
 """Limits that never act: how much of each a plan uses, and to what it could be tightened without effect on the plan."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
-from typing import Any
 
 import numpy as np
 
 from hopopt.drivetrain.limits import CAPS
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import force_range
-from hopopt.ocp.constraints import steepness
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.phases import DESCENT, FLIGHT, ON_GROUND, duration_entry
-from hopopt.planner.solution import Motion, Samples
+from hopopt.ocp.rules import steepness
+from hopopt.planner.motion import Motion, Samples
+from hopopt.record import Strict, stated
 from hopopt.verify.limits import windowed
 
 IDLE = 0.999  # largest share of a limit that may be used if it is to count as idle
 LOADED = 1e-3  # of the force's range: a foot with less is not loaded
 FIGURES = 4  # significant ones of a value that would do
+
+
+@dataclass(frozen=True)
+class IdleLimit(Strict):
+    """A limit that never acts."""
+
+    used: float = stated("largest share of its range that the plan uses")
+    entry: str = stated("its entry of the problem file; empty for a limit that no entry sets")
+    limit: float = stated("its value [the entry's unit]")
+    enough: float = stated("a value that would do [the entry's unit]")
 
 
 @dataclass(frozen=True)
@@ -42,54 +52,41 @@ class Use:
     index: int | None = None
 
     @property
-    def name(self) -> str:
-        """What is shown."""
-        return self.what.format(" and ".join(self.places))
-
-    @property
     def entry(self) -> str:
         """The entry as it is set on the command line."""
         return self.path if self.index is None else f"{self.path}[{self.index}]"
 
     @property
-    def key(self) -> tuple[str, str]:
+    def key(self) -> tuple[str, ...]:
         """What uses of one entry have in common; a limit that no entry sets has its place to itself."""
-        return self.entry, "" if self.path else self.name
-
-    def as_dict(self) -> dict[str, Any]:
-        """For the summary."""
-        return {"used": self.used, "entry": self.entry, "limit": self.limit, "enough": self.rounded()}
-
-    def rounded(self) -> float:
-        """``enough`` with few figures, away from the plan and no further than the limit."""
-        context = Context(prec=FIGURES, rounding=ROUND_FLOOR if self.least else ROUND_CEILING)
-        value = float(context.create_decimal_from_float(self.enough))
-        return max(value, self.limit) if self.least else min(value, self.limit)
+        return (self.entry,) if self.path else (self.what, *self.places)
 
 
-def idle_uses(plan: Motion, fine: Mapping[str, Samples]) -> list[Use]:
-    """Limits that no instant of the plan touches, the least used first, durations last. An entry that several joints or
-    phases share is one limit.
+def idle_limits(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, IdleLimit]:
+    """Limits that no instant of the plan touches, by name, the least used first, durations last. An entry that several
+    joints or phases share is one limit.
 
     fine: the plan's samples by phase. The plan stays what it is if such a limit is dropped or tightened to ``enough``.
     """
-    together: dict[tuple[str, str], list[Use]] = {}
+    together: dict[tuple[str, ...], list[Use]] = {}
     shares = plan.objective == "saturation"  # the share of its region that a drive uses is the objective there
     for use in (*_joints(plan, fine), *(() if shares else _regions(plan, fine)), *_whole(plan, fine)):
         together.setdefault(use.key, []).append(use)
-    found = [_of_entry(uses) for uses in together.values()]
-    return sorted((use for use in found if use.used < IDLE), key=lambda use: (use.index is not None, use.used))
+    largest = [(max(uses, key=lambda use: use.used), uses) for uses in together.values()]
+    idle = sorted((pair for pair in largest if pair[0].used < IDLE), key=lambda p: (p[0].index is not None, p[0].used))
+    return {_name(uses): IdleLimit(use.used, use.entry, use.limit, _rounded(use)) for use, uses in idle}
 
 
-def as_dict(uses: Sequence[Use]) -> dict[str, dict[str, Any]]:
-    """For the summary, by name."""
-    return {use.name: use.as_dict() for use in uses}
+def _name(uses: list[Use]) -> str:
+    """What a limit is called, with all places that share its entry."""
+    return uses[0].what.format(" and ".join(dict.fromkeys(place for use in uses for place in use.places)))
 
 
-def _of_entry(uses: list[Use]) -> Use:
-    """The largest use of an entry, with all places that share it."""
-    places = tuple(dict.fromkeys(place for use in uses for place in use.places))
-    return replace(max(uses, key=lambda use: use.used), what=uses[0].what, places=places)
+def _rounded(use: Use) -> float:
+    """``enough`` with few figures, away from the plan and no further than the limit."""
+    context = Context(prec=FIGURES, rounding=ROUND_FLOOR if use.least else ROUND_CEILING)
+    value = float(context.create_decimal_from_float(use.enough))
+    return max(value, use.limit) if use.least else min(value, use.limit)
 
 
 def _joints(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:

@@ -1,7 +1,7 @@
 """Every figure of a summary that follows from the motion alone."""
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,42 +9,72 @@ from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range, friction_needed
-from hopopt.ocp.constraints import steepness
 from hopopt.ocp.phases import FLIGHT, STANCE
-from hopopt.planner.answer.limit_use import LOADED, as_dict, idle_uses
-from hopopt.planner.answer.summary_parts import IdleLimit, LeansOn, LiftOff, Parts, PhaseFigures, UpperBound
-from hopopt.planner.answer.touchdown import landing, obstacle, orbit
-from hopopt.planner.solution import Motion, Samples
+from hopopt.ocp.rules import steepness
+from hopopt.planner.answer.limit_use import LOADED, IdleLimit, idle_limits
+from hopopt.planner.answer.touchdown import Landing, Obstacle, Orbit, landing, obstacle, orbit
+from hopopt.planner.motion import Motion, Samples
+from hopopt.record import Real, Strict, if_any, stated
 from hopopt.verify.check import LIMIT
-from hopopt.verify.upper_bound import upper_bound
+from hopopt.verify.upper_bound import UpperBound, upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
 FINE = np.linspace(0.0, 1.0, 9)
 NO_FRICTION = 10.0  # coefficient that no ground has, and no problem may ask for more
 
 
-def motion_figures(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, Any]:
-    """Entries of the summary that follow from the motion alone; ``fine``: its samples, by phase."""
-    stance = fine[STANCE]
-    return {
-        "upper_bound": UpperBound(**upper_bound(plan.design).figures()),
-        "parts": parts(plan),
-        "orbit": orbit(plan),
-        "landing": landing(plan),
-        "obstacle": obstacle(plan),
-        "lowest_point": _lowest(plan),
-        "phases": {name: phase_figures(plan, name, s) for name, s in fine.items()},
-        "lift_off": lift_off(plan),
-        "vertical_at_end_of_flight_m_s": float(plan.apex.com_v[0, 1]),
-        "peak_ground_force_N": float(np.linalg.norm(stance.f, axis=1).max()),
-        "peak_vertical_force_N": float(stance.f[:, -1].max()),
-        "friction": plan.design.contact.friction,
-        "grip_without_load_N": float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0)),
-        "saturation_mean": saturation_mean(plan, stance),
-        "energy": energy(plan, fine),
-        "leans_on": leans_on(plan, stance),
-        "idle_limits": {name: IdleLimit(**use) for name, use in as_dict(idle_uses(plan, fine)).items()},
-    }
+@dataclass(frozen=True)
+class Parts(Strict):
+    """The three signed parts that sum to the clearance."""
+
+    com_height_at_lift_off_m: float = stated("height of the centre of mass at lift-off [m]")
+    ballistic_rise_m: float = stated("rise of the centre of mass in flight [m]")
+    com_height_over_lowest_point_m: float = stated("lowest point minus centre of mass when flight ends [m]")
+
+    @property
+    def sum(self) -> float:
+        """The clearance [m]."""
+        return self.com_height_at_lift_off_m + self.ballistic_rise_m + self.com_height_over_lowest_point_m
+
+
+@dataclass(frozen=True)
+class PhaseFigures(Strict):
+    """Duration, mesh and extremes of one phase."""
+
+    duration_s: float = stated("how long it lasts [s]")
+    intervals: int = stated("of its last mesh")
+    peak_torque_Nm: Mapping[str, float] = stated("largest torque, by joint [N m]")
+    peak_speed_rad_s: Mapping[str, float] = stated("largest speed, by joint [rad/s]")
+
+
+@dataclass(frozen=True)
+class LiftOff(Strict):
+    """Lift-off: when, and the velocity of the centre of mass."""
+
+    time_s: float = stated("since stance began [s]")
+    speed_m_s: float = stated("of the centre of mass [m/s]")
+    vertical_m_s: float = stated("its upward part [m/s]")
+    horizontal_m_s: float = stated("its forward part [m/s]")
+
+
+@dataclass(frozen=True)
+class LeansOn(Strict):
+    """What the hop needs of the ground, and of the time that it is allowed."""
+
+    friction_needed: Real = stated(
+        "coefficient that keeps the foot from slipping; null: none does, as it is held without load"
+    )
+    load_free_share: float = stated("share of stance in which the foot carries no load")
+    stance_at_its_limit: str | None = stated("longest or shortest, if stance lasts as long as it may")
+
+
+class Sampled:
+    """A plan with its samples at the normalised times FINE of every interval: ``fine`` by phase, and those of stance."""
+
+    def __init__(self, plan: Motion):
+        self.plan = plan
+        self.fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
+        self.stance = self.fine[STANCE]
 
 
 def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FINE)) -> float:
@@ -60,7 +90,8 @@ def parts(plan: Motion) -> Parts:
     return Parts(low, high - low, plan.claims()["clearance_m"] - high)
 
 
-def _lowest(plan: Motion) -> str:
+def lowest_point(plan: Motion) -> str:
+    """The foot or joint that is lowest when flight ends."""
     end = plan.apex
     heights = {name: round(float(end.points[name][0, 1]), 9) for name in ("foot", *plan.robot.joints)}
     return min(heights, key=lambda name: heights[name])
@@ -140,6 +171,11 @@ def _active_at_the_ground(plan: Motion, stance: Samples) -> dict[str, np.ndarray
     return active
 
 
+def unloaded(stance: Samples) -> float:
+    """Largest horizontal force [N] on a foot that carries less than 1 N."""
+    return float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0))
+
+
 def leans_on(plan: Motion, stance: Samples) -> LeansOn:
     """What the hop needs of the ground and of the time that it is allowed."""
     size, friction = force_range(plan.robot.model), plan.design.contact.friction
@@ -156,3 +192,44 @@ def _ends_of_stance_time(plan: Motion) -> list[str]:
     (shortest, longest), lasted = plan.design.hop.stance_duration, plan.phases[STANCE].duration
     ends = {"longest": lasted >= (1 - ACTIVE) * longest, "shortest": lasted <= (1 + ACTIVE) * shortest}
     return [name for name, reached in ends.items() if reached]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionFigures:
+    """What a summary says of the motion; computed from a ``Sampled`` plan."""
+
+    upper_bound: UpperBound = stated(
+        "what no hop within the drives' limits and the longest stance can pass", lambda m: upper_bound(m.plan.design)
+    )
+    parts: Parts = stated("what the clearance is the sum of", lambda m: parts(m.plan))
+    lowest_point: str = stated("foot or joint that the clearance is of", lambda m: lowest_point(m.plan))
+    phases: Mapping[str, PhaseFigures] = stated(
+        "each phase", lambda m: {name: phase_figures(m.plan, name, s) for name, s in m.fine.items()}
+    )
+    lift_off: LiftOff = stated("lift-off", lambda m: lift_off(m.plan))
+    vertical_at_end_of_flight_m_s: float = stated(
+        "upward velocity of the centre of mass [m/s]", lambda m: float(m.plan.apex.com_v[0, 1])
+    )
+    peak_ground_force_N: float = stated(
+        "largest ground force [N]", lambda m: float(np.linalg.norm(m.stance.f, axis=1).max())
+    )
+    peak_vertical_force_N: float = stated("its largest vertical part [N]", lambda m: float(m.stance.f[:, -1].max()))
+    friction: float | None = stated("coefficient; null: the foot never slips", lambda m: m.plan.design.contact.friction)
+    grip_without_load_N: float = stated(
+        "largest horizontal force on an unloaded foot [N]", lambda m: unloaded(m.stance)
+    )
+    leans_on: LeansOn = stated(
+        "what the hop needs of the ground and of the time that it is allowed", lambda m: leans_on(m.plan, m.stance)
+    )
+    saturation_mean: Mapping[str, float] = stated(
+        "mean use of the operating region in stance, by joint", lambda m: saturation_mean(m.plan, m.stance)
+    )
+    energy: Mapping[str, float] = stated(
+        "work of the joints, by phase, net and positive [J]", lambda m: energy(m.plan, m.fine)
+    )
+    idle_limits: Mapping[str, IdleLimit] = stated("limits that never act", lambda m: idle_limits(m.plan, m.fine))
+    orbit: Orbit | None = if_any("the cycle of a periodic hop", lambda m: orbit(m.plan))
+    obstacle: Obstacle | None = if_any("the box that the leg clears, if it was made to", lambda m: obstacle(m.plan))
+    landing: Landing | None = if_any(
+        "the touchdown of a hop that is landed, and how it comes to rest", lambda m: landing(m.plan)
+    )

@@ -1,7 +1,5 @@
 """What an answer does not say by itself."""
 
-from dataclasses import asdict
-
 import numpy as np
 
 from hopopt.design import Design
@@ -9,11 +7,9 @@ from hopopt.errors import SolverError
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.directions.flat_directions import Flat, NotInvertible, flat
-from hopopt.optimality.second_order import curvature
-from hopopt.planner.answer.summary_extras import SecondOrder
+from hopopt.optimality.second_order import Curvature, curvature
 from hopopt.planner.attempts import AT_MOST
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import without_tie_break
+from hopopt.planner.solution import Solution, without_tie_break
 from hopopt.problem.checking.hints import hints
 
 LOUD = 0.01  # share of the answer that the tie-break may weigh without a word
@@ -64,16 +60,15 @@ def _tolerances(used: Design, asked: Design, structure: bool) -> list[str]:
     return [f"solved with {stated}, {why}"]
 
 
-def second_order(solution: NlpSolution) -> SecondOrder | None:
+def second_order(solution: NlpSolution) -> Curvature | None:
     """The second-order test of a program's solution; None if it cannot be made."""
     try:
-        found = curvature(solution)
+        return curvature(solution)
     except (np.linalg.LinAlgError, RuntimeError):  # no reason to lose the answer
         return None
-    return found and SecondOrder(**asdict(found))
 
 
-def saddle_note(found: SecondOrder | None) -> tuple[str, ...]:
+def saddle_note(found: Curvature | None) -> tuple[str, ...]:
     """That the hop is no optimum, if the second-order test says so."""
     if found is None or not found.saddle:
         return ()

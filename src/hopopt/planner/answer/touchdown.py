@@ -1,16 +1,59 @@
 """What is stated of a touchdown from which the leg goes on, into the next cycle or to rest, and of what it hopped over."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hopopt.planner.answer.summary_parts import Landing, Obstacle, Orbit
-from hopopt.planner.solution import Motion
+from hopopt.planner.motion import Motion
+from hopopt.record import Strict, stated
 from hopopt.sim.machine import Machine
 from hopopt.verify.hops.obstacle import highest_box
 from hopopt.verify.hops.periodic import period, touchdown_of
 from hopopt.verify.measures import joint_work
 from hopopt.verify.table import DESCENT, LANDING
+
+
+@dataclass(frozen=True)
+class Impact(Strict):
+    """The touchdown of a hop that goes on."""
+
+    closure: float = stated("difference of the state after the impact from that in which stance begins [rad, rad/s]")
+    step_m: float = stated("how far ahead of where it stood the foot lands [m]")
+    work_J: float = stated("net work of the joints over the hop, which the impact takes [J]")
+    impulse_Ns: float = stated("of the ground on the foot at touchdown [N s]")
+    impact_loss_J: float = stated("kinetic energy that the impact takes [J]")
+    foot_speed_m_s: float = stated("of the foot just before touchdown [m/s]")
+    gear_impulse_Nms: float = stated("largest that a gear passes on to its rotor, joint side [N m s]")
+    gear_impact_torque_Nm: float = stated(
+        "the same over hop.touchdown_time: the gear's mean torque in the impact [N m]"
+    )
+
+
+@dataclass(frozen=True)
+class Orbit(Impact):
+    """A cycle of a periodic hop, and the impact that ends it."""
+
+    period_s: float = stated("duration of a cycle [s]")
+
+
+@dataclass(frozen=True)
+class Landing(Impact):
+    """A touchdown, and the way to rest."""
+
+    touchdown_s: float = stated("time of touchdown since stance began [s]")
+    rest_s: float = stated("time of rest since stance began [s]")
+    peak_ground_force_N: float = stated("largest ground force while the leg comes to rest [N]")
+    deepest_m: float = stated("lowest height of the body on the way to rest [m]")
+
+
+@dataclass(frozen=True)
+class Obstacle(Strict):
+    """The box that the leg clears, as the plan's table has it."""
+
+    width_m: float = stated("of the box, along x [m]")
+    height_m: float = stated("of the box [m]")
+    begins_m: float = stated("its near side, ahead of where the foot stands [m]")
 
 
 def orbit(plan: Motion) -> Orbit | None:

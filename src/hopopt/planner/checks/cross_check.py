@@ -6,8 +6,9 @@ begins at the answer, moved away. The other schemes begin at the answer too, on 
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,12 +22,10 @@ from hopopt.nlp.solver.casadi_solver import CasadiSolver
 from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver, time_given
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner.answer.summary_extras import CrossCheck
+from hopopt.planner.answer.extras import CrossCheck
 from hopopt.planner.refine_and_verify import aims_of
 from hopopt.planner.search.multistart import Progress, first_transcription
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
-from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.solution import Solution, stored_nlp
 
 SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which cross-checks agree
 AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer
@@ -42,23 +41,6 @@ class Failed(Exception):
 
 
 @dataclass(frozen=True)
-class CrossCheckOutcome:
-    """What another way of solving says: its objective and what that is compared with [the objective's unit], the relative
-    difference (positive: better than the answer) and what is allowed, whether it agrees, whether it contradicts the
-    answer, wall time [s]; ``reason`` says why there is none, or what it falls short of."""
-
-    name: str
-    objective: float | None
-    compared_with: float
-    difference: float | None
-    allowed: float
-    agrees: bool
-    contradicts: bool
-    seconds: float
-    reason: str = ""
-
-
-@dataclass(frozen=True)
 class CrossCheckAnswer:
     """An objective, and what it falls short of, if anything."""
 
@@ -66,25 +48,27 @@ class CrossCheckAnswer:
     short: str = ""
 
 
-def with_cross_checks(
-    hop: Hop, answer: Solution, clock: Stopwatch, say: Progress = lambda text: None, until: Deadline = NEVER
-) -> Solution:
-    """The answer, its verdict as before, with ``second_opinions`` in its summary.
+def cross_check_entries(
+    hop: Hop, answer: Solution, notes: Sequence[str], say: Progress = lambda text: None, until: Deadline = NEVER
+) -> dict[str, Any]:
+    """Entries of the answer's summary that its cross-checks come to.
 
-    Exit code 3 and a note if one of them is better: such a hop is true, but not the best.
+    notes: those of the answer. Exit code 3 and a note if a cross-check is better: such a hop is true, but not the best.
     """
     found = cross_checks(hop, answer, say, until)
-    clock.mark("second opinions")
-    reported = tuple(CrossCheck(**asdict(o)) for o in found)
-    answer = answer.with_summary(second_opinions=reported, wall_s=clock.last - clock.begin, timings_s=clock.stages)
-    if notes := [_objection(o) for o in found if o.contradicts]:
-        return answer.with_summary(exit_code=3, notes=(*answer.summary.notes, *notes))
-    return answer
+    objections = [
+        f"this is not the best hop: {o.name} found {o.objective:.5f} for {o.compared_with:.5f}; solve again with more "
+        "starts (docs/certificate.md)"
+        for o in found
+        if o.contradicts
+    ]
+    better = {"exit_code": 3, "notes": (*notes, *objections)} if objections else {}
+    return {"second_opinions": tuple(found), **better}
 
 
 def cross_checks(
     hop: Hop, answer: Solution, say: Progress = lambda text: None, until: Deadline = NEVER
-) -> list[CrossCheckOutcome]:
+) -> list[CrossCheck]:
     """All cross-checks of an answer, as far as there is time; ``answer.kkt`` holds the program that it came from."""
     sign, own, stored = hop.objective.sign, answer.summary.scheme, stored_nlp(answer)
     nlp = affordable(hop, stored, until)
@@ -113,7 +97,7 @@ def cross_checks(
     return [_without_tie_break(o, stored.value - stored.objective) for o in found]
 
 
-def _without_tie_break(o: CrossCheckOutcome, more: float) -> CrossCheckOutcome:
+def _without_tie_break(o: CrossCheck, more: float) -> CrossCheck:
     """What was compared with the tie-break of the answer, without it on both sides: the value that the answer states."""
     found = None if o.objective is None else o.objective + more
     return replace(o, objective=found, compared_with=o.compared_with + more)
@@ -133,7 +117,7 @@ def affordable(hop: Hop, last: NlpSolution, until: Deadline = NEVER) -> NlpSolut
 
 def cross_checked(
     name: str, sign: float, allowed: float, value: float, ask: Callable[[], CrossCheckAnswer], least: float = 1e-9
-) -> CrossCheckOutcome:
+) -> CrossCheck:
     """What ``ask`` says, against the answer's ``value``; ``sign`` as that of the objective in the merit; differences are
     relative to the value, but to no less than ``least``."""
     began = time.perf_counter()
@@ -147,14 +131,14 @@ def cross_checked(
         ValueError,
     ) as error:  # CasADi raises RuntimeError, at length
         reason = " ".join(str(error).split())[:200] or type(error).__name__
-        return CrossCheckOutcome(name, None, value, None, allowed, False, False, time.perf_counter() - began, reason)
+        return CrossCheck(name, None, value, None, allowed, False, False, time.perf_counter() - began, reason)
     difference = sign * (reported.objective - value) / max(abs(value), least)
     agrees, contradicts = (
         abs(difference) <= allowed and not reported.short,
         difference > SAME_PROBLEM and not reported.short,
     )
     seconds = time.perf_counter() - began
-    return CrossCheckOutcome(
+    return CrossCheck(
         name, reported.objective, value, difference, allowed, agrees, contradicts, seconds, reported.short
     )
 
@@ -235,10 +219,3 @@ def _missed(z: np.ndarray, g: np.ndarray, b: Bounds) -> float:
 
 def _words(status: str) -> str:
     return status.replace("_", " ").lower()
-
-
-def _objection(o: CrossCheckOutcome) -> str:
-    return (
-        f"this is not the best hop: {o.name} found {o.objective:.5f} for {o.compared_with:.5f}; solve again with more "
-        "starts (docs/certificate.md)"
-    )

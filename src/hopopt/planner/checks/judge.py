@@ -15,15 +15,14 @@ from hopopt.ocp.custom import FIGURE, Custom
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.error_estimate import ObjectiveError, objective_error
-from hopopt.planner.answer.stored_multipliers import stored
-from hopopt.planner.answer.verdict import StatedError, Verdict
 from hopopt.planner.checks.custom_check import custom_checks
 from hopopt.planner.checks.program_limits import program_limits
-from hopopt.planner.solution import Motion
+from hopopt.planner.checks.verdict import Relaxed, StatedError, Verdict, multipliers_of
+from hopopt.planner.motion import Motion
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.verify.check import KKT, Check
 from hopopt.verify.plan import verify_plan
-from hopopt.verify.whole_hop import left_out, not_simulated, whole_hop_rollout
+from hopopt.verify.whole_hop import Simulated, left_out, not_simulated, whole_hop_rollout
 
 
 def judge(
@@ -55,7 +54,7 @@ def judge(
     certificate = certify(solution)
     error = error.beside(certificate, solution)
     clock.mark("certificate")
-    return Verdict((*checks, *rollout), error, certificate.checks, stored(certificate))
+    return Verdict((*checks, *rollout), error, certificate.checks, multipliers_of(certificate))
 
 
 def plan_checks(
@@ -92,13 +91,12 @@ def stated_error(
     plan: Motion, solution: NlpSolution, goal: HopObjective, estimate: ObjectiveError, claims: Mapping[str, float]
 ) -> tuple[list[Check], StatedError]:
     """Checks of the hop simulated in one piece, and the stated error; ``claims``: what is stated, by name."""
-    gain = tightening_cost(solution) * solution.magnitude
     if note := not_simulated(plan.design):
-        return left_out(note), StatedError(
-            estimate.too_high_by, estimate.relative, estimate, {"note": note}, gain_of_relaxing=gain
-        )
-    claim = (goal.figure, claims[goal.figure], goal.sign)
-    found = whole_hop_rollout(plan.design, plan.tables, goal.figure, goal.ends)
-    largest = max(estimate.too_high_by, found.short(*claim)) if found.followed else estimate.too_high_by
-    error = StatedError(largest, largest / estimate.size, estimate, found.as_dict(*claim), gain)
-    return found.checks(*claim, estimate.size), error
+        checks, simulated = left_out(note), Simulated(note=note)
+    else:
+        claim = (goal.figure, claims[goal.figure], goal.sign)
+        found = whole_hop_rollout(plan.design, plan.tables, goal.figure, goal.ends)
+        checks, simulated = found.checks(*claim, estimate.size), found.beside(*claim)
+    short = simulated.short_by or 0.0 if simulated.followed else 0.0
+    largest, relaxed = max(estimate.too_high_by, short), Relaxed(tightening_cost(solution) * solution.magnitude)
+    return checks, StatedError(largest, largest / estimate.size, estimate, simulated, relaxed, could_be_beaten_by=None)

@@ -7,9 +7,10 @@ import numpy as np
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
-from hopopt.planner.answer.summary_extras import HopFamily
+from hopopt.planner.answer.extras import HopFamily
+from hopopt.planner.motion import Motion
 from hopopt.planner.search.multistart import SAME, StartOutcome, first_transcription, grouped, solution_of
-from hopopt.planner.solution import Motion, Solution
+from hopopt.planner.solution import Solution
 
 LEANING, DIPPING, SWINGING = 0.05, 0.03, 0.1  # share of the reach from which a lean, a dip or a swing is worth a word
 DOWN = 0.02  # share of the reach below which a joint is on the ground

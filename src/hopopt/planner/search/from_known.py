@@ -8,8 +8,7 @@ from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.ocp.hop import Hop
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search.multistart import StartOutcome, first_transcription, not_solved, outcome_of
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import stored_nlp
+from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
 
 

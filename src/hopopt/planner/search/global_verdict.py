@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from hopopt.planner.answer.summary_extras import GlobalMethod, HopFamily
+from hopopt.planner.answer.extras import GlobalMethod, HopFamily
 from hopopt.planner.search.first_mesh import GLOBAL, FirstMesh
 from hopopt.planner.solution import Solution
 

@@ -212,8 +212,8 @@ def noted(solver: NlpSolver, outcome: StartOutcome) -> StartOutcome:
 def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
     """How a solve on the first mesh ended; ``name`` says from where it began."""
     vectors = {name: getattr(s, name) for name in ("z", "p", "g", "lam_g", "lam_x")}
-    of_objective = {"sign": s.transcription.problem.objective.sign, "tie_break": s.tie_break}
-    return StartOutcome(name, s.status, s.success, s.objective, s.iterations, seconds, vectors, **of_objective)
+    ended = name, s.status, s.success, s.objective, s.iterations, seconds, vectors
+    return StartOutcome(*ended, s.transcription.problem.objective.sign, tie_break=s.tie_break)
 
 
 def solved_from(hop: Hop, outcome: StartOutcome, until: Deadline = NEVER) -> StartOutcome:

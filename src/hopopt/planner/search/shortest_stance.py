@@ -14,7 +14,7 @@ from hopopt.nlp.solver.ipopt import Bounds
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
-from hopopt.planner.answer.summary import by_longest
+from hopopt.planner.answer.program_figures import by_longest
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search.multistart import Progress, StartOutcome, first_solver, outcome_of, same, solution_of
 from hopopt.planner.solution import Solution

@@ -3,7 +3,6 @@
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,34 +10,20 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
-from hopopt.evidence.families import crossings
-from hopopt.evidence.family_optima import SHARES
+from hopopt.evidence.families import Family, FamilyStudy, crossings
+from hopopt.evidence.family_optima import POSE_SHARES
 from hopopt.leg.kinematics import reach
-from hopopt.plots.style import (
-    BLACK,
-    DPI,
-    GREY,
-    PALE,
-    SIZE,
-    SMALL,
-    TEXT,
-    describe,
-    entry_label,
-    height_arrow,
-    new_figure,
-)
-
-if TYPE_CHECKING:
-    from hopopt.evidence.families import Family, Study
+from hopopt.plots.style import BLACK, DPI, GREY, PALE, SIZE, SMALL, TEXT, describe, height_arrow, new_figure
+from hopopt.studies.sweep.shown import entry_label
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe and Ito; one for each line
 POSED = 3  # families with stick figures
 WIDTH = 66  # letters of a line above stick figures
 APART = 0.055  # of the axis, between two labels
-HEADS = ("start", *(f"{100 * share:.0f} %" for share in SHARES[1:-1]), "lift-off", "apex")
+HEADS = ("start", *(f"{100 * share:.0f} %" for share in POSE_SHARES[1:-1]), "lift-off", "apex")
 
 
-def figure(study: "Study") -> Figure:
+def figure(study: FamilyStudy) -> Figure:
     """Clearances [m] over the entry on the left, if there is one; on the right the leading families at one value."""
     families = study.families()[: len(COLORS)]
     at = common_value(study, families)
@@ -52,14 +37,14 @@ def figure(study: "Study") -> Figure:
     return picture
 
 
-def save(study: "Study", folder: Path) -> None:
+def save(study: FamilyStudy, folder: Path) -> None:
     """families.png, whole or not at all."""
     temporary = folder / ".families.png"
     figure(study).savefig(temporary, dpi=DPI, format="png")
     temporary.replace(folder / "families.png")
 
 
-def common_value(study: "Study", families: Sequence["Family"]) -> int:
+def common_value(study: FamilyStudy, families: Sequence[Family]) -> int:
     """Index of the value at which most of the leading families are known: of those the nearest to where the best changes,
     or to the middle."""
     best = study.best()
@@ -69,7 +54,7 @@ def common_value(study: "Study", families: Sequence["Family"]) -> int:
     return max(range(count), key=lambda k: (known[k], -min(abs(k - c) for c in changes)))
 
 
-def _title(study: "Study") -> str:
+def _title(study: FamilyStudy) -> str:
     """What the picture says, in a sentence."""
     name, entry, best = study.definition.design.name, study.entry, study.best()
     changes = crossings(study.values, best)
@@ -83,7 +68,7 @@ def _title(study: "Study") -> str:
     return f"{name}: one kind of hop, A, is the best at every {entry}"
 
 
-def _lines(ax: Axes, study: "Study", families: Sequence["Family"], at: int) -> None:
+def _lines(ax: Axes, study: FamilyStudy, families: Sequence[Family], at: int) -> None:
     """A line for each family, named at its end; the best in bold, and where it changes."""
     x = np.array(study.values)
     fine = np.unique(np.concatenate([x, np.linspace(x[:-1], x[1:], 50).ravel()]))
@@ -106,11 +91,11 @@ def _between(x: np.ndarray, y: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.interp(at, x[known], y[known], left=np.nan, right=np.nan)
 
 
-def _heights(f: "Family") -> np.ndarray:
+def _heights(f: Family) -> np.ndarray:
     return np.array([np.nan if h is None else h for h in f.clearance])
 
 
-def _names(ax: Axes, x: np.ndarray, families: Sequence["Family"]) -> None:
+def _names(ax: Axes, x: np.ndarray, families: Sequence[Family]) -> None:
     """Each family's letter to the right of its last point, none on top of another."""
     low, high = ax.get_ylim()
     ends = []
@@ -129,7 +114,7 @@ def _names(ax: Axes, x: np.ndarray, families: Sequence["Family"]) -> None:
     ax.margins(x=0.09)
 
 
-def _key(ax: Axes, study: "Study", at: int) -> None:
+def _key(ax: Axes, study: FamilyStudy, at: int) -> None:
     """What marks and lines mean, above the axes."""
     words = "wide band: the best    ● refined, verified    ○ first mesh only\n"
     words += f"dotted: {study.entry} = {study.values[at]:g}, shown on the right"
@@ -138,7 +123,7 @@ def _key(ax: Axes, study: "Study", at: int) -> None:
     ax.set_title(words, fontsize=SMALL, color=BLACK, loc="left")
 
 
-def _rows(figure: Figure | SubFigure, study: "Study", families: Sequence["Family"], at: int) -> None:
+def _rows(figure: Figure | SubFigure, study: FamilyStudy, families: Sequence[Family], at: int) -> None:
     """One row of poses for each family, all to one scale, columns at the same shares of the stance."""
     drawn = {f.name: _placed(f.poses[at]) for f in families}
     size = reach(study.definition.design.leg)

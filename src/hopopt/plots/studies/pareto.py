@@ -4,8 +4,10 @@ to be) and the points that failed marked."""
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from hopopt.plots.hop import FORMATS
 from hopopt.plots.style import BLACK, COLOR, DPI, GREEN, describe, legend, new_figure
 
 if TYPE_CHECKING:
@@ -19,18 +21,13 @@ def figure(front: "Front") -> Figure:
     """The other objective [its unit] over the clearance [m]."""
     name, unit = front.against.name.replace("_", " "), front.against.unit
     picture = new_figure(f"{front.design.name}: clearance against {name}")
-    ax, good = picture.subplots(), [(p.clearance_m or 0.0, p.value or 0.0) for p in front.verified]
-    ax.plot(
-        [x for x, _ in good],
-        [y for _, y in good],
-        "o--",
-        color=BLUE,
-        lw=1.2,
-        ms=8,
-        clip_on=False,
-        label="verified hops (joined to guide the eye)",
+    ax, good = (
+        picture.subplots(),
+        np.array([(p.clearance_m, p.value) for p in front.verified_points], float).reshape(-1, 2),
     )
-    ends = [p for p in front.verified if p.least][:1], [p for p in front.verified if not p.least]
+    joined = "verified hops (joined to guide the eye)"
+    ax.plot(*good.T, "o--", color=BLUE, lw=1.2, ms=8, clip_on=False, label=joined)
+    ends = [p for p in front.verified_points if p.least][:1], [p for p in front.verified_points if not p.least]
     for point, label, marker, color in zip(ends, ("least", HIGHEST), "s*", (ORANGE, GREEN), strict=True):
         for x, y in ((p.clearance_m or 0.0, p.value or 0.0) for p in point):
             text = f"{label}: {y:.4g}{'' if unit == '1' else f' {unit}'} at {x:.3f} m"
@@ -47,5 +44,5 @@ def figure(front: "Front") -> Figure:
 def save(front: "Front", folder: Path) -> None:
     """The figure as PNG and SVG."""
     folder.mkdir(exist_ok=True)
-    for kind in ("png", "svg"):
+    for kind in FORMATS:
         figure(front).savefig(folder / f"front.{kind}", dpi=DPI)

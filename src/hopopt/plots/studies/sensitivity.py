@@ -7,20 +7,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.planner.solution import Solution
-from hopopt.plots.hop import FORMATS, save_figure
+from hopopt.plots.hop import save_figure
 from hopopt.plots.style import BLACK, SMALL, describe, headline, legend, solution_figure
 from hopopt.studies.influence import CM, PERCENT, Influence
 
-BARS = 18
-LEAST = 2e-3  # share of the longest bar, below which one is not drawn
+MOST_BARS = 18
+SHORTEST_BAR = 2e-3  # share of the longest bar, below which one is not drawn
 COLORS = {"the leg": "#0072B2", "one joint's part of it": "#56B4E9", "what the hop is asked to be": "#E69F00"}
 
 
 def tornado(solution: Solution, influences: Sequence[Influence]) -> Figure:
     """What 1 % more of each entry changes in the height [cm], the largest on top; diamonds: solved again. Where 1 % less
     changes something else, an outlined bar says what."""
-    least = LEAST * max((i.most_cm for i in influences), default=0.0)
-    shown = [i for i in influences if i.most_cm > least][:BARS]
+    least = SHORTEST_BAR * max((i.most_cm for i in influences), default=0.0)
+    shown = [i for i in influences if i.most_cm > least][:MOST_BARS]
     what, height = headline(solution)
     figure = solution_figure(
         solution, f"what 1 % more changes of {height:.3f} m {what}", (11.0, 2.4 + 0.36 * len(shown))
@@ -53,8 +53,6 @@ def _bar(ax: Axes, row: int, i: Influence) -> None:
         ax.plot(gained, row, "D", ms=6, mfc="white", mec=BLACK, label="solved again, a little more and less", zorder=4)
 
 
-def save_all(
-    solution: Solution, influences: Sequence[Influence], folder: Path, formats: Sequence[str] = FORMATS
-) -> list[Path]:
-    """Write the figure in every format to a folder; the files written."""
-    return save_figure(tornado(solution, influences), folder / "tornado", formats)
+def save_all(solution: Solution, influences: Sequence[Influence], folder: Path) -> list[Path]:
+    """Write the figure to a folder; the files written."""
+    return save_figure(tornado(solution, influences), folder / "tornado")

@@ -4,15 +4,15 @@ Points and cells have the colour of the limit that holds their hop back; a map h
 as contours where there are too many. Points without a verified hop are never left out: they are crosses, and hatched cells of a map.
 """
 
-from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopopt.ocp.objectives.registry import find
+from hopopt.plots.hop import FORMATS
 from hopopt.plots.style import (
     BLACK,
     COLOR,
@@ -24,18 +24,14 @@ from hopopt.plots.style import (
     TEXT,
     called_after,
     describe,
-    entry_label,
     legend,
     new_figure,
 )
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
-
-if TYPE_CHECKING:
-    from hopopt.studies.sweep.run import Study
+from hopopt.studies.sweep.run import Study
+from hopopt.studies.sweep.shown import NO_LIMIT, cell_edges, colors, entry_label, value
 
 ORANGE = COLOR["flight"]
-LIMITS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#999999")  # in turn
-NO_LIMIT = "no limit"
 WRITTEN = 120  # cells of a map that have room for their values
 FAILED = {
     NOT_VERIFIED: (ORANGE, "x", "///"), NOT_SOLVED: (GREY, "x", "xxx"), IMPOSSIBLE: (BLACK, "+", "..."),
@@ -43,7 +39,7 @@ FAILED = {
 }  # fmt: skip
 
 
-def figures(study: "Study") -> dict[str, Figure]:
+def figures(study: Study) -> dict[str, Figure]:
     """The study's figures by name."""
     axes = study.definition.axes
     draw = {1: _curve, 2: _map}.get(len(axes), _panels)
@@ -55,31 +51,30 @@ def figures(study: "Study") -> dict[str, Figure]:
     return {"study": figure}
 
 
-def save_all(study: "Study", folder: Path) -> None:
+def save_all(study: Study, folder: Path) -> None:
     """Every figure as PNG and SVG."""
     folder.mkdir(exist_ok=True)
     for name, figure in figures(study).items():
-        for kind in ("png", "svg"):
+        for kind in FORMATS:
             figure.savefig(folder / f"{name}.{kind}", dpi=DPI)
 
 
-def _listed(study: "Study") -> str:
+def _listed(study: Study) -> str:
     names = [axis.entry for axis in study.definition.axes]
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _goal(study: "Study") -> str:
+def _goal(study: Study) -> str:
     """The objective with its unit."""
     return f"{study.definition.objective} [{find(study.definition.objective).unit}]"
 
 
-def _heights(study: "Study") -> np.ndarray:
+def _heights(study: Study) -> np.ndarray:
     """Clearance [m], or another objective's value; not-a-number where it is not verified."""
-    what = "clearance_m" if study.definition.objective == "clearance" else "objective_value"
-    return np.array([float(getattr(p, what)) if p.verified else np.nan for p in study.points])
+    return np.array([value(study, p) for p in study.points])
 
 
-def _curve(figure: Figure, study: "Study") -> None:
+def _curve(figure: Figure, study: Study) -> None:
     ax, x, z = figure.subplots(), study.definition.points[:, 0], _heights(study)
     order = np.argsort(x)
     ax.plot(x[order], z[order], "-", color=GREY, lw=1.5, zorder=2)  # broken where a point failed
@@ -89,7 +84,7 @@ def _curve(figure: Figure, study: "Study") -> None:
     describe(ax, entry_label(study.definition.design, study.definition.axes[0].entry), _goal(study))
 
 
-def _panels(figure: Figure, study: "Study") -> None:
+def _panels(figure: Figure, study: Study) -> None:
     """The heights over each entry, whatever the others are."""
     d, z = len(study.definition.axes), _heights(study)
     for k, ax in enumerate(np.ravel(figure.subplots(1, d, sharey=True))):
@@ -102,20 +97,14 @@ def _panels(figure: Figure, study: "Study") -> None:
         )
 
 
-def _by_limit(ax: Axes, study: "Study", x: np.ndarray, y: np.ndarray, size: float = 8) -> None:
+def _by_limit(ax: Axes, study: Study, x: np.ndarray, y: np.ndarray, size: float = 8) -> None:
     """A dot for each verified point in the colour of its limit."""
-    for limit, color in _colors(study).items():
+    for limit, color in colors(study).items():
         at = [k for k, p in enumerate(study.points) if p.verified and (p.limit or NO_LIMIT) == limit]
         ax.plot(x[at], y[at], "o", color=color, mec=BLACK, mew=0.6, ms=size, label=f"limit: {limit}", zorder=3)
 
 
-def _colors(study: "Study") -> dict[str, str]:
-    """By limit, its colour; the most frequent one first."""
-    counted = Counter(p.limit or NO_LIMIT for p in study.points if p.verified)
-    return {limit: LIMITS[k % len(LIMITS)] for k, (limit, _) in enumerate(counted.most_common())}
-
-
-def _failures_below(ax: Axes, study: "Study", x: np.ndarray, z: np.ndarray) -> None:
+def _failures_below(ax: Axes, study: Study, x: np.ndarray, z: np.ndarray) -> None:
     """Failed points as marks in a strip below the heights z, where the axis has no scale."""
     if all(p.verified for p in study.points):
         return
@@ -129,16 +118,18 @@ def _failures_below(ax: Axes, study: "Study", x: np.ndarray, z: np.ndarray) -> N
     ax.fill_between([0, 1], 0, strip, color=PALE, lw=0, zorder=0, transform=ax.transAxes)
     if (place := ax.get_subplotspec()) and place.is_first_col():
         ax.text(-0.01, strip / 2, "no value", fontsize=SMALL, ha="right", va="center", transform=ax.transAxes)
+    _failed(ax, study, x, np.full(len(x), strip / 2), transform=ax.get_xaxis_transform())
+
+
+def _failed(ax: Axes, study: Study, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
+    """A mark for each point without a verified hop, by its outcome."""
     for outcome, (color, marker, _) in FAILED.items():
         at = [k for k, p in enumerate(study.points) if p.outcome == outcome]
         if at:
-            ax.plot(
-                x[at], np.full(len(at), strip / 2), marker, color=color, ms=10, mew=2, label=outcome,
-                transform=ax.get_xaxis_transform(),
-            )  # fmt: skip
+            ax.plot(x[at], y[at], marker, color=color, ms=10, mew=2, label=outcome, **look)
 
 
-def _best(ax: Axes, study: "Study", x: np.ndarray, y: np.ndarray) -> None:
+def _best(ax: Axes, study: Study, x: np.ndarray, y: np.ndarray) -> None:
     best = study.best
     if best:
         label = f"best: {_heights(study)[best.index]:.4f} {find(study.definition.objective).unit}"
@@ -146,7 +137,7 @@ def _best(ax: Axes, study: "Study", x: np.ndarray, y: np.ndarray) -> None:
         ax.plot(x[best.index], y[best.index], "o", label=label, zorder=5, **ring)
 
 
-def _map(figure: Figure, study: "Study") -> None:
+def _map(figure: Figure, study: Study) -> None:
     ax, z, (x, y) = figure.subplots(), _heights(study), study.definition.points.T
     if study.definition.shape:
         _cells(ax, study, z.reshape(study.definition.shape))
@@ -156,30 +147,27 @@ def _map(figure: Figure, study: "Study") -> None:
             ax.annotate(
                 f"{z[at]:#.4g}", (x[at], y[at]), (0, 7), textcoords="offset points", ha="center", fontsize=SMALL
             )
-        for outcome, (color, marker, _) in FAILED.items():
-            at = [k for k, p in enumerate(study.points) if p.outcome == outcome]
-            if at:
-                ax.plot(x[at], y[at], marker, color=color, ms=10, mew=2, label=outcome)
+        _failed(ax, study, x, y)
         _best(ax, study, x, y)
     first, second = (entry_label(study.definition.design, axis.entry) for axis in study.definition.axes)
     describe(ax, first, second, _goal(study))
     ax.grid(False)
 
 
-def _cells(ax: Axes, study: "Study", z: np.ndarray) -> None:
+def _cells(ax: Axes, study: Study, z: np.ndarray) -> None:
     """A grid's cells with their values z in the colour of their limit; those without a verified hop are hatched, and the
     best has a frame."""
-    edges = [_edges(np.array(axis.values)) for axis in study.definition.axes]
+    edges = [cell_edges(np.array(axis.values)) for axis in study.definition.axes]
     order = np.ix_(*(np.argsort(axis.values) for axis in study.definition.axes))
     grid: Any = np.array(study.points, dtype=object).reshape(z.shape)[order]
-    z, colors = z[order], _colors(study)
+    z, by_limit = z[order], colors(study)
     shortest = min(8.0 / z.shape[0], 3.6 / z.shape[1] * 2.5)  # [in] that a value has in a cell
     for i, j in np.ndindex(z.shape):
         p, (a, b), (c, d) = grid[i, j], edges[0][i : i + 2], edges[1][j : j + 2]
         corners = [a, b, b, a], [c, c, d, d]
         if p.verified:
             limit = p.limit or NO_LIMIT
-            ax.fill(*corners, fc=colors[limit], ec="white", lw=0.5, alpha=0.75, label=f"limit: {limit}")
+            ax.fill(*corners, fc=by_limit[limit], ec="white", lw=0.5, alpha=0.75, label=f"limit: {limit}")
             if z.size <= WRITTEN:
                 size = min(TEXT, 20 * shortest)
                 ax.text((a + b) / 2, (c + d) / 2, f"{z[i, j]:#.4g}", fontsize=size, ha="center", va="center")
@@ -193,12 +181,3 @@ def _cells(ax: Axes, study: "Study", z: np.ndarray) -> None:
         middle = [np.sort(np.array(axis.values)) for axis in study.definition.axes]
         ax.clabel(ax.contour(*middle, z.T, colors=BLACK, linewidths=0.8), fontsize=SMALL)
     ax.set(xlim=edges[0][[0, -1]], ylim=edges[1][[0, -1]])
-
-
-def _edges(values: np.ndarray) -> np.ndarray:
-    """Edges of cells around sorted values."""
-    v = np.sort(values)
-    if len(v) == 1:
-        return np.array([v[0] - 0.5, v[0] + 0.5])
-    middle = 0.5 * (v[1:] + v[:-1])
-    return np.concatenate([[2 * v[0] - middle[0]], middle, [2 * v[-1] - middle[-1]]])

@@ -10,14 +10,14 @@ from matplotlib.patches import Rectangle
 from hopopt.planner.solution import Solution
 from hopopt.plots.style import BLACK, COLOR, GREEN, GREY, PALE, TEXT, describe, legend, solution_figure
 
-STEP, POSES = 0.004, 14  # s between two instants of the area; poses that are drawn
+AREA_INTERVAL, DRAWN_POSES = 0.004, 14  # s between two instants of the area; poses that are drawn
 
 
 def obstacle(solution: Solution) -> Figure:
     """All places that the leg passes [m], some of its poses, and the highest box of the given width that it clears."""
     figure, box = solution_figure(solution, "the area that the leg sweeps"), solution.summary.obstacle
     assert box is not None, "a hop over an obstacle"
-    ax, samples = figure.subplots(), solution.sample(np.arange(0.0, solution.end, STEP))
+    ax, samples = figure.subplots(), solution.sample(np.arange(0.0, solution.end, AREA_INTERVAL))
     chain = np.stack([samples.points[name] for name in (*solution.robot.joints, "foot")], axis=1)  # (k, points, 2)
     quads = [
         [begin[j], begin[j + 1], end[j + 1], end[j]]
@@ -25,7 +25,7 @@ def obstacle(solution: Solution) -> Figure:
         for j in range(chain.shape[1] - 1)
     ]
     ax.add_collection(PolyCollection(quads, facecolors=PALE, edgecolors=PALE, linewidths=0.6, zorder=1))
-    for k in np.unique(np.linspace(0, len(chain) - 1, POSES).astype(int)):
+    for k in np.unique(np.linspace(0, len(chain) - 1, DRAWN_POSES).astype(int)):
         phase = str(samples.phase[k])
         known = phase in ax.get_legend_handles_labels()[1]
         look = {"color": COLOR[phase], "lw": 2.2, "ms": 4, "mfc": "white", "zorder": 3}

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from hopopt.design import Design, Leg
-from hopopt.fields import LOOKALIKES
+from hopopt.design.fields import LOOKALIKES
 from hopopt.leg.kinematics import reach
 
 FASTEST, SLOWEST = 2700.0, 0.5  # rad/s: no-load speed of small motors at 26 000 rpm, of a joint

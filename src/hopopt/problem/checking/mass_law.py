@@ -7,26 +7,25 @@ from typing import Any
 import numpy as np
 
 from hopopt.problem.catalogue import MARKS, catalogue, names
+from hopopt.record import Strict, stated
 
 TORQUES = {"motor": ("max_torque", "torque_cap"), "gear": ("torque_cap",)}  # the least of them is what the part gives
 
 
 @dataclass(frozen=True)
-class MassLaw:
-    """mass [kg] = coefficient * (torque / N m)^exponent, a least-squares line in logarithms.
+class MassLaw(Strict):
+    """mass [kg] = coefficient * (torque / N m)^exponent of the catalogue's parts, a least-squares line in logarithms.
 
-    scatter: factor by which an entry is typically off, exp of the residuals' standard deviation; exponent_error: the
-    exponent's standard error; both None where two entries leave no residual. entries: how many were fitted; lowest,
-    highest: their torques [N m].
+    scatter: exp of the residuals' standard deviation; None, as the standard error, where two parts leave no residual
     """
 
-    coefficient: float
-    exponent: float
-    scatter: float | None
-    exponent_error: float | None
-    entries: int
-    lowest: float
-    highest: float
+    coefficient: float = stated("[kg]")
+    exponent: float = stated("of the torque")
+    scatter: float | None = stated("factor by which a part is typically off")
+    exponent_error: float | None = stated("standard error")
+    entries: int = stated("parts that were fitted")
+    lowest: float = stated("their least torque [N m]")
+    highest: float = stated("their largest torque [N m]")
 
     def mass(self, torque: float) -> float:
         """The fitted mass [kg] at a torque [N m]."""

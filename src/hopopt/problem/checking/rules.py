@@ -7,7 +7,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from hopopt.design import Design, Hop, Leg, Simulation, Start
-from hopopt.fields import RESERVED, RESERVED_JOINTS
+from hopopt.design.fields import RESERVED, RESERVED_JOINTS
 from hopopt.leg.inertia import obeys_triangle, principal_moments
 from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
 from hopopt.problem.checking.faults import Report
@@ -24,20 +24,13 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
     leg, hop = _table(data, "leg"), _table(data, "hop")
     refused = {path for path, _ in report.faults}  # of these enough is said
     joints, links = _texts(leg.get("joints")), _texts(leg.get("links"))
-    for path, words in (
-        *_name_faults("leg.joints", joints, RESERVED_JOINTS),
-        *_name_faults("leg.links", links, RESERVED),
-        *_chain_faults(joints, links),
-        *(fault for name in joints for fault in _joint_faults(f"leg.{name}", _table(leg, name))),
-        *(fault for name in links for fault in _link_faults(f"leg.{name}", _table(leg, name))),
-        *(
-            fault
-            for name in ("stance_duration", "flight_duration", "landing_duration")
-            for fault in _range_faults(name, hop)
-        ),
-        *_periodic_faults(hop),
-        *_above_ground_faults(_texts(hop.get("above_ground")), joints),
-    ):
+    found = [*_name_faults("leg.joints", joints, RESERVED_JOINTS), *_name_faults("leg.links", links, RESERVED)]
+    found += _chain_faults(joints, links)
+    for name in joints:
+        found += _joint_faults(f"leg.{name}", _table(leg, name))
+    for name in links:
+        found += _link_faults(f"leg.{name}", _table(leg, name))
+    for path, words in (*found, *_hop_faults(hop, joints)):
         if path not in refused:
             report.add(path, words)
 
@@ -72,10 +65,8 @@ def _joint_faults(path: str, joint: Mapping[str, Any]) -> Iterator[tuple[str, st
     yield from _vector_faults(path, joint, "axis")
     lower, upper = joint.get("lower"), joint.get("upper")
     if is_number(lower) and is_number(upper) and not lower < upper:
-        yield (
-            f"{path}.lower",
-            f"= {shown(lower)} rad is not below {path}.upper = {shown(upper)} rad: exchange or widen them",
-        )
+        above = f"{path}.upper = {shown(upper)} rad"
+        yield f"{path}.lower", f"= {shown(lower)} rad is not below {above}: exchange or widen them"
 
 
 def _vector_faults(path: str, table: Mapping[str, Any], entry: str) -> Iterator[tuple[str, str]]:
@@ -91,18 +82,14 @@ def _solid_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str
             yield f"{path}.{other}", f"says again what {path}.{one} says: remove one of them"
     place, length, moments = link.get("com_position"), link.get("length"), link.get("inertia_tensor")
     if _numbers(place, 3) and is_number(length) and np.linalg.norm(place) > 2 * length:
-        yield (
-            f"{path}.com_position",
-            f"= {shown(place)} m is further from the joint than twice {path}.length = {length} m",
-        )
+        words = f"is further from the joint than twice {path}.length = {length} m"
+        yield f"{path}.com_position", f"= {shown(place)} m {words}"
     if _numbers(moments, 6):
         low, middle, high = principal_moments(moments)
         if low < 0 or not obeys_triangle(low, middle, high):
-            yield (
-                f"{path}.inertia_tensor",
-                f"= {shown(moments)} kg m^2 has the principal moments {low:.3g}, {middle:.3g} and {high:.3g}, which no body "
-                "has: none is negative, each at most the sum of the others",
-            )
+            words = f"has the principal moments {low:.3g}, {middle:.3g} and {high:.3g}, which no body has"
+            remedy = "none is negative, each at most the sum of the others"
+            yield f"{path}.inertia_tensor", f"= {shown(moments)} kg m^2 {words}: {remedy}"
 
 
 def _numbers(value: Any, count: int) -> TypeGuard[tuple[float, ...]]:
@@ -118,8 +105,13 @@ def _link_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]
         yield f"{path}.com", f"= {shown(com)} m is beyond the end of the link: a number from 0 to {most} is needed"
 
 
-def _periodic_faults(hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """What only a periodic hop has, a mean speed; and what only hops that land have, limits of the touchdown."""
+def _hop_faults(hop: Mapping[str, Any], joints: list[str]) -> Iterator[tuple[str, str]]:
+    """Ranges that begin above their end; a mean speed, which only a periodic hop has; limits of a touchdown, which only hops
+    that land have; names that no joint has."""
+    for name in ("stance_duration", "flight_duration", "landing_duration"):
+        value = hop.get(name)
+        if _numbers(value, 2) and value[0] > value[1]:
+            yield f"hop.{name}", f"= {shown(value)} s begins above its end: write [shortest, longest]"
     kind = hop.get("kind", "single")
     if kind != "periodic" and (value := hop.get("speed")):
         yield "hop.speed", f'= {shown(value)} is for periodic hops: set hop.kind = "periodic", or remove it'
@@ -129,15 +121,7 @@ def _periodic_faults(hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
                 words = 'hops that land: set hop.kind = "landing" or "periodic", or remove it'
                 yield f"hop.{name}", f"= {shown(value)} is for {words}"
 
-
-def _range_faults(name: str, hop: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    value = hop.get(name)
-    if isinstance(value, tuple) and len(value) == 2 and all(map(is_number, value)) and value[0] > value[1]:
-        yield f"hop.{name}", f"= {shown(value)} s begins above its end: write [shortest, longest]"
-
-
-def _above_ground_faults(names: list[str], joints: list[str]) -> Iterator[tuple[str, str]]:
-    known = [*joints, "foot"]
+    names, known = _texts(hop.get("above_ground")), [*joints, "foot"]
     for name in dict.fromkeys(names):
         if joints and name not in known:
             yield "hop.above_ground", f"has {shown(name)}{did_you_mean(name, known)}: it takes {', '.join(known)}"
@@ -205,20 +189,15 @@ def start_rules(leg: Leg, start: Start, hop: Hop | None, report: Report) -> None
 def _angle_faults(leg: Leg, angles: tuple[float, ...]) -> Iterator[tuple[str, str]]:
     path = "start.joint_angles"
     if len(angles) != len(leg.joints):
-        yield (
-            path,
-            f"= {shown(angles)} has the wrong number of angles ({len(angles)}): "
-            f"one is needed for each of {', '.join(leg.joints)}",
-        )
+        words = f"has the wrong number of angles ({len(angles)}): one is needed for each of {', '.join(leg.joints)}"
+        yield path, f"= {shown(angles)} {words}"
         return
     for k, (name, angle) in enumerate(zip(leg.joints, angles, strict=True)):
         low, high = leg.joint[name].lower, leg.joint[name].upper
         if not low <= angle <= high:
-            limits = f"a number from leg.{name}.lower = {low:g} to leg.{name}.upper = {high:g} rad is needed"
-            yield (
-                f"{path}[{k}]",
-                f"= {angle} rad is outside the limits of {name}: {limits}{lookalike(angle, 'rad', (low, high))}",
-            )
+            needed = f"a number from leg.{name}.lower = {low:g} to leg.{name}.upper = {high:g} rad is needed"
+            words = f"is outside the limits of {name}: {needed}{lookalike(angle, 'rad', (low, high))}"
+            yield f"{path}[{k}]", f"= {angle} rad {words}"
 
 
 def _height_faults(leg: Leg, start: Start) -> Iterator[tuple[str, str]]:
@@ -232,10 +211,8 @@ def _height_faults(leg: Leg, start: Start) -> Iterator[tuple[str, str]]:
     solutions = TwoJoints.of(leg).angles(np.array([foot, -height]))
     if not any(within_limits(leg, q) for q in solutions):
         why = start_fault(Design.model_construct(leg=leg, start=start), solutions)
-        yield (
-            "start.hip_height",
-            f"= {height} m with start.foot_x = {foot} m is not possible: {why}; {_possible(leg, foot)}",
-        )
+        words = f"with start.foot_x = {foot} m is not possible: {why}; {_possible(leg, foot)}"
+        yield "start.hip_height", f"= {height} m {words}"
 
 
 def _possible(leg: Leg, foot: float) -> str:
@@ -249,15 +226,13 @@ def _possible(leg: Leg, foot: float) -> str:
 
 def _ground_faults(leg: Leg, start: Start, hop: Hop) -> Iterator[tuple[str, str]]:
     """Joints below the ground at the start that the hop wants above it."""
-    pose = start.joint_angles
+    entry, pose = "joint_angles", start.joint_angles
     if pose is None:
         solutions = TwoJoints.of(leg).angles(np.array([start.foot_x, -(start.hip_height or 0.0)]))
-        pose = next(tuple(q) for q in solutions if within_limits(leg, q))
+        entry, pose = "hip_height", next(tuple(q) for q in solutions if within_limits(leg, q))
     positions = joint_positions(leg, pose)[:, 2]
-    heights = positions - positions[-1]
-    path = "start.hip_height" if start.joint_angles is None else "start.joint_angles"
-    for name, height in zip(leg.joints, heights, strict=False):
+    path, value = f"start.{entry}", getattr(start, entry)
+    for name, height in zip(leg.joints, positions - positions[-1], strict=False):
         if name in (hop.above_ground or leg.joints) and height < -ROUNDING:
-            value = start.hip_height if start.joint_angles is None else start.joint_angles
             below = f"puts {name} {-height:.3f} m below the ground"
             yield path, f"= {shown(value)} {below}: choose another pose, or leave {name} out of hop.above_ground"

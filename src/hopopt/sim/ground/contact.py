@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain.kernels import rubbing_parts
-from hopopt.sim.ground.planar import bias, chain, driven, foot_jacobian, mass_matrix, solved, stopped
+from hopopt.drivetrain.kernels import driven, rubbing_parts
+from hopopt.sim.ground import stops
+from hopopt.sim.ground.planar import bias, chain, foot_jacobian, mass_matrix, solved
 
 STICK, FORWARD, BACKWARD, FLIGHT = 0, 1, -1, 2  # modes; the foot slips in the direction of the number
 STAYS, LIFTS, LANDS, SLIPS, STICKS, JAMS, STRIKES = 0, 1, 2, 3, 4, 5, 6  # what happens
@@ -32,7 +33,7 @@ def loads(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[
     n = len(q) - 2
     w = v[2:]
     motor, tau = driven(leg, w, command)
-    stop = stopped(leg, q[2:], w)
+    stop = stops.torque(q[2:], w, leg.stop_lower, leg.stop_upper, leg.stiffness, leg.loss)
     J, h = foot_jacobian(leg, joints), bias(leg, joints, centres, drift)
     B = np.zeros((n + 2, 3))
     for k in range(n + 2):
@@ -40,20 +41,29 @@ def loads(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[
         if k >= 2:
             B[k, 0] += tau[k - 2] + stop[k - 2]
     X = solved(mass_matrix(leg, joints, centres), B)
-    c, G, velocity = np.zeros(2), np.zeros((2, 2)), np.zeros(2)
+    c, (velocity, G) = np.zeros(2), of_foot(J, v, X[:, 1:])
     for a in range(2):
         c[a] = drift[n, a]
         for k in range(n + 2):
             c[a] += J[a, k] * X[k, 0]
-            G[a, 0] += J[a, k] * X[k, 1]
-            G[a, 1] += J[a, k] * X[k, 2]
-            velocity[a] += J[a, k] * v[k]
     power = np.zeros(3)
     for k in range(n):
         power[0] += motor[k] * w[k]
         power[1] += (motor[k] - tau[k]) * w[k]
         power[2] -= stop[k] * w[k]
     return X, c, G, velocity, power
+
+
+@kernel
+def of_foot(J: np.ndarray, v: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity (2) [m/s] of the foot, and G (2, 2) [1/kg] by the accelerations X (n + 2, 2) from unit forces at it."""
+    velocity, G = np.zeros(2), np.zeros((2, 2))
+    for a in range(2):
+        for k in range(len(v)):
+            velocity[a] += J[a, k] * v[k]
+            G[a, 0] += J[a, k] * X[k, 0]
+            G[a, 1] += J[a, k] * X[k, 1]
+    return velocity, G
 
 
 @kernel
@@ -84,20 +94,6 @@ def torques(
     motor, tau = driven(leg, v[2:], command)
     _, c, G, _, _ = loads(leg, q, v, command)
     return motor, tau, np.array(contact_force(mode, leg.mu, c, G))
-
-
-@kernel
-def rise(leg: Any, q: np.ndarray, v: np.ndarray) -> float:
-    """Upward velocity [m/s] of the centre of mass."""
-    joints, centres, _ = chain(leg, q, v)
-    mass, momentum = leg.body, leg.body * v[1]
-    for i in range(len(centres)):
-        upward = v[1]
-        for j in range(i + 1):
-            upward -= leg.sign[j] * (centres[i, 0] - joints[j, 0]) * v[2 + j]
-        mass += leg.mass[i]
-        momentum += leg.mass[i] * upward
-    return momentum / mass
 
 
 @kernel
@@ -134,14 +130,9 @@ def settled(leg: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray) -> N
 @kernel
 def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: float) -> int:
     """Into how many parts a step of h [s] is cut: more where a joint meets its end stop, or gear friction turns round."""
-    parts = 1
     motor, _ = driven(leg, v[2:], command)
-    for k in range(len(q) - 2):
-        ahead = q[2 + k] + 1.5 * h * v[2 + k]
-        if max(q[2 + k], ahead) > leg.stop_upper[k] or min(q[2 + k], ahead) < leg.stop_lower[k]:
-            parts = max(parts, PARTS)
-    parts = max(parts, rubbing_parts(motor, leg.efficiency, leg.friction, leg.armature, h, leg.slow, leg.lightest))
-    return parts * leg.finer
+    parts = PARTS if stops.near(q[2:], v[2:], leg.stop_lower, leg.stop_upper, h) else 1
+    return max(parts, rubbing_parts(leg, motor, leg.armature, h)) * leg.finer
 
 
 @kernel
@@ -231,6 +222,17 @@ def advance(
 
 
 @kernel
+def slip_direction(first: int, mu: float, c: np.ndarray, G: np.ndarray) -> tuple[int, float]:
+    """The mode in which friction opposes the slip it allows, ``first`` tried first, and the vertical force [N] or impulse
+    [N s] in it; FLIGHT where there is none."""
+    for mode in (first, -first):
+        force, ease = slipping(mode, mu, c, G)
+        if ease > 0 and force >= 0 and mode * (c[0] + (G[0, 1] - mode * mu * G[0, 0]) * force) >= 0:
+            return mode, force
+    return FLIGHT, 0.0
+
+
+@kernel
 def at_rest(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> int:
     """The mode into which a foot goes that rests on the ground."""
     _, c, G, _, _ = loads(leg, q, v, command)
@@ -239,35 +241,22 @@ def at_rest(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> int:
         return STICK
     if leg.mu == np.inf:
         return FLIGHT
-    first = BACKWARD if fx > 0 else FORWARD
-    for mode in (first, -first):
-        force, ease = slipping(mode, leg.mu, c, G)
-        if ease > 0 and force >= 0 and mode * (c[0] + (G[0, 1] - mode * leg.mu * G[0, 0]) * force) >= 0:
-            return mode
-    return FLIGHT
+    return slip_direction(BACKWARD if fx > 0 else FORWARD, leg.mu, c, G)[0]
 
 
 @kernel
 def impact(leg: Any, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float, int]:
     """Speeds after the foot has met the ground, the energy that took [J], and the mode it leaves."""
     joints, centres, _ = chain(leg, q, v)
-    J, m = foot_jacobian(leg, joints), len(v)
+    J = foot_jacobian(leg, joints)
     X = solved(mass_matrix(leg, joints, centres), J.T.copy())
-    before, G = np.zeros(2), np.zeros((2, 2))
-    for a in range(2):
-        for k in range(m):
-            before[a] += J[a, k] * v[k]
-            G[a, 0] += J[a, k] * X[k, 0]
-            G[a, 1] += J[a, k] * X[k, 1]
+    before, G = of_foot(J, v, X)
     px, pz = contact_force(STICK, leg.mu, before, G)
     mode = STICK
     if leg.mu < np.inf and leg.mu * pz < abs(px):
-        first = FORWARD if before[0] > 0 else BACKWARD
-        for way in (first, -first):
-            p, ease = slipping(way, leg.mu, before, G)
-            if ease > 0 and p >= 0 and way * (before[0] + (G[0, 1] - way * leg.mu * G[0, 0]) * p) >= 0:
-                px, pz, mode = -way * leg.mu * p, p, way
-                break
+        way, p = slip_direction(FORWARD if before[0] > 0 else BACKWARD, leg.mu, before, G)
+        if way != FLIGHT:
+            px, pz, mode = -way * leg.mu * p, p, way
     after = v + px * X[:, 0] + pz * X[:, 1]
     x = before[0] + 0.5 * (G[0, 0] * px + G[0, 1] * pz)  # mean velocity of the foot
     z = before[1] + 0.5 * (G[1, 0] * px + G[1, 1] * pz)

@@ -5,12 +5,11 @@ the angles above it; the mass matrix and the bias are sums over the links of the
 Body Dynamics Algorithms, 2008, chapter 6, in coordinates of the plane).
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain import kernels
+from hopopt.compiled.kernel import kernel, packed
 from hopopt.drivetrain.drives import Drive
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import can_slip
@@ -18,75 +17,39 @@ from hopopt.leg.robot import BASE, Robot
 from hopopt.sim.ground.stops import Stops
 
 
-class PlanarLeg(NamedTuple):
-    """What the compiled functions need of a leg and its drives.
+def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: float, finer: int = 1) -> Any:
+    """What the compiled functions need of a leg and its drives, as one record; UsageError for a leg that leaves the plane or
+    stands on a vertical slider.
 
-    sign (n,): +1 where a joint turns about +y. tip, com (n, 2): next joint, or foot, and centre of mass in the link's
-    frame [m]. mass, inertia, armature (n,) [kg, kg m^2]. body: mass of the body [kg]. gravity (2,): along x and z [m/s^2].
-    upper, lower (n, k, 2): lines c - d w of the greatest and the least motor torque [N m]. gain, efficiency (n,),
-    friction [N m], damping [N m s/rad], slow [rad/s], lightest [kg m^2]: as in ``Drive`` and ``Gear``. stop_upper,
-    stop_lower (n,) [rad], stiffness (n,) [N m/rad], loss [s/rad]: as in ``Stops``. watched (n,): 1 for joints that must not come to the ground. mu: the
-    friction coefficient. finer: parts into which every step is cut.
+    watched: joints that must not come to the ground; mu: friction coefficient; finer: parts into which every step is cut.
+    The record has these, watched (n,) as 1 or 0, and what follows.
+    sign (n,): +1 where a joint turns about +y
+    tip, com (n, 2): next joint, or foot, and centre of mass in the link's frame [m]
+    mass, inertia, armature (n,): [kg, kg m^2]; body: mass of the body [kg]
+    gravity (2,): along x and z [m/s^2]
+    the names of ``Drive.numbers``, as there
+    stop_upper, stop_lower, stiffness, loss: as in ``Stops``
     """
-
-    sign: np.ndarray
-    tip: np.ndarray
-    com: np.ndarray
-    mass: np.ndarray
-    inertia: np.ndarray
-    armature: np.ndarray
-    body: float
-    gravity: np.ndarray
-    upper: np.ndarray
-    lower: np.ndarray
-    gain: np.ndarray
-    efficiency: np.ndarray
-    friction: float
-    damping: float
-    slow: float
-    lightest: float
-    stop_upper: np.ndarray
-    stop_lower: np.ndarray
-    stiffness: np.ndarray
-    loss: float
-    watched: np.ndarray
-    mu: float
-    finer: int
-
-
-def planar_leg(robot: Robot, drive: Drive, stops: Stops, watched: set[str], mu: float, finer: int = 1) -> PlanarLeg:
-    """The compiled functions' view of a leg on ground of friction coefficient mu; watched: joints that must not come to
-    the ground. UsageError for a leg that leaves the plane or stands on a vertical slider."""
     if not can_slip(robot.leg):
         raise UsageError("ground with friction is simulated for legs on x and z guides that move in the x-z plane only")
     n, model = len(robot.joints), robot.model
     inertias, axes = list(model.inertias)[BASE + 1 :], [robot.leg.joint[name].axis[1] for name in robot.joints]
     ends = [model.jointPlacements[k].translation for k in range(BASE + 2, BASE + 1 + n)]
-    tips = np.array([*ends, np.array(robot.points["foot"][1], dtype=float)])[:, [0, 2]]
-    return PlanarLeg(
-        sign=np.sign(axes).astype(float),
-        tip=tips,
-        com=np.array([i.lever for i in inertias])[:, [0, 2]],
-        mass=np.array([i.mass for i in inertias]),
-        inertia=np.array([i.inertia[1, 1] for i in inertias]),
-        armature=np.array(model.armature)[BASE:],
-        body=float(model.inertias[BASE].mass),
-        gravity=np.array(model.gravity.linear)[[0, 2]],
-        upper=drive.upper,
-        lower=drive.lower,
-        gain=drive.torque_gain,
-        efficiency=drive.efficiency,
-        friction=drive.gear.friction,
-        damping=drive.gear.damping,
-        slow=drive.gear.slow,
-        lightest=drive.gear.lightest,
-        stop_upper=stops.upper,
-        stop_lower=stops.lower,
-        stiffness=stops.stiffness,
-        loss=stops.loss,
-        watched=np.array([float(name in watched) for name in robot.joints]),
-        mu=mu,
-        finer=finer,
+    return packed(
+        {
+            "sign": np.sign(axes).astype(float),
+            "tip": np.array([*ends, np.array(robot.points["foot"][1], dtype=float)])[:, [0, 2]],
+            "com": np.array([i.lever for i in inertias])[:, [0, 2]],
+            "mass": np.array([i.mass for i in inertias]),
+            "inertia": np.array([i.inertia[1, 1] for i in inertias]),
+            "armature": np.array(model.armature)[BASE:],
+            "body": float(model.inertias[BASE].mass),
+            "gravity": np.array(model.gravity.linear)[[0, 2]],
+            **drive.numbers,
+            **{"stop_upper": stops.upper, "stop_lower": stops.lower, "stiffness": stops.stiffness, "loss": stops.loss},
+            "watched": np.array([float(name in watched) for name in robot.joints]),
+            **{"mu": mu, "finer": finer},
+        }
     )
 
 
@@ -187,22 +150,3 @@ def solved(M: np.ndarray, B: np.ndarray) -> np.ndarray:
                 X[i, c] -= M[k, i] * X[k, c]
             X[i, c] /= M[i, i]
     return X
-
-
-@kernel
-def driven(leg: Any, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Torques (n) [N m] of the motors after their limits, and of the joints after the gears."""
-    return kernels.driven(
-        w, command, leg.gain, leg.upper, leg.lower, leg.efficiency, leg.friction, leg.damping, leg.slow
-    )
-
-
-@kernel
-def stopped(leg: Any, q_j: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Torques (n) [N m] of the end stops: ``Stops.torque``."""
-    torque = np.zeros(len(q_j))
-    for k in range(len(q_j)):
-        depth = max(q_j[k] - leg.stop_upper[k], 0.0) + min(q_j[k] - leg.stop_lower[k], 0.0)
-        if depth != 0.0:
-            torque[k] = -leg.stiffness[k] * depth * max(1 + leg.loss * np.sign(depth) * w[k], 0.0)
-    return torque

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hopopt.compiled.kernel import packed
 from hopopt.drivetrain.drives import Drive
 from hopopt.errors import UsageError
 from hopopt.leg.robot import Robot
@@ -45,7 +44,7 @@ class RoughGround(Plant):
             )
         super().__init__(robot, drive, above_ground, finer)
         self.friction = friction
-        self.leg = packed(planar_leg(robot, drive, self.stops, self.above_ground, friction, finer))
+        self.leg = planar_leg(robot, drive, self.stops, self.above_ground, friction, finer)
 
     def step(self, s: State, torque: Torque, h: float) -> State:
         """A step of length h [s] without regard to events."""
@@ -55,10 +54,6 @@ class RoughGround(Plant):
     def torques(self, s: State, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What a command (n) leads to: torques (n) [N m] of the motors and of the joints, contact force (x, z) [N]."""
         return contact.torques(self.leg, _mode(s), s.q, s.v, command)
-
-    def rise(self, s: State) -> float:
-        """Upward velocity [m/s] of the centre of mass."""
-        return contact.rise(self.leg, s.q, s.v)
 
     def lets_go(self, s: State, torque: Torque) -> bool:
         """Whether the foot cannot stay as it is under this torque: stuck, or slipping in its direction."""
@@ -82,11 +77,9 @@ class RoughGround(Plant):
             s, q=q, v=v, contact=mode != contact.FLIGHT, slip=0 if mode == contact.FLIGHT else mode, foot=foot
         )
         if what == contact.LIFTS:
-            after = replace(after, since=s.t, before=s.since)
+            after = after.lifted()
         elif what == contact.LANDS:
-            after = replace(after, since=s.before)
-            if s.t - s.since >= self.bounce:
-                after = replace(after, since=s.t, landings=s.landings + 1)
+            after = after.landed(self.bounce)
         return after, Event(HAPPENINGS[what], s.t, lost) if what in HAPPENINGS else None
 
     def fault(self, s: State) -> str:

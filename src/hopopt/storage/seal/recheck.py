@@ -11,15 +11,15 @@ from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.custom import as_objective, custom
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.optimality.second_order import Curvature
+from hopopt.planner.answer.extras import CoDesign
 from hopopt.planner.answer.notes import second_order
-from hopopt.planner.answer.stored_multipliers import agreement
-from hopopt.planner.answer.stored_summary import VERSION
-from hopopt.planner.answer.summary_extras import CoDesign, SecondOrder
-from hopopt.planner.answer.verdict import Verdict
+from hopopt.planner.answer.summary import VERSION
 from hopopt.planner.checks.judge import judge, plan_checks
-from hopopt.planner.solution import Solution
-from hopopt.planner.solution_program import has_multipliers, hop_of, own_functions, stored_nlp
+from hopopt.planner.checks.verdict import Verdict
+from hopopt.planner.solution import Solution, has_multipliers, hop_of, own_functions, stored_nlp
 from hopopt.storage.folder import fitting
+from hopopt.storage.multipliers import agreement
 from hopopt.storage.stated_figures import motion_check, stated_checks
 from hopopt.verify.check import KKT, Check
 
@@ -127,7 +127,7 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
     return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
 
 
-def _same_directions(stated: SecondOrder, found: SecondOrder | None) -> Check:
+def _same_directions(stated: Curvature, found: Curvature | None) -> Check:
     """The second-order test says of the hop what the summary states: whether it is a saddle. Counts are not compared, for
     eigenvalues at the edge of flat differ with the library of linear algebra."""
     wrong = np.inf if found is None else float((stated.saddle > 0) != (found.saddle > 0))

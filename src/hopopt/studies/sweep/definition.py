@@ -18,8 +18,8 @@ from hopopt.ocp.rules import added_rules
 from hopopt.problem.load import changed
 from hopopt.problem.render import design_hash, rows, shown, shown_path
 
-MOST = 100_000  # points of a study
-LARGEST = 1e15  # of a value; no entry of a problem comes near
+MOST_POINTS = 100_000  # points of a study
+LARGEST_VALUE = 1e15  # of a value; no entry of a problem comes near
 COUNT = re.compile(r"0*[1-9]\d*", re.ASCII)
 SAMPLINGS = "lhs:40 (Latin hypercube) or sobol:64"
 HOW = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100"
@@ -142,8 +142,8 @@ def define(
     for a in axes:
         _check_entry(design, a)
         count *= 1 if sample else len(a.values)
-    if count > MOST:
-        raise UsageError(f"these are {count} points: a study has {MOST} at most")
+    if count > MOST_POINTS:
+        raise UsageError(f"these are {count} points: a study has {MOST_POINTS} at most")
     return Definition(design, objective, axes, sample, seed, starts)
 
 
@@ -179,8 +179,8 @@ def axis(entry: str, given: Any, sampled: bool) -> Axis:
 
 
 def _spaced(entry: str, numbers: list[float]) -> list[float]:
-    if len(numbers) != 3 or not numbers[0] < numbers[1] or numbers[2] != int(numbers[2]) or not 2 <= numbers[2] <= MOST:
-        words = f"lower:upper:count needs lower < upper and a count from 2 to {MOST}"
+    if len(numbers) != 3 or not numbers[0] < numbers[1] or numbers[2] not in range(2, MOST_POINTS + 1):
+        words = f"lower:upper:count needs lower < upper and a count from 2 to {MOST_POINTS}"
         raise UsageError(f"--vary {shown_path(entry)}: {words}")
     return [float(x) for x in np.linspace(numbers[0], numbers[1], int(numbers[2]))]
 
@@ -190,8 +190,9 @@ def _number(entry: str, part: Any) -> float:
         value = float(part)
     except (TypeError, ValueError):
         value = math.nan
-    if isinstance(part, bool) or not abs(value) <= LARGEST:
-        raise UsageError(f"--vary {shown_path(entry)}: {shown(part)} is not a number of at most {LARGEST:g}; {HOW}")
+    if isinstance(part, bool) or not abs(value) <= LARGEST_VALUE:
+        words = f"{shown(part)} is not a number of at most {LARGEST_VALUE:g}; {HOW}"
+        raise UsageError(f"--vary {shown_path(entry)}: {words}")
     return value
 
 
@@ -201,8 +202,8 @@ def sampling(text: str) -> tuple[str, int]:
     if kind not in ("lhs", "sobol") or not COUNT.fullmatch(count):
         raise UsageError(f"--sample {shown(text)}: write {SAMPLINGS}")
     count = count.lstrip("0")
-    if len(count) > len(str(MOST)) or int(count) > MOST:
-        raise UsageError(f"--sample {shown(text)}: a study has {MOST} points at most")
+    if len(count) > len(str(MOST_POINTS)) or int(count) > MOST_POINTS:
+        raise UsageError(f"--sample {shown(text)}: a study has {MOST_POINTS} points at most")
     if kind == "sobol" and int(count) & (int(count) - 1):
         raise UsageError(f"--sample {text}: a Sobol sample has a power of two of points, such as 32, 64 or 128")
     return kind, int(count)

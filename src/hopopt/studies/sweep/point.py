@@ -25,8 +25,7 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.guesses.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
 from hopopt.planner.answer.motion_figures import parts
-from hopopt.planner.answer.summary import limit_gains
-from hopopt.planner.answer.summary_entry import as_data
+from hopopt.planner.answer.program_figures import limit_gains
 from hopopt.planner.attempts import POINT, Attempt, tried_again
 from hopopt.planner.refine_and_verify import Answer, refine_and_verify
 from hopopt.planner.search.first_mesh import search_first_mesh
@@ -40,6 +39,7 @@ from hopopt.planner.search.multistart import (
 )
 from hopopt.planner.search.required_clearance import from_highest
 from hopopt.planner.solve import TIME_LIMIT
+from hopopt.record import as_data
 from hopopt.studies.faults import Fault, guarded
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import unlike

@@ -97,19 +97,19 @@ def read_point(path: Path, definition: Definition) -> tuple[Point, str]:
         kept = {f.name: data[f.name] for f in fields(Point) if f.name != "traceback"}
         point = _points().validate_json(json.dumps(kept), strict=True)
         wrong = point.values != definition.values(point.index) or point.outcome not in OUTCOMES
-    except ValidationError as error:
-        first = error.errors()[0]
-        words = f"{'.'.join(map(str, first['loc']))}: {first['msg'].lower()}"
-        raise ResultError(f"{path}: it cannot be read ({words}); remove it and resume") from error
-    except KeyError as error:
-        raise ResultError(
-            f"{path}: it cannot be read (it has no entry {error.args[0]}); remove it and resume"
-        ) from error
-    except (OSError, ValueError, TypeError, IndexError, RecursionError) as error:
-        raise ResultError(f"{path}: it cannot be read ({reason_of(error)}); remove it and resume") from error
+    except (OSError, ValueError, TypeError, LookupError, RecursionError) as error:
+        raise ResultError(f"{path}: it cannot be read ({_reason(error)}); remove it and resume") from error
     if wrong:
         raise ResultError(f"{path}: it belongs to another study; remove it and resume")
     return point, _doubt(path, data, point)
+
+
+def _reason(error: Exception) -> str:
+    """Why a file is no point's, in words."""
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        return f"{'.'.join(map(str, first['loc']))}: {first['msg'].lower()}"
+    return f"it has no entry {error.args[0]}" if isinstance(error, KeyError) else reason_of(error)
 
 
 @cache

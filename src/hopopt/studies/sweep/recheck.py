@@ -14,6 +14,7 @@ from hopopt.studies.sweep.point_file import Point, point_files, read_point
 from hopopt.studies.sweep.store import FILES, load_begin, read_definition
 
 AGAIN, NO_ERROR = 0.1, 1e-8  # relative, of the error; what a smaller one is relative to [the objective's unit]
+VALUES = ("clearance_m", "objective_value")  # of a point, that are compared
 SAME = 1e-5  # relative: what refining again may differ by
 
 
@@ -36,10 +37,9 @@ class Rechecked:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        stated = {"clearance_m": self.stated.clearance_m, "objective_value": self.stated.objective_value}
-        found = {"clearance_m": self.found.clearance_m, "objective_value": self.found.objective_value}
         reported = {"index": self.stated.index, "verified": not self.fault, "fault": self.fault, "doubt": self.doubt}
-        return {**reported, "stated": stated, "found": found}
+        points = {"stated": self.stated, "found": self.found}
+        return reported | {key: {name: getattr(p, name) for name in VALUES} for key, p in points.items()}
 
 
 def recheck_study(folder: Path, say: Callable[[str], None] = lambda text: None) -> tuple[list[Rechecked], list[str]]:
@@ -63,14 +63,10 @@ def _rechecked(folder: Path, definition: Definition, path: Path, point: Point, d
     try:
         found = again(definition, point, load_begin(folder, point))
     except (HopoptError, ArithmeticError, RuntimeError, ValueError) as error:
-        return Rechecked(
-            path, point, replace(point, clearance_m=None), doubt, f"it cannot be computed again: {_words(error)}"
-        )
+        kind = "" if isinstance(error, HopoptError) else f"{type(error).__name__}: "
+        fault = f"it cannot be computed again: {kind}{one_line(error)}"
+        return Rechecked(path, point, replace(point, clearance_m=None), doubt, fault)
     return Rechecked(path, point, found, doubt, _fault(point, found))
-
-
-def _words(error: Exception) -> str:
-    return one_line(error) if isinstance(error, HopoptError) else f"{type(error).__name__}: {one_line(error)}"
 
 
 def _fault(stated: Point, found: Point) -> str:
@@ -81,7 +77,7 @@ def _fault(stated: Point, found: Point) -> str:
         return f"it states certified = {stated.certified}, and {found.certified} was computed"
     if stated.error is None or found.error is None or difference(stated.error, found.error, NO_ERROR) > AGAIN:
         return f"it states error {stated.error}, and {found.error} was computed"
-    pairs = {name: (getattr(stated, name), getattr(found, name)) for name in ("clearance_m", "objective_value")}
+    pairs = {name: (getattr(stated, name), getattr(found, name)) for name in VALUES}
     pairs |= {name: ((stated.parts or {}).get(name), value) for name, value in (found.parts or {}).items()}
     for name, (reported, value) in pairs.items():
         if reported is None or not abs(reported - value) <= SAME * max(abs(value), 1e-3):

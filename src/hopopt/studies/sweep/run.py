@@ -8,18 +8,17 @@ another kind of optimum. What a pass gives depends on the passes before it alone
 
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.files import remove_abandoned
 from hopopt.ocp.objectives.registry import find
-from hopopt.problem.load import as_design
 from hopopt.studies.faults import kept
-from hopopt.studies.sweep.definition import Definition, define
+from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import doubtful, sources
 from hopopt.studies.sweep.point import Source, solve_again, solve_point
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_VERIFIED, Point
@@ -46,11 +45,6 @@ class Study:
     points: tuple[Point, ...]
     folder: Path
     seconds: float
-    # given by hopopt.api
-    plot: ClassVar[Callable[..., Any]]
-    to_xarray: ClassVar[Callable[..., Any]]
-    to_dataframe: ClassVar[Callable[..., Any]]
-    _repr_html_: ClassVar[Callable[..., str]]
 
     def __repr__(self) -> str:
         entries, verified = (axis.entry for axis in self.definition.axes), sum(p.verified for p in self.points)
@@ -61,7 +55,8 @@ class Study:
     @property
     def best(self) -> Point | None:
         """The verified point with the best objective."""
-        return max((p for p in self.points if p.verified), key=self._merit, default=None)
+        merit = find(self.definition.objective).merit
+        return max((p for p in self.points if p.verified), key=lambda p: merit(p.objective_value or 0.0), default=None)
 
     @property
     def at_the_edge(self) -> str:
@@ -73,9 +68,6 @@ class Study:
             if x in (values.min(), values.max()) and values.min() < values.max()
         ]
         return f"{' and '.join(ends)} that was tried: better may lie beyond" if ends else ""
-
-    def _merit(self, point: Point) -> float:
-        return find(self.definition.objective).merit(point.objective_value or 0.0)
 
     @property
     def corrected(self) -> int:
@@ -97,11 +89,10 @@ class Study:
 
     def as_dict(self) -> dict[str, Any]:
         """What ``--json`` prints."""
-        counts = {outcome: sum(p.outcome == outcome for p in self.points) for outcome in dict.fromkeys(self._outcomes)}
         return {
             "definition": self.definition.as_dict(),
             "points": [p.as_dict() for p in self.points],
-            "outcomes": counts,
+            "outcomes": dict(Counter(p.outcome for p in self.points)),
             "failures": [{"index": p.index, "outcome": p.outcome, "sentence": p.sentence} for p in self.failures],
             "best": self.best.index if self.best else None,
             "corrected": self.corrected,
@@ -114,39 +105,6 @@ class Study:
     def failures(self) -> list[Point]:
         """The points without a verified hop."""
         return [p for p in self.points if not p.verified]
-
-    @property
-    def _outcomes(self) -> list[str]:
-        return [p.outcome for p in self.points]
-
-
-def sweep(
-    design: Design | str | Path,
-    vary: Mapping[str, Any],
-    *,
-    objective: str = "clearance",
-    sample: str | None = None,
-    seed: int = 0,
-    starts: int | None = None,
-    processes: int | None = None,
-    scheduler: str | None = None,
-    results: str | Path = "results",
-    resume: str | Path | None = None,
-    progress: Progress | None = None,
-) -> Study:
-    """Solve and verify a design at every point of a study.
-
-    design: a problem, or its name or file.
-    vary: entry -> "lower:upper:count", a list of values or, with a sample ("lhs:40", "sobol:64"), (lower, upper).
-    scheduler: the address of a Dask scheduler, or "local" for a cluster of so many processes on this computer.
-    The study lies in a new folder below ``results``, or is continued in ``resume``. Raises UsageError if the study
-    makes no sense, ResultError if its folder cannot be used.
-    """
-    definition = define(as_design(design), vary, objective=objective, sample=sample, seed=seed, starts=starts)
-    folder = None if resume is None else Path(resume)
-    return run(
-        definition, processes=processes, scheduler=scheduler, results=Path(results), resume=folder, progress=progress
-    )
 
 
 def run(

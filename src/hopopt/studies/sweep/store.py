@@ -150,10 +150,14 @@ def table(definition: Definition, points: Sequence[Point]) -> str:
     entries = [axis.entry for axis in definition.axes]
     writer.writerow(["index", *entries, "outcome", *COLUMNS, *PARTS, "sentence"])
     for p in points:
-        figures = [getattr(p, name) for name in COLUMNS] + [(p.parts or {}).get(name) for name in PARTS]
-        row = [p.index, *p.values.values(), p.outcome, *figures, p.sentence]
+        row = [p.index, *p.values.values(), p.outcome, *(_figure(p, name) for name in (*COLUMNS, *PARTS)), p.sentence]
         writer.writerow(["" if x is None else repr(x) if isinstance(x, float) else x for x in row])
     return buffer.getvalue()
+
+
+def _figure(point: Point, name: str) -> float | None:
+    """One of COLUMNS or PARTS of a point, None where it has none."""
+    return (point.parts or {}).get(name) if name in PARTS else getattr(point, name)
 
 
 def dataset(definition: Definition, points: Sequence[Point]) -> "xr.Dataset":
@@ -167,16 +171,12 @@ def dataset(definition: Definition, points: Sequence[Point]) -> "xr.Dataset":
     dims = tuple(entries) if shape else ("point",)
     size = shape or (len(points),)
 
-    def column(values: Sequence[float | None]) -> np.ndarray:
-        return np.array([np.nan if v is None else v for v in values], dtype=float).reshape(size)
-
-    units = {"seconds": "s", "objective_value": find(definition.objective).unit}
-    variables: dict[str, Any] = {
-        name: (dims, column([getattr(p, name) for p in points]), {"units": units.get(name, "m")}) for name in COLUMNS
-    }
-    variables |= {name: (dims, column([(p.parts or {}).get(name) for p in points]), {"units": "m"}) for name in PARTS}
-    variables["outcome"] = (dims, np.array([p.outcome for p in points]).reshape(size))
-    variables["sentence"] = (dims, np.array([p.sentence for p in points]).reshape(size))
+    units, variables = {"seconds": "s", "objective_value": find(definition.objective).unit}, dict[str, Any]()
+    for name in (*COLUMNS, *PARTS):
+        column = np.array([_figure(p, name) for p in points], dtype=float).reshape(size)  # None: not-a-number
+        variables[name] = (dims, column, {"units": units.get(name, "m")})
+    for name in ("outcome", "sentence"):
+        variables[name] = (dims, np.array([getattr(p, name) for p in points]).reshape(size))
     along = {a.entry: list(a.values) for a in definition.axes} if shape else {}
     coords = along or {e: ("point", definition.points[:, k]) for k, e in enumerate(entries)}
     return xr.Dataset(

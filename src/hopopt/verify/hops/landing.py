@@ -1,14 +1,18 @@
-"""Where one phase of a plan becomes the next: lift-off, the apex of a hop that lands, and its touchdown.
+"""Where one phase of a plan becomes the next: lift-off, the apex of a hop that lands, its touchdown, and a landing to rest.
 
-By Pinocchio's C++, as in ``verify``; each function returns the parts of one check: values that must all be zero.
+By Pinocchio's C++, as in ``verify``. ``lift_off`` and ``landing`` return the parts of a check: values that must all be zero.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from hopopt.design import Design
+from hopopt.leg.robot import BASE
 from hopopt.sim.machine import Machine
-from hopopt.verify.table import Table
+from hopopt.verify.check import EXACT, Check
+from hopopt.verify.hops.periodic import CLOSED, energy_check, impact_checks, touchdown_checks, touchdown_of
+from hopopt.verify.table import DESCENT, LANDING, STANCE, Table, jumps
 
 Parts = list[np.ndarray | float]
 
@@ -28,6 +32,14 @@ def landing(machine: Machine, flight: Table, descent: Table) -> Iterator[tuple[s
     yield "touchdown", [place[1], max(float(speed[1]), 0.0), max(float(lower), 0.0)]
 
 
-def jumps(before: Table, after: Table) -> Parts:
-    """By how much time, place and speed differ where a phase follows another."""
-    return [getattr(before, s)[-1, -1] - getattr(after, s)[0, 0] for s in ("t", "q", "v")]
+def landed_checks(machine: Machine, design: Design, tables: Mapping[str, Table]) -> Iterator[Check]:
+    """That the foot touches down, that the landing begins as the impact leaves the leg and ends at rest in the pose of the
+    start, and that the energy of the hop balances."""
+    found, end = touchdown_of(machine, tables), tables[LANDING]
+    late = end.t[0, 0] - tables[DESCENT].t[-1, -1]
+    yield from touchdown_checks(found, tables, late, found.place[1:])
+    yield Check("landing begins as the impact leaves the leg", found.closure, CLOSED, "SI")
+    pose = end.q[-1, -1, BASE:] - tables[STANCE].q[0, 0, BASE:]
+    yield Check("rest", float(np.abs([*pose, *end.v[-1, -1]]).max()), EXACT, "SI")
+    yield energy_check("energy of the hop", found, tables)
+    yield from impact_checks(machine, design, found)

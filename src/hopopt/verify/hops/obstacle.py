@@ -8,12 +8,11 @@ the plan's table, each link cut off at both sides of the box, the lowest point o
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import minimize_scalar
 
 from hopopt.design import Hop
 from hopopt.sim.machine import Machine
-from hopopt.verify.table import DESCENT, LANDING, NORMALISED_TIMES, Table
+from hopopt.verify.table import DESCENT, LANDING, NORMALISED_TIMES, Table, dense
 
 AT = np.linspace(0.0, 1.0, 61)  # normalised times of an interval that are looked at
 PLACES, REFINED = 401, 3  # of the box: on a first grid, and how many of the best of them are refined
@@ -48,10 +47,9 @@ def step(machine: Machine, tables: Mapping[str, Table]) -> float:
 
 def swept(machine: Machine, hop: Hop, tables: Mapping[str, Table]) -> Links:
     """Every link at every instant; of a periodic hop, those of the hops before and after too, as far as they reach here."""
-    weights = BarycentricInterpolator(NORMALISED_TIMES, np.eye(len(NORMALISED_TIMES)))(AT)
     ahead, begins, ends = step(machine, tables), [], []
     for name, table in tables.items():
-        q = np.einsum("kp,ipx->ikx", weights, table.q).reshape(-1, table.q.shape[-1])
+        q = dense(NORMALISED_TIMES, table.q, AT).reshape(-1, table.q.shape[-1])
         beside = np.array([ahead if name == LANDING else 0.0, 0.0])
         chain = [path + beside for path in machine.paths(q).values()]
         begins += chain[:-1]

@@ -11,9 +11,8 @@ from hopopt.leg.robot import BASE
 from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, LIMIT, Check
-from hopopt.verify.hops.landing import jumps
 from hopopt.verify.measures import joint_work
-from hopopt.verify.table import DESCENT, FLIGHT, LANDING, STANCE, Table
+from hopopt.verify.table import DESCENT, FLIGHT, LANDING, STANCE, Table, jumps
 
 CLOSED = 1e-8  # rad, rad/s: by which the state after the impact may differ from that in which stance begins
 SMALL = 1e-3  # J, or shares of the weight's impulse in a second: below it an impact is as good as none

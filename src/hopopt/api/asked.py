@@ -1,0 +1,71 @@
+"""What verbs and methods of the Python interface share: progress, arguments that had another name, figures by name."""
+
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from hopopt.errors import UsageError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Progress = Callable[[str], None] | bool  # a function that is told a line of text, or True: lines on standard error
+P = ParamSpec("P")
+R = TypeVar("R")
+Found = TypeVar("Found")
+
+
+def told(progress: Progress | None) -> Callable[[str], None]:
+    """The function that is told how the work goes on."""
+    if callable(progress):
+        return progress
+    return _on_standard_error if progress else lambda text: None
+
+
+def _on_standard_error(text: str) -> None:
+    """A notebook shows it below the cell."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let a function take arguments by their old names too, with a warning: old name = new name."""
+
+    def wrap(function: Callable[P, R]) -> Callable[P, R]:
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> R:
+            given: dict[str, Any] = dict(kwargs)
+            for old in names.keys() & given.keys():
+                words = f"{function.__name__}({old}=...) is now {function.__name__}({names[old]}=...)"
+                warnings.warn(words, DeprecationWarning, stacklevel=2)
+                given[names[old]] = given.pop(old)
+            return function(*args, **given)
+
+        return call
+
+    return wrap
+
+
+def as_class(kind: type[Found], value: object, **parts: object) -> Found:
+    """A value of hopopt's own as the class that users get, which adds methods alone; what was derived of it is kept.
+
+    parts: fields in which other values lie, as the classes that users get
+    """
+    made = object.__new__(kind)
+    vars(made).update(vars(value) | parts)
+    return made
+
+
+def figures(
+    found: Found, known: "Mapping[str, Callable[[Found], Figure]]", name: str | None
+) -> "dict[str, Figure] | Figure":
+    """The figure called ``name``, or all by name; UsageError for another name."""
+    check_figure(name, *known)
+    return {key: draw(found) for key, draw in known.items()} if name is None else known[name](found)
+
+
+def check_figure(name: str | None, *known: str) -> None:
+    """UsageError for a figure that is none of these."""
+    if name is not None and name not in known:
+        raise UsageError(f"there is no figure {name!r}; there {'are' if len(known) > 1 else 'is'} {', '.join(known)}")

@@ -1,0 +1,26 @@
+"""The problem file's model: every entry with its unit, its meaning and the magnitudes it may have.
+
+A problem is data. These classes say what a file may contain and nothing about how it is solved; SI units throughout.
+"""
+
+from hopopt.design.control import Control, Reserve
+from hopopt.design.hop import Contact, Hop, Obstacle, Start
+from hopopt.design.leg import (
+    LEAST_INERTIA,
+    Body,
+    Gear,
+    Joint,
+    Leg,
+    Link,
+    Motor,
+    physical_parameters,
+    unit,
+)
+from hopopt.design.problem import Design, as_changed, refuse_landed
+from hopopt.design.simulation import Simulation, Uncertainty
+from hopopt.design.solver import Solver
+
+__all__ = [
+    "LEAST_INERTIA", "Body", "Contact", "Control", "Design", "Gear", "Hop", "Joint", "Leg", "Link", "Motor", "Obstacle",
+    "Reserve", "Simulation", "Solver", "Start", "Uncertainty", "as_changed", "physical_parameters", "refuse_landed", "unit",
+]  # fmt: skip

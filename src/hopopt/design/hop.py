@@ -1,0 +1,97 @@
+"""What the leg is to do: the ground under it, where it starts, and the hop that is asked for."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from hopopt.design.fields import Section, choice, quantity
+
+
+class Contact(Section):
+    friction: float | None = quantity("friction coefficient (none: the foot never slips)", "1", 0, 10, None)
+    least_force: float = quantity("vertical ground force that stance keeps at least", "N", 0, 1e4, 0.0)
+
+
+Angle = Annotated[float, Field(ge=-7, le=7, allow_inf_nan=False)]  # rad
+Duration = Annotated[float, Field(ge=1e-3, le=10, allow_inf_nan=False)]  # s
+
+
+class Start(Section):
+    """At rest. Either the hip's height with the foot below it (two-joint legs), or all joint angles."""
+
+    hip_height: float | None = quantity("height of the hip above the ground", "m", 0, 10, None)
+    foot_x: float = quantity("foot in front of the hip's plumb line", "m", -3, 3, 0.0)
+    joint_angles: tuple[Angle, ...] | None = choice("angle of every joint, in chain order", None, unit="rad")
+
+
+class Obstacle(Section):
+    """What the leg is to clear, for the objective obstacle."""
+
+    width: float | None = quantity("width of the obstacle, along x", "m", 0, 20, None)
+
+
+class Hop(Section):
+    kind: Literal["single", "landing", "periodic"] = choice(
+        "one hop from rest to the apex, the same hop landed and brought to rest, or a hop that ends as it began and goes "
+        "on for ever", "single",
+    )  # fmt: skip
+    speed: float = quantity("mean forward speed of a periodic hop; 0: in place", "m/s", -20, 20, 0.0)
+    touchdown_impulse: float | None = quantity(
+        "periodic hop and landing: largest impulse of the ground on the foot at touchdown", "N s", 1e-3, 1e4, None
+    )
+    touchdown_loss: float | None = quantity(
+        "periodic hop and landing: largest kinetic energy that the impact at touchdown takes", "J", 1e-3, 1e4, None
+    )
+    touchdown_speed: float | None = quantity(
+        "periodic hop and landing: largest speed of the foot just before touchdown", "m/s", 1e-3, 100, None
+    )
+    touchdown_gear_torque: float | None = quantity(
+        "periodic hop and landing: largest torque in a gear while its rotor is stopped or started by the impact",
+        "N m",
+        1e-2,
+        1e5,
+        None,
+    )
+    touchdown_time: float = quantity(
+        "periodic hop and landing: how long the impact lasts, which makes a mean torque of a gear's impulse",
+        "s",
+        1e-4,
+        0.1,
+        0.01,
+    )
+    stance_duration: tuple[Duration, Duration] = choice("shortest and longest stance", (0.03, 0.4), unit="s")
+    flight_duration: tuple[Duration, Duration] = choice(
+        "shortest and longest time from lift-off to the apex", (0.03, 1.0), unit="s"
+    )
+    landing_duration: tuple[Duration, Duration] = choice(
+        "landing: shortest and longest time from touchdown to rest", (0.03, 1.0), unit="s"
+    )
+    clearance: float | None = quantity(
+        "clearance that the hop must reach, for objectives that ask how (energy, time, saturation, ...)",
+        "m", 0, 20, None,
+    )  # fmt: skip
+    obstacle: Obstacle = Obstacle()
+    foot_window: float = quantity(
+        "half width of the window about the hip's plumb line that the foot passes at the apex",
+        "m", 1e-3, 3, 0.1,
+    )  # fmt: skip
+    above_ground: tuple[str, ...] = choice(
+        "what stays above the ground: any joint (at the top of its link), 'foot'; default, and []: all of them", ()
+    )
+    least_height: float = quantity("height above the ground that joints keep at least", "m", 0, 1, 0.0)
+    counter_movement: bool = choice("may the body descend in stance", True)
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the hop ends as it began."""
+        return self.kind == "periodic"
+
+    @property
+    def lands(self) -> bool:
+        """Whether the leg goes on after a touchdown."""
+        return self.kind != "single"
+
+    @property
+    def descent_duration(self) -> tuple[float, float]:
+        """Shortest and longest time from the apex to touchdown [s]: as for flight."""
+        return self.flight_duration

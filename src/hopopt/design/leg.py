@@ -1,0 +1,168 @@
+"""The leg: its body, links, joints and drives. Values marked ``physical`` enter the planner as symbols."""
+
+import math
+from collections.abc import Iterator, Sequence
+from copy import copy as copy_of
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, create_model, model_serializer, model_validator
+
+from hopopt.design.fields import (
+    CATALOGUE,
+    CATALOGUE_NAME,
+    DOWN,
+    FORWARD,
+    RESERVED,
+    Number,
+    Section,
+    Vector,
+    choice,
+    quantity,
+)
+
+LEAST_INERTIA = 1e-8  # [kg m^2] of a link: what a point mass is given
+
+
+class Body(Section):
+    mass: float = quantity("mass of the body with both motors", "kg", 1e-3, 1000, physical=True)
+
+
+class Link(Section):
+    length: float = quantity("from its joint to the next joint, or to the foot", "m", 0.01, 3, physical=True)
+    mass: float = quantity("mass of the link", "kg", 1e-4, 200, physical=True)
+    com: float | None = quantity(
+        "centre of mass from its joint, along the link (default: half the length)", "m", 0.0, 3, None, physical=True
+    )
+    inertia: float | None = quantity(
+        "moment of inertia about its centre of mass (default: slender rod, mass length^2 / 12)",
+        "kg m^2", LEAST_INERTIA, 50, None, physical=True,
+    )  # fmt: skip
+    direction: Vector = choice("which way the link points from its joint, all joint angles zero (x, y, z)", DOWN)
+    com_position: Vector | None = choice(
+        "centre of mass from its joint, all joint angles zero (x, y, z), in place of com", None, unit="m"
+    )
+    inertia_tensor: tuple[Number, Number, Number, Number, Number, Number] | None = choice(
+        "moments xx, yy, zz and products xy, xz, yz of inertia about the centre of mass, all joint angles zero, "
+        "in place of inertia", None, unit="kg m^2",
+    )  # fmt: skip
+
+
+class Motor(Section):
+    max_torque: float = quantity("tau_max: motor torque at standstill", "N m", 1e-6, 1000, physical=True)
+    max_speed: float = quantity("omega_max: motor speed at no torque", "rad/s", 1.0, 6000, physical=True)
+    rotor_inertia: float = quantity("rotor inertia, motor side", "kg m^2", 0.0, 0.05, 0.0, physical=True)
+    laws: tuple[Literal["paper", "four-quadrant"], ...] = choice(
+        "torque-speed laws, all of which hold: the paper's |tau| <= tau_max (1 - |w| / omega_max), "
+        "or the four-quadrant line in which braking is not weakened by speed; [] leaves the caps on torque and speed",
+        ("paper",),
+    )
+    torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-6, 1000, None, physical=True)
+    winding_resistance: float | None = quantity("electrical resistance", "ohm", 1e-4, 1e3, None, physical=True)
+    torque_constant: float | None = quantity("k: motor torque for each ampere", "N m/A", 1e-4, 100, None, physical=True)
+    catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
+
+
+class Gear(Section):
+    ratio: float = quantity("R: motor turns for one turn of the joint", "1", 1.0, 1000, physical=True)
+    torque_cap: float | None = quantity("repeated peak torque, joint side", "N m", 1e-4, 1e4, None, physical=True)
+    speed_cap: float | None = quantity("input speed limit, motor side", "rad/s", 1.0, 6000, None, physical=True)
+    inertia: float | None = quantity(
+        "moment of inertia of what turns with the rotor, motor side (default: none)",
+        "kg m^2", 0.0, 0.05, None, physical=True,
+    )  # fmt: skip
+    efficiency: float | None = quantity(
+        "share of the motor's torque that it passes on, in simulation only: the planner's gears lose nothing "
+        "(default: simulation.gear_efficiency)", "1", 0.05, 1, None,
+    )  # fmt: skip
+    catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
+
+
+def _overrides(section: type[Section]) -> type[Section]:
+    """The same table with every entry optional: a joint's own values over the leg's."""
+    fields: dict[str, Any] = {}
+    for name, info in section.model_fields.items():
+        copy = copy_of(info)
+        copy.default = None
+        fields[name] = (Annotated[info.annotation | None, copy], None)  # type: ignore[operator]
+    return create_model(f"{section.__name__}Overrides", __base__=Section, **fields)
+
+
+MotorOverrides, GearOverrides = _overrides(Motor), _overrides(Gear)
+
+
+class Joint(Section):
+    lower: float = quantity("smallest angle", "rad", -7, 7)
+    upper: float = quantity("largest angle", "rad", -7, 7)
+    axis: Vector = choice(
+        "axis of the joint, all joint angles zero (x, y, z); default: positive swings forward", FORWARD
+    )
+    motor: MotorOverrides | None = choice("this joint's own motor values, over [leg.motor]", None)  # type: ignore[valid-type]
+    gear: GearOverrides | None = choice("this joint's own gear values, over [leg.gear]", None)  # type: ignore[valid-type]
+
+
+class Leg(Section):
+    """A body on x and z guides, or on a vertical slider, and a serial chain of revolute joints and links.
+
+    Angles, unless axes and directions say otherwise: the first link from straight down, each further link relative
+    to the one before it; positive swings the link forward (+x). ``joint`` and ``link`` are the tables [leg.<name>]
+    of the file.
+    """
+
+    joints: tuple[str, ...] = choice("joint names from the body to the foot", min_length=1, max_length=8)
+    links: tuple[str, ...] = choice("link names from the body to the foot", min_length=1, max_length=8)
+    guides: tuple[Literal["x", "z"], ...] = choice(
+        "directions in which the body may move", ("x", "z"), allowed='["x", "z"], or ["z"] for a vertical slider,'
+    )
+    body: Body
+    motor: Motor
+    gear: Gear
+    joint: dict[str, Joint]
+    link: dict[str, Link]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "joint" in data or "link" in data:
+            return data
+        data = dict(data)
+        for key, names in (("joint", data.get("joints")), ("link", data.get("links"))):
+            names = names if isinstance(names, (list, tuple)) else ()
+            data[key] = {n: data.pop(n, {}) for n in names if isinstance(n, str) and n not in RESERVED}
+        return data
+
+    @model_serializer(mode="wrap")
+    def _spread(self, handler: Any) -> dict[str, Any]:
+        data = handler(self)
+        joint, link = data.pop("joint"), data.pop("link")
+        return {**data, **joint, **link}
+
+    def drive(self, joint: str, part: Literal["motor", "gear"], entry: str) -> tuple[str, Any]:
+        """Path and value of a joint's motor or gear entry: its own if the file gives one, else the leg's."""
+        own = getattr(self.joint[joint], part)
+        value = getattr(own, entry) if own is not None else None
+        if value is not None:
+            return f"leg.{joint}.{part}.{entry}", value
+        return f"leg.{part}.{entry}", getattr(getattr(self, part), entry)
+
+
+def unit(vector: Sequence[float]) -> tuple[float, ...]:
+    """A vector of length 1 in the same direction, exact where it has that length already."""
+    length = math.sqrt(math.fsum(x * x for x in vector))
+    return tuple(float(x) if length == 1 else x / length for x in vector)
+
+
+def physical_parameters(leg: Leg) -> dict[str, float]:
+    """Every design parameter of the leg that has a value: {"leg.thigh.length": 0.38 [m], ...} (SI)."""
+    return dict(_physical("leg", leg))
+
+
+def _physical(path: str, section: BaseModel) -> Iterator[tuple[str, float]]:
+    for name, info in type(section).model_fields.items():
+        value, extra = getattr(section, name), info.json_schema_extra
+        if isinstance(value, BaseModel):
+            yield from _physical(f"{path}.{name}", value)
+        elif isinstance(value, dict):
+            for key, item in value.items():
+                yield from _physical(f"{path}.{key}", item)
+        elif value is not None and isinstance(extra, dict) and extra.get("physical"):
+            yield f"{path}.{name}", float(value)

@@ -1,0 +1,74 @@
+"""A whole problem, of all its tables."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError, model_validator
+
+from hopopt.design.control import Control, Reserve
+from hopopt.design.fields import Section, choice
+from hopopt.design.hop import Contact, Hop, Start
+from hopopt.design.leg import Leg
+from hopopt.design.simulation import Simulation, Uncertainty
+from hopopt.design.solver import Solver
+from hopopt.errors import UsageError
+
+
+class Design(Section):
+    """A whole problem: the leg, the ground, where the hop starts, what it may do and how it is solved."""
+
+    name: str = choice(
+        "short name, used for the results folder",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$",
+        allowed="text of 1 to 64 letters, digits, _ or -, the first a letter or digit,",
+    )
+    title: str = choice(
+        "one line for tables and figures",
+        "",
+        pattern=r"^[^\x00-\x1f\x7f]{0,200}$",
+        allowed="one line of text of at most 200 characters",
+    )
+    leg: Leg
+    contact: Contact = Contact()
+    start: Start
+    hop: Hop = Hop()
+    solver: Solver = Solver()
+    simulation: Simulation = Simulation()
+    reserve: Reserve = Reserve()
+    control: Control = Control()
+    uncertainty: Uncertainty = Uncertainty()
+
+    def __hash__(self) -> int:
+        """Of every entry, so that what is made of a problem can be kept for it."""
+        return hash(repr(self))
+
+    def of_kind(self, kind: str) -> "Design":
+        """The same problem of another kind of hop (``hop.kind``)."""
+        return self.model_copy(update={"hop": self.hop.model_copy(update={"kind": kind})})
+
+    @model_validator(mode="after")
+    def _all_above_ground(self) -> "Design":
+        if not self.hop.above_ground:
+            everything = self.hop.model_copy(update={"above_ground": (*self.leg.joints, "foot")})
+            object.__setattr__(self, "hop", everything)  # frozen, but not yet anyone's
+        return self
+
+
+def as_changed(data: Mapping[str, Any], cause: str, remedy: str) -> Design:
+    """The problem that changed data describe; UsageError that names the ``cause``, the first entry that no problem may have,
+    and the ``remedy``."""
+    try:
+        return Design.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        named = (str(part) for part in first["loc"] if part not in ("joint", "link"))  # as problem files name it
+        entry = ".".join(named)
+        sentence = f"{cause} {entry} = {first['input']!r}, which no problem may have: {remedy}"
+        raise UsageError(f"{data['name']}: {sentence}") from None
+
+
+def refuse_landed(design: Design, what: str) -> None:
+    """UsageError for ``what`` knows the hop from rest to the apex alone, if the problem asks for another."""
+    if design.hop.lands:
+        which = {"periodic": "the periodic hop", "landing": "the hop that lands"}[design.hop.kind]
+        raise UsageError(f'{what} does not know {which} yet: set hop.kind = "single"')

@@ -1,0 +1,49 @@
+"""The page on the Python interface: every block runs, in order, and every verb and method has its line."""
+
+import inspect
+import re
+import warnings
+from pathlib import Path
+
+import pytest
+
+import hopopt as ho
+
+PAGE = (Path(__file__).parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
+QUICK = r'\1", "solver.starts=1"]'  # after an entry that a block changes, for plans to track are looked for too
+BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+ROWS = "\n".join(line for line in PAGE.splitlines() if line.startswith("|"))
+OF_ALL = {"as_dict", "verified", "with_methods"}  # said of all results at once, or for hopopt itself
+
+
+def test_the_page_is_short_and_has_examples() -> None:
+    assert len(PAGE.split()) <= 1500
+    assert len(BLOCKS) >= 8
+
+
+def test_every_verb_has_a_line() -> None:
+    verbs = {name for name in ho.__all__ if not inspect.isclass(getattr(ho, name))}
+    assert verbs == set(re.findall(r"ho\.(\w+)\(", ROWS))
+
+
+def test_every_method_has_a_line() -> None:
+    """Those that the interface adds; what the table says besides is there."""
+    for kind in (getattr(ho, name) for name in ho.__all__ if name != "Design" and inspect.isclass(getattr(ho, name))):
+        own = (
+            {name for name in vars(kind) if not name.startswith("_")} - OF_ALL - {*getattr(kind, "__annotations__", ())}
+        )
+        told = set(re.findall(rf"`{kind.__name__}\.(\w+)`", ROWS))
+        assert own <= told, kind.__name__
+        assert all(hasattr(kind, name) or name in kind.__dataclass_fields__ for name in told), kind.__name__
+
+
+@pytest.mark.slow
+def test_every_block_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In one program, in an empty folder; no old name is in it, for a warning is a fault here."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    found = dict[str, object]()
+    with warnings.catch_warnings(action="error", category=DeprecationWarning):
+        for block in BLOCKS:
+            exec(re.sub(r'(=\w+)"\]', QUICK, block), found)
+    assert (tmp_path / "heights.png").stat().st_size > 1000
