@@ -24,7 +24,7 @@ from hopopt.cli.options import (
 )
 from hopopt.cli.screen.console import progress
 from hopopt.cli.screen.details import answer
-from hopopt.comparison.compare import paper_strategy
+from hopopt.comparison.paper_control import PaperHop, paper_hop, paper_strategy
 from hopopt.comparison.robust.robustness import can_be_had
 from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design, refuse_landed
@@ -32,6 +32,7 @@ from hopopt.errors import HopoptError, UsageError
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.free_parameters import parse_free
 from hopopt.planner import solve as planning
+from hopopt.planner.search.beside import Task, ahead
 from hopopt.planner.solution import Solution
 from hopopt.plots.hop import save_all
 from hopopt.problem.checking.hints import hints
@@ -133,6 +134,8 @@ def solve(
     for words in hints(design):
         note(words)  # before what may take long
     control = control and not design.hop.lands  # the paper's control ends with the apex
+    sure = control and objective == "clearance" and not (constraint or free)  # that it will be asked for, of this leg
+    simulated = ahead(paper_hop, design, more=(processes or os.cpu_count() or 1) - 1) if sure else None
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}
         more |= {"time_limit": time_limit, "progress": say}
@@ -151,7 +154,7 @@ def solve(
         with suppress(KeyboardInterrupt):  # the answer is there
             if control:
                 say("simulating the paper's force control")
-                solution = _beside(solution)
+                solution = _beside(solution, simulated)
         with suppress(KeyboardInterrupt):
             if draws and solution.verified:
                 solution = _had(solution, draws, say)
@@ -190,9 +193,9 @@ def _solved(
 # What is added when the answer is there: what goes wrong with it is only reported.
 
 
-def _beside(solution: Solution) -> Solution:
+def _beside(solution: Solution, simulated: Task[PaperHop | None] | None) -> Solution:
     """The answer with what the paper's force control makes of the same leg; exit code 3 if that passes it."""
-    found = guarded(paper_strategy, solution)
+    found = guarded(lambda: paper_strategy(solution, simulated and simulated.result()))
     if isinstance(found, Fault):
         assert solution.result_dir is not None  # the answer was saved before
         found.keep(solution.result_dir, "control")

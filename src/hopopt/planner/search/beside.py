@@ -43,6 +43,18 @@ class Task(Generic[T]):
             return self._done[0]
 
 
+def ahead(function: Callable[..., T], *given: Any, more: int) -> Task[T]:
+    """``function(*given)`` as a task for one of so many more processes."""
+    return Task(lambda: function(*given), _pool_of(more).submit(function, *given) if more > 0 else None)
+
+
+def _pool_of(more: int) -> Any:
+    """So many processes, the same ones for all that asks for as many."""
+    from joblib.externals.loky import get_reusable_executor
+
+    return get_reusable_executor(max_workers=more)
+
+
 class Beside:
     """So many processes more for a hop; with none of them all is done here, with the same results.
 
@@ -52,9 +64,7 @@ class Beside:
     def __init__(self, hop: Hop, more: int):
         self.hop, self.more, self._pool, self._number = hop, more, None, next(_numbers)
         if more > 0:
-            from joblib.externals.loky import get_reusable_executor
-
-            self._pool = get_reusable_executor(max_workers=more)
+            self._pool = _pool_of(more)
             self._recipe = hop.design.model_dump(exclude_none=True), hop.asked, hop.free_parameters, hop.constraints
             for _ in range(more):
                 self._pool.submit(_in_worker, self._number, self._recipe, hop.rules, _nothing, ())
