@@ -28,10 +28,10 @@ from hopopt.planner.attempts import (
     Trial,
     with_larger_tie_break,
 )
+from hopopt.planner.checks.global_verdict import COARSE
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search.beside import Beside
 from hopopt.planner.search.first_mesh import search_first_mesh
-from hopopt.planner.search.global_verdict import COARSE
 from hopopt.planner.search.multistart import distinct, run_starts, solved_from
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import once_more, solve
