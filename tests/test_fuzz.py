@@ -138,7 +138,7 @@ def no_search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
     monkeypatch.chdir(tmp_path)
     for place in (
-        "planner.solve.solve", "cli.answer.solve.codesign", "cli.studies.sweep.run", "control.closed_loop.simulate",
+        "planner.solve.solve", "studies.codesign.codesign", "cli.studies.sweep.run", "control.closed_loop.simulate",
         "comparison.compare.compare", "cli.controllers.simulate.plan_to_track", "cli.studies.pareto.front",
         "cli.studies.families.open_folder", "evidence.local_optima.run_starts", "paper.fit.calibrate",
         "comparison.gain_tuning.tune", "comparison.robust.robust.robust", "cli.controllers.compare.compare_hops",

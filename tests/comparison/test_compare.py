@@ -21,11 +21,11 @@ from hopopt.comparison.compare import (
     chosen_names,
     compare,
     integrals_to,
-    paper_strategy,
     planned_trace,
     reference_of,
 )
 from hopopt.comparison.control_recheck import control_check
+from hopopt.comparison.paper_control import paper_strategy
 from hopopt.comparison.robust.robustness import can_be_had, drawn, spread
 from hopopt.control.closed_loop import clearance_in_mujoco, make_plant, simulate
 from hopopt.control.strategies import BUILT_IN, find

@@ -19,6 +19,7 @@ from hopopt.ocp.hops.shared_control import (
     with_torque_constants,
 )
 from hopopt.planner.motion import Motion
+from hopopt.planner.search.beside import Beside
 from hopopt.planner.search.multistart import first_transcription, run_starts, solution_of
 from hopopt.planner.shared_plan import of_leg, shared_plan, true_legs
 from hopopt.problem.load import load
@@ -43,7 +44,7 @@ def test_alike_legs_hop_as_one_leg_does(design: Design) -> None:
     one, ones, start = Hop(design), np.ones(2), start_angles(design)
     found = shared_plan(true_legs(design, [(design, ones, start)], start), plan)
     first = first_transcription(one)
-    best = solution_of(max(run_starts(one, 1, 1, lambda text: None), key=lambda o: o.merit), first)
+    best = solution_of(max(run_starts(one, 1, Beside(one, 0), lambda text: None), key=lambda o: o.merit), first)
     assert found.clearance == pytest.approx(float(best.parameters[CLEARANCE].item()), abs=5e-4)
 
 

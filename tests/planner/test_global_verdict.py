@@ -8,8 +8,8 @@ from hopopt.cli.screen.search import global_line, starts_lines
 from hopopt.global_search import Rollout, search
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
+from hopopt.planner.checks.global_verdict import COARSE, LESS, MAY_EXIST, NOTHING, followed, highest, verdict
 from hopopt.planner.search.first_mesh import rollout_starts
-from hopopt.planner.search.global_verdict import COARSE, LESS, MAY_EXIST, NOTHING, followed, highest, verdict
 from hopopt.planner.search.multistart import STOPPED
 from hopopt.planner.solve import solve_from
 from rarely import rarely

@@ -1,5 +1,7 @@
 """What the planner does where an answer is not verified at first."""
 
+import os
+import signal
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -26,10 +28,10 @@ from hopopt.planner.attempts import (
     Trial,
     with_larger_tie_break,
 )
+from hopopt.planner.checks.global_verdict import COARSE
 from hopopt.planner.refine_and_verify import refined_and_verified
-from hopopt.planner.search import multistart
+from hopopt.planner.search.beside import Beside
 from hopopt.planner.search.first_mesh import search_first_mesh
-from hopopt.planner.search.global_verdict import COARSE
 from hopopt.planner.search.multistart import distinct, run_starts, solved_from
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import once_more, solve
@@ -193,7 +195,7 @@ def test_a_result_that_states_no_verdict_is_judged_by_its_numbers(one_push: Solu
 def test_what_is_not_verified_is_solved_again_with_a_larger_tie_break_and_said_so() -> None:
     """The same hop, its bias stated by the larger weight; not for ever larger weights, nor where nothing is refined."""
     hop, clock = Hop(load("paper"), "clearance"), Stopwatch()
-    outcomes = run_starts(hop, 1, 1, silent)
+    outcomes = run_starts(hop, 1, Beside(hop, 0), silent)
     verified = refined_and_verified(hop, outcomes[0], outcomes, silent, clock)
     unverified = replace(verified, summary=replace(verified.summary, verified=False))
     other, again = once_more(hop, unverified, outcomes, silent, clock)
@@ -231,13 +233,24 @@ def test_a_larger_tie_break_does_not_lead_to_another_optimum() -> None:
         assert again.merit == pytest.approx(outcome.merit, abs=larger.tie_break_bias + 1e-5)
 
 
-def test_starts_end_alike_in_one_process_and_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_starts_end_alike_in_one_process_and_side_by_side() -> None:
     """However they are divided, in their order."""
     hop, found = Hop(load("paper", {"solver.stance_intervals": 12, "solver.flight_intervals": 4})), []
-    for seconds in (1e9, 0.0):  # what a process is said to take to begin
-        monkeypatch.setattr(multistart, "WORKER", seconds)
-        found.append(run_starts(hop, 4, 2, silent))
+    for more in (0, 1):
+        with Beside(hop, more) as beside:
+            found.append(run_starts(hop, 4, beside, silent))
     assert [o.name for o in found[0]] == [s.name for s in starts(4, 0)]
     for one, other in zip(*found, strict=True):
         assert (one.name, one.iterations, one.objective) == (other.name, other.iterations, other.objective)
         assert (one.vectors["z"] == other.vectors["z"]).all()
+
+
+def test_a_process_that_dies_at_a_start_is_replaced_by_this_one() -> None:
+    def killed_unless(hop: Hop, pid: int) -> int:
+        if os.getpid() != pid:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return pid
+
+    here = os.getpid()
+    with Beside(Hop(load("paper")), 1) as beside:
+        assert [beside.task(killed_unless, here).result() for _ in range(2)] == [here, here]

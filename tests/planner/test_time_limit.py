@@ -18,6 +18,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.planner.answer.summary import LATE
 from hopopt.planner.refine_and_verify import refine_outcome
 from hopopt.planner.search import first_mesh
+from hopopt.planner.search.beside import Beside
 from hopopt.planner.search.multistart import first_transcription, run_chunk, run_starts
 from hopopt.planner.search.relaxations import QUICK, relaxed_starts
 from hopopt.planner.solution import Solution
@@ -65,8 +66,8 @@ def test_every_loop_of_the_search_asks_for_the_time() -> None:
     hop = Hop(load("paper"), "clearance")
     first_transcription(hop)
     began = process_time()
-    assert len(run_starts(hop, 400, 2, silent, until=OVER)) == 1
-    assert relaxed_starts(hop, QUICK, until=OVER) == []
+    assert len(run_starts(hop, 400, Beside(hop, 0), silent, until=OVER)) == 1
+    assert relaxed_starts(hop, QUICK[0], until=OVER) == []
     with pytest.raises(TimeoutError):
         search(hop.design, size=81, until=OVER)
     assert process_time() - began < GRACE

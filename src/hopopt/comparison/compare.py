@@ -20,7 +20,6 @@ from hopopt.leg.kinematics import two_joints
 from hopopt.leg.scales import Scale
 from hopopt.ocp.phases import STANCE
 from hopopt.paper.paper_results import PAPER, is_the_papers
-from hopopt.planner.answer.extras import PaperStrategy
 from hopopt.planner.motion import Motion
 from hopopt.planner.reserve import plan_to_track, reserved
 from hopopt.planner.solution import Solution
@@ -28,7 +27,6 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import design_hash
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.mujoco import library
-from hopopt.sim.plant import PAST_APEX
 from hopopt.sim.state import ACCOUNTS
 from hopopt.sim.trace import Event, Trace
 from hopopt.verify.table import NORMALISED_TIMES
@@ -209,31 +207,6 @@ def chosen_names(design: Design, names: Sequence[str] | None) -> tuple[list[str]
         return wanted, []
     kept = [name for name in wanted if name in tracking or name not in BUILT_IN]
     return kept, ["the paper's strategies are left out: their reference y is inverted for two joints in the x-z plane"]
-
-
-def paper_strategy(solution: Solution) -> PaperStrategy | None:
-    """The paper's force control, a PD law clamped to what the drives can give (eqs. 10 and 14) with the paper's
-    gains, on the leg of a verified optimum.
-
-    ``clearance_m`` and ``share_of_bound``, None where it does not hop within the problem's limits; why not (``fault``,
-    in words, or empty); whether it is ``beyond_bound``, which then is wrong. None in all where the optimum is no bound on
-    clearance (another objective, user-defined constraints), or the leg is not of two joints or cannot be simulated.
-    """
-    if not solution.verified or solution.objective != OBJECTIVE or solution.summary.functions.limits:
-        return None
-    try:
-        run = simulate(solution.design, find(PAPERS), past_apex=True)
-        f = run.figures
-    except (UsageError, ArithmeticError, np.linalg.LinAlgError):  # nothing that the answer needs
-        return None
-    fault = "" if f.trace.outcome == PAST_APEX else f.trace.outcome
-    fault = f.no_hop or "; ".join(f.limits_exceeded) or fault
-    reached = None if fault else f.clearance
-    share = None if reached is None else reached / solution.clearance
-    beyond = not fault and bool(Comparison(solution, None, {PAPERS: run}).beaten_by)
-    return PaperStrategy(
-        PAPERS, reached, share, fault, beyond_bound=beyond, overshoot_m=None if fault else run.overshoot
-    )
 
 
 def answering(design: Design, bound: Solution) -> Solution:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from hopopt.comparison.compare import paper_strategy
+from hopopt.comparison.paper_control import paper_strategy
 from hopopt.comparison.robust.robustness import can_be_had
 from hopopt.planner.solution import Solution
 from hopopt.record import as_data

@@ -13,7 +13,7 @@ from hopopt.ocp.guesses.initial_guess import Start
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.first_mesh import rollout_starts
 from hopopt.planner.search.multistart import StartOutcome, first_solver, known_optima, run_start
-from hopopt.planner.search.relaxations import THOROUGH, relaxed_starts
+from hopopt.planner.search.relaxations import THOROUGH, relaxed_starts, suiting
 
 Say = Callable[[str], None]
 BEGUN_FROM = (0, 3)  # starts that relaxed problems begin from: an upright push, and a swing
@@ -27,7 +27,10 @@ NO_HOP = 0.0  # merit of a start that leads to no hop
 def relaxed(hop: Hop, known: Sequence[StartOutcome], say: Say, until: Deadline = NEVER) -> list[StartOutcome]:
     """All relaxed problems that there is time for, each from two starts, tightened to what is asked."""
     say(f"solving {len(THOROUGH)} relaxed problems from {len(BEGUN_FROM)} starts each, and tightening them")
-    return relaxed_starts(hop, THOROUGH, known, BEGUN_FROM, until=until)
+    outcomes = list[StartOutcome]()
+    for relaxation in suiting(hop, THOROUGH):
+        outcomes += relaxed_starts(hop, relaxation, [*known, *outcomes], BEGUN_FROM, until)
+    return outcomes
 
 
 def on_grids(

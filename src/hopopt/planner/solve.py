@@ -22,6 +22,7 @@ from hopopt.planner.answer.starts import start_figures
 from hopopt.planner.answer.summary import LATE
 from hopopt.planner.attempts import HOP, Attempt, Trial, tried_again, with_tighter_tolerances
 from hopopt.planner.checks.cross_check import cross_check_entries
+from hopopt.planner.checks.global_verdict import NOTHING, alarm_note, global_figures
 from hopopt.planner.refine_and_verify import (
     aims_of,
     judged,
@@ -33,7 +34,6 @@ from hopopt.planner.refine_and_verify import (
 from hopopt.planner.search.calm_first import calmest
 from hopopt.planner.search.families import families, told_apart
 from hopopt.planner.search.first_mesh import SEARCH, FirstMesh, looked_closer, search_first_mesh
-from hopopt.planner.search.global_verdict import NOTHING, alarm_note, global_figures
 from hopopt.planner.search.multistart import (
     Progress,
     StartOutcome,

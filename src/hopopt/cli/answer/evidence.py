@@ -23,8 +23,8 @@ from hopopt.global_search.search import check_size
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.registry import find
+from hopopt.planner.checks.global_verdict import MAY_EXIST, highest, led_to, verdict
 from hopopt.planner.search.families import families
-from hopopt.planner.search.global_verdict import MAY_EXIST, highest, led_to, verdict
 from hopopt.planner.search.multistart import contenders, run_chunk
 from hopopt.planner.solve import TIME_LIMIT, solve_from
 from hopopt.problem.load import load

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -24,24 +24,21 @@ from hopopt.cli.options import (
 )
 from hopopt.cli.screen.console import progress
 from hopopt.cli.screen.details import answer
-from hopopt.comparison.compare import paper_strategy
-from hopopt.comparison.robust.robustness import can_be_had
-from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import HopoptError, UsageError
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.free_parameters import parse_free
 from hopopt.planner import solve as planning
+from hopopt.planner.search.beside import Task, ahead
 from hopopt.planner.solution import Solution
-from hopopt.plots.hop import save_all
 from hopopt.problem.checking.hints import hints
 from hopopt.problem.load import load
-from hopopt.report.content import of_solutions
-from hopopt.report.page import page
 from hopopt.storage.folder import prepare
 from hopopt.storage.solution import save, stated, with_more
-from hopopt.studies.codesign import codesign
 from hopopt.studies.faults import Fault, guarded
+
+if TYPE_CHECKING:
+    from hopopt.comparison.paper_control import PaperHop
 
 MORE = 5.0  # s that figures and a simulation take, which are not begun with less time left
 
@@ -133,6 +130,8 @@ def solve(
     for words in hints(design):
         note(words)  # before what may take long
     control = control and not design.hop.lands  # the paper's control ends with the apex
+    sure = control and objective == "clearance" and not (constraint or free)  # that it will be asked for, of this leg
+    simulated = ahead(_paper_hop, design, more=(processes or os.cpu_count() or 1) - 1) if sure else None
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}
         more |= {"time_limit": time_limit, "progress": say}
@@ -143,15 +142,18 @@ def solve(
             figures = control = report = False
             draws = 0
             note("the answer alone: the time limit leaves no time for more")
+        draw = None
         if figures:
+            from hopopt.plots.hop import save_all as draw
+
             say("drawing")
         took = time.perf_counter() - began  # all but drawing and writing
         solution = solution.with_summary(overrides=tuple(set_), wall_s=took)
-        solution = save(solution, results, save_all if figures else None)
+        solution = save(solution, results, draw)
         with suppress(KeyboardInterrupt):  # the answer is there
             if control:
                 say("simulating the paper's force control")
-                solution = _beside(solution)
+                solution = _beside(solution, simulated)
         with suppress(KeyboardInterrupt):
             if draws and solution.verified:
                 solution = _had(solution, draws, say)
@@ -167,6 +169,8 @@ def _check_draws(draws: int, objective: str, constraints: Sequence[str], design:
     if draws:
         if objective != "clearance" or constraints:
             raise UsageError("--draws is for the objective clearance without user-defined constraints")
+        from hopopt.control.closed_loop import make_plant
+
         refuse_landed(design, "solve --draws")
         make_plant(design)
 
@@ -184,15 +188,26 @@ def _solved(
         return planning.solve(design, objective, **once, **more)
     for asked in (name.replace("_", "-") for name, wanted in once.items() if wanted):
         raise UsageError(f"--{asked} goes with a design that is given: use it on the problem.toml that --free finds")
+    from hopopt.studies.codesign import codesign
+
     return codesign(design, parse_free(free), objective, couple=couple or (), **more)
 
 
 # What is added when the answer is there: what goes wrong with it is only reported.
 
 
-def _beside(solution: Solution) -> Solution:
+def _paper_hop(design: Design) -> "PaperHop | None":
+    """The paper's control on this leg."""
+    from hopopt.comparison.paper_control import paper_hop
+
+    return paper_hop(design)
+
+
+def _beside(solution: Solution, simulated: "Task[PaperHop | None] | None") -> Solution:
     """The answer with what the paper's force control makes of the same leg; exit code 3 if that passes it."""
-    found = guarded(paper_strategy, solution)
+    from hopopt.comparison.paper_control import paper_strategy
+
+    found = guarded(lambda: paper_strategy(solution, simulated and simulated.result()))
     if isinstance(found, Fault):
         assert solution.result_dir is not None  # the answer was saved before
         found.keep(solution.result_dir, "control")
@@ -206,6 +221,8 @@ def _beside(solution: Solution) -> Solution:
 
 def _had(solution: Solution, draws: int, say: Callable[[str], None]) -> Solution:
     """The answer with what controllers make of it on drawn legs."""
+    from hopopt.comparison.robust.robustness import can_be_had
+
     try:
         return with_more(solution, can_be_had=can_be_had(solution, draws, 0, os.cpu_count() or 1, say))
     except HopoptError as error:
@@ -215,6 +232,9 @@ def _had(solution: Solution, draws: int, say: Callable[[str], None]) -> Solution
 
 def _report(solution: Solution) -> None:
     """Write report.html into the folder of a saved solution."""
+    from hopopt.report.content import of_solutions
+    from hopopt.report.page import page
+
     assert solution.result_dir is not None
     try:
         write_new(solution.result_dir / "report.html", page(of_solutions([solution])))

@@ -2,7 +2,7 @@
 
 from hopopt.planner.answer.extras import HopFamily
 from hopopt.planner.answer.summary import Summary
-from hopopt.planner.search.global_verdict import followed, highest, verdict
+from hopopt.planner.checks.global_verdict import followed, highest, verdict
 from hopopt.planner.search.multistart import STOPPED
 
 FAMILIES = 3  # different hops that are listed

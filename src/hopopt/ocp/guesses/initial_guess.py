@@ -20,6 +20,7 @@ from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import (
     TwoJoints,
     contact_axes,
+    foot_jacobian,
     foot_offset,
     joint_positions,
     start_angles,
@@ -181,7 +182,10 @@ def inverse_kinematics(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarr
     def residual(q: np.ndarray) -> np.ndarray:
         return np.concatenate([joint_positions(hop.leg, q)[-1, axes] - wanted, 1e-3 * (q - near)])
 
-    return least_squares(residual, inner, bounds=(lower, upper), xtol=1e-8, ftol=1e-8).x
+    def slopes(q: np.ndarray) -> np.ndarray:
+        return np.vstack([foot_jacobian(hop.leg, q)[axes], 1e-3 * np.eye(hop.n)])
+
+    return least_squares(residual, inner, slopes, bounds=(lower, upper), xtol=1e-8, ftol=1e-8).x  # type: ignore[arg-type]
 
 
 def _flight_guess(hop: Hop, stance: Guess, pose: np.ndarray | None = None) -> Guess:
@@ -193,7 +197,8 @@ def _flight_guess(hop: Hop, stance: Guess, pose: np.ndarray | None = None) -> Gu
     T = float(np.clip(-com_v[1] / fall[1], max(shortest, 0.1), min(longest, 0.6)))
     t = s * T
     blend = (s * s * (3 - 2 * s))[:, None]
-    pose = tucked(hop.leg, hop.design.hop.foot_window) if pose is None else pose
+    if pose is None:
+        pose = hop.problem.once("tucked", lambda: tucked(hop.leg, hop.design.hop.foot_window))
     q = stance.x[-1, :n] + (pose - stance.x[-1, :n]) * blend
     v = np.gradient(q, t, axis=0)
     place, speed = com + t[:, None] * com_v + 0.5 * t[:, None] ** 2 * fall, com_v + t[:, None] * fall
@@ -203,11 +208,15 @@ def _flight_guess(hop: Hop, stance: Guess, pose: np.ndarray | None = None) -> Gu
 
 def _com_at(hop: Hop, q_j: np.ndarray, v_j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Centre of mass (x, z) [m] and its speed [m/s] in stance."""
+    place, speed = hop.problem.once("com in stance", lambda: _com_in_stance(hop))(q_j, v_j)
+    return np.array(place).ravel(), np.array(speed).ravel()
+
+
+def _com_in_stance(hop: Hop) -> ca.Function:
     q, v = ca.SX.sym("q", hop.n), ca.SX.sym("v", hop.n)
     dynamics = LegDynamics(hop.robot, hop.robot.parameters)
     com = dynamics.points(dynamics.stance_pose(q, v)[0])["com"]
-    place, speed = ca.Function("com", [q, v], [com, ca.jtimes(com, q, v)])(q_j, v_j)
-    return np.array(place).ravel(), np.array(speed).ravel()
+    return ca.Function("com", [q, v], [com, ca.jtimes(com, q, v)])
 
 
 def saturated_push(hop: Hop) -> Guess | None:

@@ -20,6 +20,7 @@ from hopopt.ocp.guesses.initial_guess import posture_guess, stance_guess
 from hopopt.ocp.guesses.posture import Posture
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT
+from hopopt.planner.search.beside import Beside, Task
 from hopopt.planner.search.multistart import (
     Progress,
     StartOutcome,
@@ -33,7 +34,7 @@ from hopopt.planner.search.multistart import (
     run_starts,
     solution_of,
 )
-from hopopt.planner.search.relaxations import QUICK, relaxed_starts
+from hopopt.planner.search.relaxations import BEGUN_FROM, QUICK, relaxed_starts, suiting
 from hopopt.planner.stopwatch import Countdown
 
 SEARCH = 2  # starting points from which on relaxed problems and the global method are tried too
@@ -68,18 +69,31 @@ def search_first_mesh(
     side_by_side, weak = processes or os.cpu_count() or 1, bool(drives_too_weak(hop.design, hop.robot))
     reason = "one start was asked for" if count < SEARCH else _not_used(hop)
     reason = "the drives cannot hold the leg where it starts" if weak else reason
-    with ThreadPoolExecutor(1) as pool:
-        # beside Ipopt the other core is free
+    relaxed = list[Task[list[StartOutcome]]]()
+    with Beside(hop, side_by_side - 1 if count >= SEARCH else 0) as beside, ThreadPoolExecutor(1) as pool:
+        # its loops leave Python's time free
         overall = None if reason else pool.submit(_searched, hop, SIZE, 1, until)
-        outcomes = [*run_starts(hop, count, side_by_side, say, besides, until)]
-        helps = not weak or any(o.success for o in outcomes)  # seldom do other starts help a weak leg
-        if count >= SEARCH and not until.passed and helps:
-            say("solving relaxed problems, and tightening them to what is asked")
-            outcomes += relaxed_starts(hop, QUICK, outcomes, say=say, until=until)
+
+        def relax(first: StartOutcome) -> None:
+            known = [first, *besides]
+            relaxed.extend(beside.task(relaxed_starts, r, known, BEGUN_FROM, until) for r in suiting(hop, QUICK))
+
+        then = relax if count >= SEARCH and not weak else lambda first: None
+        outcomes = run_starts(hop, count, beside, say, besides, until, then)
+        if weak and count >= SEARCH and any(o.success for o in outcomes):  # else they seldom help a weak leg
+            relax(outcomes[0])
         found, reason = (None, reason) if overall is None else overall.result()
-    if found is not None:
-        say(f"solving from {len(found.rollouts)} motions of the global method")
-        outcomes += rollout_starts(hop, found.rollouts, outcomes, say=say, until=until)
+        moved = list[StartOutcome]()
+        if found is not None:
+            say(f"solving from {len(found.rollouts)} motions of the global method")
+            moved = rollout_starts(hop, found.rollouts, outcomes, say=say, until=until)
+        count_down = Countdown(say, "relaxed problems, each tightened to what is asked", len(relaxed))
+        for task in reversed(relaxed):
+            task.done_here()
+        for task in relaxed:
+            outcomes += task.result()
+            count_down.more()
+    outcomes += moved
     if count >= SEARCH:
         outcomes += posture_starts(hop, outcomes, until)
     return FirstMesh(tuple(outcomes), found, reason)

@@ -8,7 +8,6 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from hopopt.amounts import check
-from hopopt.design import Design
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.mesh import uniform
@@ -16,17 +15,14 @@ from hopopt.nlp.schemes import scheme
 from hopopt.nlp.solver.ipopt import CARRIED, GENTLE, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.solver.known_optima import Known, KnownOptima
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.custom import Custom
-from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.guesses.feasibility import drives_too_weak
 from hopopt.ocp.guesses.initial_guess import Start, make_guess, starts_of
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.phases import ON_GROUND, STANCE
-from hopopt.ocp.rules import RULES, Rule
 from hopopt.optimality.directions.infeasibility import conflict
 from hopopt.optimality.violations import violations
 from hopopt.planner.answer.limit_names import conflict_words
+from hopopt.planner.search.beside import Beside
 from hopopt.planner.stopwatch import Countdown
 from hopopt.problem.checking.hints import hints
 
@@ -36,7 +32,6 @@ PATIENCE = 200  # iterations of a start where another is known to lead to a hop
 CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
 STOPPED = "stopped near a hop that is known"
 BEYOND = "limits cannot hold together near its guess"
-WORKER = 1.5  # s that a process takes to begin, and more: what takes less in one is not divided
 
 
 class _Ended(Protocol):
@@ -118,42 +113,52 @@ def first_options(hop: Hop, known: bool) -> dict[str, Any]:
 
 
 def run_starts(
-    hop: Hop, count: int, processes: int, say: Progress, besides: Sequence[StartOutcome] = (), until: Deadline = NEVER
-) -> list[StartOutcome]:
-    """Solve every start on the first mesh, or as many as there is time for, in chunks side by side where that pays.
+    hop: Hop, count: int, beside: Beside, say: Progress, besides: Sequence[StartOutcome] = (), until: Deadline = NEVER,
+    then: Callable[[StartOutcome], object] = lambda first: None,
+) -> list[StartOutcome]:  # fmt: skip
+    """Solve every start on the first mesh, or as many as there is time for, each in the process that is free.
 
     In the order of the starts, then those ``besides``: if any of these leads to a hop, no start need be followed for long.
+    ``then``: called when the first of several has ended, and others are worth it.
     """
-    return [*_run_all(hop, count, processes, say, any(o.success for o in besides), until), *besides]
+    return [*_run_all(hop, count, beside, say, any(o.success for o in besides), until, then), *besides]
 
 
-def _run_all(hop: Hop, count: int, processes: int, say: Progress, known: bool, until: Deadline) -> list[StartOutcome]:
+def _run_all(
+    hop: Hop, count: int, beside: Beside, say: Progress, known: bool, until: Deadline,
+    then: Callable[[StartOutcome], object],
+) -> list[StartOutcome]:  # fmt: skip
     check("starts", count)
     weak = bool(drives_too_weak(hop.design, hop.robot))
     if weak and (ended := _beyond_limits(hop, until)):
         return [ended]
     say(f"solving from {count} starting point{'s' if count > 1 else ''}")
-    began, watch, count_down = time.perf_counter(), known_optima(hop), Countdown(say, "starting points", count)
-    solver = first_solver(hop, known, watch, until)
-    first = run_chunk(hop, [0], solver, known, count_down.more)
-    remember(watch, first[0])  # and no other, so that what starts lead to does not depend on how they are divided
-    each, others = time.perf_counter() - began, range(1, count)
-    if until.passed or (not first[0].success and weak):  # seldom does another start help such a leg
-        return first
-    processes = min(processes, len(others))
-    if processes < 2 or min(each * len(others) * (1 - 1 / processes), until.seconds_left) < WORKER:
-        return first + (run_chunk(hop, others, solver, known, count_down.more) if others else [])
-    from joblib import Parallel, delayed
+    count_down = Countdown(say, "starting points", count)
+    first = _one_start(hop, 0, known, None, until)
+    assert first is not None  # the first is tried whatever the time
+    count_down.more()
+    if until.passed or (not first.success and weak):  # seldom does another start help such a leg
+        return [first]
+    then(first)
+    # each knows the first alone, so that what they lead to does not depend on who solves them, or when
+    tasks = [beside.task(_one_start, k, known, first, until) for k in range(1, count)]
+    for task in reversed(tasks):  # from the other end
+        if task.done_here():
+            count_down.more()
+    ended = [task.result() for task in tasks]
+    return [first, *(outcome for outcome in ended if outcome is not None)]
 
-    question = hop.design.model_dump(exclude_none=True), hop.asked, hop.free_parameters, hop.constraints
-    more = (known, first[0], until, hop.rules)
-    jobs = (delayed(_chunk_in_worker)(*question, others[k::processes], *more) for k in range(processes))
-    parts = list[list[StartOutcome]]()
-    for part in Parallel(n_jobs=processes, backend="loky", return_as="generator")(jobs):
-        parts.append(part)  # type: ignore[arg-type]
-        count_down.more(len(parts[-1]))
-    ended = ((parts[k % processes], k // processes) for k in range(len(others)))
-    return first + [part[place] for part, place in ended if place < len(part)]
+
+def _one_start(hop: Hop, k: int, known: bool, first: StartOutcome | None, until: Deadline) -> StartOutcome | None:
+    """A start by its number, stopped where it comes near the hop of the ``first``; None if there is no time for it."""
+    if first is not None and until.passed:
+        return None
+    solver = hop.problem.once(f"starts, {known}", lambda: first_solver(hop, known, known_optima(hop)))
+    watch = solver.known
+    watch.known.clear()
+    if first is not None:
+        remember(watch, first)
+    return run_start(hop, solver.on(solver.transcription, until), starts_of(hop, k + 1)[k], known)
 
 
 def _beyond_limits(hop: Hop, until: Deadline) -> StartOutcome | None:
@@ -166,18 +171,6 @@ def _beyond_limits(hop: Hop, until: Deadline) -> StartOutcome | None:
         return None
     ended = outcome_of(start.name, glance.from_vector(found.z), time.perf_counter() - began)
     return replace(ended, status=BEYOND)
-
-
-def _chunk_in_worker(
-    data: dict[str, Any], objective: str | HopObjective, free_parameters: FreeParameters,
-    constraints: tuple[Custom, ...], chunk: Sequence[int], known: bool, first: StartOutcome, until: Deadline,
-    rules: Sequence[Rule],
-) -> list[StartOutcome]:  # fmt: skip
-    if until.passed:
-        return []
-    RULES[:] = rules  # what was added to them this process does not know
-    hop = Hop(Design.model_validate(data), objective, free_parameters, constraints)
-    return run_chunk(hop, chunk, first_solver(hop, known, known_optima(hop, [first]), until), known)
 
 
 def run_chunk(

@@ -18,7 +18,6 @@ from hopopt.nlp.transcription import Rows, Transcription
 from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.multistart import (
-    Progress,
     StartOutcome,
     first_options,
     first_solver,
@@ -28,7 +27,6 @@ from hopopt.planner.search.multistart import (
     outcome_of,
     remember,
 )
-from hopopt.planner.stopwatch import Countdown
 
 Widen = Callable[[Transcription, Bounds], None]  # writes into the bounds
 BEGUN_FROM = (0, 1)  # starts that each relaxed problem is solved from
@@ -122,34 +120,29 @@ THOROUGH = (
 )
 
 
-def relaxed_starts(
-    hop: Hop,
-    chosen: Sequence[Relaxation],
-    known: Sequence[StartOutcome] = (),
-    begun_from: Sequence[int] = BEGUN_FROM,
-    say: Progress = lambda text: None,
-    until: Deadline = NEVER,
-) -> list[StartOutcome]:
-    """What the relaxed problems lead to once they are tightened, on the first mesh, as many as there is time for.
+def suiting(hop: Hop, chosen: Sequence[Relaxation]) -> list[Relaxation]:
+    """Of these relaxations those that the problem has limits for."""
+    return [r for r in chosen if r.suits(first_transcription(hop))]
 
-    chosen: the relaxations, of which those are tried that suit the problem; known: hops to which none need be followed
-    again; begun_from: numbers of the starts that each relaxed problem is solved from; say: told how far it is.
+
+def relaxed_starts(
+    hop: Hop, relaxation: Relaxation, known: Sequence[StartOutcome] = (), begun_from: Sequence[int] = BEGUN_FROM,
+    until: Deadline = NEVER,
+) -> list[StartOutcome]:  # fmt: skip
+    """What a relaxed problem leads to once it is tightened, on the first mesh, as far as there is time for it.
+
+    known: hops to which none need be followed again; begun_from: numbers of the starts that it is solved from.
     """
-    watch, relaxed_watch = known_optima(hop, known), known_optima(hop)
+    watch, outcomes = known_optima(hop, known), list[StartOutcome]()
     asked = NlpSolver(first_transcription(hop), first_options(hop, True) | CARRIED, watch, until)
-    relaxed = first_solver(hop, True, relaxed_watch, until)
-    outcomes, suiting = [], [r for r in chosen if r.suits(asked.transcription)]
-    count_down = Countdown(say, "relaxed problems, each tightened to what is asked", len(suiting) * len(begun_from))
-    for relaxation in suiting:
-        relaxed_watch.known.clear()  # each relaxed problem has its own optima
-        for k in begun_from:
-            if until.passed:
-                return outcomes
-            outcome = _tightened(hop, asked, relaxed, relaxation, k)
-            if outcome is not None:
-                outcomes.append(outcome)
-                remember(watch, outcome)
-            count_down.more()
+    relaxed = first_solver(hop, True, known_optima(hop), until)
+    for k in begun_from:
+        if until.passed:
+            break
+        outcome = _tightened(hop, asked, relaxed, relaxation, k)
+        if outcome is not None:
+            outcomes.append(outcome)
+            remember(watch, outcome)
     return outcomes
 
 
