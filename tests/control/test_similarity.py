@@ -15,7 +15,7 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.similarity import Size, factors, similar_height
 from hopopt.control.strategies import find
-from hopopt.control.tracking import Track, TrackingOptions
+from hopopt.control.tracking.track import Track, TrackingOptions
 from hopopt.design import Reserve
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import Scale, reserve_of, weight

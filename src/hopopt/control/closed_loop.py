@@ -15,6 +15,7 @@ from hopopt.control.paper_pd import PaperStrategy
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import Strategy
+from hopopt.control.tracking.track import Track
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import added_states
@@ -58,6 +59,11 @@ class Run:
         """The settings it ran with, by name; those of a controller that keeps none are the strategy's."""
         own = getattr(self.controller, "options", None)
         return asdict(own) if is_dataclass(own) and not isinstance(own, type) else dict(self.strategy.options)
+
+    @property
+    def moves(self) -> float | None:
+        """The most by which feedback moved a torque from one sample to the next, share of stall torque; None without a plan."""
+        return self.controller.moves if isinstance(self.controller, Track) else None
 
     @property
     def overshoot(self) -> float | None:

@@ -26,7 +26,7 @@ static const hopopt_phase hopopt_flight = {
 /* What the tracker remembers between two calls; all zeros before a hop: hopopt_reset. */
 typedef struct {
     int known, contact, lost, early;
-    double error[HOPOPT_STATES], extra[HOPOPT_JOINTS], q[HOPOPT_JOINTS], v[HOPOPT_JOINTS];
+    double t, error[HOPOPT_STATES], extra[HOPOPT_JOINTS], q[HOPOPT_JOINTS], v[HOPOPT_JOINTS], asked[HOPOPT_JOINTS];
 } hopopt_tracker;
 
 static inline void hopopt_reset(hopopt_tracker *s) { memset(s, 0, sizeof *s); }
@@ -109,6 +109,27 @@ static inline void hopopt_add(double *y, double sign, const double *M, int rows,
         for (int j = 0; j < columns; j++) y[i] += sign * M[i * columns + j] * x[j];
 }
 
+/* Errors from the planned flight's q and v at the first instant t off the ground, where it has been for ``since`` [s]: speeds
+   differ as in stance, by an early lift-off, and by the torque that was held on; angles have gone on at the mean speed. */
+static inline void hopopt_let_go(const hopopt_tracker *s, double t, double since, const double *q, const double *v,
+                                 double *error) {
+    const int n = HOPOPT_JOINTS;
+    const double until = hopopt_within(since, 0.0, hopopt_duration(&hopopt_flight));
+    double left_q[HOPOPT_JOINTS], left_v[HOPOPT_JOINTS], left_tau[HOPOPT_JOINTS];
+    double first_q[HOPOPT_JOINTS], first_v[HOPOPT_JOINTS], mean[HOPOPT_JOINTS], held[HOPOPT_JOINTS];
+    hopopt_at(&hopopt_stance, t - since, left_q, left_v, left_tau);
+    hopopt_at(&hopopt_flight, 0.0, first_q, first_v, mean);
+    for (int j = 0; j < n; j++) {
+        if (until >= HOPOPT_EDGE)
+            mean[j] = (hopopt_impulse(&hopopt_flight, until, j) - hopopt_impulse(&hopopt_flight, 0.0, j)) / until;
+        held[j] = (s->asked[j] - mean[j]) * (since / HOPOPT_PERIOD);
+        error[n + j] = s->error[n + j] + (left_v[j] - first_v[j]);
+    }
+    hopopt_add(error + n, 1.0, hopopt_flight.B + n * n, n, n, held);
+    for (int j = 0; j < n; j++)
+        error[j] = s->q[j] + (t - s->t) * (s->v[j] + v[j] + error[n + j]) / 2 - q[j];
+}
+
 /* Joint torques tau [N m] to ask of the drives for the next period.
 
    t: since the hop began [s]          q, v: measured joint angles [rad] and speeds [rad/s]; the filter uses q alone
@@ -131,6 +152,7 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
     }
     if (contact && since > stance - HOPOPT_EDGE) {
         hopopt_at(&hopopt_flight, 0.0, planned_q, planned_v, tau);
+        memcpy(s->asked, tau, sizeof s->asked);
         return;
     }
     const hopopt_phase *p = contact ? &hopopt_stance : &hopopt_flight;
@@ -139,16 +161,13 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
     const int last = p->periods - 1, period = nearest < last ? (int)nearest : last;
     const int ago = nearest < 1 ? 0 : nearest - 1 < last ? (int)nearest - 1 : last; /* the period that led here */
     double error[HOPOPT_STATES] = {0}, miss[HOPOPT_JOINTS];
-    if (!s->known) {
+    if (!s->known || (contact && !s->contact)) { /* no filter knows what speeds an impact leaves */
         for (int j = 0; j < n; j++) error[j] = q[j] - planned_q[j];
     } else if (s->contact == contact) {
         hopopt_add(error, 1.0, p->A + ago * m * m, m, m, s->error);
         hopopt_add(error, 1.0, p->B + ago * m * n, m, n, s->extra);
-    } else { /* another reference */
-        for (int j = 0; j < n; j++) {
-            error[j] = s->q[j] + HOPOPT_PERIOD * s->v[j] - planned_q[j];
-            error[n + j] = s->v[j] - planned_v[j];
-        }
+    } else {
+        hopopt_let_go(s, t, since, planned_q, planned_v, error);
     }
     for (int j = 0; j < n; j++) miss[j] = q[j] - planned_q[j] - error[j];
     hopopt_add(error, 1.0, p->L + period * m * n, m, n, miss);
@@ -161,6 +180,8 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
         s->extra[j] = tau[j] - planned_tau[j];
     }
     memcpy(s->error, error, sizeof error);
+    memcpy(s->asked, tau, sizeof s->asked);
+    s->t = t;
     s->known = 1;
     s->contact = contact;
 }

@@ -1,7 +1,7 @@
 """The tracker of a plan as one C header without dependencies: the strategy ``track`` with its tables of numbers.
 
 ``tracker.h`` beside this file is the algorithm; here its tables are filled in. A test compiles it and compares it with
-``control/tracking.py`` at every control instant of a simulated hop.
+``control/tracking/track.py`` at every control instant of a simulated hop.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,7 +11,8 @@ from importlib.resources import files
 import numpy as np
 
 from hopopt.control.reference import EDGE, FLIGHT, STANCE, PhaseReference
-from hopopt.control.tracking import EARLY, Gains, Track
+from hopopt.control.tracking.regulator import Gains
+from hopopt.control.tracking.track import EARLY, Track
 from hopopt.design import refuse_landed
 from hopopt.export.plan import tracker_of
 from hopopt.planner.solution import Solution

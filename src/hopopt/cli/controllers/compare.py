@@ -31,6 +31,7 @@ def compare(
     strategies: Strategies = None,
     bound: Path | None = None,
     tune: int = 0,
+    reserve: Literal["auto"] | None = None,
     mujoco: bool = False,
     draws: int = 0,
     why: Annotated[bool, Parameter(negative=())] = False,
@@ -61,6 +62,9 @@ def compare(
     tune
         Tune the gains of force and position for this leg on so many simulated hops each (24 or more; half a minute),
         in place of those tuned for the paper's leg and scaled.
+    reserve
+        auto: hold back from the ground force the least with which the plan is tracked on drawn legs, in place of the problem's
+        reserve.ground_force.
     mujoco
         Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws
@@ -100,8 +104,10 @@ def compare(
     if not all(0 <= share <= 0.5 for share in spreads.values()):
         raise UsageError("--mass and --torque are shares from 0 to 0.5")
     from hopopt.comparison import compare as comparing
+    from hopopt.comparison.robust.least_reserve import least_reserve
     from hopopt.comparison.robust.robustness import chosen, four_numbers, spread
     from hopopt.planner.answer.summary_entry import as_data
+    from hopopt.planner.solve import solve
     from hopopt.storage.folder import as_json, prepare
     from hopopt.storage.seal.recheck import reverified
     from hopopt.storage.solution import read, save
@@ -113,14 +119,20 @@ def compare(
     if design.hop.periodic:
         from hopopt.cli.hops.compare import compare_hops
 
-        if tune:
-            raise UsageError("--tune is for the hop from rest: leave it out for a periodic one")
+        if tune or reserve:
+            raise UsageError("--tune and --reserve are for the hop from rest: leave them out for a periodic one")
         return compare_hops(design, names, given, hops, draws, seed, basin, mujoco, why, results, figures, json_)
     if basin:
         raise UsageError("--basin is for the hop that repeats itself: give --hop periodic, or leave it out")
     with progress(quiet=json_) as say:
-        found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
+        plan, words = None, list[str]()
+        if reserve:
+            given = solve(design, progress=say) if given is None else comparing.answering(design, given)
+            kept = least_reserve(given, seed=seed, processes=os.cpu_count() or 1, progress=say)
+            design, plan, words = kept.design, kept.plan, [kept.words]
+        found = comparing.compare(design, names, bound=given, plan=plan, mujoco=mujoco, tune=tune, progress=say)
         data = found.as_dict()
+        data["notes"] += words
         if draws:
             of_legs = seed, design.uncertainty, os.cpu_count() or 1, say
             data["mismatch"] = spread(found, draws, *of_legs)
@@ -130,7 +142,8 @@ def compare(
         steps = ladder_of(found, data, say) if why else None
         data["wall_s"] = time.perf_counter() - began  # all but drawing and writing
         traces = {name: f.trace for name, f in found.figures.items()}
-        where = save_with_figures("comparison", design, data, traces, results, figures, found.figures, steps)
+        tracked = comparing.reference_of(found.plan) if found.plan else None
+        where = save_with_figures("comparison", design, data, traces, results, figures, found.figures, steps, tracked)
         for solution in (found.solution, found.plan):
             if solution is not None and solution.result_dir is None:  # what the figures stand on
                 save(solution, where)

@@ -18,6 +18,7 @@ def robust(
     evaluations: int = 8,
     seed: int = 0,
     starts: int | None = None,
+    seconds: float = 900.0,
     results: Path = Path("results"),
     figures: bool = True,
     json_: AsJson = False,
@@ -48,6 +49,8 @@ def robust(
         Seed of the draws.
     starts
         Starting points of each bound (default: the problem's solver.starts).
+    seconds
+        Time for bounds and plans; what has been found by then is judged on the fresh legs.
     results
         Folder for the results; each run gets a new folder inside it.
     figures
@@ -73,6 +76,7 @@ def robust(
             evaluations=evaluations,
             seed=seed,
             starts=starts,
+            seconds=seconds,
             processes=os.cpu_count() or 1,
             progress=say,
         )

@@ -84,11 +84,12 @@ def simulate(
             "hops": hops,
             **run.figures.as_dict(),
             "overshoot_m": run.overshoot,
+            "feedback_moves": run.moves,
             "lift_offs": run.trace.times_of("lift-off"),
             "touchdowns": run.trace.times_of("touchdown"),
         }
         where = save_with_figures(
-            "simulation", design, row, {strategy: run.trace}, results, figures, {strategy: run.figures}
+            "simulation", design, row, {strategy: run.trace}, results, figures, {strategy: run.figures}, plan=reference
         )
     if json_:
         print(as_json({**row, "exit_code": 0, "result_dir": str(where)}))
@@ -139,12 +140,15 @@ def save_with_figures(
     draw: bool,
     figures: Any,
     steps: "Ladder | None" = None,
+    plan: Any = None,
 ) -> Path:
-    """Save simulated runs, with their figures if those are wanted; the new folder."""
+    """Save simulated runs, with their figures if those are wanted, and the plan that was tracked; the new folder."""
     from hopopt.storage.runs import save_runs
 
     if not draw:
         return save_runs(what, design, data, traces, results)
     from hopopt.plots.controllers.runs import save_all
 
-    return save_runs(what, design, data, traces, results, lambda folder: save_all(figures, folder, steps=steps))
+    return save_runs(
+        what, design, data, traces, results, lambda folder: save_all(figures, folder, steps=steps, plan=plan)
+    )

@@ -11,8 +11,9 @@ from hopopt.cli.screen.console import console, print_table
 from hopopt.cli.screen.ladder import cm, print_ladder
 
 ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/simulation.md)"
+RESTLESS = 0.05  # of stall torque from one sample to the next, above which a line says so
 HALF = 0.5  # of the bound, below which a line says what is in the way
-OVERSHOOT = 0.005  # [m] from which on it is worth a line
+OVERSHOOT = 0.01  # of the clearance, from which on it is worth a line
 BRAKED = "force_braked"
 GAPS = {"push": "push_m", "timing": "timing_m", "fold": "retraction_m"}
 PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
@@ -34,7 +35,7 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
             part, key = max(GAPS.items(), key=lambda item: row["gap"][item[1]])
             lost = f"it loses most by {part}, {100 * row['gap'][key]:.1f} cm"
             out.print(f"{name} clears less than half of the bound: {lost}")
-        if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
+        if (short := row["overshoot_m"]) is not None and short > OVERSHOOT * row["clearance_m"]:
             out.print(f"{name}: {_overshoot(short)}; {BRAKED} follows it without")
     for name, row in rows.items():
         if "paper" in row:
@@ -44,6 +45,8 @@ def print_comparison(comparison: Mapping[str, Any], where: str) -> None:
             out.print(f"{name} does not keep every limit of the problem: {', '.join(row['limits_exceeded'])}")
         if row["left_early"]:
             out.print(f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/simulation.md)")
+        if words := _restless(row["feedback_moves"]):
+            out.print(f"{name}: {words}")
         if row["cut_short"]:
             out.print(f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}")
     for name, spread in comparison.get("mismatch", {}).items():
@@ -88,10 +91,12 @@ def print_run(row: Mapping[str, Any], where: str) -> None:
     out.print(f"  peak ground force {row['peaks']['ground_force_N']:.0f} N; the run ended: {row['outcome']}")
     if row["no_hop"]:
         out.print(f"  no hop: {row['no_hop']}")
-    if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
+    if (short := row["overshoot_m"]) is not None and short > OVERSHOOT * row["clearance_m"]:
         out.print(f"  {_overshoot(short)}; the strategy {BRAKED} follows it without")
     if row["limits_exceeded"]:
         out.print(f"  limits of the problem not kept: {', '.join(row['limits_exceeded'])}")
+    if words := _restless(row["feedback_moves"]):
+        out.print(f"  {words}")
     if row["cut_short"]:
         out.print(f"  {row['cut_short']}")
     if row.get("hops", 1) > 1:
@@ -160,6 +165,16 @@ def _four(found: Mapping[str, Any]) -> Table:
 
 def _overshoot(short: float) -> str:
     return f"its servo overshoots: at the clearance the leg is {100 * short:.1f} cm shorter than its reference y_f"
+
+
+def _restless(moves: float | None) -> str:
+    """What is said of feedback that moves torques by more than a motor should have to follow; empty where it does not."""
+    if moves is None or moves <= RESTLESS:
+        return ""
+    return (
+        f"feedback moves a torque by up to {moves:.0%} of stall torque from one sample to the next, more than {RESTLESS:.0%}: "
+        "a finer encoder or a larger effort of the tracker moves it less"
+    )
 
 
 def _paper(name: str, r: Mapping[str, Any]) -> str:

@@ -2,9 +2,7 @@
 
 The phase follows the contact, not the clock: stance runs from rest, flight from the measured lift-off. If the foot
 is still down when the planned stance is over, the torques with which flight begins are applied: they lift it off.
-The feedback is either a plain PD on the encoders, or linear-quadratic-Gaussian along the plan (Anderson and Moore,
-Optimal Control, chapters 3 and 8): a Riccati recursion backwards over the control periods gives the gains, one
-forwards the Kalman filter that makes joint speeds from coarse encoders, both on the dynamics linearised there.
+The feedback is either a plain PD on the encoders, or linear-quadratic-Gaussian along the plan (``regulator``).
 """
 
 from dataclasses import dataclass, replace
@@ -15,24 +13,23 @@ import numpy as np
 from hopopt.control.reference import PhaseReference
 from hopopt.control.setting import Setting, chosen, one_of
 from hopopt.control.similarity import Size, factors
+from hopopt.control.tracking.regulator import Gains, Noise, regulator
 from hopopt.errors import UsageError
-from hopopt.leg.robot import BASE
-from hopopt.leg.scales import Scale
+from hopopt.leg.scales import Scale, stall_torques
 from hopopt.sim.controller import Measurement
-from hopopt.sim.machine import Machine
 
 EARLY = 0.9  # of the planned stance: a foot that comes off before is taken to bounce
-SERIES = 6  # terms of the matrix exponential
-STEP = 1e-5  # of the central differences that linearise the dynamics
+USUAL = 2.5e-4  # [s] on the paper's leg: the control period whose errors and torques the options weigh
+LET_GO = 0.25  # of stall torque: what the filter takes the torque to be off by as the ground lets go of the foot
 
 
 @dataclass(frozen=True)
 class TrackingOptions:
     """feedback: "lqr", "pd" or "none"; the numbers are those of the paper's leg.
 
-    For lqr: the errors that count alike, angle [rad], speed [rad/s], effort [N m]; how much more the end of stance
-    counts than one period of it; disturbance [N m], the torque error the filter expects. For pd: k_p [N m/rad],
-    k_d [N m s/rad].
+    For lqr, all at 4 kHz, at other rates the same per time: the errors that count alike, angle [rad], speed [rad/s],
+    effort [N m]; how much more the end of stance counts than one period of it; disturbance [N m], the torque error that
+    the filter expects. For pd: k_p [N m/rad], k_d [N m s/rad].
     """
 
     feedback: str = one_of("lqr", "pd", "none")
@@ -58,30 +55,10 @@ class TrackingOptions:
             if getattr(self, name) <= 0:
                 raise UsageError(f"{name} = {getattr(self, name):g}: it must be greater than 0")
 
-    def costs(self, n: int) -> tuple[np.ndarray, np.ndarray]:
-        """Q (2 n, 2 n) and R (n, n): what errors and added torques of one control period cost."""
-        return np.diag([self.angle**-2] * n + [self.speed**-2] * n), np.eye(n) / self.effort**2
-
-
-@dataclass(frozen=True)
-class Gains:
-    """Along one phase, for each control period: the error (q, v) moves by A and by held torque B, feedback K
-    (periods, n, 2 n), filter L (periods, 2 n, n); x' P x is the cost of all that follows (periods + 1, 2 n, 2 n)."""
-
-    A: np.ndarray
-    B: np.ndarray
-    K: np.ndarray
-    L: np.ndarray
-    P: np.ndarray
-
-    def at(self, period: int) -> tuple[np.ndarray, ...]:
-        """A, B, K, L of a period; beyond the last, the last."""
-        k = min(period, len(self.K) - 1)
-        return self.A[k], self.B[k], self.K[k], self.L[k]
-
-    def cost_to_go(self, period: int) -> np.ndarray:
-        """P where a period begins; beyond the last, at the end of the phase."""
-        return self.P[min(period, len(self.P) - 1)]
+    def costs(self, n: int, periods: float, contact: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What errors (2 n, 2 n) and added torques (n, n) cost over so many usual periods, and errors at the end of a phase."""
+        errors = np.diag([self.angle**-2] * n + [self.speed**-2] * n)
+        return periods * errors, periods * np.eye(n) / self.effort**2, errors * (self.end if contact else 1.0)
 
 
 class Track:
@@ -95,18 +72,23 @@ class Track:
         self.options, self.period = self.options_of.of(setting), setting.period
         self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
         self.state: Estimate | None = None
+        self.asked, self.stall = np.zeros_like(self.rest), stall_torques(setting.design.leg)
+        self.moves = 0.0  # the most by which feedback moved a torque from one sample to the next, share of stall torque
         self.lost = self.early = False
         self.began = -np.inf  # when the last stance began [s]
         if self.options.feedback == "lqr":
-            machine, noise = setting.machine(), setting.angle_noise
-            known = noise / Scale.of(setting.design.leg).time  # [rad/s] of a leg at rest, or one that was tracked
-            unsure = {False: known, True: self.options.speed if self.plan.repeats else known}  # an impact comes before
-            self.gains = {
-                contact: regulator(
-                    machine, self.reference(contact), self.period, contact, self.options, noise, unsure[contact]
-                )
-                for contact in (True, False)
-            }
+            self.gains = {contact: self._gains(setting, contact) for contact in (True, False)}
+
+    def _gains(self, setting: Setting, contact: bool) -> Gains:
+        machine, o, time = setting.machine(), self.options, Scale.of(setting.design.leg).time
+        periods = self.period / (USUAL * time)
+        speed = setting.angle_noise / time  # of a leg at rest, or one that was tracked
+        jump = 0.0 if contact else LET_GO * float(self.stall.mean())
+        if contact and self.plan.repeats:  # an impact comes before
+            speed = o.speed
+        noise = Noise(setting.angle_noise, o.disturbance / periods**0.5, speed, jump)
+        costs = o.costs(machine.n, periods, contact)
+        return regulator(machine, self.reference(contact), self.period, contact, costs, noise)
 
     def stance_goes_on(self, now: Measurement) -> bool:
         """Whether to follow the planned stance: on the ground, or only bounced off it long before the lift-off."""
@@ -124,6 +106,10 @@ class Track:
 
     def torque(self, now: Measurement) -> np.ndarray:
         """tau_plan - K (q - q_plan, v - v_plan)."""
+        self.asked = self._torque(now)
+        return self.asked
+
+    def _torque(self, now: Measurement) -> np.ndarray:
         over = now.landings and not self.plan.repeats
         if now.contact and over:  # stand as at the start
             return self.options.k_p * (self.rest - now.q) - self.options.k_d * now.v
@@ -156,14 +142,25 @@ class Track:
         elif before.contact == now.contact:
             A, B = self.gains[now.contact].at(max(k - 1, 0))[:2]  # of the period that led here
             error = A @ before.error + B @ before.extra
-        else:  # another reference
-            ahead = before.q + self.period * before.v
-            error = np.concatenate([ahead - q, before.v - v])
+        else:
+            error = self._let_go(now, before, q, v)
         error = error + L @ (now.q - q - error[: len(q)])
         speeds = v + error[len(q) :]
         command = self.drive.clamp(speeds, tau + self.added(now.contact, k, error))
-        self.state = Estimate(now.contact, error, command - tau, q + error[: len(q)], speeds)
+        self.state = Estimate(now.contact, error, command - tau, q + error[: len(q)], speeds, now.t)
+        if before is not None and before.contact == now.contact:
+            self.moves = max(self.moves, float((np.abs(self.state.extra - before.extra) / self.stall).max()))
         return command
+
+    def _let_go(self, now: Measurement, before: "Estimate", q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Errors (2 n) from the planned flight's q and v at the first instant off the ground: speeds differ as in stance, by an
+        early lift-off, and by the torque that was held on beyond it; angles have gone on at the mean speed."""
+        n, flight = len(q), self.plan.flight
+        held = self.asked - flight.mean_torque(0.0, now.since)
+        missed = self.plan.stance.at(now.t - now.since - self.began)[1] - flight.at(0.0)[1]
+        off = before.error[n:] + missed + self.gains[False].B[0, n:] @ (held * (now.since / self.period))
+        ahead = before.q + (now.t - before.t) * (before.v + v + off) / 2
+        return np.concatenate([ahead - q, off])
 
     def added(self, contact: bool, k: int, error: np.ndarray) -> np.ndarray:
         """The torque (n) [N m] that feedback adds to the plan's in control period k, from the estimated error (2 n): by the
@@ -174,69 +171,11 @@ class Track:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the filter thinks: errors (q, v) from the plan, the torque added to it, and the joints' q and v."""
+    """What the filter thinks at t [s]: errors (q, v) from the plan, the torque added to it, and the joints' q and v."""
 
     contact: bool
     error: np.ndarray
     extra: np.ndarray
     q: np.ndarray
     v: np.ndarray
-
-
-def regulator(
-    machine: Machine,
-    phase: PhaseReference,
-    period: float,
-    contact: bool,
-    o: TrackingOptions,
-    noise: float,
-    unsure: float,
-) -> Gains:
-    """Feedback and filter gains along a phase; ``noise`` [rad] is the standard error of a measured angle, ``unsure``
-    [rad/s] that of the speeds as the phase begins."""
-    n, periods = machine.n, max(1, int(phase.duration / period))
-    pairs = [linearised(machine, phase, k * period, period, contact) for k in range(periods)]
-    A, B = (np.array(matrices) for matrices in zip(*pairs, strict=True))
-    Q, R = o.costs(n)
-    K, P = np.empty((periods, n, 2 * n)), np.empty((periods + 1, 2 * n, 2 * n))
-    P[periods] = Q * (o.end if contact else 1.0)
-    for k in reversed(range(periods)):
-        after = P[k + 1]
-        K[k] = np.linalg.solve(R + B[k].T @ after @ B[k], B[k].T @ after @ A[k])
-        cost = Q + A[k].T @ after @ (A[k] - B[k] @ K[k])
-        P[k] = 0.5 * (cost + cost.T)
-    L, S, V = np.empty((periods, 2 * n, n)), np.diag([noise**2] * n + [unsure**2] * n), np.eye(n) * noise**2
-    for k in range(periods):
-        L[k] = np.linalg.solve(S[:n, :n] + V, S[:n]).T
-        S = A[k] @ (S - L[k] @ S[:n]) @ A[k].T + o.disturbance**2 * B[k] @ B[k].T
-        S = 0.5 * (S + S.T)
-    return Gains(A, B, K, L, P)
-
-
-def linearised(
-    machine: Machine, phase: PhaseReference, t: float, period: float, contact: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """A, B of joint errors over one period of held torque about the plan at t: x+ = A x + B u."""
-    n, z = machine.n, np.concatenate(phase.at(t))
-    columns = [
-        (joint_acceleration(machine, z + step, contact) - joint_acceleration(machine, z - step, contact)) / (2 * STEP)
-        for step in STEP * np.eye(3 * n)
-    ]
-    system = np.zeros((3 * n, 3 * n))
-    system[:n, n : 2 * n] = period * np.eye(n)
-    system[n : 2 * n] = period * np.array(columns).T
-    moved, term = np.eye(3 * n), np.eye(3 * n)
-    for power in range(1, SERIES + 1):  # the matrix exponential; a period is short beside what the leg does
-        term = term @ system / power
-        moved = moved + term
-    return moved[: 2 * n, : 2 * n], moved[: 2 * n, 2 * n :]
-
-
-def joint_acceleration(machine: Machine, z: np.ndarray, contact: bool) -> np.ndarray:
-    """Joint accelerations (n) [rad/s^2] from z = (q, v, tau) of the joints; in flight whatever the body does."""
-    q, v, tau = np.split(z, 3)
-    if contact:
-        return machine.stance_terms(q, v).acceleration(tau)
-    base = np.zeros(BASE)
-    q, v = (np.concatenate([base, x]) for x in (q, v))
-    return machine.acceleration(q, v, tau, False)[BASE:]
+    t: float
