@@ -254,6 +254,7 @@ def test_the_filter_predicts_with_the_matrices_that_lead_to_the_next_step(
 ) -> None:
     """Errors that move by matrices of their own in every period, measured without noise: the filter is right throughout."""
     track, rng = Track(Setting(solution.design, PERIOD, plan)), np.random.default_rng(0)
+    track.step = 1e-15  # of encoders that round nothing
     usual = track.gains[True]
     A = usual.A + rng.normal(0, 0.05, usual.A.shape)
     B = usual.B * rng.uniform(0.5, 1.5, (len(usual.B), 1, 1))
@@ -284,6 +285,35 @@ def test_feedback_and_filter_are_the_same_at_every_rate(solution: Solution, plan
     slow, fast = (Track(Setting(solution.design, period, plan)).gains[True] for period in (PERIOD, PERIOD / 2))
     K, twice = slow.K[100:500:100], fast.K[200:1000:200]
     assert np.abs(K - twice).max() < 0.1 * np.abs(twice).max()
+
+
+def test_a_reading_within_half_a_step_says_nothing_of_a_joint_at_rest(solution: Solution, plan: PlanReference) -> None:
+    """What rounds alike is no news; beyond half a step only what is beyond it counts, and of a fast joint all."""
+    track = Track(Setting(solution.design, PERIOD, plan))
+    half, rest = np.pi / 2**14, np.zeros(2)
+    np.testing.assert_array_equal(track.missed(np.array([0.9, -0.9]) * half, rest), 0.0)
+    np.testing.assert_allclose(track.missed(np.array([3.0, -1.5]) * half, rest), np.array([2.0, -0.5]) * half)
+    apart, fast = np.array([0.9, 3.0]) * half, np.full(2, 2 * half / PERIOD)
+    np.testing.assert_allclose(track.missed(apart, fast), apart)
+
+
+def test_the_tracker_makes_up_for_what_gears_take(plan: PlanReference) -> None:
+    """On the plan it asks for as much more as the gears lose where they drive, as much less where they brake."""
+    lossy = load(
+        "paper",
+        {**CHEAP, "simulation.gear_efficiency": 0.8, "simulation.gear_friction": 2.0, "leg.motor.max_torque": 8.0},
+    )
+    track = Track(Setting(lossy, PERIOD, plan))
+    gear, w = track.drive.gear, np.array([3.0, -3.0])
+    for tau in (np.array([40.0, 40.0]), np.array([-40.0, 1.0])):
+        np.testing.assert_allclose(gear.passed(w, gear.needed(w, tau)), tau, rtol=1e-12)
+    driving, braking = gear.needed(w, np.array([40.0, 40.0]))
+    assert driving == pytest.approx((40.0 + 2.0) / 0.8, rel=1e-6)
+    assert braking == pytest.approx((40.0 - 2.0) / 1.2, rel=1e-6)
+    t = 400 * PERIOD
+    q, v, _ = plan.stance.at(t)
+    asked = track.torque(Measurement(t, q, v, True, t, 0))
+    np.testing.assert_allclose(gear.passed(v, asked), plan.stance.mean_torque(t, t + PERIOD), rtol=0, atol=1e-6)
 
 
 # ---- what a user asks for ------------------------------------------------------------------------------------------

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hopopt.drivetrain import kernels
+
 SLOW = 0.05  # joint speed [rad/s] over which friction changes its sign smoothly, on the paper's leg
 LIGHTEST = 1e-3  # [kg m^2] least inertia that friction is taken to stop, on the paper's leg
 
@@ -26,3 +28,14 @@ class Gear:
     def ideal(self) -> bool:
         """Whether nothing is lost."""
         return bool(np.all(self.efficiency == 1.0)) and self.friction == 0.0 and self.damping == 0.0
+
+    def passed(self, w: np.ndarray, motor: np.ndarray) -> np.ndarray:
+        """Torques (n) [N m] at the joints, of motors' torques ``motor`` (n) [N m] at joint speeds w (n) [rad/s]."""
+        efficiency = np.broadcast_to(np.asarray(self.efficiency, dtype=float), len(w)).copy()
+        return kernels.geared(w, motor, efficiency, float(self.friction), float(self.damping), self.slow)
+
+    def needed(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Torques (n) [N m] of the motors that come to torques tau (n) [N m] at the joints: the inverse of ``passed``."""
+        turning = np.tanh(w / self.slow)
+        before = tau + self.friction * turning + self.damping * w
+        return before / (1 - (1 - np.asarray(self.efficiency)) * turning * np.sign(before))

@@ -47,9 +47,20 @@ def tables(tracker: Track) -> str:
     for name, phase in _phases(tracker).items():
         gains = tracker.gains[name == STANCE]
         sizes |= {f"{name.upper()}_INTERVALS": len(phase.t), f"{name.upper()}_PERIODS": len(gains.K)}
-    figures = {"PERIOD": tracker.period, "EDGE": EDGE, "EARLY": EARLY, "K_P": o.k_p, "K_D": o.k_d}
+    figures = {
+        "PERIOD": tracker.period,
+        "EDGE": EDGE,
+        "EARLY": EARLY,
+        "STEP": tracker.step,
+        "ENDS": tracker.ends,
+        "K_P": o.k_p,
+        "K_D": o.k_d,
+    }
+    gear = tracker.drive.gear
+    figures |= {"FRICTION": float(gear.friction), "DAMPING": float(gear.damping), "SLOW": float(gear.slow)}
     lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
     shared = {"places": stance.places, "weights": stance.barycentric, "rest": tracker.rest}
+    shared["efficiency"] = tracker.drive.efficiency
     lines += [_array(name, values) for name, values in shared.items()]
     for side, planes in bounds.items():
         joints = padded(planes, sizes["LINES"]).tolist()

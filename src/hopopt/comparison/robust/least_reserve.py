@@ -80,4 +80,6 @@ def least_reserve(
         if not fell and plan.verified:
             return LeastReserve(design, plan, share, draws, bound.clearance - plan.clearance)
         against = f"with {share:.0%} of the weight held back, {fell} of {draws} drawn legs fall"
-    raise NotSolvedError(f"{asked.name}: no reserve was found with which the plan is tracked on all drawn legs ({against})")
+    raise NotSolvedError(
+        f"{asked.name}: no reserve was found with which the plan is tracked on all drawn legs ({against})"
+    )

@@ -1,7 +1,7 @@
 """Following a planned hop: its torques fed forward, and feedback on the joints.
 
-The phase follows the contact, not the clock: stance runs from rest, flight from the measured lift-off. If the foot
-is still down when the planned stance is over, the torques with which flight begins are applied: they lift it off.
+The phase follows the contact, not the clock: stance runs from rest, flight from the measured lift-off. If the foot is still
+down at the control instant next to the end of the planned stance, the torques with which flight begins lift it off.
 The feedback is either a plain PD on the encoders, or linear-quadratic-Gaussian along the plan (``regulator``).
 """
 
@@ -72,7 +72,10 @@ class Track:
         self.options, self.period = self.options_of.of(setting), setting.period
         self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
         self.state: Estimate | None = None
-        self.asked, self.stall = np.zeros_like(self.rest), stall_torques(setting.design.leg)
+        self.given, self.stall = np.zeros_like(self.rest), stall_torques(setting.design.leg)
+        self.step = float(np.sqrt(12) * setting.angle_noise)  # of the encoders [rad]
+        early = 1e-9 if self.options.feedback == "none" else self.period / 2
+        self.ends = self.plan.stance.duration - early  # of stance: from the control instant next to it on [s]
         self.moves = 0.0  # the most by which feedback moved a torque from one sample to the next, share of stall torque
         self.lost = self.early = False
         self.began = -np.inf  # when the last stance began [s]
@@ -105,23 +108,21 @@ class Track:
         return self.plan.stance if contact else self.plan.flight
 
     def torque(self, now: Measurement) -> np.ndarray:
-        """tau_plan - K (q - q_plan, v - v_plan)."""
-        self.asked = self._torque(now)
-        return self.asked
-
-    def _torque(self, now: Measurement) -> np.ndarray:
+        """tau_plan - K (q - q_plan, v - v_plan), and what the gears take of it."""
         over = now.landings and not self.plan.repeats
         if now.contact and over:  # stand as at the start
             return self.options.k_p * (self.rest - now.q) - self.options.k_d * now.v
         if not over and self.stance_goes_on(now):
             now = replace(now, contact=True, since=now.t - self.began)
-        if now.contact and now.since > self.plan.stance.duration - 1e-9:
-            return self.plan.flight.at(0.0)[2]
+        if now.contact and now.since > self.ends:
+            self.given = self.plan.flight.at(0.0)[2]
+            return self.given
         q, v, tau = self.planned(now)
         if self.options.feedback == "none":
             return tau
         if self.options.feedback == "pd":
-            return tau - self.options.k_p * (now.q - q) - self.options.k_d * (now.v - v)
+            needed = self.drive.gear.needed(v, tau)
+            return needed - self.options.k_p * (now.q - q) - self.options.k_d * (now.v - v)
         return self._regulated(now, q, v, tau)
 
     def planned(self, now: Measurement) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -138,25 +139,33 @@ class Track:
         k = round(now.since / self.period)
         before, L = self.state, self.gains[now.contact].at(k)[3]
         if before is None or (now.contact and not before.contact):  # no filter knows what speeds an impact leaves
-            error = np.concatenate([now.q - q, np.zeros_like(q)])
+            error = np.concatenate([self.missed(now.q - q, v), np.zeros_like(q)])
         elif before.contact == now.contact:
             A, B = self.gains[now.contact].at(max(k - 1, 0))[:2]  # of the period that led here
             error = A @ before.error + B @ before.extra
         else:
             error = self._let_go(now, before, q, v)
-        error = error + L @ (now.q - q - error[: len(q)])
+        error = error + L @ self.missed(now.q - q - error[: len(q)], v)
         speeds = v + error[len(q) :]
-        command = self.drive.clamp(speeds, tau + self.added(now.contact, k, error))
-        self.state = Estimate(now.contact, error, command - tau, q + error[: len(q)], speeds, now.t)
-        if before is not None and before.contact == now.contact:
+        wanted, gear = tau + self.added(now.contact, k, error), self.drive.gear
+        command = self.drive.clamp(speeds, gear.needed(v, wanted))  # at planned speeds, whose sign is no noise
+        self.given = gear.passed(v, command)
+        self.state = Estimate(now.contact, error, self.given - tau, q + error[: len(q)], speeds, now.t)
+        if before is not None and before.contact == now.contact and now.since <= self.reference(now.contact).duration:
             self.moves = max(self.moves, float((np.abs(self.state.extra - before.extra) / self.stall).max()))
         return command
+
+    def missed(self, apart: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """What a reading tells (n) [rad] that is so far from what was expected: nothing within half a step of the encoder, which
+        rounds alike as long as the joint rests; the more, the more of a step it turns in a period at planned speeds v (n)."""
+        resting = 1 - np.minimum(1, np.abs(v) * self.period / self.step)
+        return apart - resting * np.clip(apart, -self.step / 2, self.step / 2)
 
     def _let_go(self, now: Measurement, before: "Estimate", q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Errors (2 n) from the planned flight's q and v at the first instant off the ground: speeds differ as in stance, by an
         early lift-off, and by the torque that was held on beyond it; angles have gone on at the mean speed."""
         n, flight = len(q), self.plan.flight
-        held = self.asked - flight.mean_torque(0.0, now.since)
+        held = self.given - flight.mean_torque(0.0, now.since)
         missed = self.plan.stance.at(now.t - now.since - self.began)[1] - flight.at(0.0)[1]
         off = before.error[n:] + missed + self.gains[False].B[0, n:] @ (held * (now.since / self.period))
         ahead = before.q + (now.t - before.t) * (before.v + v + off) / 2
