@@ -15,7 +15,7 @@ from hopopt.control.setting import Setting, chosen, one_of
 from hopopt.control.similarity import Size, factors
 from hopopt.control.tracking.regulator import Gains, Noise, regulator
 from hopopt.errors import UsageError
-from hopopt.leg.scales import Scale, stall_torques
+from hopopt.leg.scales import Scale, standstill_torques
 from hopopt.sim.controller import Measurement
 
 EARLY = 0.9  # of the planned stance: a foot that comes off before is taken to bounce
@@ -72,11 +72,13 @@ class Track:
         self.options, self.period = self.options_of.of(setting), setting.period
         self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
         self.state: Estimate | None = None
-        self.given, self.stall = np.zeros_like(self.rest), stall_torques(setting.design.leg)
+        self.given, self.stall = np.zeros_like(self.rest), standstill_torques(setting.design.leg)
         self.step = float(np.sqrt(12) * setting.angle_noise)  # of the encoders [rad]
         early = 1e-9 if self.options.feedback == "none" else self.period / 2
         self.ends = self.plan.stance.duration - early  # of stance: from the control instant next to it on [s]
-        self.moves = 0.0  # the most by which feedback moved a torque from one sample to the next, share of stall torque
+        self.moves = (
+            0.0  # the most by which feedback moved a torque between samples, share of what a drive gives at standstill
+        )
         self.lost = self.early = False
         self.began = -np.inf  # when the last stance began [s]
         if self.options.feedback == "lqr":

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hopopt.control.reference import PlanReference
-from hopopt.leg.scales import stall_torques
+from hopopt.leg.scales import standstill_torques
 from hopopt.plots.controllers.runs_style import COLORS, last, runs_figure
 from hopopt.plots.style import BLACK, GREY, SIZE, describe, jumping_curve, legend
 from hopopt.sim.hop_metrics import HopFigures
@@ -18,7 +18,7 @@ def tracking(name: str, run: HopFigures, plan: PlanReference) -> Figure:
 
     The plan's clock follows the contact, as the tracker's does: its flight begins at the run's lift-off.
     """
-    joints, stall, until = run.trace.robot.joints, stall_torques(run.design.leg), last(run) + 1
+    joints, stall, until = run.trace.robot.joints, standstill_torques(run.design.leg), last(run) + 1
     figure = runs_figure({name: run}, f"torques of {name}, planned and commanded", (SIZE[0], 1.4 + 3.4 * len(joints)))
     axes = figure.subplots(2 * len(joints), sharex=True, height_ratios=[5, 3] * len(joints))
     t, asked = run.trace.t[:until], run.trace.command[:until]
