@@ -10,11 +10,12 @@ from hopopt.plots.style import BLACK, GREY, SIZE, describe, jumping_curve, legen
 from hopopt.sim.hop_metrics import HopFigures
 
 FEEDBACK = COLORS[2]
+LEAST = 1.0  # [%] of full torque, the least half height of an axis of added torque
 
 
 def tracking(name: str, run: HopFigures, plan: PlanReference) -> Figure:
     """Torque [N m] of every joint over time [s] up to the clearance, as planned and as commanded, and below it their
-    difference in percent of stall torque: there the encoders' steps and what errors cost can be seen.
+    difference in percent of what the drive gives at standstill: there the encoders' steps and what errors cost can be seen.
 
     The plan's clock follows the contact, as the tracker's does: its flight begins at the run's lift-off.
     """
@@ -23,17 +24,20 @@ def tracking(name: str, run: HopFigures, plan: PlanReference) -> Figure:
     axes = figure.subplots(2 * len(joints), sharex=True, height_ratios=[5, 3] * len(joints))
     t, asked = run.trace.t[:until], run.trace.command[:until]
     planned = np.array([_planned(plan, run, k) for k in range(until)])
+    shares = 100 * (asked - planned) / stall
+    most = max(
+        LEAST, 1.3 * float(np.percentile(np.abs(shares), 99))
+    )  # where the plan jumps within a period they are larger
     for j, (torques, added) in enumerate(zip(axes[::2], axes[1::2], strict=True)):
         jumping_curve(torques, t, t, asked[:, j], label="commanded", color=FEEDBACK, lw=3.5, alpha=0.55, zorder=2)
         jumping_curve(torques, t, t, planned[:, j], label="planned", color=BLACK, lw=1.2, zorder=3)
-        jumping_curve(
-            added, t, t, 100 * (asked - planned)[:, j] / stall[j], label="added by feedback", color=FEEDBACK, lw=0.9
-        )
+        jumping_curve(added, t, t, shares[:, j], label="added by feedback", color=FEEDBACK, lw=0.9)
+        added.set_ylim(-most, most)
         added.axhline(0, color=GREY, lw=1, zorder=1)
         for ax in (torques, added):
             ax.axvline(run.lift_off["time_s"], color=GREY, lw=1, ls=":", zorder=1)
         describe(torques, "", "torque [N m]", joints[j])
-        describe(added, "time [s]; dotted: lift-off" if j == len(joints) - 1 else "", "added\n[% of stall]")
+        describe(added, "time [s]; dotted: lift-off" if j == len(joints) - 1 else "", "added\n[% of full]")
     legend(figure)
     return figure
 
