@@ -26,7 +26,7 @@ from hopopt.storage.solution import read, save
 BITS, RATES = (8, 10, 12, 14, 18, 0), (1000, 2000, 4000, 8000)  # 0 bits: perfect
 LEAST = 0.9  # of the bound
 SMALL = {  # a leg of 2.55 kg
-    "leg.thigh.length": 0.18, "leg.thigh.mass": 0.6, "leg.shank.length": 0.17, "leg.shank.mass": 0.15, "leg.body.mass": 1.8,
+    "name": "small", "title": "A small leg", "leg.thigh.length": 0.18, "leg.thigh.mass": 0.6, "leg.shank.length": 0.17, "leg.shank.mass": 0.15, "leg.body.mass": 1.8,
     "leg.motor.max_torque": 1.5, "leg.motor.max_speed": 264.0, "leg.motor.rotor_inertia": 2.4e-5, "leg.gear.ratio": 6.0,
     "leg.hip.lower": -1.0, "leg.hip.upper": 1.5, "leg.knee.lower": -2.4, "leg.knee.upper": -0.2, "start.hip_height": 0.22,
 }  # fmt: skip

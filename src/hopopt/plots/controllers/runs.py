@@ -159,7 +159,8 @@ def save_all(
 ) -> list[Path]:
     """Write every figure in every format to a folder, which is made if need be; the files written.
 
-    steps: of the ladder, if there is one. plan: what the runs called track followed, if one did. The budget is left out unless there is an optimum and something beside it.
+    steps: of the ladder, if there is one. plan: what the runs called track followed, if one did. The budget is left out unless
+    there is an optimum and something beside it.
     Raises ResultError, naming the figures that failed and why, when the others are written.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -167,8 +168,8 @@ def save_all(
     more: dict[str, Callable[[Runs], Figure]] = {}
     if steps is not None:
         more["why"] = lambda runs: staircase(steps, called_after(next(iter(runs.values())).design))
-    if plan is not None and (name := next((name for name in TRACKERS if name in runs), "")):
-        more["tracking"] = lambda runs: tracking(name, runs[name], plan)
+    if plan is not None and (followed := next((tracker for tracker in TRACKERS if tracker in runs), "")):
+        more["tracking"] = lambda runs: tracking(followed, runs[followed], plan)
     for name, draw in (FIGURES | more).items():
         if name == "budget" and not (OPTIMUM in runs and len(runs) > 1):
             continue
