@@ -14,18 +14,9 @@ from hopopt.cli.main import run
 from hopopt.cli.screen.console import show
 from hopopt.cli.screen.hops import hops as shown_hops
 from hopopt.comparison.compare import reference_of
-from hopopt.comparison.hops.hop_after_hop import (
-    Hops,
-    HopsComparison,
-    Trial,
-    apex_of,
-    compare_hops,
-    hop_on,
-    hops_in_mujoco,
-    hops_on_draws,
-    moved,
-)
+from hopopt.comparison.hops.hop_after_hop import HopsComparison, compare_hops
 from hopopt.comparison.hops.return_map import Fallen, ReturnMap, multipliers, state_at_landing
+from hopopt.comparison.hops.trials import Hops, Trial, apex_of, hop_on, hops_in_mujoco, hops_on_draws, moved
 from hopopt.comparison.ladder import ladder, withheld
 from hopopt.comparison.robust.robustness import drawn
 from hopopt.control.closed_loop import simulate
@@ -248,7 +239,7 @@ def test_wrong_questions_are_refused(capsys: pytest.CaptureFixture[str]) -> None
     assert run(["compare", "--hop", "periodic", "--tune", "24"]) == 2
     assert run(["compare", "--hop", "periodic", "--hops", "1"]) == 2
     said = capsys.readouterr().err
-    assert "--tune is for the hop from rest" in said
+    assert "--tune and --reserve are for the hop from rest" in said
     assert "--hops must be at least 2" in said
 
 

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,11 +14,14 @@ from scipy.stats import binom
 from hopopt.cli.controllers.robust import shown
 from hopopt.cli.main import run
 from hopopt.cli.screen.console import show
+from hopopt.comparison.robust.least_reserve import SHARES, least_reserve
 from hopopt.comparison.robust.robust_search import TRACKER, Search
 from hopopt.comparison.robust.robustness import Reached, can_be_had, drawn, extremes, rank, reached
 from hopopt.design import Design, Uncertainty
-from hopopt.errors import UsageError
+from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.robot import build_robot, link_bodies
+from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.ocp.hop import Hop
 from hopopt.problem.load import load
 from hopopt.sim.plant import PAST_APEX
 
@@ -229,6 +233,61 @@ def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.M
     assert most < fewer < none == 0.4
     assert found.best.lowest == 0.4
     assert Reached(np.zeros(2), (folds, "past the apex")).fell == 1
+
+
+def test_without_a_plan_the_worst_constraint_is_said_once_and_in_time() -> None:
+    """Every reserve fails in its own words: one sentence names what was held back and what stands against it."""
+
+    class Hopeless(Search):
+        tried = 0
+
+        def _reserve(self, x: np.ndarray) -> float:
+            self.tried += 1
+            return super()._reserve(x)
+
+    design = load("paper")
+    bound = SimpleNamespace(design=design.model_copy(update={"name": "weak"}))
+    for until, count in ((NEVER, 3), (Deadline(0.0), 0)):
+        found = Hopeless(bound, [], [], 1, lambda text: None, until)  # type: ignore[arg-type]
+        with pytest.MonkeyPatch.context() as patch:
+            said = NotSolvedError(
+                "no start.", ["Worst constraints of the closest start:", "the knee pulls at 0.1 s", "x"]
+            )
+            patch.setattr("hopopt.comparison.robust.robust_search.solved_from_known", Mock(side_effect=said))
+            found.by_reserve(3)
+        assert found.tried == count
+        with pytest.raises(NotSolvedError) as error:
+            found.best  # noqa: B018
+        words = str(error.value)
+        assert "\n" not in words
+        assert ("before the time was up: give more seconds" in words) == (count == 0)
+        assert ("held back: the knee pulls at 0.1 s)" in words) == (count > 0)
+
+
+def test_the_least_reserve_is_the_first_with_which_no_drawn_leg_falls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plans of fewer and fewer centimetres; the third is tracked on all legs, and what it costs is said."""
+    design, tried, room = load("paper"), list[float](), "hopopt.comparison.robust.least_reserve."
+
+    def plan(hop: Hop, known: object, until: Deadline) -> SimpleNamespace:
+        tried.append(hop.design.contact.least_force)
+        return SimpleNamespace(clearance=0.8 - 0.01 * len(tried), verified=True)
+
+    def runs(asked: Design, name: str, plan: object, legs: list[object], processes: int) -> Reached:
+        return Reached(np.array([0.7, 0.7 if len(tried) > 2 else 0.1]), ())
+
+    monkeypatch.setattr(room + "solved_from_known", plan)
+    monkeypatch.setattr(room + "reference_of", lambda plan: None)
+    monkeypatch.setattr(room + "reached", runs)
+    bound = SimpleNamespace(design=design, clearance=0.8)
+    found = least_reserve(bound, draws=2)  # type: ignore[arg-type]
+    heavy = 9.81 * (5.6 + 1.87 + 0.8)
+    assert tried == pytest.approx([share * heavy for share in SHARES[:3]])
+    assert (found.share, found.design.reserve.ground_force) == (SHARES[2], pytest.approx(SHARES[2] * heavy))
+    assert "10% of the weight" in found.words
+    assert "2 drawn legs falls; the whole [reserve] costs 3.0 cm of the bound" in found.words
+    monkeypatch.setattr(room + "reached", lambda *asked: Reached(np.array([0.7, 0.1]), ()))
+    with pytest.raises(NotSolvedError, match="60% of the weight held back, 1 of 2 drawn legs fall"):
+        least_reserve(bound, draws=2)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

@@ -9,10 +9,10 @@ from scipy.optimize import nnls
 from hopopt.comparison.compare import reference_of
 from hopopt.comparison.robust.robustness import drawn, reached
 from hopopt.control.closed_loop import make_controller, simulate
-from hopopt.control.receding_horizon import PENALTY, PlanLimits, Program, TrackWithinLimits, solved
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN
+from hopopt.control.tracking.receding_horizon import PENALTY, PlanLimits, Program, TrackWithinLimits, solved
 from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.planner.reserve import reserved

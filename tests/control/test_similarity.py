@@ -15,10 +15,10 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.similarity import Size, factors, similar_height
 from hopopt.control.strategies import find
-from hopopt.control.tracking import Track, TrackingOptions
+from hopopt.control.tracking.track import Track, TrackingOptions
 from hopopt.design import Reserve
 from hopopt.leg.robot import build_robot
-from hopopt.leg.scales import Scale, reserve_of, weight
+from hopopt.leg.scales import Scale, reserve_of, standstill_torques, weight
 from hopopt.planner.reserve import reserved
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
@@ -96,6 +96,26 @@ def test_a_reserve_that_is_left_out_is_a_share_of_the_leg() -> None:
     assert (kept.contact.least_force, kept.hop.least_height) == pytest.approx((20 * 0.5**3, 0.0025))
     stated = reserved(load("paper", {**similar(0.5), "reserve.ground_force": 1.5, "reserve.height": 0.0}))
     assert (stated.contact.least_force, stated.hop.least_height) == (1.5, 0.0)
+
+
+def test_a_plan_to_track_holds_back_what_gears_take() -> None:
+    """Plans know no losses: of the torque that is left after the reserve, what the least efficient gear passes on."""
+    plain, lossy = (reserved(load("paper", given)) for given in ({}, {"leg.knee.gear.efficiency": 0.8}))
+    assert plain.leg.motor is not None
+    assert lossy.leg.motor is not None
+    assert plain.leg.motor.max_torque == pytest.approx(0.98 * 2.0)
+    assert lossy.leg.motor.max_torque == pytest.approx(0.98 * 0.8 * 2.0)
+
+
+def test_caps_of_motor_and_gear_count_at_standstill() -> None:
+    for entries, expected in (
+        ({}, 200.0),
+        ({"leg.motor.torque_cap": 1.5}, 150.0),
+        ({"leg.gear.torque_cap": 107.0}, 107.0),
+    ):
+        leg = load("paper", entries).leg
+        np.testing.assert_allclose(standstill_torques(leg), expected)
+        assert Scale.of(leg).stall == pytest.approx(expected / 200)
 
 
 def test_options_of_the_tracker_that_are_given_stay_as_they_are() -> None:

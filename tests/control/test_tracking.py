@@ -10,7 +10,8 @@ from hopopt.control.closed_loop import Run, make_plant, simulate
 from hopopt.control.reference import PhaseReference, PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN
-from hopopt.control.tracking import Track, joint_acceleration, linearised
+from hopopt.control.tracking.regulator import Noise, joint_acceleration, kalman, linearised
+from hopopt.control.tracking.track import Track
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
@@ -203,8 +204,9 @@ def test_linearised_motion_is_the_plants_own(
     solution: Solution, plan: PlanReference, free: Plant, contact: bool
 ) -> None:
     """A, B of one control period against two runs of the plant a little apart."""
-    phase, period, t = (plan.stance if contact else plan.flight), PERIOD, 0.05
-    A, B = linearised(free.machine, phase, t, period, contact)
+    phase, period, k = (plan.stance if contact else plan.flight), PERIOD, 201  # between two times of the grid
+    A, B = (found[k] for found in linearised(free.machine, phase, period, contact))
+    t = k * period
     q, v, tau = phase.at(t)
 
     def after(dx: np.ndarray, du: np.ndarray) -> np.ndarray:
@@ -252,6 +254,7 @@ def test_the_filter_predicts_with_the_matrices_that_lead_to_the_next_step(
 ) -> None:
     """Errors that move by matrices of their own in every period, measured without noise: the filter is right throughout."""
     track, rng = Track(Setting(solution.design, PERIOD, plan)), np.random.default_rng(0)
+    track.step = 1e-15  # of encoders that round nothing
     usual = track.gains[True]
     A = usual.A + rng.normal(0, 0.05, usual.A.shape)
     B = usual.B * rng.uniform(0.5, 1.5, (len(usual.B), 1, 1))
@@ -263,6 +266,54 @@ def test_the_filter_predicts_with_the_matrices_that_lead_to_the_next_step(
         assert track.state is not None
         np.testing.assert_allclose(track.state.error, x, rtol=1e-9, atol=1e-12)
         x = A[k] @ x + B[k] @ (command - tau)
+
+
+@pytest.mark.parametrize("bits", [8, 14, 24, 32])
+@pytest.mark.parametrize("period", [1e-3, PERIOD, 1.25e-4])
+def test_the_filter_settles_without_ringing_for_every_encoder(bits: int, period: float) -> None:
+    """A wheel turned by unknown torques: its errors die out, and none turns about from one reading to the next."""
+    A, B = np.array([[1.0, period], [0.0, 1.0]]), np.array([[period**2 / 2], [period]]) / 0.01
+    noise = Noise(2 * np.pi / 2**bits / 12**0.5, 5.0 * (PERIOD / period) ** 0.5, 0.0, 0.0)
+    L = kalman(np.array([A] * 4000), np.array([B] * 4000), period, noise)[-1]
+    settles = np.linalg.eigvals(A - A @ L @ np.array([[1.0, 0.0]]))
+    assert np.abs(settles).max() < 1 - 5 * period
+    assert settles.real.min() > -0.3
+
+
+def test_feedback_and_filter_are_the_same_at_every_rate(solution: Solution, plan: PlanReference) -> None:
+    """Twice the rate weighs as much per time: away from the phase's ends the gains differ by what a held torque delays."""
+    slow, fast = (Track(Setting(solution.design, period, plan)).gains[True] for period in (PERIOD, PERIOD / 2))
+    K, twice = slow.K[100:500:100], fast.K[200:1000:200]
+    assert np.abs(K - twice).max() < 0.1 * np.abs(twice).max()
+
+
+def test_a_reading_within_half_a_step_says_nothing_of_a_joint_at_rest(solution: Solution, plan: PlanReference) -> None:
+    """What rounds alike is no news; beyond half a step only what is beyond it counts, and of a fast joint all."""
+    track = Track(Setting(solution.design, PERIOD, plan))
+    half, rest = np.pi / 2**14, np.zeros(2)
+    np.testing.assert_array_equal(track.missed(np.array([0.9, -0.9]) * half, rest), 0.0)
+    np.testing.assert_allclose(track.missed(np.array([3.0, -1.5]) * half, rest), np.array([2.0, -0.5]) * half)
+    apart, fast = np.array([0.9, 3.0]) * half, np.full(2, 2 * half / PERIOD)
+    np.testing.assert_allclose(track.missed(apart, fast), apart)
+
+
+def test_the_tracker_makes_up_for_what_gears_take(plan: PlanReference) -> None:
+    """On the plan it asks for as much more as the gears lose where they drive, as much less where they brake."""
+    lossy = load(
+        "paper",
+        {**CHEAP, "simulation.gear_efficiency": 0.8, "simulation.gear_friction": 2.0, "leg.motor.max_torque": 8.0},
+    )
+    track = Track(Setting(lossy, PERIOD, plan))
+    drive, w = track.drive, np.array([3.0, -3.0])
+    for tau in (np.array([40.0, 40.0]), np.array([-40.0, 1.0])):
+        np.testing.assert_allclose(drive.passed(w, drive.needed(w, tau)), tau, rtol=1e-12)
+    driving, braking = drive.needed(w, np.array([40.0, 40.0]))
+    assert driving == pytest.approx((40.0 + 2.0) / 0.8, rel=1e-6)
+    assert braking == pytest.approx((40.0 - 2.0) / 1.2, rel=1e-6)
+    t = 400 * PERIOD
+    q, v, _ = plan.stance.at(t)
+    asked = track.torque(Measurement(t, q, v, True, t, 0))
+    np.testing.assert_allclose(gear.passed(v, asked), plan.stance.mean_torque(t, t + PERIOD), rtol=0, atol=1e-6)
 
 
 # ---- what a user asks for ------------------------------------------------------------------------------------------

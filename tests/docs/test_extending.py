@@ -28,7 +28,7 @@ from hopopt.ocp.objectives import registry as objectives
 from hopopt.ocp.problem import Instant
 from hopopt.ocp.transitions import impact
 from hopopt.planner.checks.program_limits import program_limits
-from hopopt.planner.search import multistart
+from hopopt.planner.search import beside, multistart
 from hopopt.planner.search.multistart import first_solver
 from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.solve import solve
@@ -122,9 +122,9 @@ def test_a_process_that_does_not_know_what_was_added_solves_with_it() -> None:
     (first,) = multistart.run_chunk(hop, [0])
     rules.RULES[:] = rules.BUILT_IN
     data = hop.design.model_dump(exclude_none=True)
-    (again,) = multistart._chunk_in_worker(
-        data, hop.asked, hop.free_parameters, hop.constraints, [0], False, first, NEVER, hop.rules
-    )
+    recipe = data, hop.asked, hop.free_parameters, hop.constraints
+    again = beside._in_worker(-1, recipe, hop.rules, multistart._one_start, (0, False, None, NEVER))
+    assert again is not None
     assert len(again.vectors["lam_g"]) == len(first.vectors["lam_g"])
 
 

@@ -14,7 +14,7 @@ import pytest
 from hopopt.control.closed_loop import simulate
 from hopopt.control.reference import PhaseReference
 from hopopt.control.strategies import BUILT_IN
-from hopopt.control.tracking import Track
+from hopopt.control.tracking.track import Track
 from hopopt.export.plan import tracker_of
 from hopopt.export.tracker_c import header
 from hopopt.planner.solution import Solution

@@ -15,13 +15,15 @@ from matplotlib.transforms import Bbox
 
 from hopopt.comparison.compare import OPTIMUM
 from hopopt.control.closed_loop import simulate
+from hopopt.control.reference import PhaseReference, PlanReference
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
 from hopopt.paper.stiffness import MARGIN, neutral, secant_stiffness
 from hopopt.plots.controllers.runs import FIGURES, save_all
-from hopopt.plots.controllers.runs_style import by_stance, looks
+from hopopt.plots.controllers.runs_style import by_stance, last, looks
+from hopopt.plots.controllers.tracking import tracking
 from hopopt.plots.style import BLACK, SIZE
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
@@ -321,3 +323,31 @@ def test_a_figure_that_fails_does_not_stop_the_others(
     with pytest.raises(ResultError, match=r"^saturation: ZeroDivisionError: no width$"):
         save_all(runs("one"), tmp_path, ("png",))
     assert {p.stem for p in tmp_path.iterdir()} == FIGURES.keys() - {"saturation", "budget"}
+
+
+def test_what_feedback_adds_stands_apart_from_the_plan(runs: Callable[[str], Runs], tmp_path: Path) -> None:
+    """Commands and a plan of constant torques: the lower axes show their difference, the upper ones both, the plan on top."""
+    run = runs("five")["force"]
+    lift = run.lift_off["time_s"]
+
+    def constant(duration: float, tau: float) -> PhaseReference:
+        t, shape = np.array([[0.0, duration]]), (1, 2, 2)
+        return PhaseReference(np.array([0.0, 1.0]), t, np.zeros(shape), np.zeros(shape), np.full(shape, tau))
+
+    plan = PlanReference(constant(lift, 50.0), constant(0.3, -20.0), 0.5, 0.2)
+    figure = tracking("track", run, plan)
+    hip, added = figure.axes[:2]
+    until = last(run) + 1
+    t, asked = run.trace.t[:until], run.trace.command[:until, 0]
+    line = next(line for line in added.lines if line.get_label() == "added by feedback")
+    y = np.asarray(line.get_ydata(), dtype=float)
+    drawn = np.isfinite(y)  # a gap where it jumps
+    expected = (asked - np.where(t < lift, 50.0, -20.0)) / 200 * 100  # of what the drive gives at standstill
+    np.testing.assert_allclose(y[drawn], expected, atol=1e-9)
+    planned, commanded = (
+        next(each for each in hip.lines if each.get_label() == name) for name in ("planned", "commanded")
+    )
+    assert planned.get_zorder() > commanded.get_zorder()
+    assert planned.get_linewidth() < commanded.get_linewidth()
+    paths = save_all({"track": run}, tmp_path, ("png",), plan=plan)
+    assert tmp_path / "tracking.png" in paths

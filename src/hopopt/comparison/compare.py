@@ -103,13 +103,13 @@ class Comparison:
 
     def row(self, name: str) -> dict[str, Any]:
         """Everything known of one strategy, for ``--json``."""
-        f = self.figures[name]
+        f, run = self.figures[name], self.runs.get(name)
         found = "the verified optimum" if self.solution.verified else "an optimum that was not verified"
-        row: dict[str, Any] = {"meaning": found if name == OPTIMUM else self.runs[name].strategy.meaning}
-        row |= f.as_dict() | {"options": {} if name == OPTIMUM else self.runs[name].options}
+        row: dict[str, Any] = {"meaning": run.strategy.meaning if run else found}
+        row |= f.as_dict() | {"options": run.options if run else {}}
         counts = self.solution.verified and not f.no_hop
         row |= {"share_of_bound": f.clearance / self.bound if counts else None, "gap": self.gap(name)}
-        row["overshoot_m"] = None if name == OPTIMUM else self.runs[name].overshoot
+        row |= {"overshoot_m": run and run.overshoot, "feedback_moves": run and run.moves}
         row["left_early"] = self.left_early(name)
         if name in self.mujoco:
             row["mujoco_clearance_m"] = self.mujoco[name]
@@ -138,6 +138,7 @@ def compare(
     strategies: Sequence[str] | None = None,
     *,
     bound: Solution | None = None,
+    plan: Solution | None = None,
     mujoco: bool = False,
     tune: int = 0,
     progress: Callable[[str], None] | None = None,
@@ -145,7 +146,7 @@ def compare(
     """Solve for the bound (or take one that was solved), simulate strategies, and set them side by side.
 
     strategies: names; "all" for every one that suits the leg; by default the tracked optimum, the paper's force control,
-    plain and with a tuck, and the better of its tuned PD strategies. tune: the tuned ones get the best gains among so
+    plain and with a tuck, and the better of its tuned PD strategies. plan: to track, if there is one. tune: the tuned ones get the best gains among so
     many hops of this leg. mujoco: run all in MuJoCo too. Raises MissingExtraError without it, UsageError for strategies
     that are unknown or do not suit the leg and for a bound of another problem, NotSolvedError if there is none.
     """
@@ -161,11 +162,10 @@ def compare(
         if not strategy.needs_plan:
             make_controller(design, strategy)
     tracked = any(s.needs_plan for s in chosen)
-    if tracked:
+    if tracked and plan is None:
         reserved(design)
     solution = solve(design, progress=say) if bound is None else answering(design, bound)
-    plan = None
-    if tracked:
+    if tracked and plan is None:
         try:
             plan = plan_to_track(design, say)
         except NotSolvedError as error:  # the bound is solved: the other strategies can still be compared

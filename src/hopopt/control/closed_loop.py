@@ -13,12 +13,12 @@ import numpy as np
 
 from hopopt.control.paper_pd import PaperStrategy
 from hopopt.control.reference import PlanReference
-from hopopt.control.setting import Setting
+from hopopt.control.setting import Setting, gear_of
 from hopopt.control.strategies import Strategy
+from hopopt.control.tracking.track import Track
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import added_states
-from hopopt.drivetrain.gear import LIGHTEST, SLOW, Gear
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, UsageError
 from hopopt.leg.kinematics import can_slip, planar, start_angles
@@ -60,6 +60,11 @@ class Run:
         return asdict(own) if is_dataclass(own) and not isinstance(own, type) else dict(self.strategy.options)
 
     @property
+    def moves(self) -> float | None:
+        """The most by which feedback moved a torque from one sample to the next, share of stall torque; None without a plan."""
+        return self.controller.moves if isinstance(self.controller, Track) else None
+
+    @property
     def overshoot(self) -> float | None:
         """How much shorter the leg is at its clearance than the reference it follows in flight [m]; None without one."""
         return self.controller.overshoot(self.figures) if isinstance(self.controller, PaperStrategy) else None
@@ -76,14 +81,10 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
             f"{design.name}: this leg leaves the x-z plane; hopopt solves and verifies its hop, but simulates only legs "
             "whose joints all turn about the y axis"
         )
-    robot, s = build_robot(design.leg), design.simulation
+    robot = build_robot(design.leg)
     regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
-    own = [design.leg.drive(joint, "gear", "efficiency")[1] for joint in robot.joints]
-    efficiency = np.array([s.gear_efficiency if e is None else e for e in own])
     states = added_states(design.leg, robot.parameters)
-    scale = Scale.of(design.leg)
-    gear = Gear(efficiency, s.gear_friction, s.gear_damping, SLOW / scale.time, LIGHTEST * scale.inertia)
-    drive = Drive(regions, gear, torque_gain, states)
+    drive = Drive(regions, gear_of(design), torque_gain, states)
     quick = compiled and not drive.states
     friction = np.inf if design.contact.friction is None and quick else design.contact.friction
     if friction is None or not can_slip(design.leg):

@@ -12,11 +12,13 @@ import numpy as np
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.gear import LIGHTEST, SLOW, Gear
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import Robot, build_robot
+from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 
 
@@ -37,6 +39,14 @@ def chosen(kind: type, given: Mapping[str, Any]) -> dict[str, Any]:
         if not choices and (isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value)):
             raise UsageError(f"{name} = {value!r}: a number is needed")
     return dict(given)
+
+
+def gear_of(design: Design) -> Gear:
+    """The gears of all joints as the problem describes them."""
+    s, scale = design.simulation, Scale.of(design.leg)
+    own = [design.leg.drive(joint, "gear", "efficiency")[1] for joint in design.leg.joints]
+    efficiency = np.array([s.gear_efficiency if e is None else e for e in own])
+    return Gear(efficiency, s.gear_friction, s.gear_damping, SLOW / scale.time, LIGHTEST * scale.inertia)
 
 
 @dataclass(frozen=True)
@@ -64,7 +74,7 @@ class Setting:
 
     def drive(self) -> Drive:
         """The believed drives."""
-        return Drive(self.regions())
+        return Drive(self.regions(), gear_of(self.design))
 
     @property
     def no_load_speed(self) -> np.ndarray:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from hopopt.control.paper_pd import Force, Position
-from hopopt.control.receding_horizon import TrackWithinLimits
 from hopopt.control.setting import Setting
-from hopopt.control.tracking import Track
+from hopopt.control.tracking.receding_horizon import TrackWithinLimits
+from hopopt.control.tracking.track import Track
 from hopopt.errors import UsageError
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.user_code import last_line, load

@@ -65,6 +65,16 @@ class Drive:
         motor[self.states.at] = self.states.torques(x, motor, w)
         return motor, kernels.geared(self._record, w, motor)
 
+    def passed(self, w: np.ndarray, motor: np.ndarray) -> np.ndarray:
+        """Torques (n) [N m] at the joints, of motors' torques ``motor`` (n) [N m] at joint speeds w (n) [rad/s]."""
+        return kernels.geared(self._record, w, motor)
+
+    def needed(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Torques (n) [N m] of the motors that come to torques tau (n) [N m] at the joints: the inverse of ``passed``."""
+        turning = np.tanh(w / self.numbers["slow"])
+        before = tau + self.numbers["friction"] * turning + self.numbers["damping"] * w
+        return before / (1 - (1 - self.numbers["efficiency"]) * turning * np.sign(before))
+
     def rates(self, w: np.ndarray, command: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Derivatives of the drives' states x under a command, (m)."""
         return np.array(self.states.rates(x, self._driven(w, command)[0], w) if self.states else ())

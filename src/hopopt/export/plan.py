@@ -14,7 +14,7 @@ import numpy as np
 from hopopt.control.closed_loop import make_plant
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
-from hopopt.control.tracking import Track
+from hopopt.control.tracking.track import Track
 from hopopt.leg.kinematics import loop_axes
 from hopopt.leg.robot import BASE
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE

@@ -26,7 +26,7 @@ static const hopopt_phase hopopt_flight = {
 /* What the tracker remembers between two calls; all zeros before a hop: hopopt_reset. */
 typedef struct {
     int known, contact, lost, early;
-    double error[HOPOPT_STATES], extra[HOPOPT_JOINTS], q[HOPOPT_JOINTS], v[HOPOPT_JOINTS];
+    double t, error[HOPOPT_STATES], extra[HOPOPT_JOINTS], q[HOPOPT_JOINTS], v[HOPOPT_JOINTS], given[HOPOPT_JOINTS];
 } hopopt_tracker;
 
 static inline void hopopt_reset(hopopt_tracker *s) { memset(s, 0, sizeof *s); }
@@ -103,10 +103,50 @@ static inline double hopopt_clamp(int joint, double w, double tau) {
     return low <= high ? fmin(fmax(tau, low), high) : 0.0;
 }
 
+/* What a reading tells [rad] that is so far from what was expected: nothing within half a step of the encoder, which rounds
+   alike as long as the joint rests; the more, the more of a step it turns in a period at its planned speed v. */
+static inline double hopopt_missed(double apart, double v) {
+    const double resting = 1.0 - fmin(1.0, fabs(v) * HOPOPT_PERIOD / HOPOPT_STEP);
+    return apart - resting * hopopt_within(apart, -HOPOPT_STEP / 2, HOPOPT_STEP / 2);
+}
+
+/* Torque [N m] at a joint, of its motor's torque at joint speed w [rad/s]; and the inverse. */
+static inline double hopopt_passed(int joint, double w, double motor) {
+    const double lost = (1.0 - hopopt_efficiency[joint]) * fabs(motor) + HOPOPT_FRICTION;
+    return motor - (lost * tanh(w / HOPOPT_SLOW) + HOPOPT_DAMPING * w);
+}
+
+static inline double hopopt_needed(int joint, double w, double tau) {
+    const double turning = tanh(w / HOPOPT_SLOW), before = tau + HOPOPT_FRICTION * turning + HOPOPT_DAMPING * w;
+    const double sign = before > 0.0 ? 1.0 : before < 0.0 ? -1.0 : 0.0;
+    return before / (1.0 - (1.0 - hopopt_efficiency[joint]) * turning * sign);
+}
+
 /* y += sign M x, with M (rows, columns) row by row. */
 static inline void hopopt_add(double *y, double sign, const double *M, int rows, int columns, const double *x) {
     for (int i = 0; i < rows; i++)
         for (int j = 0; j < columns; j++) y[i] += sign * M[i * columns + j] * x[j];
+}
+
+/* Errors from the planned flight's q and v at the first instant t off the ground, where it has been for ``since`` [s]: speeds
+   differ as in stance, by an early lift-off, and by the torque that was held on; angles have gone on at the mean speed. */
+static inline void hopopt_let_go(const hopopt_tracker *s, double t, double since, const double *q, const double *v,
+                                 double *error) {
+    const int n = HOPOPT_JOINTS;
+    const double until = hopopt_within(since, 0.0, hopopt_duration(&hopopt_flight));
+    double left_q[HOPOPT_JOINTS], left_v[HOPOPT_JOINTS], left_tau[HOPOPT_JOINTS];
+    double first_q[HOPOPT_JOINTS], first_v[HOPOPT_JOINTS], mean[HOPOPT_JOINTS], held[HOPOPT_JOINTS];
+    hopopt_at(&hopopt_stance, t - since, left_q, left_v, left_tau);
+    hopopt_at(&hopopt_flight, 0.0, first_q, first_v, mean);
+    for (int j = 0; j < n; j++) {
+        if (until >= HOPOPT_EDGE)
+            mean[j] = (hopopt_impulse(&hopopt_flight, until, j) - hopopt_impulse(&hopopt_flight, 0.0, j)) / until;
+        held[j] = (s->given[j] - mean[j]) * (since / HOPOPT_PERIOD);
+        error[n + j] = s->error[n + j] + (left_v[j] - first_v[j]);
+    }
+    hopopt_add(error + n, 1.0, hopopt_flight.B + n * n, n, n, held);
+    for (int j = 0; j < n; j++)
+        error[j] = s->q[j] + (t - s->t) * (s->v[j] + v[j] + error[n + j]) / 2 - q[j];
 }
 
 /* Joint torques tau [N m] to ask of the drives for the next period.
@@ -129,8 +169,9 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
         else if (!s->lost) s->lost = 1, s->early = t < HOPOPT_EARLY * stance;
         if (contact || (s->early && t < stance)) contact = 1, since = t;
     }
-    if (contact && since > stance - HOPOPT_EDGE) {
+    if (contact && since > HOPOPT_ENDS) {
         hopopt_at(&hopopt_flight, 0.0, planned_q, planned_v, tau);
+        memcpy(s->given, tau, sizeof s->given);
         return;
     }
     const hopopt_phase *p = contact ? &hopopt_stance : &hopopt_flight;
@@ -139,28 +180,27 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
     const int last = p->periods - 1, period = nearest < last ? (int)nearest : last;
     const int ago = nearest < 1 ? 0 : nearest - 1 < last ? (int)nearest - 1 : last; /* the period that led here */
     double error[HOPOPT_STATES] = {0}, miss[HOPOPT_JOINTS];
-    if (!s->known) {
-        for (int j = 0; j < n; j++) error[j] = q[j] - planned_q[j];
+    if (!s->known || (contact && !s->contact)) { /* no filter knows what speeds an impact leaves */
+        for (int j = 0; j < n; j++) error[j] = hopopt_missed(q[j] - planned_q[j], planned_v[j]);
     } else if (s->contact == contact) {
         hopopt_add(error, 1.0, p->A + ago * m * m, m, m, s->error);
         hopopt_add(error, 1.0, p->B + ago * m * n, m, n, s->extra);
-    } else { /* another reference */
-        for (int j = 0; j < n; j++) {
-            error[j] = s->q[j] + HOPOPT_PERIOD * s->v[j] - planned_q[j];
-            error[n + j] = s->v[j] - planned_v[j];
-        }
+    } else {
+        hopopt_let_go(s, t, since, planned_q, planned_v, error);
     }
-    for (int j = 0; j < n; j++) miss[j] = q[j] - planned_q[j] - error[j];
+    for (int j = 0; j < n; j++) miss[j] = hopopt_missed(q[j] - planned_q[j] - error[j], planned_v[j]);
     hopopt_add(error, 1.0, p->L + period * m * n, m, n, miss);
     for (int j = 0; j < n; j++) tau[j] = planned_tau[j];
     hopopt_add(tau, -1.0, p->K + period * n * m, n, m, error);
     for (int j = 0; j < n; j++) {
         s->q[j] = planned_q[j] + error[j];
         s->v[j] = planned_v[j] + error[n + j];
-        tau[j] = hopopt_clamp(j, s->v[j], tau[j]);
-        s->extra[j] = tau[j] - planned_tau[j];
+        tau[j] = hopopt_clamp(j, s->v[j], hopopt_needed(j, planned_v[j], tau[j]));
+        s->given[j] = hopopt_passed(j, planned_v[j], tau[j]);
+        s->extra[j] = s->given[j] - planned_tau[j];
     }
     memcpy(s->error, error, sizeof error);
+    s->t = t;
     s->known = 1;
     s->contact = contact;
 }

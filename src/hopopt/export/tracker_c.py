@@ -1,7 +1,7 @@
 """The tracker of a plan as one C header without dependencies: the strategy ``track`` with its tables of numbers.
 
 ``tracker.h`` beside this file is the algorithm; here its tables are filled in. A test compiles it and compares it with
-``control/tracking.py`` at every control instant of a simulated hop.
+``control/tracking/track.py`` at every control instant of a simulated hop.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,7 +11,8 @@ from importlib.resources import files
 import numpy as np
 
 from hopopt.control.reference import EDGE, FLIGHT, STANCE, PhaseReference
-from hopopt.control.tracking import EARLY, Gains, Track
+from hopopt.control.tracking.regulator import Gains
+from hopopt.control.tracking.track import EARLY, Track
 from hopopt.design import refuse_landed
 from hopopt.export.plan import tracker_of
 from hopopt.planner.solution import Solution
@@ -46,9 +47,20 @@ def tables(tracker: Track) -> str:
     for name, phase in _phases(tracker).items():
         gains = tracker.gains[name == STANCE]
         sizes |= {f"{name.upper()}_INTERVALS": len(phase.t), f"{name.upper()}_PERIODS": len(gains.K)}
-    figures = {"PERIOD": tracker.period, "EDGE": EDGE, "EARLY": EARLY, "K_P": o.k_p, "K_D": o.k_d}
+    figures = {
+        "PERIOD": tracker.period,
+        "EDGE": EDGE,
+        "EARLY": EARLY,
+        "STEP": tracker.step,
+        "ENDS": tracker.ends,
+        "K_P": o.k_p,
+        "K_D": o.k_d,
+    }
+    gears = tracker.drive.numbers
+    figures |= {name.upper(): gears[name] for name in ("friction", "damping", "slow")}
     lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
     shared = {"places": stance.places, "weights": stance.barycentric, "rest": tracker.rest}
+    shared["efficiency"] = gears["efficiency"]
     lines += [_array(name, values) for name, values in shared.items()]
     for side, planes in bounds.items():  # (n, k, 2), the last repeated: that bounds nothing more
         joints = np.pad(planes, ((0, 0), (0, sizes["LINES"] - planes.shape[1]), (0, 0)), mode="edge").tolist()

@@ -18,7 +18,7 @@ RESERVED_FORCE, RESERVED_HEIGHT = 20.0, 0.005  # [N, m] of [reserve] on the pape
 class Scale:
     """A leg's own units over those of the paper's leg, for which defaults are stated: there every factor is 1.
 
-    length: of its reach. mass: of all it carries, and so of its weight. stall: of its drives' mean stall torque.
+    length: of its reach. mass: of all it carries, and so of its weight. stall: of what its drives give at standstill, on average.
     """
 
     length: float
@@ -30,7 +30,7 @@ class Scale:
         """The units of a leg."""
         length = sum(link.length for link in leg.link.values())
         mass = sum((leg.body.mass, *(link.mass for link in leg.link.values())))
-        return cls(length / PAPERS_REACH, mass / PAPERS_MASS, float(stall_torques(leg).mean()) / PAPERS_STALL)
+        return cls(length / PAPERS_REACH, mass / PAPERS_MASS, float(standstill_torques(leg).mean()) / PAPERS_STALL)
 
     @property
     def time(self) -> float:
@@ -53,6 +53,15 @@ def reserve_of(design: Design) -> Reserve:
 def stall_torques(leg: Leg) -> np.ndarray:
     """Torque (n) [N m] of every joint's drive at standstill, its gear's ratio times its motor's torque."""
     return np.array([leg.drive(j, "gear", "ratio")[1] * leg.drive(j, "motor", "max_torque")[1] for j in leg.joints])
+
+
+def standstill_torques(leg: Leg) -> np.ndarray:
+    """What every joint's drive gives at standstill (n) [N m]: its stall torque, or less where motor or gear are capped."""
+    caps = [(leg.drive(j, "motor", "torque_cap")[1], leg.drive(j, "gear", "torque_cap")[1]) for j in leg.joints]
+    ratios = [leg.drive(j, "gear", "ratio")[1] for j in leg.joints]
+    of_motors = [np.inf if motor is None else ratio * motor for (motor, _), ratio in zip(caps, ratios, strict=True)]
+    of_gears = [np.inf if gear is None else gear for _, gear in caps]
+    return np.minimum(stall_torques(leg), np.minimum(of_motors, of_gears))
 
 
 def weight(model: pin.Model) -> float:

@@ -20,24 +20,26 @@ def plan_to_track(design: Design, say: Callable[[str], None]) -> Solution:
 
 
 def reserved(design: Design) -> Design:
-    """The problem with its [reserve] taken off every limit, as far as the start itself allows; UsageError if that leaves
-    a limit that no problem may have."""
+    """The problem with its [reserve] taken off every limit, as far as the start itself allows, and off the torques what the least
+    efficient gear takes, for plans know no losses; UsageError if that leaves a limit that no problem may have."""
     r, data = reserve_of(design), design.model_dump(exclude_none=True)
+    of_joints = [design.leg.drive(name, "gear", "efficiency")[1] for name in design.leg.joints]
+    passed = min(design.simulation.gear_efficiency if e is None else e for e in of_joints)
     data["contact"]["least_force"] += r.ground_force
     data["hop"]["least_height"] += r.height
     for name, angle in zip(design.leg.joints, start_angles(design), strict=True):
         joint = data["leg"][name]
         joint["lower"] = max(joint["lower"], min(joint["lower"] + r.angle, float(angle) - 1e-6))
         joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
-        _hold_back(joint, r)
-    _hold_back(data["leg"], r)
+        _hold_back(joint, r, passed)
+    _hold_back(data["leg"], r, passed)
     data["solver"]["tie_break"] = max(design.solver.tie_break, SMOOTH * Scale.of(design.leg).time)
     remedy = "hold less back, or leave out the strategies that track a plan"
     return as_changed(data, "[reserve] leaves", remedy)
 
 
-def _hold_back(drive: dict[str, Any], reserve: Reserve) -> None:
-    for entries, share in ((TORQUES, reserve.torque), (SPEEDS, reserve.speed)):
+def _hold_back(drive: dict[str, Any], reserve: Reserve, passed: float) -> None:
+    for entries, share in ((TORQUES, 1 - passed * (1 - reserve.torque)), (SPEEDS, reserve.speed)):
         for part, key in entries:
             if key in drive.get(part, {}):
                 drive[part][key] *= 1 - share

@@ -15,9 +15,11 @@ from hopopt.comparison import compare as comparing
 from hopopt.comparison.compare import Comparison
 from hopopt.comparison.hops.hop_after_hop import HopsComparison, compare_hops
 from hopopt.comparison.ladder import Ladder, ladder
+from hopopt.comparison.robust.least_reserve import least_reserve
 from hopopt.comparison.robust.robustness import chosen, drawn, four_numbers, spread
 from hopopt.design import Design
 from hopopt.errors import HopoptError, UsageError
+from hopopt.planner.solve import solve
 from hopopt.plots import hops as hops_figures
 from hopopt.plots.controllers import runs as figures_of_one
 from hopopt.problem.load import load
@@ -46,6 +48,7 @@ def compare(
     strategies: Strategies = None,
     bound: Path | None = None,
     tune: int = 0,
+    reserve: Literal["auto"] | None = None,
     mujoco: bool = False,
     draws: int = 0,
     why: Annotated[bool, Flag] = False,
@@ -76,6 +79,9 @@ def compare(
     tune
         Tune the gains of force and position for this leg on so many simulated hops each (24 or more; half a minute),
         in place of those tuned for the paper's leg and scaled.
+    reserve
+        auto: hold back from the ground force the least with which the plan is tracked on drawn legs, in place of the problem's
+        reserve.ground_force.
     mujoco
         Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws
@@ -113,8 +119,8 @@ def compare(
     design = load(problem or (bound / "problem.toml" if bound else "paper"), set_)
     prepare(results)
     periodic, processes, steps = design.hop.periodic, os.cpu_count() or 1, None
-    if periodic and tune:
-        raise UsageError("--tune is for the hop from rest: leave it out for a periodic one")
+    if periodic and (tune or reserve):
+        raise UsageError("--tune and --reserve are for the hop from rest: leave them out for a periodic one")
     if basin and not periodic:
         raise UsageError("--basin is for the hop that repeats itself: give --hop periodic, or leave it out")
     if periodic:
@@ -128,8 +134,14 @@ def compare(
             )  # fmt: skip
             data, shown = found.as_dict() | {"seed": seed}, found.shown
         else:
-            found = comparing.compare(design, names, bound=given, mujoco=mujoco, tune=tune, progress=say)
+            plan, words = None, list[str]()
+            if reserve:
+                given = solve(design, progress=say) if given is None else comparing.answering(design, given)
+                kept = least_reserve(given, seed=seed, processes=processes, progress=say)
+                design, plan, words = kept.design, kept.plan, [kept.words]
+            found = comparing.compare(design, names, bound=given, plan=plan, mujoco=mujoco, tune=tune, progress=say)
             data, shown = found.as_dict(), found.figures
+            data["notes"] += words
             if draws:
                 data |= _on_drawn_legs(design, found, draws, seed, say)
         if why:
@@ -168,4 +180,5 @@ def _draw(found: Comparison | HopsComparison, folder: Path, steps: Ladder | None
     if isinstance(found, HopsComparison):
         hops_figures.save_all(found, folder, steps)
     else:
-        figures_of_one.save_all(found.figures, folder, steps=steps)
+        plan = comparing.reference_of(found.plan) if found.plan else None
+        figures_of_one.save_all(found.figures, folder, steps=steps, plan=plan)

@@ -31,6 +31,7 @@ def robust(
     evaluations: int = 8,
     seed: int = 0,
     starts: int | None = None,
+    seconds: float = 900.0,
     results: Results = Path("results"),
     figures: Figure = True,
     json_: AsJson = False,
@@ -59,6 +60,8 @@ def robust(
         Seed of the draws.
     starts
         Starting points of each bound (default: the problem's solver.starts).
+    seconds
+        Time for bounds and plans; what has been found by then is judged on the fresh legs.
     """
     began = time.perf_counter()
     design = load(problem, set_ or ())
@@ -66,7 +69,7 @@ def robust(
     with progress(quiet=json_) as say:
         found = studying.robust(
             design, share=share, confidence=confidence, draws=draws, evaluations=evaluations, seed=seed, starts=starts,
-            processes=os.cpu_count() or 1, progress=say,
+            seconds=seconds, processes=os.cpu_count() or 1, progress=say,
         )  # fmt: skip
         data = found.as_dict() | {"wall_s": time.perf_counter() - began, "seed": seed, "hopopt": version("hopopt")}
         say("drawing the figure")

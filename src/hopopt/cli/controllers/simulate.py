@@ -81,10 +81,11 @@ def simulate(
             "hops": hops,
             **run.figures.as_dict(),
             "overshoot_m": run.overshoot,
+            "feedback_moves": run.moves,
             "lift_offs": run.trace.times_of("lift-off"),
             "touchdowns": run.trace.times_of("touchdown"),
         }
-        draw = (lambda folder: save_all({strategy: run.figures}, folder)) if figures else None
+        draw = (lambda folder: save_all({strategy: run.figures}, folder, plan=reference)) if figures else None
         where = save_runs("simulation", design, row, {strategy: run.trace}, results, draw)
     data = {**row, "exit_code": 0, "result_dir": str(where)}
     return ended(data, json_, runs.run(data))

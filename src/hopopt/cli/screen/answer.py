@@ -189,7 +189,8 @@ def _paper_lines(s: Summary) -> list[str]:
         reached = f"no hop within this leg's limits ({found.fault})"
     else:
         over = found.overshoot_m or 0.0
-        fold = f", {100 * over:.1f} cm of it by a servo that overshoots its reference" if over > OVERSHOOT else ""
+        counts = over > OVERSHOOT * (found.clearance_m or 0.0)
+        fold = f", {100 * over:.1f} cm of it by a servo that overshoots its reference" if counts else ""
         reached = f"{found.clearance_m:.3f} m, {found.share_of_bound:.0%} of the optimum{fold}"
     wrong = ["it passes the optimum within every limit: that is not the highest hop"] if found.beyond_bound else []
     return [

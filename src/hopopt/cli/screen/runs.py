@@ -10,8 +10,9 @@ from rich.table import Column, Table
 from hopopt.cli.screen.console import Shown, figures, marked, named, table
 
 ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/robust.md)"
+RESTLESS = 0.05  # of stall torque from one sample to the next, above which a line says so
 HALF = 0.5  # of the bound, below which a line says what is in the way
-OVERSHOOT = 0.005  # [m] from which on it is worth a line
+OVERSHOOT = 0.01  # of the clearance, from which on it is worth a line
 BRAKED = "force_braked"
 GAPS = {"push": "push_m", "timing": "timing_m", "fold": "retraction_m"}
 PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
@@ -33,6 +34,8 @@ def comparison(found: Mapping[str, Any]) -> Iterator[Shown]:
         yield from not_kept(name, row)
         if row["left_early"]:
             yield f"{name}: {row['left_early']}; a larger reserve.ground_force keeps it there (docs/robust.md)"
+        if words := _restless(row["feedback_moves"]):
+            yield f"{name}: {words}"
         if row["cut_short"]:
             yield f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}"
     yield from (_spread(name, spread) for name, spread in found.get("mismatch", {}).items())
@@ -83,10 +86,12 @@ def run(row: Mapping[str, Any]) -> Iterator[Shown]:
     yield f"  peak ground force {row['peaks']['ground_force_N']:.0f} N; the run ended: {row['outcome']}"
     if row["no_hop"]:
         yield f"  no hop: {row['no_hop']}"
-    if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
+    if (short := row["overshoot_m"]) is not None and short > OVERSHOOT * row["clearance_m"]:
         yield f"  {_overshoot(short)}; the strategy {BRAKED} follows it without"
     if row["limits_exceeded"]:
         yield f"  limits of the problem not kept: {', '.join(row['limits_exceeded'])}"
+    if words := _restless(row["feedback_moves"]):
+        yield f"  {words}"
     if row["cut_short"]:
         yield f"  {row['cut_short']}"
     if row.get("hops", 1) > 1:
@@ -117,7 +122,7 @@ def _in_the_way(name: str, row: Mapping[str, Any]) -> Iterator[Shown]:
     elif row["share_of_bound"] is not None and row["share_of_bound"] < HALF:
         part, key = max(GAPS.items(), key=lambda item: row["gap"][item[1]])
         yield f"{name} clears less than half of the bound: it loses most by {part}, {100 * row['gap'][key]:.1f} cm"
-    if (short := row["overshoot_m"]) is not None and short > OVERSHOOT:
+    if (short := row["overshoot_m"]) is not None and short > OVERSHOOT * row["clearance_m"]:
         yield f"{name}: {_overshoot(short)}; {BRAKED} follows it without"
 
 
@@ -178,6 +183,16 @@ def cm(gap: float) -> str:
 
 def _overshoot(short: float) -> str:
     return f"its servo overshoots: at the clearance the leg is {100 * short:.1f} cm shorter than its reference y_f"
+
+
+def _restless(moves: float | None) -> str:
+    """What is said of feedback that moves torques by more than a motor should have to follow; empty where it does not."""
+    if moves is None or moves <= RESTLESS:
+        return ""
+    return (
+        f"feedback moves a torque by up to {moves:.0%} of stall torque from one sample to the next, more than {RESTLESS:.0%}: "
+        "a finer encoder or a larger effort of the tracker moves it less"
+    )
 
 
 def _paper(name: str, r: Mapping[str, Any]) -> str:

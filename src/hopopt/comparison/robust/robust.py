@@ -18,9 +18,11 @@ from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import two_joints
+from hopopt.nlp.deadline import NEVER
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 
+SECONDS = 900.0  # [s] for bounds and plans; the runs on fresh legs come on top
 PD = ("force_tuck", "position_tuck")  # the paper's strategies where they clear most
 
 
@@ -103,6 +105,7 @@ def robust(
     evaluations: int = 8,
     seed: int = 0,
     starts: int | None = None,
+    seconds: float = SECONDS,
     processes: int = 1,
     bound: Solution | None = None,
     progress: Callable[[str], None] | None = None,
@@ -110,8 +113,9 @@ def robust(
     """The plan and its reserve with the greatest clearance that this share of drawn legs reaches.
 
     draws: fresh legs for the promise; evaluations: reserves that are tried, and programs at most; starts: of each bound's
-    solve; bound: the highest hop of this problem, if it is known. Raises UsageError for a problem without uncertainty and for
-    promises that so few draws cannot make, NotSolvedError if no plan is found.
+    solve; seconds: for bounds and plans, of which the bounds may take half; bound: the highest hop of this problem, if it is
+    known. Raises UsageError for a problem without uncertainty and for promises that so few draws cannot make, NotSolvedError,
+    with what stands against it, if no plan is found.
     """
     say = progress or (lambda text: None)
     refuse_landed(design, "the search for a reserve")
@@ -125,12 +129,15 @@ def robust(
     check("evaluations", evaluations, 0)
     if evaluations < 1:
         raise UsageError(f"{evaluations} evaluations: at least 1 reserve must be tried")
+    if not 1 <= seconds < np.inf:
+        raise UsageError(f"--seconds {seconds:g}: give at least 1")
+    until, how = NEVER.within(seconds), {"starts": starts, "processes": processes, "time_limit": seconds / 4}
     if bound is None:
         say("solving for the bound on this ground")
-        bound = solve(design, starts=starts, processes=processes)
-    ideal_bound = on_ideal_ground(bound, say, starts=starts, processes=processes)
+        bound = solve(design, **how)  # type: ignore[arg-type]
+    ideal_bound = on_ideal_ground(bound, say, **how)
     draw = partial(drawn, design, design.uncertainty)
-    search = Search(bound, draw(TUNING_DRAWS, seed), draw(TUNING_DRAWS, seed, corners=True), processes, say)
+    search = Search(bound, draw(TUNING_DRAWS, seed), draw(TUNING_DRAWS, seed, corners=True), processes, say, until)
     search.by_program(evaluations)
     search.by_reserve(evaluations)
     best, lowest = search.best, {way: search.best_by(way) for way in (BY_RESERVE, BY_PROGRAM)}

@@ -6,6 +6,7 @@ regulator follows it. By program: plan and feedback are chosen together for legs
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
@@ -16,11 +17,11 @@ from hopopt.comparison.compare import reference_of
 from hopopt.comparison.robust.robustness import FAILED, Draw, extremes, reached
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design, Reserve
-from hopopt.errors import NotSolvedError, UsageError
+from hopopt.errors import NotSolvedError, UsageError, one_line
 from hopopt.leg.kinematics import reach, start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import Scale, weight
-from hopopt.nlp.deadline import NEVER
+from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.hop import Hop
 from hopopt.planner.motion import Motion
 from hopopt.planner.reserve import reserved
@@ -68,7 +69,7 @@ class Search:
     """What both ways share: every trial is kept, and the best verified plan wins.
 
     bound: the hop that every plan begins from. draws: legs whose lowest clearance counts. corners: legs at the ends of all
-    spreads, none of which may fall: few draws hardly meet them, many do.
+    spreads, none of which may fall: few draws hardly meet them, many do. until: when no plan may be begun any more.
     """
 
     bound: Solution
@@ -76,16 +77,17 @@ class Search:
     corners: list[Draw]
     processes: int
     say: Callable[[str], None]
+    until: Deadline = NEVER
     trials: list[Trial | None] = field(default_factory=list)
+    against: str = ""  # why the last plan was not found, in a sentence
 
     @property
     def best(self) -> Trial:
         """The plan with the best score, a verified one first; NotSolvedError if none was found."""
         found = [trial for trial in self.trials if trial is not None]
         if not found:
-            raise NotSolvedError(
-                f"{self.bound.design.name}: no plan was found, neither with a reserve nor by one program.", []
-            )
+            late = "before the time was up: give more seconds; " if self.until.passed else ""
+            raise NotSolvedError(f"{self.bound.design.name}: no plan to track was found {late}({self.against})")
         return max(found, key=lambda trial: (trial.verified, trial.score))
 
     def best_by(self, way: str) -> float | None:
@@ -119,12 +121,15 @@ class Search:
 
         def cost(x: np.ndarray) -> float:
             nonlocal tried, most
+            if self.until.passed:
+                raise StopIteration
             score = self._reserve(x)
             tried, most = tried + 1, max(most, score)
             self.say(f"reserve {tried} of {evaluations}: lowest of {len(self.draws)} legs {most:.3f} m so far")
             return -score
 
-        minimize(cost, FIRST, method="Nelder-Mead", bounds=bounds, options=options)
+        with suppress(StopIteration):
+            minimize(cost, FIRST, method="Nelder-Mead", bounds=bounds, options=options)
 
     def _reserve(self, x: np.ndarray) -> float:
         """Score [m] of the plan with a reserve x; below zero where no plan is left."""
@@ -133,10 +138,14 @@ class Search:
         reserve = Reserve(torque=torque, speed=speed, ground_force=newtons, height=height, angle=angle)
         design = asked.model_copy(update={"reserve": reserve})
         try:
-            until = NEVER.within(LONGEST[BY_RESERVE])
+            until = self.until.within(LONGEST[BY_RESERVE])
             plan = solved_from_known(Hop(reserved(design)), self.bound, until=until)
-        except (NotSolvedError, UsageError):
+        except (NotSolvedError, UsageError) as error:
             self.trials.append(None)
+            kept = (
+                f"a ground force of {force:.0%} of the weight, {height:.3g} m of height and {torque:.0%} of the torque"
+            )
+            self.against = f"with {kept} held back: {stands_against(error)}"
             return -float(np.sum(x))  # less reserve may leave a plan
         return self.keep(BY_RESERVE, design, plan, reference_of(plan), plan.verified)
 
@@ -154,11 +163,12 @@ class Search:
                 before = lowest
         except (NotSolvedError, UsageError) as error:
             self.trials.append(None)
-            self.say(f"one program: {error}")
+            self.against = f"by one program for several legs: {stands_against(error)}"
+            self.say(self.against)
 
     def _programs(self, design: Design) -> Iterator[tuple[list[Draw], SharedPlan]]:
         """Legs ever further apart, and their plan, within the time that all programs may take."""
-        until = NEVER.within(LONGEST[BY_PROGRAM])
+        until = self.until.within(LONGEST[BY_PROGRAM])
         begin: Solution | SharedPlan = solved_from_known(Hop(reserved(design)), self.bound, until=until)
         for share in SHARES:
             apart = extremes(design, design.uncertainty, share)
@@ -181,3 +191,9 @@ class Search:
         own = reached(design, TRACKER, reference, apart, self.processes).clearances
         verified = bool(own.min() >= (1 - AGREES) * found.clearance)
         return self.keep(BY_PROGRAM, design, found.believed, reference, verified)
+
+
+def stands_against(error: NotSolvedError | UsageError) -> str:
+    """The first of an error's reasons, or what it says; headings end in a colon and are none."""
+    reasons = [line.strip() for line in getattr(error, "diagnosis", ()) if not line.endswith(":")]
+    return (reasons[0] if reasons else one_line(error)).rstrip(".")

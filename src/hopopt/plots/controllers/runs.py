@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from hopopt.comparison.compare import OPTIMUM
 from hopopt.comparison.ladder import Ladder
+from hopopt.control.reference import PlanReference
 from hopopt.control.similarity import similar_height
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import ResultError
@@ -30,6 +31,7 @@ from hopopt.plots.controllers.runs_style import (
     runs_figure,
     since_lift_off,
 )
+from hopopt.plots.controllers.tracking import tracking
 from hopopt.plots.hop import FORMATS, save_figure
 from hopopt.plots.style import BLACK, GREY, PALE, SIZE, called_after, describe, jumping_curve, legend
 from hopopt.sim.hop_metrics import HopFigures
@@ -137,6 +139,7 @@ def stiffness(runs: Runs) -> Figure:
     return figure
 
 
+TRACKERS = ("track", "track_mpc", "track_pd")  # the first of them that ran is drawn beside its plan
 FIGURES: dict[str, Callable[[Runs], Figure]] = {
     "foot_height": foot_height,
     "saturation": saturation,
@@ -147,10 +150,17 @@ FIGURES: dict[str, Callable[[Runs], Figure]] = {
 }
 
 
-def save_all(runs: Runs, folder: Path, formats: Sequence[str] = FORMATS, steps: Ladder | None = None) -> list[Path]:
+def save_all(
+    runs: Runs,
+    folder: Path,
+    formats: Sequence[str] = FORMATS,
+    steps: Ladder | None = None,
+    plan: PlanReference | None = None,
+) -> list[Path]:
     """Write every figure in every format to a folder, which is made if need be; the files written.
 
-    steps: of the ladder, if there is one. The budget is left out unless there is an optimum and something beside it.
+    steps: of the ladder, if there is one. plan: what the runs called track followed, if one did. The budget is left out unless
+    there is an optimum and something beside it.
     Raises ResultError, naming the figures that failed and why, when the others are written.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -158,6 +168,8 @@ def save_all(runs: Runs, folder: Path, formats: Sequence[str] = FORMATS, steps: 
     more: dict[str, Callable[[Runs], Figure]] = {}
     if steps is not None:
         more["why"] = lambda runs: staircase(steps, called_after(next(iter(runs.values())).design))
+    if plan is not None and (followed := next((tracker for tracker in TRACKERS if tracker in runs), "")):
+        more["tracking"] = lambda runs: tracking(followed, runs[followed], plan)
     for name, draw in (FIGURES | more).items():
         if name == "budget" and not (OPTIMUM in runs and len(runs) > 1):
             continue

@@ -15,7 +15,8 @@ import numpy as np
 
 from hopopt.control.reference import PhaseReference
 from hopopt.control.setting import Setting
-from hopopt.control.tracking import STEP, Gains, Track, TrackingOptions
+from hopopt.control.tracking.regulator import STEP, Gains
+from hopopt.control.tracking.track import Track, TrackingOptions
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.leg.scales import weight
@@ -138,12 +139,11 @@ class Horizon:
 
     def _over_periods(self, first: int) -> Block:
         """The block that begins with a control period."""
-        n = self.gains.B.shape[-1]
-        cost, held = self.options.costs(n)
+        n, cost = self.gains.B.shape[-1], self.gains.Q
         A, B = np.eye(2 * n), np.zeros((2 * n, n))
         Q, S, R = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, n)), np.zeros((n, n))
         for period in range(first, first + self.options.block):
-            Q, S, R = Q + A.T @ cost @ A, S + A.T @ cost @ B, R + B.T @ cost @ B + held
+            Q, S, R = Q + A.T @ cost @ A, S + A.T @ cost @ B, R + B.T @ cost @ B + self.gains.R
             move, push = self.gains.at(period)[:2]
             A, B = move @ A, move @ B + push
         return Block(A, B, Q, S, R, self.limits.rows(first, self.options.block))

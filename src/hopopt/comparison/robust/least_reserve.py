@@ -1,0 +1,85 @@
+"""The least ground force to hold back so that a plan is tracked on drawn legs: ``--reserve auto``.
+
+Where the foot hardly presses on the ground, legs that differ a little from the believed one leave it early. So plans that hold
+ever more of the leg's weight back are tracked on drawn legs, until none of them falls.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopopt.comparison.compare import reference_of
+from hopopt.comparison.robust.robust_search import TRACKER, TUNING_DRAWS, stands_against
+from hopopt.comparison.robust.robustness import FAILED, drawn, reached
+from hopopt.design import Design
+from hopopt.errors import NotSolvedError, UsageError
+from hopopt.leg.robot import build_robot
+from hopopt.leg.scales import weight
+from hopopt.nlp.deadline import NEVER
+from hopopt.ocp.hop import Hop
+from hopopt.planner.reserve import reserved
+from hopopt.planner.search.from_known import solved_from_known
+from hopopt.planner.solution import Solution
+
+SHARES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)  # of the leg's weight, tried in turn
+SECONDS = 300.0  # [s] for all plans
+
+
+@dataclass(frozen=True)
+class LeastReserve:
+    """design: the problem with the reserve. plan: what it leads to. share: of the leg's weight that is held back. draws: legs of
+    which none fell. cost: what the plan clears less than the bound [m]."""
+
+    design: Design
+    plan: Solution
+    share: float
+    draws: int
+    cost: float
+
+    @property
+    def words(self) -> str:
+        """The reserve, and what it costs, in a sentence."""
+        force = self.design.reserve.ground_force
+        return (
+            f"reserve.ground_force = {force:.4g} N, {self.share:.0%} of the weight, is the least of those tried with which none "
+            f"of {self.draws} drawn legs falls; the whole [reserve] costs {100 * self.cost:.1f} cm of the bound"
+        )
+
+
+def least_reserve(
+    bound: Solution,
+    *,
+    draws: int = TUNING_DRAWS,
+    seed: int = 0,
+    seconds: float = SECONDS,
+    processes: int = 1,
+    progress: Callable[[str], None] | None = None,
+) -> LeastReserve:
+    """The least share of the weight that keeps all drawn legs hopping, and its plan; the rest of [reserve] stays as it is.
+
+    bound: the highest hop of the problem. draws: legs within [uncertainty]. seconds: for the plans. Raises NotSolvedError, with
+    what stands against it, if there is no such reserve.
+    """
+    say, asked, until = progress or (lambda text: None), bound.design, NEVER.within(seconds)
+    legs, heavy = drawn(asked, asked.uncertainty, draws, seed), weight(build_robot(asked.leg).model)
+    known, against = bound, "the time was up"
+    for share in SHARES:
+        if until.passed:
+            break
+        reserve = asked.reserve.model_copy(update={"ground_force": share * heavy})
+        design = asked.model_copy(update={"reserve": reserve})
+        try:
+            known = plan = solved_from_known(Hop(reserved(design)), known, until=until)
+        except (NotSolvedError, UsageError) as error:
+            against = f"with {share:.0%} of the weight held back: {stands_against(error)}"
+            continue
+        found = reached(design, TRACKER, reference_of(plan), legs, processes).clearances
+        fell = int(np.sum(found < FAILED * plan.clearance))
+        say(f"{share:.0%} of the weight held back: {fell} of {draws} drawn legs fall")
+        if not fell and plan.verified:
+            return LeastReserve(design, plan, share, draws, bound.clearance - plan.clearance)
+        against = f"with {share:.0%} of the weight held back, {fell} of {draws} drawn legs fall"
+    raise NotSolvedError(
+        f"{asked.name}: no reserve was found with which the plan is tracked on all drawn legs ({against})"
+    )

@@ -1,0 +1,129 @@
+"""Linear-quadratic-Gaussian gains along a planned phase (Anderson and Moore, Optimal Control, chapters 3 and 8).
+
+A Riccati recursion backwards over the control periods gives the feedback, one forwards the Kalman filter that makes joint
+speeds from coarse encoders, both on the dynamics linearised along the plan. Costs and noise are stated per time, so that
+feedback and filter of a fast controller are those of a slow one. Torques that disturb vary within a period too: taken as
+held, they would leave a filter of very good encoders on the edge of stability (its poles go to the sampled plant's zeros, one
+of which is -1; Astrom, Hagander and Sternby, Zeros of sampled systems, 1984).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from hopopt.control.reference import PhaseReference
+from hopopt.leg.robot import BASE
+from hopopt.leg.scales import Scale
+from hopopt.sim.machine import Machine
+
+GRID = 1e-3  # [s] on the paper's leg: between times where the dynamics are linearised; in between they change linearly
+STEP = 1e-5  # of the central differences that linearise the dynamics
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard errors that the filter takes: angle [rad] of a reading; torque [N m] through every period; as the phase begins,
+    of the speeds [rad/s], and of the torque [N m] over the period that led there."""
+
+    angle: float
+    torque: float
+    speed: float
+    jump: float
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Along one phase, for each control period: the error (q, v) moves by A and by held torque B, feedback K
+    (periods, n, 2 n), filter L (periods, 2 n, n); x' P x is the cost of all that follows (periods + 1, 2 n, 2 n).
+
+    Q (2 n, 2 n) and R (n, n): what errors and added torques of one control period cost.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    K: np.ndarray
+    L: np.ndarray
+    P: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
+
+    def at(self, period: int) -> tuple[np.ndarray, ...]:
+        """A, B, K, L of a period; beyond the last, the last."""
+        k = min(period, len(self.K) - 1)
+        return self.A[k], self.B[k], self.K[k], self.L[k]
+
+    def cost_to_go(self, period: int) -> np.ndarray:
+        """P where a period begins; beyond the last, at the end of the phase."""
+        return self.P[min(period, len(self.P) - 1)]
+
+
+def regulator(
+    machine: Machine, phase: PhaseReference, period: float, contact: bool, costs: tuple[np.ndarray, ...], noise: Noise
+) -> Gains:
+    """Feedback and filter gains along a phase. costs: Q and R of a period, Q at the end of the phase, as in ``Gains``."""
+    A, B = linearised(machine, phase, period, contact)
+    K, P = feedback(A, B, *costs)
+    return Gains(A, B, K, kalman(A, B, period, noise), P, *costs[:2])
+
+
+def feedback(
+    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, end: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """K and P of all periods, from the end backwards."""
+    periods, size, n = B.shape
+    K, P = np.empty((periods, n, size)), np.empty((periods + 1, size, size))
+    P[periods] = end
+    for k in reversed(range(periods)):
+        after = P[k + 1]
+        K[k] = np.linalg.solve(R + B[k].T @ after @ B[k], B[k].T @ after @ A[k])
+        cost = Q + A[k].T @ after @ (A[k] - B[k] @ K[k])
+        P[k] = 0.5 * (cost + cost.T)
+    return K, P
+
+
+def kalman(A: np.ndarray, B: np.ndarray, period: float, noise: Noise) -> np.ndarray:
+    """L of all periods, from the beginning forwards."""
+    periods, size, n = B.shape
+    moved = B @ B.transpose(0, 2, 1)
+    moved[:, :n, :n] += period**2 / 12 * moved[:, n:, n:]  # what torques do to angles that change within the period
+    L, V = np.empty((periods, size, n)), np.eye(n) * noise.angle**2
+    S = np.diag([noise.angle**2] * n + [noise.speed**2] * n) + noise.jump**2 * moved[0]
+    for k in range(periods):
+        L[k] = np.linalg.solve(S[:n, :n] + V, S[:n]).T
+        S = A[k] @ (S - L[k] @ S[:n]) @ A[k].T + noise.torque**2 * moved[k]
+        S = 0.5 * (S + S.T)
+    return L
+
+
+def linearised(machine: Machine, phase: PhaseReference, period: float, contact: bool) -> tuple[np.ndarray, np.ndarray]:
+    """A (periods, 2 n, 2 n), B (periods, 2 n, n) of joint errors over one period of held torque about the plan: x+ = A x + B u."""
+    n, periods = machine.n, max(1, int(phase.duration / period))
+    apart = max(1, int(GRID * Scale.of(machine.leg).time / period + 1e-6))
+    known = np.unique(np.append(np.arange(0, periods, apart), periods - 1))
+    slopes = np.array([slopes_at(machine, np.concatenate(phase.at(k * period)), contact) for k in known])
+    system = np.zeros((periods, 3 * n, 3 * n))
+    system[:, :n, n : 2 * n] = period * np.eye(n)
+    for row, column in np.ndindex(n, 3 * n):
+        system[:, n + row, column] = period * np.interp(np.arange(periods), known, slopes[:, row, column])
+    moved = expm(system)
+    return moved[:, : 2 * n, : 2 * n], moved[:, : 2 * n, 2 * n :]
+
+
+def slopes_at(machine: Machine, z: np.ndarray, contact: bool) -> np.ndarray:
+    """How joint accelerations (n) change with z = (q, v, tau) of the joints, (n, 3 n)."""
+    columns = [
+        (joint_acceleration(machine, z + step, contact) - joint_acceleration(machine, z - step, contact)) / (2 * STEP)
+        for step in STEP * np.eye(len(z))
+    ]
+    return np.array(columns).T
+
+
+def joint_acceleration(machine: Machine, z: np.ndarray, contact: bool) -> np.ndarray:
+    """Joint accelerations (n) [rad/s^2] from z = (q, v, tau) of the joints; in flight whatever the body does."""
+    q, v, tau = np.split(z, 3)
+    if contact:
+        return machine.stance_terms(q, v).acceleration(tau)
+    base = np.zeros(BASE)
+    q, v = (np.concatenate([base, x]) for x in (q, v))
+    return machine.acceleration(q, v, tau, False)[BASE:]
