@@ -35,6 +35,16 @@ def nothing_compiled() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def compared_once() -> Iterator[None]:
+    """What stands beside an answer, the same strategies on the same leg in many tests, is simulated once in a run."""
+    from once import simulated_once
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hopopt.comparison.compare.simulate", simulated_once)
+        yield
+
+
 @pytest.fixture(scope="session")
 def hop() -> "Solution":
     """The paper's leg on its default settings, from one start."""

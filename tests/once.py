@@ -8,6 +8,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
+from hopopt.control.closed_loop import Run, simulate
+from hopopt.control.strategies import BUILT_IN, Strategy
+from hopopt.design import Design
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
@@ -40,3 +43,11 @@ def plan_with_reserve(overrides: Mapping[str, Any] | Sequence[str] = ()) -> Solu
     """What a controller tracks on the paper's leg: its reserve is kept from every limit. From one start."""
     design = reserved(load("paper", overrides))
     return once(f"plan {design.model_dump_json()}", lambda: solve(design, starts=1, processes=1))
+
+
+def simulated_once(design: Design, strategy: Strategy, **more: Any) -> Run:
+    """A built-in strategy's hop, as ``simulate`` simulates it; every other strategy is simulated at each call."""
+    if BUILT_IN.get(strategy.name) is not strategy or more.get("controller") is not None:
+        return simulate(design, strategy, **more)
+    given = sha256(pickle.dumps(sorted(more.items()))).hexdigest()
+    return once(f"{strategy.name} {design.model_dump_json()} {given}", lambda: simulate(design, strategy, **more))

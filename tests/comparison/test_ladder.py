@@ -10,7 +10,6 @@ import pytest
 from hopopt.cli.main import run
 from hopopt.comparison.compare import Comparison, compare
 from hopopt.comparison.ladder import CONTROL, Ladder, Rung, ladder, withheld
-from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.ocp.custom import Moment
 from hopopt.planner.solution import Solution
@@ -18,12 +17,12 @@ from hopopt.plots.controllers.ladder import staircase
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.storage.solution import save
-from once import plan_with_reserve
+from once import plan_with_reserve, simulated_once
 
 
 @pytest.fixture(scope="module")
 def pd() -> HopFigures:
-    return simulate(load("paper"), find("force_tuck")).figures
+    return simulated_once(load("paper"), find("force_tuck")).figures
 
 
 def test_the_simulated_hop_keeps_all_that_is_withheld(pd: HopFigures) -> None:

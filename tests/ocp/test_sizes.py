@@ -23,6 +23,7 @@ def entries(size: float) -> dict[str, object]:
         "leg.motor.winding_resistance": 0.5,
         "leg.motor.torque_constant": 0.05 * size**2.25,  # heat, resistance x (torque / constant)^2, is a power
         "hop.clearance": CLEARANCE * size,
+        "hop.stance_duration": [0.03 * size**0.5, 0.2 * size**0.5],  # short: few intervals
     }
 
 

@@ -138,7 +138,7 @@ def test_the_trap_is_one() -> None:
 
 
 @pytest.mark.parametrize("path", [True, False], ids=["path constraint", "bound"])
-@pytest.mark.parametrize("limit", [0.17, 0.2, 0.23, 0.2495])
+@pytest.mark.parametrize("limit", [0.17, *(pytest.param(h, marks=pytest.mark.slow) for h in (0.2, 0.23)), 0.2495])
 def test_a_height_that_is_only_touched(limit: float, path: bool) -> None:
     """Bryson and Ho, 3.11: 2 + 6 (1 - 4 l)^2 for 1/6 <= l <= 1/4; no node need lie where the limit is touched, and no
     multiplier be found there."""

@@ -171,12 +171,23 @@ def test_a_rod_on_ice_falls_straight() -> None:
 
 
 @quick
-@given(legs_in_motion(plane=True), st.floats(0.0, 2.0))
+@given(legs_in_motion(st.integers(1, 2), plane=True), st.floats(0.0, 2.0))
 def test_an_impact_keeps_to_the_cone_and_takes_energy(
     case: tuple[Leg, np.ndarray, np.ndarray, np.ndarray], friction: float
 ) -> None:
     """An impulse at the foot alone, upwards and within the cone; it opposes what slips; the foot does not sink."""
-    leg, q, v, _ = case
+    keeps_to_the_cone_and_takes_energy(*case[:3], friction)
+
+
+@pytest.mark.slow
+@quick
+@given(legs_in_motion(plane=True), st.floats(0.0, 2.0))
+def test_an_impact_of_any_leg(case: tuple[Leg, np.ndarray, np.ndarray, np.ndarray], friction: float) -> None:
+    """All is compiled anew for each number of joints."""
+    keeps_to_the_cone_and_takes_energy(*case[:3], friction)
+
+
+def keeps_to_the_cone_and_takes_energy(leg: Leg, q: np.ndarray, v: np.ndarray, friction: float) -> None:
     plant = on_ground(leg, friction)
     machine = plant.machine
     if machine.foot_motion(q, v)[1][1] > -1e-3:

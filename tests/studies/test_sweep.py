@@ -155,7 +155,7 @@ def test_killed_at_any_instant_it_goes_on(tmp_path: Path) -> None:
     assert {p.name for p in folder.iterdir()} >= {"study.json", "table.csv", "sweep.nc", "figures"}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_interrupted_it_says_how_to_go_on(number: signal.Signals, tmp_path: Path) -> None:
     """And its processes end with it, which would hold its output open, and complain."""
     with begun(tmp_path) as (running, folder):
