@@ -313,7 +313,7 @@ def test_the_tracker_makes_up_for_what_gears_take(plan: PlanReference) -> None:
     t = 400 * PERIOD
     q, v, _ = plan.stance.at(t)
     asked = track.torque(Measurement(t, q, v, True, t, 0))
-    np.testing.assert_allclose(gear.passed(v, asked), plan.stance.mean_torque(t, t + PERIOD), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(drive.passed(v, asked), plan.stance.mean_torque(t, t + PERIOD), rtol=0, atol=1e-6)
 
 
 # ---- what a user asks for ------------------------------------------------------------------------------------------
