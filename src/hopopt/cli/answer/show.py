@@ -1,16 +1,19 @@
 """The command that prints a stored answer, or a problem: show."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Any
 
 from rich.table import Column
 
 from hopopt.cli.options import AsJson, Overrides, ended
-from hopopt.cli.screen.console import Shown, table
+from hopopt.cli.screen.console import Shown, figures, named, table
 from hopopt.cli.screen.details import answer
 from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.leg.derived import Derived, derived
+from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.load import as_json, load, rows
 from hopopt.storage.folder import fitting
 from hopopt.storage.solution import read, stated
@@ -28,7 +31,9 @@ def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) 
     """
     if not Path(what).is_dir():
         design = load(what, set_ or ())
-        return ended(as_json(design), json_, _problem(design))
+        found, far = derived(design), doubts(design)
+        data = as_json(design) | {"derived": asdict(found), "doubts": far}
+        return ended(data, json_, [*_problem(design), *_derived(found, far)])
     if set_:
         raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
     with fitting(Path(what)):
@@ -45,6 +50,27 @@ def _problem(design: Design) -> Iterator[Shown]:
     styles = {"entry": "bold", "value": "", "unit": "dim", "meaning": ""}
     columns = [Column(head, style=style, overflow="fold") for head, style in styles.items()]
     yield table(columns, cells, design.title or design.name)
+
+
+def _derived(found: Derived, far: Sequence[str]) -> Iterator[Shown]:
+    """What follows from the entries, a row for each joint, and what is far outside what legs have."""
+    push = "no joint lifts the foot" if found.push is None else f"{found.push:.2f} weights"
+    yield "\nWhat follows from them"
+    yield (
+        f"mass {found.mass:.4g} kg, weight {found.weight:.4g} N, leg stretched {found.reach:.3g} m; push at the start, drives at "
+        f"standstill: {push}"
+    )
+    heads = ("stall\nN m", "no load\nrad/s", "power\nW", "rotor\nkg m^2", "links\nkg m^2", "hold\nN m")
+    cells = [[j.name, *(f"{x:.3g}" for x in astuple(j)[1:])] for j in found.joints]
+    yield table([named("joint"), *figures(*heads)], cells)
+    yield (
+        "stall and no load: torque at standstill and speed without torque, at the joint; rotor and links: inertia about the "
+        "joint, reflected through the gear and in the start pose; hold: torque that keeps the start pose"
+    )
+    without = [j.name for j in found.joints if not j.rotor_inertia]
+    if without:
+        yield f"no rotor inertia at the {' and '.join(without)}: hops come out too high; look at leg.motor.rotor_inertia"
+    yield from (f"doubt: {words}" for words in far)
 
 
 def _plain(value: Any) -> str:

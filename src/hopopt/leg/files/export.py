@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import unit
-from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
+from hopopt.leg.derived import effort_limit, velocity_limit
 from hopopt.leg.inertia import PAIRS, tensor
 from hopopt.leg.kinematics import planar
 from hopopt.leg.robot import BASE, MovingBody, Robot, link_bodies
@@ -38,16 +38,6 @@ IN_SPACE = (
     "some thickness, a thousandth of its moment."
 )
 ON_SLIDER = "The body moves on a vertical slider: its guide along x is fixed."
-
-
-def effort_limit(region: OperatingRegion) -> float:
-    """Largest joint torque at standstill [N m]."""
-    return float(region.torque_bounds(0.0)[1])
-
-
-def velocity_limit(region: OperatingRegion) -> float:
-    """Largest joint speed at which no half-plane is left without torque [rad/s]."""
-    return 1 / max(float(h.b) for h in region.planes)
 
 
 # ---- URDF -------------------------------------------------------------------------------------------------
