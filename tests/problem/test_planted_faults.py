@@ -169,8 +169,8 @@ def test_a_datasheets_values_behind_the_gear_are_doubted() -> None:
     assert hints(load("paper", SMALL | in_front)) == []
     (said,) = hints(load("paper", SMALL | {"leg.motor.max_torque": 9.0, "leg.motor.max_speed": 44.0}))
     assert said == (
-        "hint: far outside what legs have: at the start the drives hold 15.9 weights on the foot (legs have 1 to 10): look at "
-        "leg.motor.max_torque = 9 N m and leg.gear.ratio = 6; the hip turns at 7.33 rad/s without load, 1.4 sqrt(gravity / "
+        "hint: far outside what legs have: the hip has 54 N m at standstill, 6.2 times weight times leg length (legs have less "
+        "than 5): look at leg.motor.max_torque = 9 N m and leg.gear.ratio = 6; the hip turns at 7.33 rad/s without load, 1.4 sqrt(gravity / "
         "leg length) (legs have 2 to 25): look at leg.motor.max_speed = 44 rad/s and leg.gear.ratio = 6; torque and speed are "
         "needed in front of the gear, and a datasheet may state them behind it"
     )
@@ -179,7 +179,7 @@ def test_a_datasheets_values_behind_the_gear_are_doubted() -> None:
 @pytest.mark.parametrize(
     ("entry", "value", "words"),
     [
-        ("leg.motor.max_torque", 0.2, "the drives hold 0.72 weights on the foot"),
+        ("leg.motor.max_torque", 0.2, "the drives hold 0.72 weights on the foot, less than the leg's own"),
         ("leg.motor.max_speed", 6000, "the hip turns at 100 rad/s without load"),
         ("leg.motor.rotor_inertia", 4e-5, "the rotor of the knee has 11.5 times the inertia of its links"),
     ],

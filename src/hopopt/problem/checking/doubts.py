@@ -6,7 +6,7 @@ All are dimensionless, so that a leg of any size is judged alike. The built-in l
 from hopopt.design import Design, Leg
 from hopopt.leg.derived import Derived, JointFigures, derived
 
-PUSH = (1.0, 10.0)  # weights: less does not carry the leg, legs that hop have 2 to 10
+STALL = 5.0  # stall torque over weight times reach, in any pose; legs have 1 to 3.4
 SPEED = (2.0, 25.0)  # no-load speed of a joint in sqrt(gravity / reach); legs have 3 to 16
 ROTOR = 10.0  # reflected rotor inertia over that of the links about the joint; legs have 0.2 to 4
 BEHIND = 1.5  # gear ratio from which a motor's values and the joint's are different things
@@ -16,21 +16,25 @@ OUTPUT = "torque and speed are needed in front of the gear, and a datasheet may 
 def doubts(design: Design) -> list[str]:
     """A sentence for each number far outside what legs have; none for a leg like others."""
     leg, found = design.leg, derived(design)
-    outside = list(dict.fromkeys([*_push(leg, found), *_speeds(leg, found), *_rotors(leg, found)]))
+    outside = list(dict.fromkeys([*_torques(leg, found), *_speeds(leg, found), *_rotors(leg, found)]))
     geared = any(leg.drive(name, "gear", "ratio")[1] > BEHIND for name in leg.joints)
     return [*outside, OUTPUT] if outside and geared else outside
 
 
-def _push(leg: Leg, found: Derived) -> list[str]:
-    """Of the force that the drives hold at the start."""
-    least, most = PUSH
-    if found.push is None or least <= found.push <= most:
-        return []
+def _torques(leg: Leg, found: Derived) -> list[str]:
+    """Of what the drives carry at standstill."""
     strongest = max(found.joints, key=lambda j: j.stall_torque)
-    return [
-        f"at the start the drives hold {found.push:.3g} weights on the foot (legs have {least:g} to {most:g}): look at "
-        f"{_entry(leg, strongest, 'max_torque', 'N m')}"
-    ]
+    entry, lever = _entry(leg, strongest, "max_torque", "N m"), found.weight * found.reach
+    if found.push is not None and found.push < 1:
+        return [
+            f"at the start the drives hold {found.push:.2g} weights on the foot, less than the leg's own: look at {entry}"
+        ]
+    if strongest.stall_torque > STALL * lever:
+        return [
+            f"the {strongest.name} has {strongest.stall_torque:.3g} N m at standstill, {strongest.stall_torque / lever:.2g} times "
+            f"weight times leg length (legs have less than {STALL:g}): look at {entry}"
+        ]
+    return []
 
 
 def _speeds(leg: Leg, found: Derived) -> list[str]:
