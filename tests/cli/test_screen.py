@@ -152,12 +152,13 @@ def test_checks_that_are_left_out_are_counted_apart_with_the_reason(
 
 
 def test_one_line_says_what_a_hop_is_worth_and_leans_on(hop: Solution) -> None:
-    line, leans = in_short(replace(hop.summary, result_dir=None), hop.design)
+    line, rests, leans = in_short(replace(hop.summary, result_dir=None), hop.design)
     lengths = hop.clearance / sum(hop.design.leg.link[name].length for name in hop.design.leg.links)
     assert line.startswith(
         f"the foot clears {lengths:.2f} leg lengths; this motion needs ground that holds the foot sideways"
     )
     assert "of stance without load" in line
+    assert rests == "it rests on gears without losses"
     lost = 100 * hop.summary.gains["longest stance"]
     assert leans == f"it leans on the longest stance (1 % less of it costs {lost:.2g} cm)"
     gripping = replace(hop.summary, leans_on=LeansOn(0.55, 0.0, None))
@@ -165,8 +166,14 @@ def test_one_line_says_what_a_hop_is_worth_and_leans_on(hop: Solution) -> None:
     noise = {**hop.summary.gains, "longest stance": 0.5 * hop.summary.objective_error.either_way}
     for_nothing = replace(hop.summary, gain_per_percent_m=noise, result_dir="there")
     last = "what the best motion without these loses: hopopt diagnose there --worth"
-    assert in_short(for_nothing, hop.design)[1:] == [last]
+    assert in_short(for_nothing, hop.design)[1:] == [rests, last]
     assert in_short(replace(hop.summary, verified=False), hop.design) == []
+
+
+def test_an_answer_without_rotors_says_so(hop: Solution) -> None:
+    light = load("paper", ["leg.knee.motor.rotor_inertia=0"])
+    words = "it rests on gears without losses, and on no rotor inertia at the knee, which a motor has"
+    assert in_short(hop.summary, light)[1] == words
 
 
 def test_a_certified_answer_has_no_crude_bound_beside_it(hop: Solution) -> None:

@@ -13,7 +13,7 @@ from hopopt.cli.screen.checks import certified_words, structure_lines
 from hopopt.cli.screen.console import Part, Shown, marked
 from hopopt.cli.screen.runs import OVERSHOOT
 from hopopt.cli.screen.search import global_line, measure, measured, starts_lines
-from hopopt.design import Design
+from hopopt.design import Design, Leg
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.objectives.direction import sign
 from hopopt.planner.answer.summary import Summary
@@ -104,7 +104,14 @@ def in_short(s: Summary, design: Design) -> list[str]:
     lean = ", ".join(f"the {name} (1 % less of it costs {loss(s, cost)})" for name, cost in costs.items())
     asked = s.result_dir and bound_line(0.0, s.objective)  # heights alone
     more = [f"what the best motion without these loses: hopopt diagnose {s.result_dir} --worth"] if asked else []
-    return [cleared, *([f"it leans on {lean}"] if lean else []), *more]
+    return [cleared, f"it rests on {assumed(design.leg)}", *([f"it leans on {lean}"] if lean else []), *more]
+
+
+def assumed(leg: Leg) -> str:
+    """What a plan takes to be better than any robot has it."""
+    bare = [name for name in leg.joints if not leg.drive(name, "motor", "rotor_inertia")[1]]
+    rotors = f", and on no rotor inertia at the {' and '.join(bare)}, which a motor has" if bare else ""
+    return f"gears without losses{rotors}"
 
 
 def loss(s: Summary, amount: float) -> str:
