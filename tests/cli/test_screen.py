@@ -11,7 +11,7 @@ import pytest
 
 from hopopt.cli.main import run
 from hopopt.cli.screen import runs
-from hopopt.cli.screen.answer import checks_line, in_short
+from hopopt.cli.screen.answer import checks_line, in_short, notes
 from hopopt.cli.screen.checks import checks as shown_checks
 from hopopt.cli.screen.checks import structure_lines
 from hopopt.cli.screen.console import Part, progress, show
@@ -19,6 +19,7 @@ from hopopt.cli.screen.details import whole
 from hopopt.cli.studies import sensitivity, sweep
 from hopopt.comparison.compare import compare
 from hopopt.optimality.minimum_principle.switching_structure import Stretch
+from hopopt.planner.answer.limit_names import AS_GOOD, INSENSITIVE
 from hopopt.planner.answer.motion_figures import LeansOn
 from hopopt.planner.answer.program_figures import Structure
 from hopopt.planner.solution import Solution
@@ -168,6 +169,19 @@ def test_one_line_says_what_a_hop_is_worth_and_leans_on(hop: Solution) -> None:
     last = "what the best motion without these loses: hopopt diagnose there --worth"
     assert in_short(for_nothing, hop.design)[1:] == [rests, last]
     assert in_short(replace(hop.summary, verified=False), hop.design) == []
+
+
+def test_all_that_does_not_matter_is_one_line(hop: Solution) -> None:
+    alike = [f"{INSENSITIVE}the {name} torque in stance{AS_GOOD}" for name in ("hip", "knee")]
+    told = notes(replace(hop.summary, notes=(alike[0], "a hint", alike[1])))
+    assert told == ["a hint", f"{INSENSITIVE}the hip torque in stance, nor on the knee torque in stance{AS_GOOD}"]
+
+
+def test_a_leg_that_stays_down_is_said_to(hop: Solution) -> None:
+    down = replace(hop.summary, parts=replace(hop.summary.parts, ballistic_rise_m=-0.0009))
+    assert in_short(down, hop.design)[0] == (
+        "the leg does not leave the ground in any useful sense (ballistic rise -0.0009 m): it is drawn up"
+    )
 
 
 def test_an_answer_without_rotors_says_so(hop: Solution) -> None:

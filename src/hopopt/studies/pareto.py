@@ -34,6 +34,7 @@ from hopopt.planner.search.required_clearance import begun_from, maximum_clearan
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.planner.stopwatch import Stopwatch
+from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.load import as_design, changed
 from hopopt.storage.folder import new_folder, prepare, write_json, writing
 from hopopt.storage.solution import save
@@ -178,7 +179,8 @@ def _goal(design: Design, against: str, points: int) -> HopObjective:
     # The highest hop does not land, so that it has no impact.
     choices = [o.name for o in OBJECTIVES.values() if o.ends == "required clearance" and o.name != "impact"]
     if against not in choices:
-        raise UsageError(f"there is no front against {against!r}: choose one of {', '.join(choices)}")
+        close = did_you_mean(against, choices)
+        raise UsageError(f"there is no front against {against!r}{close}: choose one of {', '.join(choices)}")
     if not 3 <= points <= MOST_POINTS:
         raise UsageError(f"a front has at least 3 points and at most {MOST_POINTS}")
     goal = find(against)

@@ -16,6 +16,7 @@ from hopopt.cli.screen.search import global_line, measure, measured, starts_line
 from hopopt.design import Design, Leg
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.objectives.direction import sign
+from hopopt.planner.answer.limit_names import AS_GOOD, INSENSITIVE
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.motion import at_apex
@@ -23,6 +24,7 @@ from hopopt.planner.solution import Solution
 
 MOST = 4  # limits that are named
 LITTLE = 0.005  # share of stance that is no word worth
+HARDLY = 0.01  # of the leg's length: a ballistic rise that is no hop
 
 
 def short(solution: Solution) -> Iterator[Shown]:
@@ -38,7 +40,7 @@ def short(solution: Solution) -> Iterator[Shown]:
         limits=_limits(s),
         structure=structure_lines(s) if s.structure.solved_again is not None else [],
         evidence=[checks_line(s), error_line(s), *starts_lines(s, certified_words(s)), *global_line(s)],
-        notes=s.notes,
+        notes=notes(s),
         results=_results(s),
     )
 
@@ -94,6 +96,8 @@ def in_short(s: Summary, design: Design) -> list[str]:
     if not isfinite(found.friction_needed):
         grip = "ground that holds the foot sideways without load, which no friction does"
     free = f"{found.load_free_share:.0%} of stance without load on the foot"
+    rise = s.parts.ballistic_rise_m
+    grounded = [f"the leg does not leave the ground in any useful sense (ballistic rise {rise:.4f} m): it is drawn up"]
     needs = [grip, *([free] if found.load_free_share > LITTLE else [])]
     cleared = f"the {s.lowest_point} clears {lengths:.2f} leg lengths; this motion needs {'; '.join(needs)}"
     costs = {
@@ -104,7 +108,21 @@ def in_short(s: Summary, design: Design) -> list[str]:
     lean = ", ".join(f"the {name} (1 % less of it costs {loss(s, cost)})" for name, cost in costs.items())
     asked = s.result_dir and bound_line(0.0, s.objective)  # heights alone
     more = [f"what the best motion without these loses: hopopt diagnose {s.result_dir} --worth"] if asked else []
-    return [cleared, f"it rests on {assumed(design.leg)}", *([f"it leans on {lean}"] if lean else []), *more]
+    return [
+        *(grounded if rise < HARDLY * reach(design.leg) else []),
+        cleared,
+        f"it rests on {assumed(design.leg)}",
+        *([f"it leans on {lean}"] if lean else []),
+        *more,
+    ]
+
+
+def notes(s: Summary) -> list[str]:
+    """The notes; all to which the objective is insensitive in one line."""
+    alike = [words for words in s.notes if words.startswith(INSENSITIVE)]
+    others = [words for words in s.notes if words not in alike]
+    of_each = [words.removeprefix(INSENSITIVE).removesuffix(AS_GOOD) for words in alike]
+    return [*others, *([f"{INSENSITIVE}{', nor on '.join(of_each)}{AS_GOOD}"] if alike else [])]
 
 
 def assumed(leg: Leg) -> str:

@@ -11,6 +11,7 @@ from hopopt.cli.screen.answer import (
     headed,
     hop_lines,
     in_short,
+    notes,
     short,
     upwards,
 )
@@ -45,7 +46,7 @@ def whole(solution: Solution) -> Iterator[Shown]:
         control=control_lines(s),
         structure=structure_lines(s),
         evidence=_evidence(s),
-        notes=s.notes,
+        notes=notes(s),
         results=[f"{folder}, as it was stored: hopopt verify {folder} checks it again"],
     )
 
