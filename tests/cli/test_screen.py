@@ -11,17 +11,19 @@ import pytest
 
 from hopopt.cli.main import run
 from hopopt.cli.screen import runs
-from hopopt.cli.screen.answer import checks_line, in_short, notes
+from hopopt.cli.screen.answer import checks_line, hard, in_short, notes
 from hopopt.cli.screen.checks import checks as shown_checks
 from hopopt.cli.screen.checks import structure_lines
 from hopopt.cli.screen.console import Part, progress, show
 from hopopt.cli.screen.details import whole
-from hopopt.cli.studies import sensitivity, sweep
+from hopopt.cli.screen.studies import of_sweep
+from hopopt.cli.studies import sensitivity
 from hopopt.comparison.compare import compare
 from hopopt.optimality.minimum_principle.switching_structure import Stretch
 from hopopt.planner.answer.limit_names import AS_GOOD, INSENSITIVE
 from hopopt.planner.answer.motion_figures import LeansOn
 from hopopt.planner.answer.program_figures import Structure
+from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Countdown
 from hopopt.problem.load import load
@@ -84,7 +86,7 @@ def test_a_study_whose_best_lies_at_an_edge_says_so(tmp_path: Path, capsys: pyte
         points = [
             Point(k, definition.values(k), VERIFIED, objective_value=z, clearance_m=z) for k, z in enumerate(heights)
         ]
-        show(sweep.shown(Study(definition, tuple(points), tmp_path, 1.0)))
+        show(of_sweep(Study(definition, tuple(points), tmp_path, 1.0)))
         assert f"clearance 0.8000 m{words}\n" in capsys.readouterr().out
 
 
@@ -175,6 +177,14 @@ def test_all_that_does_not_matter_is_one_line(hop: Solution) -> None:
     alike = [f"{INSENSITIVE}the {name} torque in stance{AS_GOOD}" for name in ("hip", "knee")]
     told = notes(replace(hop.summary, notes=(alike[0], "a hint", alike[1])))
     assert told == ["a hint", f"{INSENSITIVE}the hip torque in stance, nor on the knee torque in stance{AS_GOOD}"]
+
+
+def test_a_foot_that_is_swung_onto_the_ground_is_named() -> None:
+    """A fall from 0.8 m ends at 3.96 m/s, one of 8.8 m/s begins at 3.95 m."""
+    fallen, swung = (Impact(0.0, 0.0, 6.4, 2.0, 6.4, v, 0.1, 10.0) for v in (3.96, 8.8))
+    assert hard(fallen, 0.8) == []
+    (line,) = hard(swung, 0.8)
+    assert "as fast as by a fall from 3.95 m; hop.touchdown_speed limits that" in line
 
 
 def test_a_leg_that_stays_down_is_said_to(hop: Solution) -> None:

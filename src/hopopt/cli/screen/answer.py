@@ -24,6 +24,8 @@ from hopopt.planner.solution import Solution
 
 MOST = 4  # limits that are named
 LITTLE = 0.005  # share of stance that is no word worth
+GRAVITY = 9.81  # m/s^2
+SWUNG = 1.5  # clearances: a foot that lands as from a higher fall did not only fall
 HARDLY = 0.01  # of the leg's length: a ballistic rise that is no hop
 
 
@@ -172,11 +174,16 @@ def orbit_lines(s: Summary) -> list[str]:
             f"at rest after {end.rest_s:.3f} s in the pose of the start, {end.step_m:+.3f} m along; the ground pushes with at "
             f"most {end.peak_ground_force_N:.0f} N meanwhile, and the body is no lower than {end.deepest_m:.3f} m",
             _impact_line(end),
+            *hard(end, s.clearance_m),
         ]
     if (o := s.orbit) is None:
         return []
     way = "in place" if abs(o.step_m) < 1e-6 else f"{o.step_m:+.3f} m along in each"
-    return [f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}", _impact_line(o)]
+    return [
+        f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}",
+        _impact_line(o),
+        *hard(o, s.clearance_m),
+    ]
 
 
 def _impact_line(o: Impact) -> str:
@@ -185,6 +192,17 @@ def _impact_line(o: Impact) -> str:
         f"touchdown: foot at {o.foot_speed_m_s:.2f} m/s, impulse {o.impulse_Ns:.2f} N s, {o.impact_loss_J:.2f} J lost, "
         f"gear impulse {o.gear_impulse_Nms:.3f} N m s ({o.gear_impact_torque_Nm:.0f} N m over hop.touchdown_time)"
     )
+
+
+def hard(o: Impact, clearance: float) -> list[str]:
+    """What a foot means that lands much faster than it would fall, and which entries limit that."""
+    fall = o.foot_speed_m_s**2 / (2 * GRAVITY)
+    if fall < SWUNG * clearance:
+        return []
+    return [
+        f"a hard landing: the foot is swung down as fast as by a fall from {fall:.2f} m; hop.touchdown_speed limits that, "
+        "hop.touchdown_loss the energy, hop.touchdown_impulse the blow (docs/periodic.md)"
+    ]
 
 
 def control_lines(s: Summary) -> list[str]:
