@@ -23,6 +23,7 @@ from hopopt.optimality.minimum_principle.switching_structure import Stretch
 from hopopt.planner.answer.limit_names import AS_GOOD, INSENSITIVE
 from hopopt.planner.answer.motion_figures import LeansOn
 from hopopt.planner.answer.program_figures import Structure
+from hopopt.planner.answer.summary import LATE
 from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Countdown
@@ -185,6 +186,19 @@ def test_a_foot_that_is_swung_onto_the_ground_is_named() -> None:
     assert hard(fallen, 0.8) == []
     (line,) = hard(swung, 0.8)
     assert "as fast as by a fall from 3.95 m; hop.touchdown_speed limits that" in line
+
+
+def test_a_time_limit_ends_in_its_sentence(hop: Solution) -> None:
+    """Not in a list of the checks that a refinement cut short does not pass."""
+    failed = tuple(replace(c, residual=1.0, tolerance=0.1) for c in hop.summary.verification)
+    names = tuple(c.name for c in failed)
+    limit = {"notes": (LATE,), "time_limit_s": 1.0}
+    late = hop.with_summary(verified=False, verification=failed, failed_checks=names, **limit)
+    with redirect_stdout(io.StringIO()) as screen:
+        show(whole(late))
+    assert "the time limit of" in screen.getvalue()
+    assert f"{len(failed)} checks fail, as refinement was cut short: hopopt verify lists them" in screen.getvalue()
+    assert "FAILED" not in screen.getvalue()
 
 
 def test_a_leg_that_stays_down_is_said_to(hop: Solution) -> None:

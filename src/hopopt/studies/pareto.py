@@ -34,7 +34,7 @@ from hopopt.planner.search.multistart import Progress, StartOutcome, first_trans
 from hopopt.planner.search.required_clearance import begun_from, maximum_clearance_hop, reaches
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
-from hopopt.planner.stopwatch import Stopwatch
+from hopopt.planner.stopwatch import Countdown, Stopwatch
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.load import as_design, changed, load
 from hopopt.storage.folder import new_folder, prepare, write_json, writing
@@ -178,8 +178,10 @@ def front(
         least = _refined(found, chain, 0, LEAST.format(goal.name.replace("_", " ")))
         reached = least.clearance if least is not None and least.verified else lowest
         chain.between(reached, top.clearance, points)
+        count_down = Countdown(say, "points of the front", len(chain.clearances) - 1)
         for k in range(1, len(chain.clearances)):
             _refined(found, chain, k, f"point {k + 1} of {points}")
+            count_down.more()
         found.complete = True
         found.write()
     return found
