@@ -205,6 +205,7 @@ def _annotate_peak(ax: Axes, s: Samples, between: tuple[float, float], aside: fl
     width from its sides; and what thin lines are."""
     k, (begin, end), (lowest, highest) = int(s.f[:, -1].argmax()), (s.t[0], s.t[-1]), between
     t, peak, span = float(s.t[k]), float(s.f[k, -1]), highest - lowest
+    begin = 0.0 if begin < 0.01 * end else begin  # the first sample is a little later, and would hide the tick at 0
     ax.set(xlim=(begin, end + 0.02 * (end - begin)), ylim=(lowest - 0.05 * span, highest + 0.18 * span))
     ax.plot(t, peak, "o", color=COLOR[STANCE], ms=8, zorder=4)
     beside = min(max(t, begin + aside * (end - begin)), end - aside * (end - begin))
