@@ -195,7 +195,7 @@ SENTENCES = [
     (("1256.637", "12000"), "leg.motor.max_speed = 12000 rad/s is too large: a number from 1 to 6000 rad/s is needed; 12000 looks like rpm: write 1256.64."),
     (("upper = 1.3", "upper = 75"), "leg.hip.upper = 75 rad is too large: a number from -7 to 7 rad is needed; 75 looks like degrees: write 1.309."),
     (("mass = 1.87", "mass = 1870"), "leg.thigh.mass = 1870 kg is too large: a number from 0.0001 to 200 kg is needed; 1870 looks like grams: write 1.87."),
-    (("mass = 1.87", "mass = -1"), "leg.thigh.mass = -1 kg is too small: a number from 0.0001 to 200 kg is needed."),
+    (("mass = 1.87", "mass = -1"), "leg.thigh.mass = -1 kg is too small: a number from 0.0001 to 200 kg is needed; write 1 if the sign is all that is wrong."),
     (("mass = 5.6", "mass = nan"), "leg.body.mass = nan kg is not finite: a number from 0.001 to 1000 kg is needed."),
     (("mass = 5.6", "mass = inf"), "leg.body.mass = inf kg is not finite: a number from 0.001 to 1000 kg is needed."),
     (("mass = 5.6", 'mass = "5.6 kg"'), 'leg.body.mass = "5.6 kg" is not allowed: a number from 0.001 to 1000 kg is needed; write the number alone, without quotes or unit.'),
