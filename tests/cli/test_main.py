@@ -208,6 +208,12 @@ def test_show(tmp_path: Path) -> None:
     }
     text = said("show", cwd=tmp_path).stdout
     assert re.search(r"leg\.motor\.max_torque +2\.0 +N m", text)
+    assert entries["doubts"] == []
+    assert entries["derived"]["joints"][1]["stall_torque"] == pytest.approx(160.0)
+    assert "mass 8.27 kg, weight 81.13 N" in text
+    assert re.search(r"knee +200 +12\.6 +628 +0\.119 +0\.0348", text)
+    assert "doubt" not in text
+    assert "doubt: the hip turns at" in said("show", "--set", "leg.motor.max_speed=60", cwd=tmp_path).stdout
 
 
 def test_a_stored_answer_is_shown_whole(solved: tuple[dict, Path]) -> None:

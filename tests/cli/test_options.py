@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from hopopt.cli.main import run
 from hopopt.cli.options import write_new
 from hopopt.errors import UsageError
 
@@ -33,3 +34,25 @@ def test_a_folder_that_is_a_file_is_not_called_the_file_that_is_there(tmp_path: 
     (tmp_path / "legs").write_text("", encoding="utf-8")
     with pytest.raises(UsageError, match="cannot be written"):
         write_new(tmp_path / "legs" / "mine.toml", "mine")
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["--friction", "0.6"], "Try: --set contact.friction=0.6,"),
+        (["--hip-height=0.3"], "Try: --set start.hip_height=0.3,"),
+        (["--ratio", "80"], "Try: --set leg.gear.ratio=80,"),
+        (["--frction", "0.6"], "Try: hopopt solve --help"),
+    ],
+)
+def test_an_entry_given_as_an_option_is_told_how_to_set(
+    words: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["solve", "paper", *words]) == 2
+    assert meant in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["solve", "--objective", "energi"], ["pareto", "--against", "energi"]])
+def test_a_misspelt_objective_is_told_the_nearest(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(words) == 2
+    assert "(did you mean energy?)" in capsys.readouterr().err

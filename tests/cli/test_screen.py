@@ -11,16 +11,20 @@ import pytest
 
 from hopopt.cli.main import run
 from hopopt.cli.screen import runs
-from hopopt.cli.screen.answer import checks_line, in_short
+from hopopt.cli.screen.answer import checks_line, hard, in_short, notes
 from hopopt.cli.screen.checks import checks as shown_checks
 from hopopt.cli.screen.checks import structure_lines
 from hopopt.cli.screen.console import Part, progress, show
 from hopopt.cli.screen.details import whole
-from hopopt.cli.studies import sensitivity, sweep
+from hopopt.cli.screen.studies import of_sweep
+from hopopt.cli.studies import sensitivity
 from hopopt.comparison.compare import compare
 from hopopt.optimality.minimum_principle.switching_structure import Stretch
+from hopopt.planner.answer.limit_names import AS_GOOD, INSENSITIVE
 from hopopt.planner.answer.motion_figures import LeansOn
 from hopopt.planner.answer.program_figures import Structure
+from hopopt.planner.answer.summary import LATE
+from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.solution import Solution
 from hopopt.planner.stopwatch import Countdown
 from hopopt.problem.load import load
@@ -83,7 +87,7 @@ def test_a_study_whose_best_lies_at_an_edge_says_so(tmp_path: Path, capsys: pyte
         points = [
             Point(k, definition.values(k), VERIFIED, objective_value=z, clearance_m=z) for k, z in enumerate(heights)
         ]
-        show(sweep.shown(Study(definition, tuple(points), tmp_path, 1.0)))
+        show(of_sweep(Study(definition, tuple(points), tmp_path, 1.0)))
         assert f"clearance 0.8000 m{words}\n" in capsys.readouterr().out
 
 
@@ -152,12 +156,13 @@ def test_checks_that_are_left_out_are_counted_apart_with_the_reason(
 
 
 def test_one_line_says_what_a_hop_is_worth_and_leans_on(hop: Solution) -> None:
-    line, leans = in_short(replace(hop.summary, result_dir=None), hop.design)
+    line, rests, leans = in_short(replace(hop.summary, result_dir=None), hop.design)
     lengths = hop.clearance / sum(hop.design.leg.link[name].length for name in hop.design.leg.links)
     assert line.startswith(
         f"the foot clears {lengths:.2f} leg lengths; this motion needs ground that holds the foot sideways"
     )
     assert "of stance without load" in line
+    assert rests == "it rests on gears without losses"
     lost = 100 * hop.summary.gains["longest stance"]
     assert leans == f"it leans on the longest stance (1 % less of it costs {lost:.2g} cm)"
     gripping = replace(hop.summary, leans_on=LeansOn(0.55, 0.0, None))
@@ -165,8 +170,48 @@ def test_one_line_says_what_a_hop_is_worth_and_leans_on(hop: Solution) -> None:
     noise = {**hop.summary.gains, "longest stance": 0.5 * hop.summary.objective_error.either_way}
     for_nothing = replace(hop.summary, gain_per_percent_m=noise, result_dir="there")
     last = "what the best motion without these loses: hopopt diagnose there --worth"
-    assert in_short(for_nothing, hop.design)[1:] == [last]
+    assert in_short(for_nothing, hop.design)[1:] == [rests, last]
     assert in_short(replace(hop.summary, verified=False), hop.design) == []
+
+
+def test_all_that_does_not_matter_is_one_line(hop: Solution) -> None:
+    alike = [f"{INSENSITIVE}the {name} torque in stance{AS_GOOD}" for name in ("hip", "knee")]
+    told = notes(replace(hop.summary, notes=(alike[0], "a hint", alike[1])))
+    assert told == ["a hint", f"{INSENSITIVE}the hip torque in stance, nor on the knee torque in stance{AS_GOOD}"]
+
+
+def test_a_foot_that_is_swung_onto_the_ground_is_named() -> None:
+    """A fall from 0.8 m ends at 3.96 m/s, one of 8.8 m/s begins at 3.95 m."""
+    fallen, swung = (Impact(0.0, 0.0, 6.4, 2.0, 6.4, v, 0.1, 10.0) for v in (3.96, 8.8))
+    assert hard(fallen, 0.8) == []
+    (line,) = hard(swung, 0.8)
+    assert "as fast as by a fall from 3.95 m; hop.touchdown_speed limits that" in line
+
+
+def test_a_time_limit_ends_in_its_sentence(hop: Solution) -> None:
+    """Not in a list of the checks that a refinement cut short does not pass."""
+    failed = tuple(replace(c, residual=1.0, tolerance=0.1) for c in hop.summary.verification)
+    names = tuple(c.name for c in failed)
+    limit = {"notes": (LATE,), "time_limit_s": 1.0}
+    late = hop.with_summary(verified=False, verification=failed, failed_checks=names, **limit)
+    with redirect_stdout(io.StringIO()) as screen:
+        show(whole(late))
+    assert "the time limit of" in screen.getvalue()
+    assert f"{len(failed)} checks fail, as refinement was cut short: hopopt verify lists them" in screen.getvalue()
+    assert "FAILED" not in screen.getvalue()
+
+
+def test_a_leg_that_stays_down_is_said_to(hop: Solution) -> None:
+    down = replace(hop.summary, parts=replace(hop.summary.parts, ballistic_rise_m=-0.0009))
+    assert in_short(down, hop.design)[0] == (
+        "the leg does not leave the ground in any useful sense (ballistic rise -0.0009 m): it is drawn up"
+    )
+
+
+def test_an_answer_without_rotors_says_so(hop: Solution) -> None:
+    light = load("paper", ["leg.knee.motor.rotor_inertia=0"])
+    words = "it rests on gears without losses, and on no rotor inertia at the knee, which a motor has"
+    assert in_short(hop.summary, light)[1] == words
 
 
 def test_a_certified_answer_has_no_crude_bound_beside_it(hop: Solution) -> None:

@@ -1,8 +1,10 @@
 """URDF and MJCF read back by Pinocchio's and MuJoCo's own readers: the same leg, on random legs and states."""
 
 import importlib
+import json
 import re
 import xml.etree.ElementTree as ET
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 from hypothesis import assume, given
 
 from drawn_legs import legs_in_motion, mass_matrix, quick
+from hopopt.cli import main as cli
 from hopopt.design import Leg
 from hopopt.leg.files.export import to_mjcf, to_urdf
 from hopopt.leg.robot import BASE, Robot, build_robot
@@ -51,6 +54,31 @@ def test_urdf_is_the_same_leg_to_pinocchio(case: Case) -> None:
     place, place_read = (places(r.model, q) for r in (robot, read))
     for name in (*leg.joints, "foot"):
         np.testing.assert_allclose(place_read[name], place[f"point_{name}"], rtol=0, atol=1e-10)
+
+
+def test_urdf_has_gears_as_transmissions_and_their_rotors_as_comments() -> None:
+    leg = load("paper", ["leg.knee.gear.ratio=80", "leg.gear.inertia=1e-6"]).leg
+    parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))
+    root = ET.fromstring(to_urdf(build_robot(leg)), parser)
+    gears = {t.find("joint").get("name"): t.find("actuator") for t in root.iter("transmission")}  # type: ignore[union-attr]
+    assert {name: float(a.findtext("mechanicalReduction")) for name, a in gears.items()} == {"hip": 100, "knee": 80}
+    for actuator in gears.values():
+        (said,) = [c.text for c in actuator if c.tag is ET.Comment]
+        assert float(re.findall(r": (\S+) kg", said)[0]) == pytest.approx(1.19e-5 + 1e-6)
+
+
+def test_the_problem_beside_a_urdf_is_the_same_problem(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Equal in every entry, so that its answer is the same; the URDF alone has lost the rotors."""
+    urdf, changes = tmp_path / "leg.urdf", ["leg.gear.ratio=80", "contact.friction=0.7"]
+    arguments = ["export", "paper", "--urdf", str(urdf), *(w for c in changes for w in ("--set", c))]
+    assert cli.run([*arguments, "--json"]) == 0
+    beside = tmp_path / "leg.problem.toml"
+    assert json.loads(capsys.readouterr().out)["written"] == [str(urdf), str(beside)]
+    assert load(beside) == load("paper", changes)
+    urdf.unlink()
+    assert cli.run(arguments) == 2  # whole or not at all
+    assert "leg.problem.toml exists already" in capsys.readouterr().err
+    assert not urdf.exists()
 
 
 def rotor_in_comment(text: str, joint: str) -> float:

@@ -375,7 +375,7 @@ def test_wrong_locked_joint() -> None:
         ("../leg.urdf", "leads out of the folder of the problem"),
         ("/etc/passwd", "leads out of the folder of the problem"),
         ("example-robot-data/../../x.urdf", "leads out of the folder of the problem"),
-        ("lge.urdf", "there is no such file; there is leg.urdf"),
+        ("lge.urdf", "for a path counts from the folder of the problem file; there is leg.urdf"),
     ],
 )
 def test_paths_stay_in_the_problems_folder(tmp_path: Path, name: str, words: str) -> None:

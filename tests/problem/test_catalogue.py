@@ -246,7 +246,8 @@ def test_an_unknown_name_is_told_what_there_is(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text('extends = "paper"\n[leg.knee]\nmotor = "maxon-ec45-15"\n')
     assert only_fault("mine.toml") == (
         'mine.toml: leg.knee.motor = "maxon-ec45-15" is not in the catalogue (did you mean maxon-ec45-150?): '
-        f"its motors are {', '.join(names('motor'))}."
+        f"its motors are {', '.join(names('motor'))}; for another write [leg.motor] with max_torque, max_speed and "
+        "rotor_inertia in front of its gear (docs/actuators.md)."
     )
     assert only_fault("paper", ["leg.gear=maxon-ec45-150"]).startswith(
         'override leg.gear = "maxon-ec45-150" is not in the catalogue: its gears are csd-20-100'

@@ -12,6 +12,8 @@ from hopopt.problem.load import load
         ("leg.gear.ratio", 5000, ""),
         ("leg.gear.ratio", 0.7, ""),
         ("leg.gear.ratio", 0.01, "0.01 looks like 1/100: write 100"),
+        ("leg.gear.ratio", -6, "write 6 if the sign is all that is wrong"),
+        ("leg.gear.ratio", -0.5, ""),
         ("leg.gear.ratio", 0.33, "0.33 looks like 1/3: write 3"),
         ("solver.tolerance", 1, ""),
         ("solver.objective_tolerance", 5, ""),

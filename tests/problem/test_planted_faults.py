@@ -16,6 +16,7 @@ from hopopt.cli.main import run
 from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.robot import build_robot
 from hopopt.ocp.guesses.feasibility import drives_too_weak, joints_without_inertia
+from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.checking.hints import hints
 from hopopt.problem.load import builtin_names, load, template
 
@@ -154,6 +155,39 @@ HINTED = {
         "hint: hop.stance_duration allows 0.0012 s at most: a push-off takes 0.05 to 0.5 s",
     ),
 }
+
+SMALL = {  # 2.55 kg
+    "leg.body.mass": 1.8, "leg.thigh.length": 0.18, "leg.thigh.mass": 0.6, "leg.shank.length": 0.17,
+    "leg.shank.mass": 0.15, "leg.motor.rotor_inertia": 2.4e-5, "leg.gear.ratio": 6, "start.hip_height": 0.22,
+    "leg.hip.lower": -1, "leg.hip.upper": 1.5, "leg.knee.upper": -0.2,
+}  # fmt: skip
+
+
+def test_a_datasheets_values_behind_the_gear_are_doubted() -> None:
+    """9 N m and 44 rad/s at the output of a gear of 6; in front of it they are 1.5 N m and 264 rad/s."""
+    in_front = {"leg.motor.max_torque": 1.5, "leg.motor.max_speed": 264.0}
+    assert hints(load("paper", SMALL | in_front)) == []
+    (said,) = hints(load("paper", SMALL | {"leg.motor.max_torque": 9.0, "leg.motor.max_speed": 44.0}))
+    assert said == (
+        "hint: far outside what legs have: the hip has 54 N m at standstill, 6.2 times weight times leg length (legs have less "
+        "than 5): look at leg.motor.max_torque = 9 N m and leg.gear.ratio = 6; the hip turns at 7.33 rad/s without load, 1.4 sqrt(gravity / "
+        "leg length) (legs have 2 to 25): look at leg.motor.max_speed = 44 rad/s and leg.gear.ratio = 6; torque and speed are "
+        "needed in front of the gear, and a datasheet may state them behind it"
+    )
+
+
+@pytest.mark.parametrize(
+    ("entry", "value", "words"),
+    [
+        ("leg.motor.max_torque", 0.2, "the drives hold 0.72 weights on the foot, less than the leg's own"),
+        ("leg.motor.max_speed", 6000, "the hip turns at 100 rad/s without load"),
+        ("leg.motor.rotor_inertia", 4e-5, "the rotor of the knee has 11.5 times the inertia of its links"),
+    ],
+)
+def test_a_number_far_outside_what_legs_have_is_doubted(entry: str, value: float, words: str) -> None:
+    said = doubts(load("paper", {"leg.gear.ratio": 60} | {entry: value} if "speed" in entry else {entry: value}))[0]
+    assert words in said
+    assert f"look at {entry} = {value:g}" in said
 
 
 @pytest.mark.parametrize("name", HINTED)

@@ -88,6 +88,26 @@ def comparison(compared: Comparison, hop: Solution, tmp_path_factory: pytest.Tem
     return folder
 
 
+def test_a_stored_comparison_is_shown_as_a_table(comparison: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["show", str(comparison)]) == 0
+    shown, data = capsys.readouterr().out, json.loads((comparison / "comparison.json").read_text())
+    for name, row in data["strategies"].items():
+        assert re.search(rf"{name} +{row['clearance_m']:.3f}", shown)
+    assert cli.run(["show", str(comparison), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["strategies"] == data["strategies"]
+
+
+def test_a_second_report_names_another_file(
+    stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.run(["report", str(stored.resolve())]) == 0
+    assert cli.run(["report", str(stored.resolve())]) == 2
+    assert "report.html exists already and is not overwritten: choose another name, such as -o report_2.html" in (
+        capsys.readouterr().err
+    )
+
+
 @pytest.fixture(scope="module")
 def text(stored: Path) -> str:
     return page(content_of([stored]))

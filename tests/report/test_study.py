@@ -65,6 +65,13 @@ def curve(tmp_path: Path) -> Study:
     )
 
 
+def test_a_stored_study_is_shown_as_a_table(curve: Study, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["show", str(curve.folder)]) == 0
+    shown = capsys.readouterr().out
+    assert "0.8235" in shown
+    assert "best: leg.gear.ratio = 80" in shown
+
+
 def test_every_number_is_that_of_the_study(curve: Study) -> None:
     data, found = json.loads((curve.folder / "study.json").read_text()), Parts(study_page(curve.folder))
     known = {f"points.{p['index']}.clearance_m": p["clearance_m"] for p in data["points"] if p["clearance_m"]}

@@ -468,8 +468,10 @@ def test_a_joint_that_reaches_its_stop_cuts_the_clearance_short_and_is_named(smo
     assert cut.clearance < free.clearance
     at = cut.highest + 1
     assert free.flight.start < at <= free.flight.start + first
-    words = f"the knee came to its end stop at {trace.t[at]:.3f} s, and the clearance counts until then"
-    assert cut.cut_short == f"{words} ({free.clearance:.3f} m later)"
+    assert cut.cut_short == (
+        f"the knee came to its end stop at {trace.t[at]:.3f} s: the clearance of {cut.clearance:.3f} m is of the time before, "
+        f"and the {free.clearance:.3f} m that the leg reaches afterwards do not count"
+    )
 
 
 def test_a_ground_that_would_have_to_pull_is_named(smooth: dict[float, Trace], paper: Design) -> None:

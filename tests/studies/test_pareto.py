@@ -11,7 +11,9 @@ import hopopt as ho
 from hopopt.cli.main import run
 from hopopt.errors import UsageError
 from hopopt.leg.scales import weight
+from hopopt.ocp.objectives.registry import find
 from hopopt.planner.refine_and_verify import refined_and_verified
+from hopopt.problem.load import resolved_toml
 from hopopt.sim.machine import Machine
 from hopopt.studies import pareto
 from hopopt.studies.pareto import Front, FrontPoint
@@ -29,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def front(folder: Path) -> Front:
     """The least peak of the ground force for each clearance."""
-    return ho.pareto(ho.load("paper"), "peak_force", points=POINTS, starts=1, processes=1, results=folder)
+    return ho.pareto(ho.load("paper"), "peak_force", points=POINTS, lowest=0.0, starts=1, processes=1, results=folder)
 
 
 @pytest.mark.slow
@@ -82,6 +84,45 @@ def test_folder_holds_table_points_and_json(front: Front) -> None:
     assert json.loads((front.folder / "front.json").read_text())["points"][0]["verified"] is True
     for row in rows:
         assert ho.read(row["result_dir"]).verified
+
+
+@pytest.mark.slow
+def test_a_front_begins_where_the_leg_hops(hop: ho.Solution) -> None:
+    found = ho.pareto("paper", "peak_force", points=3, starts=1, processes=1)
+    assert found.points[1].asked_m == pytest.approx(0.2 * hop.clearance, rel=1e-3)
+    assert found.exit_code == 0
+
+
+def drawn_front(tmp_path: Path, hop: ho.Solution) -> Front:
+    """Three points of which the first is not the least, in a folder."""
+    (tmp_path / "points" / "one").mkdir(parents=True)
+    (tmp_path / "points" / "one" / "problem.toml").write_text(resolved_toml(hop.design))
+    figures = [(0.1, 3.5), (0.2, 3.0), (0.3, 4.0)]
+    made = [FrontPoint(f"p{x:g}", x, x, y, True, result_dir="anywhere/one") for x, y in figures]
+    made.append(FrontPoint("highest hop", 0.8, 0.8, 9.0, True, least=False))
+    front = Front(hop.design, find("energy"), tmp_path, made, complete=True)
+    front.write()
+    return front
+
+
+def test_the_mark_of_the_least_is_on_the_least(tmp_path: Path, hop: ho.Solution) -> None:
+    from hopopt.plots.studies.pareto import figure
+
+    picture = figure(drawn_front(tmp_path, hop))
+    (least,) = (line for line in picture.axes[0].get_lines() if str(line.get_label()).startswith("least"))
+    assert (float(least.get_xdata()[0]), float(least.get_ydata()[0])) == (0.2, 3.0)  # type: ignore[index]
+    assert picture.get_suptitle() == f"{hop.design.title}: the least energy for each clearance"
+
+
+def test_a_stored_front_is_shown_as_a_table(
+    tmp_path: Path, hop: ho.Solution, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn_front(tmp_path, hop)
+    assert run(["show", str(tmp_path)]) == 0
+    assert "4 of 4 points verified" in (table := capsys.readouterr().out)
+    assert "3.0000" in table
+    assert run(["show", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / "front.json").read_text())
 
 
 @pytest.mark.slow

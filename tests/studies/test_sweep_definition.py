@@ -91,6 +91,7 @@ def test_the_seed_decides_the_sample() -> None:
     [
         ({"leg.gear.ration": "1:2:3"}, {}, "did you mean ratio"),
         ({"leg.gear.ratio": "100:60:3"}, {}, "lower < upper"),
+        ({"leg.gear.ratio": "60:100"}, {}, "how many values? write lower:upper:count, such as 60:100:9"),
         ({"leg.gear.ratio": "60:100:1"}, {}, "a count from 2 to 100000"),
         ({"leg.gear.ratio": "60:160:1000000000"}, {}, "a count from 2 to 100000"),
         ({"leg.gear.ratio": "60:160"}, {"sample": "lhs:100000000000"}, "100000 points at most"),

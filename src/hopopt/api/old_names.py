@@ -17,7 +17,7 @@ def front(
     against: str = "energy",
     *,
     points: int = 8,
-    lowest: float = 0.0,
+    lowest: float | None = None,
     starts: int | None = None,
     processes: int | None = None,
     results: str | Path | None = None,

@@ -161,7 +161,7 @@ def pareto(
     against: str = "energy",
     *,
     points: int = 8,
-    lowest: float = 0.0,
+    lowest: float | None = None,
     starts: int | None = None,
     processes: int | None = None,
     results: str | Path | None = None,
@@ -172,7 +172,7 @@ def pareto(
     problem: a problem, its name or file
     against: energy, absolute_work, electrical_energy, time, saturation, peak_torque or peak_force
     points: how many hops, 3 to 1000, the two ends counted
-    lowest: the clearance [m] at which it begins; of a periodic hop at least a fifth of the highest
+    lowest: the clearance [m] at which it begins (None, and of a periodic hop at least: a fifth of the highest)
     starts, processes: as in ``solve``
     results: the folder below which a new one keeps every point (None: nothing is written)
     progress: a function that is told a line of text, or True for lines on standard error

@@ -132,7 +132,7 @@ def run(arguments: list[str] | None = None) -> int:
     except CycloptsError as error:
         print(f"hopopt: {error}", file=sys.stderr)
         command = f"{words[0]} " if words and words[0] in app else ""
-        print(f"Try: hopopt {command}--help", file=sys.stderr)
+        print(_entry_meant(words) or f"Try: hopopt {command}--help", file=sys.stderr)
         return 2
     except HopoptError as error:
         print(f"hopopt: {error}", file=sys.stderr)
@@ -151,6 +151,22 @@ def run(arguments: list[str] | None = None) -> int:
         where = f"{error.filename!s:.200}: " if error.filename else ""
         print(f"hopopt: {where}{reason_of(error)}", file=sys.stderr)
         return 2
+
+
+def _entry_meant(words: list[str]) -> str:
+    """How to set the entry of a problem that was given as an option, such as --friction 0.6; empty if there is none."""
+    from hopopt.problem.checking.entries import homes
+
+    for option, value in zip(words, [*words[1:], ""], strict=True):
+        name, _, given = option.removeprefix("--").replace("-", "_").partition("=")
+        places = [at.strip("[]") for at in homes(name) if at.startswith("[")] if option.startswith("--") else []
+        first = [
+            at for at in places if "<" not in at and at != "uncertainty"
+        ]  # a leg's before a joint's, and its spread
+        if len(first) == 1 and (given or value):
+            path = f"{first[0]}.{name}"
+            return f"Try: --set {path}={given or value}, for {path} is an entry of the problem"
+    return ""
 
 
 if __name__ == "__main__":

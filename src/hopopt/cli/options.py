@@ -94,16 +94,16 @@ def written(paths: Sequence[Path], json_: bool, then: str = "") -> int:
     return ended(data, json_, (as_is(f"{path} written{then}") for path in paths))
 
 
-def write_new(path: Path, text: str) -> None:
-    """Write a file that must not exist yet, in a folder that may not; UsageError in a sentence, and no file, if that cannot
-    be."""
+def write_new(path: Path, text: str, hint: str = "") -> None:
+    """Write a file that must not exist yet, in a folder that may not; UsageError in a sentence, which ends with the ``hint``
+    where another file is in the way, and no file, if that cannot be."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except OSError as error:
         if os.path.lexists(path) and isinstance(error, FileExistsError):
-            raise UsageError(f"{path} exists already and is not overwritten: choose another name") from None
+            raise UsageError(f"{path} exists already and is not overwritten: choose another name{hint}") from None
         with suppress(OSError):
             path.unlink(missing_ok=True)  # what was written of it
         raise UsageError(f"{path} cannot be written ({error.strerror}): choose another name or folder") from None

@@ -213,7 +213,7 @@ def answering(design: Design, bound: Solution) -> Solution:
     """A bound for this problem's simulations: [reserve], [simulation], [solver], [control] and [uncertainty] may differ, which
     are no part of what is asked. UsageError if it answers another question."""
     if bound.objective != OBJECTIVE:
-        raise UsageError(f"the bound given maximises {bound.objective}: strategies are compared by clearance")
+        raise UsageError(f"the bound given is of the objective {bound.objective}: strategies are compared by clearance")
     if bound.summary.functions.limits:
         raise UsageError("the bound given: it keeps limits of your own, which no strategy keeps: solve without them")
     others = {name: getattr(design, name) for name in ("reserve", "simulation", "solver", "control", "uncertainty")}

@@ -76,13 +76,18 @@ def _height_curves(solution: Solution) -> Iterable[tuple[str, str, dict[str, Any
 
 
 def _annotate_height(ax: Axes, solution: Solution) -> None:
-    """What the hop was made for [m], to the right of the last instant, where no curve is."""
+    """What the hop was made for [m], at the apex: where the hop ends there, to the right of it, where no curve is."""
     end, top, (name, height) = solution.end, ax.get_ylim()[1], headline(solution)
-    ax.set(xlim=(0, 1.18 * end), ylim=(-0.05 * top, top))
+    apex = solution.duration
+    ends_there, y = (
+        not solution.design.hop.lands,
+        max(0.5 * height, 0.08 * top),
+    )  # two lines of text stay above the ground
+    ax.set(xlim=(0, 1.18 * end if ends_there else end), ylim=(-0.05 * top, top))
     ax.set_xticks([t for t in ax.get_xticks() if 0 <= t <= end])
-    height_arrow(ax, 1.02 * end, height)
-    y = max(0.5 * height, 0.08 * top)  # two lines of text stay above the ground
-    ax.text(1.035 * end, y, f"{name}\n{height:.3f} m", fontsize=TEXT, va="center")
+    height_arrow(ax, 1.02 * end if ends_there else apex, height)
+    at, side = (1.035 * end, "left") if ends_there else (apex - 0.015 * end, "right")
+    ax.text(at, y, f"{name}\n{height:.3f} m", fontsize=TEXT, va="center", ha=side)
 
 
 # ---- joints ----------------------------------------------------------------------------------------------
@@ -200,6 +205,7 @@ def _annotate_peak(ax: Axes, s: Samples, between: tuple[float, float], aside: fl
     width from its sides; and what thin lines are."""
     k, (begin, end), (lowest, highest) = int(s.f[:, -1].argmax()), (s.t[0], s.t[-1]), between
     t, peak, span = float(s.t[k]), float(s.f[k, -1]), highest - lowest
+    begin = 0.0 if begin < 0.01 * end else begin  # the first sample is a little later, and would hide the tick at 0
     ax.set(xlim=(begin, end + 0.02 * (end - begin)), ylim=(lowest - 0.05 * span, highest + 0.18 * span))
     ax.plot(t, peak, "o", color=COLOR[STANCE], ms=8, zorder=4)
     beside = min(max(t, begin + aside * (end - begin)), end - aside * (end - begin))

@@ -112,6 +112,12 @@ def _mass(path: Path, part: str, given: Any) -> float:
     return float(given)
 
 
+OWN = {  # how a part that is not in the catalogue is given
+    "motor": "for another write [leg.motor] with max_torque, max_speed and rotor_inertia in front of its gear (docs/actuators.md)",
+    "gear": "for another write [leg.gear] with its ratio (docs/actuators.md)",
+}
+
+
 def _holders(layer: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """The tables of a layer that may have a motor and a gear: ("", the leg's) and ("knee.", those within it)."""
     leg = layer.get("leg")
@@ -133,5 +139,7 @@ def _report(path: str, name: Any, part: str, table: Mapping[str, Any], label: st
     path = path if isinstance(table[part], str) else f"{path}.model"
     report.origins[path] = label
     close = did_you_mean(name, names(part)) if isinstance(name, str) else ""
-    report.add(path, f"= {shown(name)} is not in the catalogue{close}: its {part}s are {', '.join(names(part))}")
+    report.add(
+        path, f"= {shown(name)} is not in the catalogue{close}: its {part}s are {', '.join(names(part))}; {OWN[part]}"
+    )
     report.unreadable = True

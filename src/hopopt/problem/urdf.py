@@ -45,7 +45,7 @@ def located(layer: Mapping[str, Any], folder: Path, label: str, report: Report) 
     elif os.path.isabs(inside) or not found.is_relative_to(folder.resolve()):
         report.unusable(f"{where} leads out of the folder of the problem: put the URDF beside it, or below")
     elif not os.path.exists(found):
-        report.unusable(f"{where}: there is no such file{_beside(found)}")
+        report.unusable(f"{where}: there is no such file in {_folder(found, robots)}{_beside(found)}")
     return {**layer, "leg": {**leg, "urdf": str(found)}}
 
 
@@ -56,6 +56,13 @@ def _robots() -> Path | None:
     except PackageNotFoundError:
         return None
     return folder if folder.is_dir() else None
+
+
+def _folder(path: Path, robots: Path | None) -> str:
+    """The folder that was searched: a path counts from the problem file, or from the package of public robots."""
+    if robots is not None:
+        return f"{shown_path(str(path.parent))}, where the package {ROBOTS} has its robots"
+    return f"{shown_path(str(path.parent))}, for a path counts from the folder of the problem file"
 
 
 def _beside(path: Path) -> str:

@@ -94,8 +94,8 @@ class HopFigures:
         k = self.flight.start + int(np.argmax(self._stopped))
         joint = self.design.leg.joints[int(np.argmax(past_limits(self.design, self.trace.q[k, BASE:])))]
         return (
-            f"the {joint} came to its end stop at {self.trace.t[k]:.3f} s, and the clearance counts until then "
-            f"({height:.3f} m later)"
+            f"the {joint} came to its end stop at {self.trace.t[k]:.3f} s: the clearance of {self.clearance:.3f} m is of the time before, and "
+            f"the {height:.3f} m that the leg reaches afterwards do not count"
         )
 
     @property

@@ -8,6 +8,7 @@ optimum at one end does not stay unnoticed. (Miettinen, Nonlinear Multiobjective
 
 import csv
 import io
+import json
 import os
 import time
 from collections.abc import Sequence
@@ -33,8 +34,9 @@ from hopopt.planner.search.multistart import Progress, StartOutcome, first_trans
 from hopopt.planner.search.required_clearance import begun_from, maximum_clearance_hop, reaches
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
-from hopopt.planner.stopwatch import Stopwatch
-from hopopt.problem.load import as_design, changed
+from hopopt.planner.stopwatch import Countdown, Stopwatch
+from hopopt.problem.checking.wording import did_you_mean
+from hopopt.problem.load import as_design, changed, load
 from hopopt.storage.folder import new_folder, prepare, write_json, writing
 from hopopt.storage.solution import save
 from hopopt.studies.faults import Fault, guarded, kept
@@ -44,7 +46,7 @@ CROWDING = 1.5  # exponent that brings points closer to the highest hop
 NEIGHBOUR_ITERATIONS = 150  # iterations from a neighbour
 MOST_POINTS = 1000  # points of a front
 TOP, LEAST = "highest hop", "least {}"
-LOWEST_PERIODIC = 0.2  # of the highest clearance: a periodic hop with hardly any stands still
+LOWEST = 0.2  # of the highest clearance, where a front begins: below, the leg hardly leaves the ground
 
 
 @dataclass(frozen=True)
@@ -124,12 +126,21 @@ class Front:
             write_whole(self.folder / "table.csv", buffer.getvalue().encode())
 
 
+def read_front(folder: Path) -> Front:
+    """A front as its folder holds it, without the motions; the problem is that of its first stored hop."""
+    data = json.loads((folder / "front.json").read_text(encoding="utf-8"))
+    points = [FrontPoint(**point) for point in data["points"]]
+    stored = next(Path(p.result_dir).name for p in points if p.result_dir)
+    design = load(folder / "points" / stored / "problem.toml")
+    return Front(design, find(data["against"]), folder, points, complete=data["complete"])
+
+
 def front(
     design: Design | str | Path,
     against: str = "energy",
     *,
     points: int = 8,
-    lowest: float = 0.0,
+    lowest: float | None = None,
     starts: int | None = None,
     processes: int | None = None,
     results: Path | None = None,
@@ -137,7 +148,7 @@ def front(
     begun: Any = None,
 ) -> Front:
     """The front of the clearance against an economical objective: ``points`` hops from the least of that objective
-    (at a clearance of at least ``lowest`` [m], of a periodic hop LOWEST_PERIODIC of the highest) to the highest hop.
+    (at a clearance of at least ``lowest`` [m]; None, and of a periodic hop at least: LOWEST of the highest) to the highest hop.
 
     results: the folder in which a new folder keeps every point as it is finished (none: nothing is written); begun is
     called with the front before the first point. Raises UsageError for what is no front, NotSolvedError if an end
@@ -150,8 +161,8 @@ def front(
         prepare(results)
     say("the highest hop")
     top = solve(design, "clearance", starts=starts, processes=processes, progress=say)
-    if design.hop.periodic:
-        lowest = max(lowest, LOWEST_PERIODIC * top.clearance)
+    if lowest is None or design.hop.periodic:
+        lowest = max(lowest or 0.0, LOWEST * top.clearance)
     if lowest >= top.clearance:
         raise UsageError(f"the leg clears {top.clearance:.4f} m at most: give a lowest clearance below that")
     found = Front(design, goal)
@@ -167,8 +178,10 @@ def front(
         least = _refined(found, chain, 0, LEAST.format(goal.name.replace("_", " ")))
         reached = least.clearance if least is not None and least.verified else lowest
         chain.between(reached, top.clearance, points)
+        count_down = Countdown(say, "points of the front", len(chain.clearances) - 1)
         for k in range(1, len(chain.clearances)):
             _refined(found, chain, k, f"point {k + 1} of {points}")
+            count_down.more()
         found.complete = True
         found.write()
     return found
@@ -178,7 +191,8 @@ def _goal(design: Design, against: str, points: int) -> HopObjective:
     # The highest hop does not land, so that it has no impact.
     choices = [o.name for o in OBJECTIVES.values() if o.ends == "required clearance" and o.name != "impact"]
     if against not in choices:
-        raise UsageError(f"there is no front against {against!r}: choose one of {', '.join(choices)}")
+        close = did_you_mean(against, choices)
+        raise UsageError(f"there is no front against {against!r}{close}: choose one of {', '.join(choices)}")
     if not 3 <= points <= MOST_POINTS:
         raise UsageError(f"a front has at least 3 points and at most {MOST_POINTS}")
     goal = find(against)

@@ -1,39 +1,67 @@
 """The command that prints a stored answer, or a problem: show."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Any
 
 from rich.table import Column
 
 from hopopt.cli.options import AsJson, Overrides, ended
-from hopopt.cli.screen.console import Shown, table
+from hopopt.cli.screen import hops, runs
+from hopopt.cli.screen.console import Shown, figures, named, table
 from hopopt.cli.screen.details import answer
+from hopopt.cli.screen.studies import of_front, of_sweep
 from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.leg.derived import Derived, derived
+from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.load import as_json, load, rows
+from hopopt.report.study import is_study, study_in
 from hopopt.storage.folder import fitting
+from hopopt.storage.runs import read_data
 from hopopt.storage.solution import read, stated
+from hopopt.studies.pareto import read_front
 
 
 def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:
     """Print a stored answer whole, or a problem with all its entries.
 
-    Of an answer all that is known; of a problem every entry with its value, unit and meaning.
+    Of an answer all that is known; of a sweep, a front or a comparison its table; of a problem every entry with its value,
+    unit and meaning, and what follows from them.
 
     Parameters
     ----------
     what
-        A folder that hopopt solve wrote; or a problem file, or the name of a built-in problem.
+        A folder that hopopt solve, sweep, pareto or compare wrote; or a problem file, or the name of a built-in problem.
     """
     if not Path(what).is_dir():
         design = load(what, set_ or ())
-        return ended(as_json(design), json_, _problem(design))
+        found, far = derived(design), doubts(design)
+        data = as_json(design) | {"derived": asdict(found), "doubts": far}
+        return ended(data, json_, [*_problem(design), *_derived(found, far)])
     if set_:
         raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
     with fitting(Path(what)):
+        if (study := _study(Path(what))) is not None:
+            return ended(study[0], json_, study[1])
         solution = read(what)
         return ended(stated(solution.shown), json_, answer(solution, all_of_it=True))
+
+
+def _study(folder: Path) -> tuple[Mapping[str, Any], Iterable[Shown]] | None:
+    """A sweep, a front or a comparison as it was stored, and its table; None of a folder that holds none."""
+    if is_study(folder):
+        found = study_in(folder)
+        return found.as_dict(), of_sweep(found)
+    if (folder / "front.json").is_file():
+        front = read_front(folder)
+        return front.as_dict(), of_front(front)
+    for what, table_of in (("comparison", runs.comparison), ("hops", hops.hops)):
+        if (folder / f"{what}.json").is_file():
+            data = {**read_data(folder, what)[1], "result_dir": str(folder)}
+            return data, table_of(data)
+    return None
 
 
 def _problem(design: Design) -> Iterator[Shown]:
@@ -45,6 +73,27 @@ def _problem(design: Design) -> Iterator[Shown]:
     styles = {"entry": "bold", "value": "", "unit": "dim", "meaning": ""}
     columns = [Column(head, style=style, overflow="fold") for head, style in styles.items()]
     yield table(columns, cells, design.title or design.name)
+
+
+def _derived(found: Derived, far: Sequence[str]) -> Iterator[Shown]:
+    """What follows from the entries, a row for each joint, and what is far outside what legs have."""
+    push = "no joint lifts the foot" if found.push is None else f"{found.push:.2f} weights"
+    yield "\nWhat follows from them"
+    yield (
+        f"mass {found.mass:.4g} kg, weight {found.weight:.4g} N, leg stretched {found.reach:.3g} m; push at the start, drives at "
+        f"standstill: {push}"
+    )
+    heads = ("stall\nN m", "no load\nrad/s", "power\nW", "rotor\nkg m^2", "links\nkg m^2", "hold\nN m")
+    cells = [[j.name, *(f"{x:.3g}" for x in astuple(j)[1:])] for j in found.joints]
+    yield table([named("joint"), *figures(*heads)], cells)
+    yield (
+        "stall and no load: torque at standstill and speed without torque, at the joint; rotor and links: inertia about the "
+        "joint, reflected through the gear and in the start pose; hold: torque that keeps the start pose"
+    )
+    without = [j.name for j in found.joints if not j.rotor_inertia]
+    if without:
+        yield f"no rotor inertia at the {' and '.join(without)}: hops come out too high; look at leg.motor.rotor_inertia"
+    yield from (f"doubt: {words}" for words in far)
 
 
 def _plain(value: Any) -> str:

@@ -13,9 +13,10 @@ from hopopt.cli.screen.checks import certified_words, structure_lines
 from hopopt.cli.screen.console import Part, Shown, marked
 from hopopt.cli.screen.runs import OVERSHOOT
 from hopopt.cli.screen.search import global_line, measure, measured, starts_lines
-from hopopt.design import Design
+from hopopt.design import Design, Leg
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.objectives.direction import sign
+from hopopt.planner.answer.limit_names import AS_GOOD, INSENSITIVE
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.motion import at_apex
@@ -23,6 +24,9 @@ from hopopt.planner.solution import Solution
 
 MOST = 4  # limits that are named
 LITTLE = 0.005  # share of stance that is no word worth
+GRAVITY = 9.81  # m/s^2
+SWUNG = 1.5  # clearances: a foot that lands as from a higher fall did not only fall
+HARDLY = 0.01  # of the leg's length: a ballistic rise that is no hop
 
 
 def short(solution: Solution) -> Iterator[Shown]:
@@ -38,7 +42,7 @@ def short(solution: Solution) -> Iterator[Shown]:
         limits=_limits(s),
         structure=structure_lines(s) if s.structure.solved_again is not None else [],
         evidence=[checks_line(s), error_line(s), *starts_lines(s, certified_words(s)), *global_line(s)],
-        notes=s.notes,
+        notes=notes(s),
         results=_results(s),
     )
 
@@ -94,6 +98,8 @@ def in_short(s: Summary, design: Design) -> list[str]:
     if not isfinite(found.friction_needed):
         grip = "ground that holds the foot sideways without load, which no friction does"
     free = f"{found.load_free_share:.0%} of stance without load on the foot"
+    rise = s.parts.ballistic_rise_m
+    grounded = [f"the leg does not leave the ground in any useful sense (ballistic rise {rise:.4f} m): it is drawn up"]
     needs = [grip, *([free] if found.load_free_share > LITTLE else [])]
     cleared = f"the {s.lowest_point} clears {lengths:.2f} leg lengths; this motion needs {'; '.join(needs)}"
     costs = {
@@ -104,7 +110,28 @@ def in_short(s: Summary, design: Design) -> list[str]:
     lean = ", ".join(f"the {name} (1 % less of it costs {loss(s, cost)})" for name, cost in costs.items())
     asked = s.result_dir and bound_line(0.0, s.objective)  # heights alone
     more = [f"what the best motion without these loses: hopopt diagnose {s.result_dir} --worth"] if asked else []
-    return [cleared, *([f"it leans on {lean}"] if lean else []), *more]
+    return [
+        *(grounded if rise < HARDLY * reach(design.leg) else []),
+        cleared,
+        f"it rests on {assumed(design.leg)}",
+        *([f"it leans on {lean}"] if lean else []),
+        *more,
+    ]
+
+
+def notes(s: Summary) -> list[str]:
+    """The notes; all to which the objective is insensitive in one line."""
+    alike = [words for words in s.notes if words.startswith(INSENSITIVE)]
+    others = [words for words in s.notes if words not in alike]
+    of_each = [words.removeprefix(INSENSITIVE).removesuffix(AS_GOOD) for words in alike]
+    return [*others, *([f"{INSENSITIVE}{', nor on '.join(of_each)}{AS_GOOD}"] if alike else [])]
+
+
+def assumed(leg: Leg) -> str:
+    """What a plan takes to be better than any robot has it."""
+    bare = [name for name in leg.joints if not leg.drive(name, "motor", "rotor_inertia")[1]]
+    rotors = f", and on no rotor inertia at the {' and '.join(bare)}, which a motor has" if bare else ""
+    return f"gears without losses{rotors}"
 
 
 def loss(s: Summary, amount: float) -> str:
@@ -147,11 +174,16 @@ def orbit_lines(s: Summary) -> list[str]:
             f"at rest after {end.rest_s:.3f} s in the pose of the start, {end.step_m:+.3f} m along; the ground pushes with at "
             f"most {end.peak_ground_force_N:.0f} N meanwhile, and the body is no lower than {end.deepest_m:.3f} m",
             _impact_line(end),
+            *hard(end, s.clearance_m),
         ]
     if (o := s.orbit) is None:
         return []
     way = "in place" if abs(o.step_m) < 1e-6 else f"{o.step_m:+.3f} m along in each"
-    return [f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}", _impact_line(o)]
+    return [
+        f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}",
+        _impact_line(o),
+        *hard(o, s.clearance_m),
+    ]
 
 
 def _impact_line(o: Impact) -> str:
@@ -160,6 +192,17 @@ def _impact_line(o: Impact) -> str:
         f"touchdown: foot at {o.foot_speed_m_s:.2f} m/s, impulse {o.impulse_Ns:.2f} N s, {o.impact_loss_J:.2f} J lost, "
         f"gear impulse {o.gear_impulse_Nms:.3f} N m s ({o.gear_impact_torque_Nm:.0f} N m over hop.touchdown_time)"
     )
+
+
+def hard(o: Impact, clearance: float) -> list[str]:
+    """What a foot means that lands much faster than it would fall, and which entries limit that."""
+    fall = o.foot_speed_m_s**2 / (2 * GRAVITY)
+    if fall < SWUNG * clearance:
+        return []
+    return [
+        f"a hard landing: the foot is swung down as fast as by a fall from {fall:.2f} m; hop.touchdown_speed limits that, "
+        "hop.touchdown_loss the energy, hop.touchdown_impulse the blow (docs/periodic.md)"
+    ]
 
 
 def control_lines(s: Summary) -> list[str]:

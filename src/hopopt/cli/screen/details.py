@@ -11,6 +11,7 @@ from hopopt.cli.screen.answer import (
     headed,
     hop_lines,
     in_short,
+    notes,
     short,
     upwards,
 )
@@ -45,7 +46,7 @@ def whole(solution: Solution) -> Iterator[Shown]:
         control=control_lines(s),
         structure=structure_lines(s),
         evidence=_evidence(s),
-        notes=s.notes,
+        notes=notes(s),
         results=[f"{folder}, as it was stored: hopopt verify {folder} checks it again"],
     )
 
@@ -113,7 +114,9 @@ def _beaten(s: Summary) -> str:
 
 
 def _failed(s: Summary) -> list[str]:
-    """The checks that failed, with their residuals."""
+    """The checks that failed, with their residuals; of an answer whose time was up only how many."""
+    if s.late and not s.verified:
+        return [f"{len(s.failed_checks)} checks fail, as refinement was cut short: hopopt verify lists them"]
     return [
         f"FAILED {c.name}: {c.residual:.1e} {c.unit} (allowed {c.tolerance:.0e}){f', {c.where}' if c.where else ''}"
         for c in s.verification

@@ -60,7 +60,8 @@ def not_kept(name: str, row: Mapping[str, Any]) -> Iterator[Shown]:
 
 def results(found: Mapping[str, Any]) -> str:
     """Where it all lies, and how long it took."""
-    return f"results {found['result_dir']}   ({found['wall_s']:.1f} s)"
+    took = f"   ({found['wall_s']:.1f} s)" if "wall_s" in found else ""
+    return f"results {found['result_dir']}{took}"
 
 
 def run(row: Mapping[str, Any]) -> Iterator[Shown]:

@@ -1,5 +1,6 @@
 """The command that writes a leg, or a planned hop, for other programs: export."""
 
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -7,12 +8,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from hopopt.cli.options import AsJson, Overrides, note, write_new, written
+from hopopt.design import Design
 from hopopt.errors import ResultError, UsageError
 from hopopt.export import plan, tracker_c
 from hopopt.leg.files.export import to_mjcf, to_urdf
 from hopopt.leg.robot import build_robot
 from hopopt.planner.solution import Solution
-from hopopt.problem.load import load
+from hopopt.problem.load import load, resolved_toml
 from hopopt.storage.solution import read
 
 
@@ -58,7 +60,7 @@ def export(
     output
         The file to write (default: the folder's name, with the suffix csv, json, yaml or h).
     urdf
-        The URDF file to write.
+        The URDF file to write, and beside it a problem file (leg.problem.toml) with what a URDF leaves out.
     mjcf
         The MuJoCo file to write.
     """
@@ -78,12 +80,28 @@ def export(
         write_new(made[-1], write(_verified_plan(Path(what))))
     if urdf is not None or mjcf is not None:
         file = Path(what) / "problem.toml"
-        robot = build_robot(load(str(file) if file.is_file() else what, set_ or ()).leg)
-        for path, write in ((urdf, to_urdf), (mjcf, to_mjcf)):
-            if path is not None:
-                write_new(path, write(robot))
-                made.append(path)
+        design = load(str(file) if file.is_file() else what, set_ or ())
+        made += _leg_files(design, urdf, mjcf)
     return written(made, json_)
+
+
+def _leg_files(design: Design, urdf: Path | None, mjcf: Path | None) -> list[Path]:
+    """The leg in each file that was named, and beside a URDF the problem, which has what a URDF leaves out."""
+    robot, texts = build_robot(design.leg), dict[Path, str]()
+    if urdf is not None:
+        texts[urdf] = to_urdf(robot)
+        head = (
+            f"# The leg of {urdf.name} with all that a URDF has no place for: drives, gears, rotor inertias, the hop.\n"
+        )
+        texts[urdf.with_suffix(".problem.toml")] = head + resolved_toml(design)
+    if mjcf is not None:
+        texts[mjcf] = to_mjcf(robot)
+    for path in texts:
+        if os.path.lexists(path):
+            raise UsageError(f"{path} exists already and is not overwritten: choose another name")
+    for path, text in texts.items():
+        write_new(path, text)
+    return list(texts)
 
 
 def _verified_plan(folder: Path) -> Solution:

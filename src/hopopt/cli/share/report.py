@@ -26,5 +26,5 @@ def report(
     """
     with fitting(some_results(results, "report")[0]):
         text = page_of(results)
-    write_new(output, text)
+    write_new(output, text, f", such as -o {output.stem}_2{output.suffix}")
     return written([output], json_, ": open it in a browser")

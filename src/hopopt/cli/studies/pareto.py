@@ -1,15 +1,14 @@
 """The command that traces what a clearance costs: pareto."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.table import Column
 
 from hopopt import amounts
 from hopopt.cli.options import AsJson, Figure, Overrides, Problem, drawn, ended, note
-from hopopt.cli.screen.console import Shown, progress, table
+from hopopt.cli.screen.console import progress
+from hopopt.cli.screen.studies import of_front
 from hopopt.errors import UsageError
 from hopopt.plots.studies.pareto import save
 from hopopt.problem.load import load
@@ -21,7 +20,7 @@ def pareto(
     *,
     against: str = "energy",
     points: int = 8,
-    lowest: Annotated[float, Parameter(name="--from")] = 0.0,
+    lowest: Annotated[float | None, Parameter(name="--from")] = None,
     set_: Overrides = None,
     starts: int | None = None,
     processes: int | None = None,
@@ -43,8 +42,8 @@ def pareto(
     points
         How many hops, 3 to 1000, the two ends counted.
     lowest
-        The clearance [m] at which the front begins (default 0: the least of the other
-        objective; a fifth of the highest for a periodic hop).
+        The clearance [m] at which the front begins (default: a fifth of the highest; 0: the least of the other objective,
+        where the leg may hardly leave the ground).
     starts
         How many different starting points to solve both ends from (default: the problem's solver.starts).
     processes
@@ -54,7 +53,7 @@ def pareto(
     """
     amounts.check("starts", starts)
     amounts.check_processes(processes)
-    if not 0 <= lowest < 20:
+    if lowest is not None and not 0 <= lowest < 20:
         raise UsageError(f"--from {lowest}: a clearance from 0 to 20 m is needed")
     design, begun, stopped = load(problem, set_ or ()), list[Front](), False
     try:
@@ -71,18 +70,4 @@ def pareto(
     found, folder = begun[0], begun[0].folder
     if figures and folder is not None:
         drawn(lambda: save(found, folder / "figures"), "figures are missing", f"the data in {folder} are complete")
-    return ended(found.as_dict(), json_, shown(found), 130 if stopped else found.exit_code)
-
-
-def shown(found: Front) -> Iterator[Shown]:
-    """A line for each point, by clearance, and where they are kept."""
-    name, unit, rows = found.against.name.replace("_", " "), found.against.unit, list[list[str]]()
-    for p in sorted(found.points, key=lambda p: p.asked_m):
-        figures = [f"{x:.4f}" if x is not None else "-" for x in (p.clearance_m or p.asked_m, p.value)]
-        kind, state = p.kind if p.least else f"{p.kind} (not the least)", "verified" if p.verified else p.sentence
-        rows.append([kind, *figures, state, (p.result_dir or "").split("/")[-1]])
-    heads = ("point", "clearance [m]", f"{name} [{unit}]" if unit != "1" else name, "", "folder")
-    title = f"{found.design.title or found.design.name}: clearance against {name}"
-    yield table([Column(head, no_wrap=True) for head in heads], rows, title)
-    whole = "" if found.complete else ", not complete"
-    yield f"{len(found.verified_points)} of {len(found.points)} points verified{whole}; {found.folder}"
+    return ended(found.as_dict(), json_, of_front(found), 130 if stopped else found.exit_code)

@@ -6,18 +6,16 @@ from typing import Annotated
 
 from hopopt import amounts
 from hopopt.cli.options import AsJson, Figures, Overrides, drawn, ended, note, repeated
-from hopopt.cli.screen.console import Shown, progress, table
+from hopopt.cli.screen.console import Shown, progress
+from hopopt.cli.screen.studies import of_sweep
 from hopopt.errors import UsageError
-from hopopt.ocp.objectives.registry import find
-from hopopt.planner.stopwatch import duration
 from hopopt.plots.studies.sweep import save_all
 from hopopt.problem.load import load
 from hopopt.studies.sweep.definition import Definition, define, parse
 from hopopt.studies.sweep.recheck import Rechecked, recheck_study
-from hopopt.studies.sweep.run import Study, run
+from hopopt.studies.sweep.run import run
 from hopopt.studies.sweep.store import read_definition
 
-SHOWN = 60  # points; the rest is in the table's file
 Vary = Annotated[
     list[str] | None,
     repeated(
@@ -87,7 +85,7 @@ def sweep(
             raise
         kept = f"interrupted; what is finished is kept: hopopt sweep --resume {folders[-1]}"
         raise KeyboardInterrupt(kept) from None
-    return ended(study.as_dict(), json_, shown(study), study.exit_code)
+    return ended(study.as_dict(), json_, of_sweep(study), study.exit_code)
 
 
 def verify_study(folder: Path, json_: bool) -> int:
@@ -123,28 +121,6 @@ def _definition(
         return found
     design = load(problem or "paper", set_ or ())
     return define(design, parse(vary or ()), objective=objective, sample=sample, seed=seed, starts=starts)
-
-
-def shown(study: Study) -> Iterator[Shown]:
-    """Every point with its outcome, the best, what failed and why, and where it lies."""
-    goal, best, rows = find(study.definition.objective), study.best, list[list[str]]()
-    other = [] if goal.figure == "clearance_m" else [f"{goal.name} {goal.unit}"]
-    for p in study.points[:SHOWN]:
-        height = "" if p.clearance_m is None else f"{p.clearance_m:.4f}"
-        what = " best" if best is p else f": {p.sentence}" if p.sentence else ""
-        value = [f"{p.objective_value:.5g}" if p.verified else ""] if other else []
-        rows.append([*(f"{x:g}" for x in p.values.values()), *value, height, f"{p.outcome}{what}"])
-    yield table([*(axis.entry for axis in study.definition.axes), *other, "clearance m", "outcome"], rows)
-    if len(study.points) > SHOWN:
-        yield f"… and {len(study.points) - SHOWN} more in {study.folder / 'table.csv'}"
-    verified = sum(p.verified for p in study.points)
-    corrected = f", {study.corrected} improved from other neighbours" if study.corrected else ""
-    yield f"{verified} of {len(study.points)} points verified{corrected}, in {duration(study.seconds)}"
-    if best:
-        where = ", ".join(f"{entry} = {x:g}" for entry, x in best.values.items())
-        edge = f"; {study.at_the_edge}" if study.at_the_edge else ""
-        yield f"best: {where}: clearance {best.clearance_m:.4f} m{edge}"
-    yield f"results {study.folder}"
 
 
 def rechecked(folder: Path, found: Sequence[Rechecked], doubts: Sequence[str]) -> Iterator[Shown]:

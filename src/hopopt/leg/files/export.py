@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import unit
-from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
+from hopopt.leg.derived import effort_limit, velocity_limit
 from hopopt.leg.inertia import PAIRS, tensor
 from hopopt.leg.kinematics import planar
 from hopopt.leg.robot import BASE, MovingBody, Robot, link_bodies
@@ -40,21 +40,14 @@ IN_SPACE = (
 ON_SLIDER = "The body moves on a vertical slider: its guide along x is fixed."
 
 
-def effort_limit(region: OperatingRegion) -> float:
-    """Largest joint torque at standstill [N m]."""
-    return float(region.torque_bounds(0.0)[1])
-
-
-def velocity_limit(region: OperatingRegion) -> float:
-    """Largest joint speed at which no half-plane is left without torque [rad/s]."""
-    return 1 / max(float(h.b) for h in region.planes)
-
-
 # ---- URDF -------------------------------------------------------------------------------------------------
 
 
 def to_urdf(robot: Robot) -> str:
-    """The leg as URDF, its foot a link of its own. URDF has no place for rotor inertias: a comment lists them."""
+    """The leg as URDF, its foot a link of its own, with a transmission for each gear.
+
+    URDF has no place for rotor inertias: comments list them.
+    """
     bodies, root = _bodies(robot), ET.Element("robot", name="leg")
     *links, world, guide, body, foot = _unique([*robot.leg.links, "world", "guide", "body", "foot"])
     names = [world, guide, body, *links, foot]
@@ -73,6 +66,8 @@ def to_urdf(robot: Robot) -> str:
         ET.SubElement(joint, "axis", xyz=_text(axis))
         ET.SubElement(joint, "limit", limit)
     _urdf_joint(root, foot_joint, "fixed", (names[-2], foot), robot.points["foot"][1])
+    for name, body in zip(robot.joints, bodies[BASE:], strict=True):
+        _transmission(root, robot, name, float(body.armature))
     rotors = ", ".join(f"{j} {float(b.armature)!r}" for j, b in zip(robot.joints, bodies[BASE:], strict=True))
     return _document(
         robot, root, f"URDF has no rotor inertia. Add to the diagonal of the mass matrix [kg m^2]: {rotors}."
@@ -95,6 +90,18 @@ def _urdf_joint(root: ET.Element, name: str, kind: str, ends: tuple[str, str], a
     ET.SubElement(joint, "child", link=ends[1])
     ET.SubElement(joint, "origin", xyz=_text(at), rpy="0 0 0")
     return joint
+
+
+def _transmission(root: ET.Element, robot: Robot, joint: str, armature: float) -> None:
+    """The gear of a joint as ROS reads it; of the rotor inertia a comment, on the motor's side [kg m^2]."""
+    ratio = float(robot.parameters[robot.leg.drive(joint, "gear", "ratio")[0]])
+    made = ET.SubElement(root, "transmission", name=f"{joint}_transmission")
+    ET.SubElement(made, "type").text = "transmission_interface/SimpleTransmission"
+    end = ET.SubElement(made, "joint", name=joint)
+    ET.SubElement(end, "hardwareInterface").text = "hardware_interface/EffortJointInterface"
+    motor = ET.SubElement(made, "actuator", name=f"{joint}_motor")
+    ET.SubElement(motor, "mechanicalReduction").text = repr(ratio)
+    motor.append(ET.Comment(f" rotor inertia in front of the gear: {armature / ratio**2!r} kg m^2 "))
 
 
 def _travel() -> dict[str, str]:

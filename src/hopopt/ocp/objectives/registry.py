@@ -1,5 +1,6 @@
 """What a hop can be asked for: one entry in a registry for each objective."""
 
+from difflib import get_close_matches
 from typing import Any
 
 from hopopt.errors import UsageError
@@ -51,6 +52,13 @@ def find(objective: str | HopObjective) -> HopObjective:
         return objective
     if ":" in objective:
         raise UsageError(f"{objective} is a user-defined function, which is only run where it is given: give it again")
-    if objective not in OBJECTIVES:
-        raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
+    check_known(objective)
     return OBJECTIVES[objective]
+
+
+def check_known(objective: str) -> None:
+    """UsageError, with the nearest name and with all, if there is no objective of that name."""
+    if objective not in OBJECTIVES:
+        close = get_close_matches(objective, OBJECTIVES, n=1)
+        meant = f" (did you mean {close[0]}?)" if close else ""
+        raise UsageError(f"there is no objective {objective!r}{meant}: choose one of {', '.join(OBJECTIVES)}")

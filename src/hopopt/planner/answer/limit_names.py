@@ -33,6 +33,7 @@ SAYS = {  # what a constraint says
     Kind.IMPACT_PUSH: "the ground pushes in the impact",
     Kind.IMPACT_FRICTION: "the foot does not slip in the impact",
 }
+INSENSITIVE, AS_GOOD = "insensitive: the objective does not depend on ", "; other motions are as good"
 
 
 def words_of(design: Design, limit: Limit) -> tuple[str, str]:
@@ -134,8 +135,7 @@ def flat_words(found: Sequence[Flat]) -> list[str]:
         when = f" from {f.when[0]:.3f} to {f.when[1]:.3f} s" if f.when else ""
         together.setdefault((f" in {f.phase}" if f.kind == "control" else "", when), []).append(_what(f))
     return [
-        f"insensitive: the objective does not depend on the {' and the '.join(names)}{phase}{when}; other motions are as good"
-        for (phase, when), names in together.items()
+        f"{INSENSITIVE}the {' and the '.join(names)}{phase}{when}{AS_GOOD}" for (phase, when), names in together.items()
     ]
 
 

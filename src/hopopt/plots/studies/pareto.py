@@ -20,14 +20,15 @@ HIGHEST = "highest, with what it happens to cost"
 def figure(front: "Front") -> Figure:
     """The other objective [its unit] over the clearance [m]."""
     name, unit = front.against.name.replace("_", " "), front.against.unit
-    picture = new_figure(f"{front.design.name}: clearance against {name}")
+    picture = new_figure(f"{front.design.title or front.design.name}: the least {name} for each clearance")
     ax, good = (
         picture.subplots(),
         np.array([(p.clearance_m, p.value) for p in front.verified_points], float).reshape(-1, 2),
     )
     joined = "verified hops (joined to guide the eye)"
     ax.plot(*good.T, "o--", color=BLUE, lw=1.2, ms=8, clip_on=False, label=joined)
-    ends = [p for p in front.verified_points if p.least][:1], [p for p in front.verified_points if not p.least]
+    least = sorted((p for p in front.verified_points if p.least), key=lambda p: p.value or 0.0)
+    ends = least[:1], [p for p in front.verified_points if not p.least]
     for point, label, marker, color in zip(ends, ("least", HIGHEST), "s*", (ORANGE, GREEN), strict=True):
         for x, y in ((p.clearance_m or 0.0, p.value or 0.0) for p in point):
             text = f"{label}: {y:.4g}{'' if unit == '1' else f' {unit}'} at {x:.3f} m"

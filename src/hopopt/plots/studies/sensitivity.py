@@ -44,8 +44,10 @@ def _bar(ax: Axes, row: int, i: Influence) -> None:
     if i.kinked:
         ax.barh(row, i.cm_per_percent_less, 0.3, label="1 % less, where it differs", fill=False, ec=BLACK)
     side = 1 if i.cm_per_percent > 0 else -1
+    same_side = [i.cm_per_percent_less] if i.kinked and i.cm_per_percent_less * side > 0 else []
+    longest = side * max(abs(x) for x in (i.cm_per_percent, *same_side))  # the label stands clear of both bars
     ax.annotate(
-        f"{i.cm_per_percent:+#.2g}".rstrip("."), (i.cm_per_percent, row), xytext=(9 * side, 0), textcoords="offset points",
+        f"{i.cm_per_percent:+#.2g}".rstrip("."), (longest, row), xytext=(9 * side, 0), textcoords="offset points",
         ha="left" if side > 0 else "right", va="center", fontsize=SMALL,
     )  # fmt: skip
     if i.difference is not None and not i.difference.fault:

@@ -10,6 +10,7 @@ import numpy as np
 from hopopt.design import Design, Leg
 from hopopt.design.fields import LOOKALIKES
 from hopopt.leg.kinematics import reach
+from hopopt.problem.checking.doubts import doubts
 
 FASTEST, SLOWEST = 2700.0, 0.5  # rad/s: no-load speed of small motors at 26 000 rpm, of a joint
 FURTHEST = 1.1 * np.pi  # rad: a joint turned by more than half a turn either way
@@ -23,6 +24,8 @@ def hints(design: Design) -> list[str]:
     """A sentence for each value that is probably not meant as it stands."""
     leg = design.leg
     found = [*_motors(leg), *_ranges(leg), *_links(leg), *_whole(design)]
+    if not found and (outside := doubts(design)):  # a slip that is named already is their cause
+        found.append(f"far outside what legs have: {'; '.join(outside)}")
     return list(dict.fromkeys(f"hint: {words}" for words in found))
 
 

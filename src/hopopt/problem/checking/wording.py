@@ -44,12 +44,23 @@ def allowed(entry: Entry) -> str:
 def hint(value: Any, entry: Entry, *, in_list: bool = False) -> str:
     """What the author of ``value`` (or of one ``in_list``) may have meant, to end a sentence; may be empty."""
     if not isinstance(value, str):
-        return lookalike(value, entry.get("unit", ""), bounds_of(entry)) if is_number(value) else ""
+        return _of_number(value, entry) if is_number(value) else ""
     if entry.get("type") == "array" and not in_list:  # --set takes what is no TOML value as text
         return "; write its names in quotes" if value.startswith("[") else "; write it in [ ]"
     if close := get_close_matches(value, words_of(entry), n=1):
         return f'; did you mean "{close[0]}"?'
     return "; write the number alone, without quotes or unit" if entry.get("type") in ("integer", "number") else ""
+
+
+def _of_number(value: float, entry: Entry) -> str:
+    """Of a number that is out of range: another unit, the other sign, or else what the entry of a list has by default."""
+    low, high = bounds_of(entry)
+    if meant := lookalike(value, entry.get("unit", ""), (low, high)):
+        return meant
+    if value < 0 < low <= -value <= high:
+        return f"; write {-value:.10g} if the sign is all that is wrong"
+    default = entry.get("default")
+    return f"; by default it is {shown(default)}" if entry.get("type") == "array" and default else ""
 
 
 def lookalike(value: float, unit: str, bounds: tuple[float, float]) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
-from hopopt.ocp.objectives.registry import OBJECTIVES
+from hopopt.ocp.objectives.registry import check_known
 from hopopt.ocp.rules import added_rules
 from hopopt.problem.load import changed
 from hopopt.problem.render import design_hash, rows, shown, shown_path
@@ -129,8 +129,7 @@ def define(
 ) -> Definition:
     """The study of ``design`` with the entries of ``vary`` varied: a text (60:160:11 or 60,80,100), a list of
     values, or, with a sample, (lower, upper). UsageError in a sentence if that makes no study."""
-    if objective not in OBJECTIVES:
-        raise UsageError(f"there is no objective {objective!r}: choose one of {', '.join(OBJECTIVES)}")
+    check_known(objective)
     if added := added_rules():
         raise UsageError(f"a study takes no limits that are added to RULES: take out {', '.join(added)}")
     if not vary:
@@ -179,6 +178,9 @@ def axis(entry: str, given: Any, sampled: bool) -> Axis:
 
 
 def _spaced(entry: str, numbers: list[float]) -> list[float]:
+    if len(numbers) == 2:
+        few = f"{numbers[0]:g}:{numbers[1]:g}"
+        raise UsageError(f"--vary {shown_path(entry)}={few}: how many values? write lower:upper:count, such as {few}:9")
     if len(numbers) != 3 or not numbers[0] < numbers[1] or numbers[2] not in range(2, MOST_POINTS + 1):
         words = f"lower:upper:count needs lower < upper and a count from 2 to {MOST_POINTS}"
         raise UsageError(f"--vary {shown_path(entry)}: {words}")
