@@ -41,7 +41,8 @@ def compared_once() -> Iterator[None]:
     from once import simulated_once
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hopopt.comparison.compare.simulate", simulated_once)
+        for user in ("compare", "paper_control"):
+            patch.setattr(f"hopopt.comparison.{user}.simulate", simulated_once)
         yield
 
 

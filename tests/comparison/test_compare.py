@@ -101,7 +101,7 @@ def told(solution, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("hopopt.planner.solve.solve", lambda *a, **k: solution)
 
     def told(*more):
-        code = run(["solve", "--no-figures", "--results", str(tmp_path / "results"), *more])
+        code = run(["solve", "--starts", "1", "--no-figures", "--results", str(tmp_path / "results"), *more])
         return code, capsys.readouterr().out
 
     return told
@@ -125,7 +125,7 @@ def test_nothing_beside_the_answer_loses_it(fault, told, monkeypatch, tmp_path):
     def simulate(*a, **k):
         raise fault
 
-    monkeypatch.setattr("hopopt.comparison.compare.simulate", simulate)
+    monkeypatch.setattr("hopopt.comparison.paper_control.simulate", simulate)
     code, shown = told()
     assert code == 0
     assert "verified" in shown
@@ -143,7 +143,7 @@ def test_a_control_that_passes_the_answer_is_an_alarm(solution, told, monkeypatc
 def test_a_hop_that_is_none_has_no_share(solution, told, monkeypatch):
     fast = load("paper", ["leg.gear.speed_cap=600"])  # 6 rad/s at the joints, which the control overruns
     monkeypatch.setattr(
-        "hopopt.comparison.compare.simulate",
+        "hopopt.comparison.paper_control.simulate",
         lambda design, *a, **k: simulated_once(fast, find("force"), past_apex=True),
     )
     found = json.loads(told("--json")[1])["paper_strategy"]

@@ -534,7 +534,9 @@ def test_an_attempt_is_kept_if_the_time_ends_before_another(monkeypatch: pytest.
 
     monkeypatch.setattr(codesign, "_confirmed", confirmed)
     monkeypatch.setattr(codesign, "_begun", lambda *given: [])
-    monkeypatch.setattr(codesign, "search_first_mesh", lambda *given: SimpleNamespace(outcomes=()))
+    hop_found = SimpleNamespace(success=True, objective=0.8, merit=0.8)
+    monkeypatch.setattr(codesign, "search_first_mesh", lambda *given: SimpleNamespace(outcomes=(hop_found,)))
+    monkeypatch.setattr(codesign, "solved_from", lambda *given: hop_found)
     found = codesign._found(Hop(ho.load("paper")), 1, 1, Stopwatch(), lambda text: None, NEVER)
     assert found is attempt
     assert len(calls) == 2

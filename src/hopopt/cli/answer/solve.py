@@ -130,7 +130,8 @@ def solve(
     for words in hints(design):
         note(words)  # before what may take long
     control = control and not design.hop.lands  # the paper's control ends with the apex
-    sure = control and objective == "clearance" and not (constraint or free)  # that it will be asked for, of this leg
+    # beside a search, if it is sure that it will be asked for, and of this leg
+    sure = control and objective == "clearance" and not (constraint or free) and (starts or design.solver.starts) > 1
     simulated = ahead(_paper_hop, design, more=(processes or os.cpu_count() or 1) - 1) if sure else None
     with progress(quiet=json_) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}

@@ -67,14 +67,23 @@ class Beside:
             self._pool = _pool_of(more)
             self._recipe = hop.design.model_dump(exclude_none=True), hop.asked, hop.free_parameters, hop.constraints
             for _ in range(more):
-                self._pool.submit(_in_worker, self._number, self._recipe, hop.rules, _nothing, ())
+                self._submitted(_nothing, ())
 
     def task(self, function: Callable[..., T], *given: Any) -> Task[T]:
         """``function(hop, *given)`` as a task."""
-        ahead = None
-        if self._pool is not None:
-            ahead = self._pool.submit(_in_worker, self._number, self._recipe, self.hop.rules, function, given)
-        return Task(lambda: function(self.hop, *given), ahead)
+        return Task(lambda: function(self.hop, *given), self._submitted(function, given))
+
+    def _submitted(self, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+        """A future of another process; None where there is none, or no longer: then all is done here."""
+        if self._pool is None:
+            return None
+        from joblib.externals.loky.process_executor import BrokenProcessPool
+
+        try:
+            return self._pool.submit(_in_worker, self._number, self._recipe, self.hop.rules, function, given)
+        except BrokenProcessPool:
+            self._pool = None
+            return None
 
     def __enter__(self) -> "Beside":
         return self
