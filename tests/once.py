@@ -46,8 +46,8 @@ def plan_with_reserve(overrides: Mapping[str, Any] | Sequence[str] = ()) -> Solu
 
 
 def simulated_once(design: Design, strategy: Strategy, **more: Any) -> Run:
-    """A built-in strategy's hop, as ``simulate`` simulates it; every other strategy is simulated at each call."""
-    if BUILT_IN.get(strategy.name) is not strategy or more.get("controller") is not None:
+    """A built-in PD strategy's hop, as ``simulate`` simulates it; every other strategy is simulated at each call."""
+    if BUILT_IN.get(strategy.name) is not strategy or strategy.needs_plan or more.get("controller") is not None:
         return simulate(design, strategy, **more)
     given = sha256(pickle.dumps(sorted(more.items()))).hexdigest()
     return once(f"{strategy.name} {design.model_dump_json()} {given}", lambda: simulate(design, strategy, **more))

@@ -1,5 +1,9 @@
 """Other processes that search beside this one: they begin while the first start is solved here, and hold the same hop."""
 
+import os
+import signal
+import threading
+import time
 from collections.abc import Callable
 from itertools import count
 from types import TracebackType
@@ -10,7 +14,9 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.rules import RULES
 
 T = TypeVar("T")
+IDLE = 10.0  # s after which a process that has nothing to do ends
 _numbers, _held = count(), dict[int, Hop]()  # of hops; those that this process works at for another
+_pools = dict[int, Any]()  # of processes, by how many they are
 
 
 class Task(Generic[T]):
@@ -45,14 +51,48 @@ class Task(Generic[T]):
 
 def ahead(function: Callable[..., T], *given: Any, more: int) -> Task[T]:
     """``function(*given)`` as a task for one of so many more processes."""
-    return Task(lambda: function(*given), _pool_of(more).submit(function, *given) if more > 0 else None)
+    return Task(lambda: function(*given), _submitted(_pool_of(more), function, given) if more > 0 else None)
+
+
+def _submitted(pool: Any, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+    """A future of another process; None if one of them has died: then it is done here."""
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    try:
+        return pool.submit(function, *given)
+    except BrokenProcessPool:
+        _given_up(pool)
+        return None
 
 
 def _pool_of(more: int) -> Any:
-    """So many processes, the same ones for all that asks for as many."""
-    from joblib.externals.loky import get_reusable_executor
+    """So many processes, the same ones for all that asks for as many; not joblib's own, which others divide work with."""
+    if more not in _pools:
+        from joblib.externals.loky import ProcessPoolExecutor
 
-    return get_reusable_executor(max_workers=more)
+        alone = {"OMP_NUM_THREADS": "1"}
+        begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
+        _pools[more] = ProcessPoolExecutor(more, timeout=IDLE, env=alone, **begin)
+    return _pools[more]
+
+
+def begin_worker(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and end with it even if it is killed, be it before this worker has begun."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
+
+
+def _given_up(pool: Any) -> None:
+    """End what is left of processes of which one died, or whose work nobody waits for."""
+    for more in [more for more, kept in _pools.items() if kept is pool]:
+        del _pools[more]
+    pool.shutdown(wait=False, kill_workers=True)
 
 
 class Beside:
@@ -74,23 +114,17 @@ class Beside:
         return Task(lambda: function(self.hop, *given), self._submitted(function, given))
 
     def _submitted(self, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
-        """A future of another process; None where there is none, or no longer: then all is done here."""
+        """A future of another process; None where there is none: then it is done here."""
         if self._pool is None:
             return None
-        from joblib.externals.loky.process_executor import BrokenProcessPool
-
-        try:
-            return self._pool.submit(_in_worker, self._number, self._recipe, self.hop.rules, function, given)
-        except BrokenProcessPool:
-            self._pool = None
-            return None
+        return _submitted(self._pool, _in_worker, (self._number, self._recipe, self.hop.rules, function, given))
 
     def __enter__(self) -> "Beside":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         if kind is not None and self._pool is not None:
-            self._pool.shutdown(wait=False, kill_workers=True)
+            _given_up(self._pool)
 
 
 def _nothing(hop: Hop) -> None:

@@ -1,8 +1,6 @@
 """The processes that solve a study's points, and how long they may still take."""
 
 import os
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
@@ -11,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from hopopt.errors import HopoptError
+from hopopt.planner.search.beside import begin_worker
 from hopopt.planner.stopwatch import duration
 from hopopt.studies.sweep.point_file import Point
 from hopopt.studies.sweep.workers.crew import GO_ON, Kept, Workers
@@ -46,7 +45,7 @@ def workers(count: int, scheduler: str | None = None) -> Iterator[Workers]:
     from joblib.externals.loky import get_reusable_executor
 
     options: dict[str, Any] = {"reuse": False, "env": {"OMP_NUM_THREADS": "1"}}
-    executor = get_reusable_executor(count, initializer=_begin_worker, initargs=(os.getpid(),), **options)
+    executor = get_reusable_executor(count, initializer=begin_worker, initargs=(os.getpid(),), **options)
     try:
         yield Workers(count, executor.submit, _first_of)
     except BrokenProcessPool as error:
@@ -58,15 +57,3 @@ def workers(count: int, scheduler: str | None = None) -> Iterator[Workers]:
 def _first_of(futures: set[Any]) -> tuple[list[Kept], set[Any]]:
     ended, running = wait(futures, return_when=FIRST_COMPLETED)
     return [future.result() for future in ended], set(running)
-
-
-def _begin_worker(parent: int) -> None:
-    """Leave Ctrl-C to the parent, and end with it even if it is killed, be it before this worker has begun."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-
-
-def _end_with(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    os._exit(1)
