@@ -20,7 +20,7 @@ from hopopt.sim.controller import Measurement
 
 EARLY = 0.9  # of the planned stance: a foot that comes off before is taken to bounce
 USUAL = 2.5e-4  # [s] on the paper's leg: the control period whose errors and torques the options weigh
-LET_GO = 0.25  # of stall torque: what the filter takes the torque to be off by as the ground lets go of the foot
+LET_GO = 0.05  # of stall torque: what the filter takes the torque to be off by as the ground lets go; at 0.25 weak legs lost 7 cm
 
 
 @dataclass(frozen=True)

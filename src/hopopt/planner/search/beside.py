@@ -1,5 +1,6 @@
 """Other processes that search beside this one: they begin while the first start is solved here, and hold the same hop."""
 
+import atexit
 import os
 import signal
 import threading
@@ -72,7 +73,8 @@ def _pool_of(more: int) -> Any:
 
         alone = {"OMP_NUM_THREADS": "1"}
         begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
-        _pools[more] = ProcessPoolExecutor(more, timeout=IDLE, env=alone, **begin)
+        _pools[more] = pool = ProcessPoolExecutor(more, timeout=IDLE, env=alone, **begin)
+        atexit.register(_given_up, pool)  # before Python takes apart what its threads still need
     return _pools[more]
 
 
