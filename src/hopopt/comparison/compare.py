@@ -38,7 +38,6 @@ TUNED_PD = ("force_tuned", "position_tuned")
 BEATEN = 1e-4  # [m] on the paper's leg, by which a strategy may pass the bound: what verification allows
 EARLY = 0.9  # share of the planned stance, before which a foot should not leave
 OPTIMUM = "optimum"
-PAPERS = "force"  # of the paper's two the one that saturates its drives
 OBJECTIVE = "clearance"  # by which strategies are compared
 
 
@@ -75,7 +74,7 @@ class Comparison:
     @property
     def beaten_by(self) -> list[str]:
         """Strategies that keep every limit and yet pass the bound: then the bound is wrong."""
-        most = self.bound + BEATEN * Scale.of(self.solution.design.leg).length
+        most = unbeaten(self.solution)
         return [
             name for name, f in self.figures.items() if name != OPTIMUM and not f.limits_exceeded and f.clearance > most
         ]
@@ -193,6 +192,11 @@ def compare(
 def _merit(f: HopFigures) -> tuple[bool, float]:
     """By which one run is better than another: within every limit first, then by clearance."""
     return not f.limits_exceeded and not f.no_hop, f.clearance
+
+
+def unbeaten(bound: Solution) -> float:
+    """The clearance [m] up to which a strategy may come without proving the bound wrong: what verification allows above it."""
+    return bound.clearance + BEATEN * Scale.of(bound.design.leg).length
 
 
 def chosen_names(design: Design, names: Sequence[str] | None) -> tuple[list[str], list[str]]:

@@ -4,15 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopopt.comparison.compare import BEATEN, OBJECTIVE, PAPERS
+from hopopt.comparison.compare import OBJECTIVE, unbeaten
 from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.leg.scales import Scale
 from hopopt.planner.answer.extras import PaperStrategy
 from hopopt.planner.solution import Solution
 from hopopt.sim.plant import PAST_APEX
+
+PAPERS = "force"  # of the paper's two the one that saturates its drives
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def paper_strategy(solution: Solution, hop: PaperHop | None = None) -> PaperStra
     hop = hop or paper_hop(solution.design)
     if hop is None:
         return None
-    reached, most = hop.clearance, solution.clearance + BEATEN * Scale.of(solution.design.leg).length
+    reached = hop.clearance
     share = None if reached is None else reached / solution.clearance
-    beyond = reached is not None and reached > most
+    beyond = reached is not None and reached > unbeaten(solution)
     return PaperStrategy(PAPERS, reached, share, hop.fault, beyond_bound=beyond, overshoot_m=hop.overshoot)

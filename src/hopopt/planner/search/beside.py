@@ -104,9 +104,8 @@ class Beside:
     """
 
     def __init__(self, hop: Hop, more: int):
-        self.hop, self.more, self._pool, self._number = hop, more, None, next(_numbers)
-        if more > 0:
-            self._pool = _pool_of(more)
+        self.hop, self._pool, self._number = hop, _pool_of(more) if more > 0 else None, next(_numbers)
+        if self._pool is not None:
             self._recipe = hop.design.model_dump(exclude_none=True), hop.asked, hop.free_parameters, hop.constraints
             for _ in range(more):
                 self._submitted(_nothing, ())

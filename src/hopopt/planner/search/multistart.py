@@ -174,18 +174,16 @@ def _beyond_limits(hop: Hop, until: Deadline) -> StartOutcome | None:
 
 
 def run_chunk(
-    hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None, known: bool = False,
-    done: Callable[[], object] = lambda: None,
-) -> list[StartOutcome]:  # fmt: skip
+    hop: Hop, chunk: Sequence[int], solver: NlpSolver | None = None, known: bool = False
+) -> list[StartOutcome]:
     """Some of the starts, by number, on the first mesh: the first, and more while there is time; ``solver``: its program,
-    with its deadline, if it is built already; ``done`` is called after each."""
+    with its deadline, if it is built already."""
     solver = solver or first_solver(hop, known)
     starts, outcomes = starts_of(hop, max(chunk) + 1), list[StartOutcome]()
     for k in chunk:
         if outcomes and solver.until.passed:
             break
         outcomes.append(run_start(hop, solver, starts[k], known))
-        done()
     return outcomes
 
 
