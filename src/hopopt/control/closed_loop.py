@@ -84,7 +84,7 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
     robot = build_robot(design.leg)
     regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
     states = added_states(design.leg, robot.parameters)
-    drive = Drive(regions, gear_of(design), torque_gain, states)
+    drive = Drive(regions, gear_of(design), torque_gain, states, robot.model.armature[BASE:])
     quick = compiled and not drive.states
     friction = np.inf if design.contact.friction is None and quick else design.contact.friction
     if friction is None or not can_slip(design.leg):
@@ -183,7 +183,7 @@ def in_mujoco(
     late = s.torque_delay / period
     parts = next((n for n in range(1, PARTS) if abs(n * late - round(n * late)) < 1e-6), PARTS)
     now, asked = start, deque([np.zeros(plant.n)] * (1 + round(parts * late)), maxlen=1 + round(parts * late))
-    instants, command = count(), np.zeros(plant.n)
+    instants, command, machine = count(), np.zeros(plant.n), plant.machine
 
     def torque(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
         nonlocal now, command
@@ -196,7 +196,9 @@ def in_mujoco(
             measured = encoder.read(q[BASE:], v[BASE:])
             command = controller.torque(Measurement(t, *measured, contact, t - now.since, now.landings))
         asked.append(command)
-        return plant.drive.torque(v[BASE:], asked[0])[1]
+        return plant.drive.torque(
+            v[BASE:], asked[0], None, lambda tau: machine.acceleration(q, v, tau, contact)[BASE:]
+        )[1]
 
     duration = landings * longest(design)
     return mujoco.simulate(

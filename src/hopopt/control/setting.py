@@ -4,22 +4,24 @@ A strategy is a class that is made from a ``Setting`` and has ``torque(now: Meas
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
 from hopopt.control.reference import PlanReference
-from hopopt.design import Design
+from hopopt.design import Design, physical_parameters
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.gear import LIGHTEST, SLOW, Gear
+from hopopt.drivetrain.gear import ENTRIES, Gear, gears_of
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
-from hopopt.leg.robot import Robot, build_robot
+from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
+
+LIGHTEST = 1e-3  # [kg m^2] least inertia that gear friction is taken to stop, on the paper's leg
 
 
 def one_of(*choices: str) -> Any:
@@ -42,11 +44,16 @@ def chosen(kind: type, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def gear_of(design: Design) -> Gear:
-    """The gears of all joints as the problem describes them."""
-    s, scale = design.simulation, Scale.of(design.leg)
-    own = [design.leg.drive(joint, "gear", "efficiency")[1] for joint in design.leg.joints]
-    efficiency = np.array([s.gear_efficiency if e is None else e for e in own])
-    return Gear(efficiency, s.gear_friction, s.gear_damping, SLOW / scale.time, LIGHTEST * scale.inertia)
+    """The gears of all joints as the machine has them: as the problem plans with them, else as [simulation] says."""
+    s, leg = design.simulation, design.leg
+
+    def entries(name: str) -> np.ndarray:
+        own = (leg.drive(joint, "gear", name)[1] for joint in leg.joints)
+        return np.array([getattr(s, f"gear_{name}") if value is None else value for value in own])
+
+    planned = gears_of(leg, physical_parameters(leg))
+    given = {name: entries(name) for name in ENTRIES}
+    return replace(planned, **given, lightest=LIGHTEST * Scale.of(leg).inertia)
 
 
 @dataclass(frozen=True)
@@ -74,7 +81,7 @@ class Setting:
 
     def drive(self) -> Drive:
         """The believed drives."""
-        return Drive(self.regions(), gear_of(self.design))
+        return Drive(self.regions(), gear_of(self.design), rotor=self.robot.model.armature[BASE:])
 
     @property
     def no_load_speed(self) -> np.ndarray:

@@ -71,9 +71,15 @@ class Gear(Section):
         "kg m^2", 0.0, 0.05, None, physical=True,
     )  # fmt: skip
     efficiency: float | None = quantity(
-        "share of the motor's torque that it passes on, in simulation only: the planner's gears lose nothing "
-        "(default: simulation.gear_efficiency)", "1", 0.05, 1, None,
+        "eta: share of the torque at its teeth that it passes on, driving or braking (default: none is lost)",
+        "1", 0.05, 1, None, physical=True,
     )  # fmt: skip
+    friction: float | None = quantity(
+        "Coulomb friction, joint side (default: none)", "N m", 0, 1e3, None, physical=True
+    )
+    damping: float | None = quantity(
+        "viscous friction, joint side (default: none)", "N m s/rad", 0, 1e3, None, physical=True
+    )
     catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
 
 

@@ -14,10 +14,14 @@ class Simulation(Section):
     speed_error: float = quantity("by which every joint's speed is measured too high", "rad/s", -10, 10, 0.0)
     torque_delay: float = quantity("from a measurement to the torque it leads to", "s", 0, 0.1, 0.0)
     gear_efficiency: float = quantity(
-        "share of the motor's torque that a gear passes on, where leg.gear.efficiency does not say", "1", 0.05, 1, 1.0
+        "of a gear where leg.gear.efficiency does not say; the planner does not know it", "1", 0.05, 1, 1.0
     )
-    gear_friction: float = quantity("Coulomb friction of a gear, at the joint", "N m", 0, 1e3, 0.0)
-    gear_damping: float = quantity("viscous friction of a gear, at the joint", "N m s/rad", 0, 1e3, 0.0)
+    gear_friction: float = quantity(
+        "Coulomb friction of a gear, at the joint, where leg.gear.friction does not say", "N m", 0, 1e3, 0.0
+    )
+    gear_damping: float = quantity(
+        "viscous friction of a gear, at the joint, where leg.gear.damping does not say", "N m s/rad", 0, 1e3, 0.0
+    )
 
 
 class Uncertainty(Section):

@@ -1,6 +1,6 @@
 """The drives of a leg as a plant has them: between a controller's command and the joints."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,15 +9,19 @@ from hopopt.compiled.kernel import packed
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.clamp import torque_lines
 from hopopt.drivetrain.dynamics import AddedStates
-from hopopt.drivetrain.gear import Gear
+from hopopt.drivetrain.gear import ENTRIES, Gear, driven_joints, joint_torque, motor_torque
 from hopopt.drivetrain.half_planes import OperatingRegion
+
+LAW = (*ENTRIES, "slow", "sharp")
+Accelerate = Callable[[np.ndarray], np.ndarray]
 
 
 class Drive:
     """The motors of a leg as a controller meets them: commands are clamped to the operating regions (paper's eq. 14).
 
     torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
-    as much more back-EMF. states: what the drives add of their own, if they do. numbers: what the compiled functions read,
+    as much more back-EMF. states: what the drives add of their own, if they do. rotor: reflected inertias of what spins in
+    front of the gears (n) [kg m^2]; none by default. numbers: what the compiled functions read,
     by name: the lines of the clamp, the gains, and the gears as in ``Gear``.
     """
 
@@ -29,6 +33,7 @@ class Drive:
         gear: Gear | None = None,
         torque_gain: np.ndarray | None = None,
         states: AddedStates | None = None,
+        rotor: np.ndarray | None = None,
     ):
         gear, n = gear or Gear(), len(regions)
         self.lossless = gear.ideal
@@ -37,9 +42,14 @@ class Drive:
             "upper": self.upper,
             "lower": self.lower,
             "gain": np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float),
-            "efficiency": np.broadcast_to(np.asarray(gear.efficiency, dtype=float), n),
-            **{name: float(getattr(gear, name)) for name in ("friction", "damping", "slow", "lightest")},
+            **{
+                name: np.broadcast_to(np.asarray(value, dtype=float), n).copy()
+                for name, value in zip(LAW, gear.law, strict=True)
+            },
+            "lightest": float(gear.lightest),
+            "lossless": int(gear.ideal),
         }
+        self.gear, self.rotor = gear, np.zeros(n) if rotor is None else np.asarray(rotor, dtype=float)
         self._record = packed(self.numbers)
         self.states = states if states and states.size else None
 
@@ -54,31 +64,47 @@ class Drive:
 
         w (n) [rad/s], command (n) [N m], armature (n): the rotors' inertia at the joints [kg m^2]; x as in ``torque``.
         """
-        return kernels.rubbing_parts(self._record, self.torque(w, command, x)[0], np.asarray(armature), h)
+        return kernels.rubbing_parts(self._record, self._limited(w, command, x), np.asarray(armature), h)
 
-    def torque(self, w: np.ndarray, command: np.ndarray, x: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m]; x: the drives' states, if
-        they have any."""
-        motor, tau = self._driven(w, command)
-        if self.states is None:
-            return motor, tau
-        motor[self.states.at] = self.states.torques(x, motor, w)
-        return motor, kernels.geared(self._record, w, motor)
+    def torque(
+        self, w: np.ndarray, command: np.ndarray, x: np.ndarray | None = None, accelerate: Accelerate | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Motor torque after the limits, and joint torque after the gear's losses, (n) each [N m].
 
-    def passed(self, w: np.ndarray, motor: np.ndarray) -> np.ndarray:
-        """Torques (n) [N m] at the joints, of motors' torques ``motor`` (n) [N m] at joint speeds w (n) [rad/s]."""
-        return kernels.geared(self._record, w, motor)
+        x: the drives' states, if they have any. accelerate: what joint torques (n) [N m] make of the joints (n) [rad/s^2],
+        an affine function; without it the rotors count as at a steady speed.
+        """
+        motor = self._limited(w, command, x)
+        if self.lossless:
+            return motor, motor.copy()
+        n = len(motor)
+        still = accelerate(np.zeros(n)) if accelerate else np.zeros(n)
+        response = np.array([accelerate(unit) - still for unit in np.eye(n)]).T if accelerate else np.zeros((n, n))
+        rotor = self.rotor if accelerate else np.zeros(n)
+        return motor, driven_joints(self.gear, motor, np.asarray(w, dtype=float), still, response, rotor)
 
-    def needed(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    def passed(self, w: np.ndarray, motor: np.ndarray, a: np.ndarray | None = None) -> np.ndarray:
+        """Torques (n) [N m] at the joints, of motors' torques ``motor`` (n) [N m] at joint speeds w (n) [rad/s] and
+        accelerations a (n) [rad/s^2], none by default."""
+        return motor if self.lossless else joint_torque(self.gear, motor, w, *self._spun(a))
+
+    def needed(self, w: np.ndarray, tau: np.ndarray, a: np.ndarray | None = None) -> np.ndarray:
         """Torques (n) [N m] of the motors that come to torques tau (n) [N m] at the joints: the inverse of ``passed``."""
-        turning = np.tanh(w / self.numbers["slow"])
-        before = tau + self.numbers["friction"] * turning + self.numbers["damping"] * w
-        return before / (1 - (1 - self.numbers["efficiency"]) * turning * np.sign(before))
+        return tau if self.lossless else motor_torque(self.gear, tau, w, *self._spun(a))
+
+    def _spun(self, a: np.ndarray | None) -> tuple[Any, Any]:
+        return (0.0 if a is None else a), self.rotor
 
     def rates(self, w: np.ndarray, command: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Derivatives of the drives' states x under a command, (m)."""
-        return np.array(self.states.rates(x, self._driven(w, command)[0], w) if self.states else ())
+        return np.array(self.states.rates(x, self._driven(w, command), w) if self.states else ())
 
-    def _driven(self, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What motors and joints have of a command at once."""
+    def _limited(self, w: np.ndarray, command: np.ndarray, x: np.ndarray | None) -> np.ndarray:
+        motor = self._driven(w, command)
+        if self.states is not None:
+            motor[self.states.at] = self.states.torques(x, motor, w)
+        return motor
+
+    def _driven(self, w: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """What motors have of a command at once."""
         return kernels.driven(self._record, np.asarray(w, dtype=float), np.asarray(command, dtype=float))

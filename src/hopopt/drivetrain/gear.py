@@ -1,28 +1,131 @@
-"""What a gear takes from the torque of its motor."""
+"""What a gear takes from the torque that passes its teeth: one law for planner, plant, verification and global search.
 
+All at the joint side. The motor spins the rotor up and gives the rest to the teeth, tau_m = A a + tau_g; the leg feels
+tau_out. With an efficiency eta, Coulomb friction tau_c and viscous friction b,
+
+    tau_g = c1 tau_out + (c2 |tau_out| + tau_c) sgn(w) + b w,    c1, c2 = (1/eta +- eta) / 2
+
+so that tau_out = eta tau_g where the gear drives, tau_g = eta tau_out where it brakes. At rest it holds whatever lies
+between the two. The program needs smooth functions: sgn(w) is w / sqrt(w^2 + slow^2), |tau| is sqrt(tau^2 + sharp^2). Plain
+Python on purpose: of numbers, arrays or CasADi symbols, and compiled as it is (drivetrain/kernels.py).
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
-SLOW = 0.05  # joint speed [rad/s] over which friction changes its sign smoothly, on the paper's leg
-LIGHTEST = 1e-3  # [kg m^2] least inertia that friction is taken to stop, on the paper's leg
+from hopopt.design import Leg
+
+SLOW = 1e-2  # share of the no-load speed over which losses change their sign: 0.1 rad/s on the paper's leg
+SHARP = 1e-3  # share of stall torque over which a gear goes from driving to braking
+ENTRIES = ("efficiency", "friction", "damping")
+LOSSLESS = (1.0, 0.0, 0.0)
+
+
+def teeth_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> Any:
+    """tau_g [N m] that gives the leg tau [N m] at joint speed w [rad/s]; the others as in ``Gear``."""
+    turning = w / (w * w + slow * slow) ** 0.5
+    c1, c2 = (1 / eta + eta) / 2, (1 / eta - eta) / 2
+    return c1 * tau + (c2 * (tau * tau + sharp * sharp) ** 0.5 + friction) * turning + damping * w
+
+
+def passed_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> tuple[Any, Any]:
+    """tau_out [N m] for a torque tau_g = tau [N m] at the teeth, the inverse of ``teeth_torque``, and its slope."""
+    turning = w / (w * w + slow * slow) ** 0.5
+    c1, c2 = (1 / eta + eta) / 2, (1 / eta - eta) / 2 * turning
+    y, det = tau - friction * turning - damping * w, c1 * c1 - c2 * c2
+    size = (y * y + det * sharp * sharp) ** 0.5
+    return (c1 * y - c2 * size) / det, (c1 - c2 * y / size) / det
 
 
 @dataclass(frozen=True)
 class Gear:
-    """Losses at the joint: efficiency (0 to 1, or one for each joint), Coulomb friction [N m], viscous [N m s/rad].
+    """The gears of a leg, each entry a number or an array (n,); of one joint also symbols.
 
-    slow: joint speed [rad/s] over which friction changes its sign smoothly. lightest: least inertia [kg m^2] that friction is
-    taken to stop.
+    efficiency: share of the torque at its teeth that it passes on (0 to 1)
+    friction: Coulomb friction [N m]; damping: viscous friction [N m s/rad]
+    slow: joint speed [rad/s] over which losses change their sign smoothly
+    sharp: torque [N m] over which driving turns smoothly into braking
+    lightest: least inertia [kg m^2] that friction is taken to stop
     """
 
-    efficiency: float | np.ndarray = 1.0
-    friction: float = 0.0
-    damping: float = 0.0
-    slow: float = SLOW
-    lightest: float = LIGHTEST
+    efficiency: Any = 1.0
+    friction: Any = 0.0
+    damping: Any = 0.0
+    slow: Any = 0.02
+    sharp: Any = 0.2
+    lightest: float = 1e-3
 
     @property
     def ideal(self) -> bool:
         """Whether nothing is lost."""
-        return bool(np.all(self.efficiency == 1.0)) and self.friction == 0.0 and self.damping == 0.0
+        return bool(np.all(self.efficiency == 1.0) and not np.any(self.friction) and not np.any(self.damping))
+
+    @property
+    def law(self) -> tuple[Any, ...]:
+        """What ``teeth_torque`` and ``passed_torque`` take after torque and speed."""
+        return self.efficiency, self.friction, self.damping, self.slow, self.sharp
+
+    @classmethod
+    def of(cls, leg: Leg, joint: str, p: Mapping[str, Any]) -> Self:
+        """The gear of a joint as its problem plans with it, from parameter values or symbols by their paths."""
+
+        def entry(part: Any, name: str, default: Any = None) -> Any:
+            return p.get(leg.drive(joint, part, name)[0], default)
+
+        own = [entry("gear", name, default) for name, default in zip(ENTRIES, LOSSLESS, strict=True)]
+        ratio = entry("gear", "ratio")
+        slow = SLOW * entry("motor", "max_speed") / ratio
+        return cls(*own, slow, SHARP * ratio * entry("motor", "max_torque"))
+
+
+def gears_of(leg: Leg, p: Mapping[str, Any]) -> Gear:
+    """The gears of all joints as the problem plans with them, entries (n,); p: numbers by their paths."""
+    each = [Gear.of(leg, joint, p) for joint in leg.joints]
+    arrays = (np.array([float(getattr(gear, name)) for gear in each]) for name in (*ENTRIES, "slow", "sharp"))
+    return Gear(*arrays)
+
+
+def lossy(leg: Leg, joint: str) -> bool:
+    """Whether the problem gives the gear of a joint losses to plan with, be they none."""
+    return any(leg.drive(joint, "gear", name)[1] is not None for name in ENTRIES)
+
+
+def any_lossy(leg: Leg) -> bool:
+    """Whether any joint's gear is ``lossy``."""
+    return any(lossy(leg, joint) for joint in leg.joints)
+
+
+def motor_torque(gear: Gear, tau: Any, w: Any, a: Any, rotor: Any) -> Any:
+    """tau_m [N m] for the torque tau = A a + tau_out [N m] on a joint and its rotor, at speed w [rad/s] and acceleration
+    a [rad/s^2]; rotor: A, reflected inertia of what spins in front of the gear [kg m^2]."""
+    return rotor * a + teeth_torque(tau - rotor * a, w, *gear.law)
+
+
+def joint_torque(gear: Gear, motor: Any, w: Any, a: Any, rotor: Any) -> Any:
+    """tau [N m] for the motor's torque, the inverse of ``motor_torque``; arguments as there."""
+    return rotor * a + passed_torque(motor - rotor * a, w, *gear.law)[0]
+
+
+def driven_joints(gear: Gear, motor: np.ndarray, w: np.ndarray, a: np.ndarray, response: np.ndarray, rotor: np.ndarray) -> np.ndarray:  # fmt: skip
+    """Torques tau (n) [N m] under which a leg moves as its motors' torques make it move, by Newton's method.
+
+    The gear takes its share of what the rotor leaves, so tau depends on the acceleration that it leads to.
+    motor, w (n): torques of the motors [N m], joint speeds [rad/s]
+    a (n), response (n, n): accelerations without torques [rad/s^2], and by a unit of each [1/(kg m^2)]
+    rotor (n): reflected inertias [kg m^2]
+    """
+    tau, unit = np.array(motor, dtype=float), np.eye(len(motor))
+    for _ in range(MOST_STEPS):
+        moved = a + response @ tau
+        passed, slope = passed_torque(motor - rotor * moved, w, *gear.law)
+        missing = tau - rotor * moved - passed
+        if np.abs(missing).max() <= EXACT * (1.0 + np.abs(tau).max()):
+            break
+        tau = tau - np.linalg.solve(unit - (rotor * (1 - slope))[:, None] * response, missing)
+    return tau
+
+
+MOST_STEPS, EXACT = 20, 1e-13  # of Newton's method; relative

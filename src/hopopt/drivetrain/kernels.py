@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain import clamp
+from hopopt.drivetrain import clamp, gear
 
 STIFF = 1.0  # step times the rate at which friction stops a joint; the Runge-Kutta scheme's limit is 2.8
 MOST_PARTS = 64  # of a step where gears rub
 
-within = kernel(clamp.within)
+within, passed_torque = kernel(clamp.within), kernel(gear.passed_torque)
 
 
 @kernel
@@ -26,25 +26,21 @@ def clamped(drive: Any, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def geared(drive: Any, w: np.ndarray, motor: np.ndarray) -> np.ndarray:
-    """Torques (n) [N m] of the joints after the gears, which oppose the motion."""
-    tau = np.zeros(len(w))
-    for k in range(len(w)):
-        rubbing = (1 - drive.efficiency[k]) * abs(motor[k]) + drive.friction
-        tau[k] = motor[k] - (rubbing * np.tanh(w[k] / drive.slow) + drive.damping * w[k])
-    return tau
-
-
-@kernel
-def driven(drive: Any, w: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Torques (n) [N m] of the motors after their limits, and of the joints after the gears."""
+def driven(drive: Any, w: np.ndarray, command: np.ndarray) -> np.ndarray:
+    """Torques (n) [N m] of the motors after their limits; back-EMF grows with their gain."""
     motor = np.zeros(len(w))
     for k in range(len(w)):
         gain = drive.gain[k]
-        motor[k] = gain * within(
-            gain * w[k], command[k], drive.upper[k], drive.lower[k]
-        )  # back-EMF grows with the gain
-    return motor, geared(drive, w, motor)
+        motor[k] = gain * within(gain * w[k], command[k], drive.upper[k], drive.lower[k])
+    return motor
+
+
+@kernel
+def passed(drive: Any, k: int, torque: float, w: float) -> tuple[float, float]:
+    """``gear.passed_torque`` of joint k: what of a torque [N m] at the teeth the leg feels at speed w [rad/s]; its slope."""
+    return passed_torque(
+        torque, w, drive.efficiency[k], drive.friction[k], drive.damping[k], drive.slow[k], drive.sharp[k]
+    )
 
 
 @kernel
@@ -55,7 +51,7 @@ def rubbing_parts(drive: Any, motor: np.ndarray, armature: np.ndarray, h: float)
     """
     parts = 1
     for k in range(len(motor)):
-        rubbing = (1 - drive.efficiency[k]) * abs(motor[k]) + drive.friction
-        rate = rubbing / drive.slow / max(armature[k], drive.lightest)
+        rubbing = (1 - drive.efficiency[k]) * abs(motor[k]) + drive.friction[k]
+        rate = rubbing / drive.slow[k] / max(armature[k], drive.lightest)
         parts = max(parts, min(MOST_PARTS, int(np.ceil(h * rate / STIFF))))
     return parts

@@ -71,7 +71,7 @@ def columns(solution: Solution) -> dict[str, tuple[str, Sequence[Any]]]:
     for k, joint in enumerate(joints):
         found[f"q_{joint}"] = "rad", s.q[:, BASE + k]
         found[f"v_{joint}"] = "rad/s", s.v[:, BASE + k]
-        found[f"tau_{joint}"] = "N m", s.tau[:, k]
+        found[f"tau_{joint}"] = "N m", s.command[:, k]
     for k, axis in ((0, "x"), (-1, "z")):
         found[f"force_{axis}"] = "N", s.f[:, k]
     for k, joint in enumerate(joints if np.isfinite(gains).any() else ()):
@@ -107,7 +107,7 @@ def to_ros2(solution: Solution) -> str:
     for k, t in enumerate(s.t):
         seconds, rest = divmod(round(float(t) * NANOSECONDS), NANOSECONDS)
         values = {"positions": s.q[k, BASE:], "velocities": s.v[k, BASE:], "accelerations": s.a[k, BASE:]}
-        for mark, (name, numbers) in zip("-   ", (values | {"effort": s.tau[k]}).items(), strict=True):
+        for mark, (name, numbers) in zip("-   ", (values | {"effort": s.command[k]}).items(), strict=True):
             lines.append(f"{mark} {name}: [{', '.join(f'{x:.12f}' for x in numbers)}]")
         lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
     return "\n".join(lines) + "\n"

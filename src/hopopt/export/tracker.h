@@ -110,16 +110,30 @@ static inline double hopopt_missed(double apart, double v) {
     return apart - resting * hopopt_within(apart, -HOPOPT_STEP / 2, HOPOPT_STEP / 2);
 }
 
-/* Torque [N m] at a joint, of its motor's torque at joint speed w [rad/s]; and the inverse. */
-static inline double hopopt_passed(int joint, double w, double motor) {
-    const double lost = (1.0 - hopopt_efficiency[joint]) * fabs(motor) + HOPOPT_FRICTION;
-    return motor - (lost * tanh(w / HOPOPT_SLOW) + HOPOPT_DAMPING * w);
+/* Torque [N m] at a joint and its rotor, of its motor's torque at joint speed w [rad/s]; and the inverse. spun: what of it
+   spins the rotor up [N m]. */
+static inline double hopopt_passed(int joint, double w, double motor, double spun) {
+    const double eta = hopopt_efficiency[joint], slow = hopopt_slow[joint], sharp = hopopt_sharp[joint];
+    const double turning = w / sqrt(w * w + slow * slow);
+    const double c1 = (1.0 / eta + eta) / 2.0, c2 = (1.0 / eta - eta) / 2.0 * turning, det = c1 * c1 - c2 * c2;
+    const double y = motor - spun - hopopt_friction[joint] * turning - hopopt_damping[joint] * w;
+    return spun + (c1 * y - c2 * sqrt(y * y + det * sharp * sharp)) / det;
 }
 
-static inline double hopopt_needed(int joint, double w, double tau) {
-    const double turning = tanh(w / HOPOPT_SLOW), before = tau + HOPOPT_FRICTION * turning + HOPOPT_DAMPING * w;
-    const double sign = before > 0.0 ? 1.0 : before < 0.0 ? -1.0 : 0.0;
-    return before / (1.0 - (1.0 - hopopt_efficiency[joint]) * turning * sign);
+static inline double hopopt_needed(int joint, double w, double tau, double spun) {
+    const double eta = hopopt_efficiency[joint], slow = hopopt_slow[joint], sharp = hopopt_sharp[joint];
+    const double turning = w / sqrt(w * w + slow * slow), out = tau - spun;
+    const double c1 = (1.0 / eta + eta) / 2.0, c2 = (1.0 / eta - eta) / 2.0;
+    const double lost = c2 * sqrt(out * out + sharp * sharp) + hopopt_friction[joint];
+    return spun + c1 * out + lost * turning + hopopt_damping[joint] * w;
+}
+
+/* What spins the rotors up over the next period (n) [N m]: it never passes the gears' teeth. */
+static inline void hopopt_spun(const hopopt_phase *p, double since, double *spun) {
+    double q[HOPOPT_JOINTS], now[HOPOPT_JOINTS], then[HOPOPT_JOINTS], tau[HOPOPT_JOINTS];
+    hopopt_at(p, since, q, now, tau);
+    hopopt_at(p, since + HOPOPT_PERIOD, q, then, tau);
+    for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] = hopopt_rotor[j] * ((then[j] - now[j]) / HOPOPT_PERIOD);
 }
 
 /* y += sign M x, with M (rows, columns) row by row. */
@@ -158,7 +172,7 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
                                  double since, int landings, double *tau) {
     const int n = HOPOPT_JOINTS, m = HOPOPT_STATES;
     const double stance = hopopt_duration(&hopopt_stance);
-    double planned_q[HOPOPT_JOINTS], planned_v[HOPOPT_JOINTS], planned_tau[HOPOPT_JOINTS];
+    double planned_q[HOPOPT_JOINTS], planned_v[HOPOPT_JOINTS], planned_tau[HOPOPT_JOINTS], spun[HOPOPT_JOINTS];
     contact = contact != 0;
     if (contact && landings) {
         for (int j = 0; j < n; j++) tau[j] = HOPOPT_K_P * (hopopt_rest[j] - q[j]) - HOPOPT_K_D * v[j];
@@ -170,8 +184,9 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
         if (contact || (s->early && t < stance)) contact = 1, since = t;
     }
     if (contact && since > HOPOPT_ENDS) {
-        hopopt_at(&hopopt_flight, 0.0, planned_q, planned_v, tau);
-        memcpy(s->given, tau, sizeof s->given);
+        hopopt_at(&hopopt_flight, 0.0, planned_q, planned_v, s->given);
+        hopopt_spun(&hopopt_flight, 0.0, spun);
+        for (int j = 0; j < n; j++) tau[j] = hopopt_needed(j, planned_v[j], s->given[j], spun[j]);
         return;
     }
     const hopopt_phase *p = contact ? &hopopt_stance : &hopopt_flight;
@@ -192,11 +207,12 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
     hopopt_add(error, 1.0, p->L + period * m * n, m, n, miss);
     for (int j = 0; j < n; j++) tau[j] = planned_tau[j];
     hopopt_add(tau, -1.0, p->K + period * n * m, n, m, error);
+    hopopt_spun(p, since, spun);
     for (int j = 0; j < n; j++) {
         s->q[j] = planned_q[j] + error[j];
         s->v[j] = planned_v[j] + error[n + j];
-        tau[j] = hopopt_clamp(j, s->v[j], hopopt_needed(j, planned_v[j], tau[j]));
-        s->given[j] = hopopt_passed(j, planned_v[j], tau[j]);
+        tau[j] = hopopt_clamp(j, s->v[j], hopopt_needed(j, planned_v[j], tau[j], spun[j]));
+        s->given[j] = hopopt_passed(j, planned_v[j], tau[j], spun[j]);
         s->extra[j] = s->given[j] - planned_tau[j];
     }
     memcpy(s->error, error, sizeof error);

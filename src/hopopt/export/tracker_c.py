@@ -14,6 +14,7 @@ from hopopt.control.reference import EDGE, FLIGHT, STANCE, PhaseReference
 from hopopt.control.tracking.regulator import Gains
 from hopopt.control.tracking.track import EARLY, Track
 from hopopt.design import refuse_landed
+from hopopt.drivetrain.drives import LAW
 from hopopt.export.plan import tracker_of
 from hopopt.planner.solution import Solution
 
@@ -56,11 +57,9 @@ def tables(tracker: Track) -> str:
         "K_P": o.k_p,
         "K_D": o.k_d,
     }
-    gears = tracker.drive.numbers
-    figures |= {name.upper(): gears[name] for name in ("friction", "damping", "slow")}
     lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
     shared = {"places": stance.places, "weights": stance.barycentric, "rest": tracker.rest}
-    shared["efficiency"] = gears["efficiency"]
+    shared |= {name: tracker.drive.numbers[name] for name in LAW} | {"rotor": tracker.drive.rotor}
     lines += [_array(name, values) for name, values in shared.items()]
     for side, planes in bounds.items():  # (n, k, 2), the last repeated: that bounds nothing more
         joints = np.pad(planes, ((0, 0), (0, sizes["LINES"] - planes.shape[1]), (0, 0)), mode="edge").tolist()

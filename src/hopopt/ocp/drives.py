@@ -8,6 +8,8 @@ import casadi as ca
 import numpy as np
 
 from hopopt.drivetrain.dynamics import added_states
+from hopopt.drivetrain.gear import Gear, motor_torque
+from hopopt.drivetrain.gear import lossy as lossy_gear
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE
@@ -17,13 +19,28 @@ from hopopt.ocp.problem import BoundaryConstraint, Control, Ends, Instant, Phase
 DRIVE, COMMAND = "drive", "command"  # the state and the control that are added
 
 
+def motor_torques(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
+    """What the motors are asked for at an instant (n) [N m]: the joints' torques, with what their gears lose; or the commands
+    to drives that have states of their own."""
+    lossy = [k for k, joint in enumerate(leg.leg.joints) if lossy_gear(leg.leg, joint)]
+
+    def torques(s: Instant) -> ca.SX:
+        m, p = motion(s), s.p
+        tau = ca.vertsplit(m.tau)
+        for place, k in enumerate(leg.drive_states.at):
+            tau[k] = getattr(s, COMMAND)[place]
+        for k in lossy:
+            gear, rotor = Gear.of(leg.leg, leg.leg.joints[k], p), leg.dynamics(s).bodies[BASE + k].armature
+            tau[k] = motor_torque(gear, m.tau[k], m.v[BASE + k], m.a[BASE + k], rotor)
+        return ca.vertcat(*tau)
+
+    return lambda s: s.once("motor torques", lambda: torques(s))
+
+
 def asked(leg: MovingLeg, joint: str, motion: MotionAt) -> Callable[[Instant], ca.SX]:
-    """The torque that a joint's motor is asked for at an instant [N m]: its command, or without dynamics the joint's torque."""
-    of, k = leg.drive_states.of, leg.leg.joints.index(joint)
-    if joint in of:
-        place = list(of).index(joint)
-        return lambda s: getattr(s, COMMAND)[place]
-    return lambda s: motion(s).tau[k]
+    """The torque that a joint's motor is asked for at an instant [N m]: its row of ``motor_torques``."""
+    torques, k = motor_torques(leg, motion), leg.leg.joints.index(joint)
+    return lambda s: torques(s)[k]
 
 
 def with_drives(leg: MovingLeg, phase: Phase) -> Phase:

@@ -10,12 +10,14 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.drivetrain.dynamics import AddedStates, added_states
+from hopopt.drivetrain.gear import any_lossy
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.robot import Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
+from hopopt.ocp.drives import motor_torques
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, STANCE, flight, stance
@@ -29,7 +31,7 @@ OUTSIDE = 1e-9  # s: what rounding may put a time outside the hop
 @dataclass(frozen=True)
 class Samples:
     """The whole leg at k times: t (k,) [s] since stance began, phase (k,) names; q, v, a (k, 2 + n) of body x, z
-    [m] and joints [rad]; tau (k, n) [N m]; contact force f (k, 2) [N] (x and z; with y
+    [m] and joints [rad]; tau (k, n) [N m] at the joints, command (k, n) [N m] that the motors are asked for; contact force f (k, 2) [N] (x and z; with y
     between them where the leg leaves the plane); points: name -> (k, 2) x, z [m], with
     every joint, "foot" and "com"; com_v (k, 2) [m/s]."""
 
@@ -39,6 +41,7 @@ class Samples:
     v: np.ndarray
     a: np.ndarray
     tau: np.ndarray
+    command: np.ndarray
     f: np.ndarray
     points: dict[str, np.ndarray]
     com_v: np.ndarray
@@ -51,7 +54,9 @@ class Samples:
     def __getitem__(self, rows: Any) -> "Samples":
         """The samples at some rows (an index array, mask or slice)."""
         points = {name: p[rows] for name, p in self.points.items()}
-        arrays = {name: getattr(self, name)[rows] for name in ("t", "phase", "q", "v", "a", "tau", "f", "com_v")}
+        arrays = {
+            name: getattr(self, name)[rows] for name in ("t", "phase", "q", "v", "a", "tau", "command", "f", "com_v")
+        }
         return Samples(**arrays, points=points)
 
 
@@ -68,7 +73,16 @@ class PlanEvaluator:
             com_speed = ca.jtimes(points["com"], s.q, s.v)
             if part.kind == FLIGHT:
                 com_speed += ca.jtimes(points["com"], s.com, s.com_v)
-            outputs = [m.q, m.v, m.a, m.tau, m.f, com_speed, *(points[name] for name in self.names)]
+            outputs = [
+                m.q,
+                m.v,
+                m.a,
+                m.tau,
+                motor_torques(leg, part.motion)(s),
+                m.f,
+                com_speed,
+                *(points[name] for name in self.names),
+            ]
             given = [stack(x, part.phase.states), stack(u, part.phase.controls)]
             self.functions[part.kind] = ca.Function(part.kind, given, [ca.densify(o) for o in outputs])
         self.functions |= {DESCENT: self.functions[FLIGHT], LANDING: self.functions[STANCE]}
@@ -80,8 +94,10 @@ class PlanEvaluator:
         )  # what drives and objectives add comes after
         of_leg = (np.ascontiguousarray(x.T[:states]), np.ascontiguousarray(u.T[:moving]))
         results = self.functions[phase].map(len(t))(*of_leg)
-        q, v, a, tau, f, com_v, *points = (np.array(r).T for r in results)
-        return Samples(t, np.full(len(t), phase), q, v, a, tau, f, dict(zip(self.names, points, strict=True)), com_v)
+        q, v, a, tau, command, f, com_v, *points = (np.array(r).T for r in results)
+        return Samples(
+            t, np.full(len(t), phase), q, v, a, tau, command, f, dict(zip(self.names, points, strict=True)), com_v
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -180,22 +196,20 @@ class Motion:
     def fresh_table(self, phase: str) -> Table:
         """The table of one phase, computed from its trajectory; a landing's x is counted from its foot."""
         samples, N = self._everywhere(phase, NORMALISED_TIMES), len(self.phases[phase].x_start)
-        table = Table(
-            *(
-                getattr(samples, s).reshape(N, len(NORMALISED_TIMES), *getattr(samples, s).shape[1:])
-                for s in ("t", "q", "v", "a", "tau", "f")
-            )
-        )
         added = added_states(self.design.leg, self.robot.parameters)
+        apart = ("command",) if added.size or any_lossy(self.design.leg) else ()
+        arrays = {
+            s: getattr(samples, s).reshape(N, len(NORMALISED_TIMES), *getattr(samples, s).shape[1:])
+            for s in ("t", "q", "v", "a", "tau", "f", *apart)
+        }
+        table = Table(**arrays)
         return self._with_drives(phase, table, added) if added.size else table
 
     def _with_drives(self, phase: str, table: Table, added: AddedStates) -> Table:
-        """The table with the drives' states, the last of the phase's, and the commands, the last controls of the leg."""
-        _, x, u = self.phases[phase].everywhere(NORMALISED_TIMES)
-        states, moving = (self._evaluate.functions[phase].size1_in(k) for k in (0, 1))
-        command = table.tau.copy()
-        command[..., added.at] = u[..., moving - len(added.at) : moving]
-        return replace(table, command=command, drive=x[..., states - added.size : states])
+        """The table with the drives' states, the last of the phase's."""
+        _, x, _ = self.phases[phase].everywhere(NORMALISED_TIMES)
+        states = self._evaluate.functions[phase].size1_in(0)
+        return replace(table, drive=x[..., states - added.size : states])
 
     @property
     def apex(self) -> Samples:
@@ -226,7 +240,7 @@ def at_apex(vertical: float) -> bool:
 def _join(parts: list[Samples]) -> Samples:
     if len(parts) == 1:
         return parts[0]
-    names = ("t", "phase", "q", "v", "a", "tau", "f", "com_v")
+    names = ("t", "phase", "q", "v", "a", "tau", "command", "f", "com_v")
     arrays = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
     points = {name: np.concatenate([p.points[name] for p in parts]) for name in parts[0].points}
     return Samples(**arrays, points=points)

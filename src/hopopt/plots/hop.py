@@ -128,7 +128,7 @@ def _torque(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
     ax.fill_between(t, *bounds, label="what the drive can give", **BAND)
     for bound in bounds:
         ax.plot(t, bound, color=GREY, lw=0.8, gid="torque bound")
-    by_phase(ax, motion, lambda s: s.t, lambda s: s.tau[:, k])
+    by_phase(ax, motion, lambda s: s.t, lambda s: s.command[:, k])
 
 
 # ---- operating region ------------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def operating_region(solution: Solution) -> Figure:
     for k, name in enumerate(names):
         ax = figure.add_subplot(rows, columns, k + 1)
         ax.fill(*solution.region(name).corners().T, fc=PALE, ec=GREY, lw=1.2, label="what the drive can give")
-        by_phase(ax, motion, lambda s, k=k: s.v[:, k - len(names)], lambda s, k=k: s.tau[:, k])
+        by_phase(ax, motion, lambda s, k=k: s.v[:, k - len(names)], lambda s, k=k: s.command[:, k])
         _mark_instants(ax, motion, k, k - len(names), solution.end_of_flight)
         describe(ax, "speed [rad/s]", "torque [N m]", name)
     legend(figure)
@@ -163,7 +163,7 @@ def _mark_instants(ax: Axes, motion: PhaseSamples, k: int, column: int, end: str
         if phase not in motion:
             continue
         s, look = motion[phase], {"mfc": COLOR[phase], "mec": BLACK, "ms": size, "zorder": 4}
-        ax.plot(s.v[row, column], s.tau[row, k], marker, label=label, **look)
+        ax.plot(s.v[row, column], s.command[row, k], marker, label=label, **look)
 
 
 # ---- ground force ----------------------------------------------------------------------------------------

@@ -49,7 +49,7 @@ def planned(solution: Solution, name: str) -> ShownHop:
     chain = np.stack([s.points[point] for point in (*solution.robot.joints, "foot")], axis=1)
     clearance = solution.clearance if solution.verified else None
     force = s.f[:, [0, -1]]
-    return ShownHop(name, s.t, chain, s.points["com"], s.v[:, -n:], s.tau, force, solution.lift_off, clearance)
+    return ShownHop(name, s.t, chain, s.points["com"], s.v[:, -n:], s.command, force, solution.lift_off, clearance)
 
 
 def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:

@@ -14,11 +14,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.gear import gears_of
 from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
 from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import Scale
+from hopopt.sim.machine import Machine
 from hopopt.sim.state import BOUNCE, SENSELESS
 
 Controller = Callable[[float, np.ndarray, np.ndarray, bool], np.ndarray]  # (t, q, v, contact) -> tau (n) [N m]
@@ -99,7 +101,7 @@ class Plan(Protocol):
     @property
     def duration(self) -> float: ...
     def sample(self, t: Any) -> Any:
-        """q, v (k, 2 + n), tau (k, n) at times t (k,) [s]."""
+        """q, v (k, 2 + n), command (k, n) at times t (k,) [s]."""
         ...
 
 
@@ -121,12 +123,14 @@ def replay(
     """
     instants = np.arange(round(plan.duration / control_period) + 1) * control_period
     reference, feedforward = plan.sample(np.minimum(instants, plan.duration)), _means(plan, instants, control_period)
-    drive = Drive([operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints])
+    regions = [operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints]
+    drive = Drive(regions, gears_of(robot.leg, robot.parameters), rotor=robot.model.armature[BASE:])
+    machine = Machine(robot)
 
     def controller(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
         k = round(t / control_period)
         tau = feedforward[k] + stiffness * (reference.q[k] - q)[BASE:] + damping * (reference.v[k] - v)[BASE:]
-        return drive.clamp(v[BASE:], tau)
+        return drive.torque(v[BASE:], tau, None, lambda tau: machine.acceleration(q, v, tau, contact)[BASE:])[1]
 
     q0, v0, duration = reference.q[0], reference.v[0], float(instants[-1])
     return simulate(robot, q0, v0, controller, duration, time_step=time_step, control_period=control_period)
@@ -135,7 +139,7 @@ def replay(
 def _means(plan: Plan, instants: np.ndarray, period: float, places: int = 8) -> np.ndarray:
     """Mean torque of the plan over the period after each instant (k, n): switches lie anywhere."""
     times = instants[:, None] + (np.arange(places) + 0.5) / places * period
-    return plan.sample(np.minimum(times.ravel(), plan.duration)).tau.reshape(len(instants), places, -1).mean(axis=1)
+    return plan.sample(np.minimum(times.ravel(), plan.duration)).command.reshape(len(instants), places, -1).mean(axis=1)
 
 
 class _Scene:

@@ -6,7 +6,7 @@ Runge-Kutta steps of fourth order end at every control instant and at every even
 the last step.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -59,14 +59,17 @@ class Plant:
         m = self.n if s.contact else self.n + BASE
         q, v, own = y[:m], y[m : 2 * m], y[2 * m + len(s.work) :]
         w = v[m - self.n :]
-        motor, tau = self.drive.torque(w, command, own)
-        stop = self.stops.torque(q[m - self.n :], w)
-        if s.contact:
-            a = self.machine.stance_terms(q, v).acceleration(tau + stop)
-        else:
-            a = self.machine.acceleration(q, v, tau + stop, False)
+        stop, accelerate = self.stops.torque(q[m - self.n :], w), self._accelerations(s, q, v)
+        motor, tau = self.drive.torque(w, command, own, lambda tau: accelerate(tau + stop)[m - self.n :])
+        a = accelerate(tau + stop)
         rates = self.drive.rates(w, command, own)
         return np.concatenate([v, a, [motor @ w, (motor - tau) @ w, -stop @ w, 0.0], rates])
+
+    def _accelerations(self, s: State, q: np.ndarray, v: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """What joint torques make of the leg, q and v of the joints only in stance."""
+        if s.contact:
+            return self.machine.stance_terms(q, v).acceleration
+        return lambda tau: self.machine.acceleration(q, v, tau, False)
 
     def step(self, s: State, torque: Torque, h: float) -> State:
         """A step of length h [s] without regard to events; in several parts where a joint meets its end stop, or gears rub hard."""
@@ -104,16 +107,18 @@ class Plant:
 
     def force(self, s: State, command: np.ndarray) -> np.ndarray:
         """Contact force (x, z) [N] on the foot under a command; nothing in flight."""
-        if not s.contact:
-            return np.zeros(BASE)
-        q, v = s.q[BASE:], s.v[BASE:]
-        return self.machine.stance_terms(q, v).contact_force(
-            self.drive.torque(v, command, s.drive)[1] + self.stops.torque(q, v)
-        )
+        return self.torques(s, command)[2]
 
     def torques(self, s: State, command: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What a command (n) leads to: torques (n) [N m] of the motors and of the joints, contact force (x, z) [N]."""
-        return *self.drive.torque(s.v[BASE:], command, s.drive), self.force(s, command)
+        q, v = s.q[BASE:], s.v[BASE:]
+        stop = self.stops.torque(q, v)
+        if s.contact:
+            terms = self.machine.stance_terms(q, v)
+            motor, tau = self.drive.torque(v, command, s.drive, lambda tau: terms.acceleration(tau + stop))
+            return motor, tau, terms.contact_force(tau + stop)
+        accelerate = self._accelerations(s, s.q, s.v)
+        return *self.drive.torque(v, command, s.drive, lambda tau: accelerate(tau + stop)[BASE:]), np.zeros(BASE)
 
     def rise(self, s: State) -> float:
         """Upward velocity [m/s] of the centre of mass."""

@@ -1,10 +1,11 @@
-"""Do the drives' own states obey their laws? Their rates integrated along the plan's speeds and commands, by SciPy."""
+"""Do drives obey their laws? The torques that gears ask of motors by NumPy, drives' own states integrated by SciPy."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from hopopt.drivetrain.dynamics import AddedStates, added_states
+from hopopt.drivetrain.gear import any_lossy, gears_of, motor_torque
 from hopopt.leg.robot import BASE, Robot
 from hopopt.verify.check import EXACT, STATE, Check
 from hopopt.verify.replay import missed
@@ -12,8 +13,10 @@ from hopopt.verify.table import POWERS, TO_POWERS, Table
 
 
 def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
-    """That the drives' states follow from their commands, and the joints' torques from these states; nothing where drives
-    have none."""
+    """That motors are asked for what joints and gears take; that the drives' states follow from their commands, and the
+    joints' torques from these states. Nothing where drives have neither."""
+    if any_lossy(robot.leg):
+        yield _gears(robot, phase, table)
     states = added_states(robot.leg, robot.parameters)
     if not states.size:
         return
@@ -31,6 +34,18 @@ def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
     wrong = [np.array(states.torques(x, u, v[BASE:])) - tau[states.at] for x, u, v, tau in rows]
     size = max(1.0, float(np.abs(table.tau).max()))
     yield Check(f"{phase} drive torque", float(np.abs(wrong).max()) / size, EXACT, "relative")
+
+
+def _gears(robot: Robot, phase: str, table: Table) -> Check:
+    """The law of the gears between the table's torques, relative to the largest."""
+    name = f"{phase} gears"
+    if table.command is None:
+        return Check(name, np.inf, EXACT, "relative", "the plan has no torques of its motors")
+    gear, rotor = gears_of(robot.leg, robot.parameters), robot.model.armature[BASE:]
+    needed = motor_torque(gear, table.tau, table.v[..., BASE:], table.a[..., BASE:], rotor)
+    wrong = np.abs(needed - table.command).max(axis=(1, 2))
+    where = f"interval from {table.t[int(np.argmax(wrong)), 0]:.4f} s"
+    return Check(name, float(wrong.max()) / float(np.abs(table.command).max()), EXACT, "relative", where)
 
 
 def _missed(states: AddedStates, table: Table, k: int) -> np.ndarray:

@@ -58,11 +58,11 @@ def integral(table: Table, values: np.ndarray) -> float:
     return float(h @ np.trapezoid(values, FINE, axis=1))
 
 
-def _over_phases(tables: Tables, rate: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> float:
-    """Integral over all phases of rate(tau, w), both (N, 201, n), summed over the joints."""
+def _over_phases(tables: Tables, rate: Callable[[np.ndarray, np.ndarray], np.ndarray], torque: str = "tau") -> float:
+    """Integral over all phases of rate(tau, w), both (N, 201, n), summed over the joints; ``torque``: the table's."""
     total = 0.0
     for table in tables.values():
-        tau, w = finely(table, table.tau), finely(table, table.v[..., BASE:])
+        tau, w = (finely(table, x) for x in (getattr(table, torque), table.v[..., BASE:]))
         total += integral(table, rate(tau, w).sum(axis=-1))
     return total
 
@@ -87,7 +87,7 @@ def electrical_energy(robot: Robot, tables: Tables, hop: Hop) -> float:
         current = tau / of_drives("gear", "ratio") / of_drives("motor", "torque_constant")
         return np.maximum(tau * w + of_drives("motor", "winding_resistance") * current**2, 0.0)
 
-    return _over_phases(tables, rate)
+    return _over_phases(tables, rate, "asked")
 
 
 def joint_work(table: Table) -> tuple[float, float]:
@@ -120,7 +120,7 @@ def region_share(robot: Robot, tables: Tables, hop: Hop) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
-        tau, w = finely(table, table.tau), finely(table, table.v[..., BASE:])
+        tau, w = finely(table, table.asked), finely(table, table.v[..., BASE:])
         for k, joint in enumerate(robot.joints):
             used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k])
             worst = max(worst, float(np.max(used)))

@@ -16,8 +16,8 @@ ON_GROUND = (STANCE, LANDING)  # in both the foot is the origin
 @dataclass(frozen=True)
 class Table:
     """A phase of the plan at NORMALISED_TIMES of its N intervals, K = 9 each: t (N, K) [s], q, v, a (N, K, 2 + n), tau
-    (N, K, n) [N m], f (N, K, 2) [N]. Where drives have states of their own: command (N, K, n) [N m], what the motors are asked
-    for, and drive (N, K, m), these states."""
+    (N, K, n) [N m], f (N, K, 2) [N]. Where gears lose or drives have states of their own: command (N, K, n) [N m], what the
+    motors are asked for. drive (N, K, m): these states."""
 
     t: np.ndarray
     q: np.ndarray

@@ -8,6 +8,7 @@ state and of the ground: by how much is stated.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -15,6 +16,7 @@ from scipy.integrate import solve_ivp
 from hopopt.design import Design, Hop, physical_parameters
 from hopopt.drivetrain.clamp import torque_lines, within
 from hopopt.drivetrain.dynamics import added_states
+from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import loop_axes, reach
@@ -38,7 +40,38 @@ LIMITS = Check("limits when simulated in one piece", float("nan"), 2 * LIMIT, "o
 
 LegState = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
-Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # joint torques [N m] from place, angles and speeds
+Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # motor torques [N m] from place, angles and speeds
+SHARPER = 0.1  # times the program's speeds and torques over which losses change: by the rollout its smoothing is judged
+
+
+@dataclass(frozen=True)
+class Drives:
+    """The drives of a leg in the rollout.
+
+    clamp: brings motor torques into the operating regions
+    gear: its losses change ten times as sharply as in the program; None where none are planned
+    rotor: reflected inertias of what spins in front of the gears (n) [kg m^2]
+    """
+
+    clamp: Clamp
+    gear: Gear | None
+    rotor: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Robot) -> Self:
+        """The drives of a leg as its problem plans with them."""
+        clamp = joint_clamp([operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints])
+        planned = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
+        gear = planned and replace(planned, slow=SHARPER * planned.slow, sharp=SHARPER * planned.sharp)
+        return cls(clamp, gear, robot.model.armature[BASE:])
+
+    def at_joints(self, machine: Machine, q: np.ndarray, v: np.ndarray, motor: np.ndarray, contact: bool) -> np.ndarray:
+        """Torques (n) [N m] at the joints of the motors' torques, for q, v (BASE + n) of the leg."""
+        if self.gear is None:
+            return motor
+        still = machine.acceleration(q, v, np.zeros_like(motor), contact)[BASE:]
+        response = [machine.acceleration(q, v, unit, contact)[BASE:] - still for unit in np.eye(len(motor))]
+        return driven_joints(self.gear, motor, v[BASE:], still, np.transpose(response), self.rotor)
 
 
 @dataclass(frozen=True)
@@ -130,10 +163,10 @@ def whole_hop_rollout(
     """Simulate the whole hop of a plan that was made for ``figure``; ``ends`` as in ``verify_plan``."""
     robot = build_robot(design.leg)
     machine = Machine(robot)
-    clamp = joint_clamp([operating_region(design.leg, joint, robot.parameters) for joint in robot.joints])
+    drives = Drives.of(robot)
     state = tables[STANCE].q[0, 0], tables[STANCE].v[0, 0]
     try:
-        found, state = simulated_hop(machine, clamp, tables, state)
+        found, state = simulated_hop(machine, drives, tables, state)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return WholeHopRollout({}, np.inf, np.inf, "the simulation failed")
     strayed = max(
@@ -167,26 +200,26 @@ def _values(machine: Machine, robot: Robot, hop: Hop, tables: Mapping[str, Table
 
 
 def simulated_hop(
-    machine: Machine, clamp: Clamp, tables: Mapping[str, Table], state: LegState
+    machine: Machine, drives: Drives, tables: Mapping[str, Table], state: LegState
 ) -> tuple[dict[str, Table], LegState]:
     """The phases of a hop one after the other from ``state``: their tables, and the state in which the last ends."""
     found = dict[str, Table]()
     for name, table in tables.items():
         if name == LANDING:
             state = state[0], machine.touch_down(*state)
-        found[name], state = _simulated(machine, clamp, table, state, name in ON_GROUND)
+        found[name], state = _simulated(machine, drives, table, state, name in ON_GROUND)
     return found, state
 
 
-def _simulated(machine: Machine, clamp: Clamp, plan: Table, state: LegState, contact: bool) -> tuple[Table, LegState]:
+def _simulated(machine: Machine, drives: Drives, plan: Table, state: LegState, contact: bool) -> tuple[Table, LegState]:
     """One phase from ``state``: its table, and the state in which it ends."""
     rows: list[tuple[np.ndarray, ...]] = []
     for k in range(len(plan.t)):
-        torque = _law(machine, clamp, plan.q[k], plan.v[k], plan.tau[k], contact)
-        rows.append(_interval(machine, torque, plan.t[k], state, contact))
+        torque = _law(machine, drives.clamp, plan.q[k], plan.v[k], plan.asked[k], contact)
+        rows.append(_interval(machine, drives, torque, plan.t[k], state, contact))
         state = rows[-1][0][-1], rows[-1][1][-1]
-    q, v, a, tau, f = (np.array(part) for part in zip(*rows, strict=True))
-    return Table(plan.t, q, v, a, tau, f), state
+    q, v, a, tau, f, motor = (np.array(part) for part in zip(*rows, strict=True))
+    return Table(plan.t, q, v, a, tau, f, motor if drives.gear else None), state
 
 
 def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.ndarray, contact: bool) -> Law:
@@ -214,20 +247,23 @@ def _free(machine: Machine, q: np.ndarray) -> np.ndarray:
     return M[BASE:, BASE:] - M[BASE:, :BASE] @ np.linalg.solve(M[:BASE, :BASE], M[:BASE, BASE:])
 
 
-def _interval(machine: Machine, torque: Law, t: np.ndarray, state: LegState, contact: bool) -> tuple[np.ndarray, ...]:
-    """q, v, a, tau, f at NORMALISED_TIMES of one interval, integrated tightly."""
+def _interval(
+    machine: Machine, drives: Drives, torque: Law, t: np.ndarray, state: LegState, contact: bool
+) -> tuple[np.ndarray, ...]:
+    """q, v, a, tau, f and the motors' torques at NORMALISED_TIMES of one interval, integrated tightly."""
     first, h = (BASE if contact else 0), t[-1] - t[0]
 
     def motion(place: float, x: np.ndarray) -> tuple[np.ndarray, ...]:
         q, v = x[: len(x) // 2], x[len(x) // 2 :]
-        tau = torque(place, q[BASE - first :], v[BASE - first :])
+        motor, nowhere = torque(place, q[BASE - first :], v[BASE - first :]), np.zeros(first)
+        tau = drives.at_joints(machine, np.concatenate([nowhere, q]), np.concatenate([nowhere, v]), motor, contact)
         if not contact:
-            return q, v, machine.acceleration(q, v, tau, False), tau, np.zeros(BASE)
+            return q, v, machine.acceleration(q, v, tau, False), tau, np.zeros(BASE), motor
         q, v, a, f = machine.pinned(q, v, tau)
-        return q, v, a, tau, f
+        return q, v, a, tau, f, motor
 
     def rates(place: float, x: np.ndarray) -> np.ndarray:
-        _, v, a, _, _ = motion(place, x)
+        _, v, a, *_ = motion(place, x)
         return h * np.concatenate([v[first:], a[first:]])
 
     x0 = np.concatenate([part[first:] for part in state])

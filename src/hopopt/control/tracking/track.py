@@ -117,13 +117,13 @@ class Track:
         if not over and self.stance_goes_on(now):
             now = replace(now, contact=True, since=now.t - self.began)
         if now.contact and now.since > self.ends:
-            self.given = self.plan.flight.at(0.0)[2]
-            return self.given
+            _, v, self.given = self.plan.flight.at(0.0)
+            return self.drive.needed(v, self.given, self._accelerated(self.plan.flight, 0.0))
         q, v, tau = self.planned(now)
         if self.options.feedback == "none":
-            return tau
+            return self.drive.needed(v, tau, self._accelerated(self.reference(now.contact), now.since))
         if self.options.feedback == "pd":
-            needed = self.drive.needed(v, tau)
+            needed = self.drive.needed(v, tau, self._accelerated(self.reference(now.contact), now.since))
             return needed - self.options.k_p * (now.q - q) - self.options.k_d * (now.v - v)
         return self._regulated(now, q, v, tau)
 
@@ -150,12 +150,19 @@ class Track:
         error = error + L @ self.missed(now.q - q - error[: len(q)], v)
         speeds = v + error[len(q) :]
         wanted = tau + self.added(now.contact, k, error)
-        command = self.drive.clamp(speeds, self.drive.needed(v, wanted))  # at planned speeds, whose sign is no noise
-        self.given = self.drive.passed(v, command)
+        a = self._accelerated(self.reference(now.contact), now.since)
+        command = self.drive.clamp(speeds, self.drive.needed(v, wanted, a))  # at planned speeds, whose sign is no noise
+        self.given = self.drive.passed(v, command, a)
         self.state = Estimate(now.contact, error, self.given - tau, q + error[: len(q)], speeds, now.t)
         if before is not None and before.contact == now.contact and now.since <= self.reference(now.contact).duration:
             self.moves = max(self.moves, float((np.abs(self.state.extra - before.extra) / self.stall).max()))
         return command
+
+    def _accelerated(self, phase: PhaseReference, since: float) -> np.ndarray | None:
+        """Mean acceleration (n) [rad/s^2] that is planned for the next period; None where no gear's losses ask for it."""
+        if self.drive.lossless:
+            return None
+        return (phase.at(since + self.period)[1] - phase.at(since)[1]) / self.period
 
     def missed(self, apart: np.ndarray, v: np.ndarray) -> np.ndarray:
         """What a reading tells (n) [rad] that is so far from what was expected: nothing within half a step of the encoder, which

@@ -12,6 +12,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.drivetrain.dynamics import added_states
+from hopopt.drivetrain.gear import any_lossy
 from hopopt.errors import UsageError
 from hopopt.leg.dynamics import LegDynamics, Motion
 from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_place
@@ -52,6 +53,11 @@ class MovingLeg:
         self.drive_states = added_states(self.leg, self.robot.parameters)
         if self.drive_states.size:
             self.free = [k for k in self.free if k not in self.drive_states.at]
+            if any_lossy(self.leg):
+                raise UsageError(
+                    f"{design.name}: drives with states of their own are planned with gears that lose nothing: leave out "
+                    "leg.gear.efficiency, friction and damping"
+                )
             if self.loops:
                 raise UsageError(
                     f"{design.name}: this leg closes a loop with its guides in stance, where drives cannot have states of their own"

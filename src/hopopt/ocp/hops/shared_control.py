@@ -21,6 +21,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import joint_inertias
+from hopopt.ocp.drives import motor_torques
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import lowest_point
@@ -92,7 +93,7 @@ class TrueLeg:
 
     def command(self, phase: str, s: Instant) -> ca.SX:
         """The torque that its controller asks for (n) [N m]."""
-        return self.phases[phase].motion(self.at(s)).tau / self.gain
+        return motor_torques(self.hop, self.phases[phase].motion)(self.at(s)) / self.gain
 
 
 def with_torque_constants(design: Design, gain: np.ndarray) -> Design:

@@ -15,7 +15,7 @@ from hopopt.drivetrain.limits import BACKWARD, FORWARD
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE
-from hopopt.ocp.drives import asked
+from hopopt.ocp.drives import asked, motor_torques
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective, no_required_clearance, required_clearance
 from hopopt.ocp.objectives.tie_break import stall_torque
@@ -52,13 +52,18 @@ def _power(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
     return m.tau * m.v[BASE:]
 
 
+def _of_motors(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
+    """Mechanical power of every motor [W], (n,)."""
+    return motor_torques(hop, motion)(s) * motion(s).v[BASE:]
+
+
 def _losses(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
     """Joule heat in every motor's winding [W], (n,): resistance times (motor torque / torque constant)^2."""
-    heat = []
+    heat, torques = [], motor_torques(hop, motion)(s)
     for k, joint in enumerate(hop.leg.joints):
         resistance, constant = (s.p[hop.leg.drive(joint, "motor", entry)[0]] for entry in ELECTRICAL)
         ratio = s.p[hop.leg.drive(joint, "gear", "ratio")[0]]
-        heat.append(resistance * (motion(s).tau[k] / (ratio * constant)) ** 2)
+        heat.append(resistance * (torques[k] / (ratio * constant)) ** 2)
     return ca.vertcat(*heat)
 
 
@@ -178,7 +183,7 @@ EFFORTS = (
     _economical(
         "electrical_energy", "electrical energy drawn over the hop: Joule heat and mechanical power, nothing fed back",
         "J", "electrical_energy_J", lambda hop, e: total(e, "work"), integrands=_drawn_work, fault=_no_winding,
-        **_drawn(lambda hop, motion, s: _power(hop, motion, s) + _losses(hop, motion, s)),
+        **_drawn(lambda hop, motion, s: _of_motors(hop, motion, s) + _losses(hop, motion, s)),
     ),
     _economical(
         "time", "time from the start of stance to the end of the hop", "s", "time_s",

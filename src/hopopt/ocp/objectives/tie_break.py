@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.drivetrain.region import operating_region
-from hopopt.ocp.drives import asked
+from hopopt.ocp.drives import motor_torques
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.problem import Instant
 
@@ -17,11 +17,10 @@ LOOPED = 10.0  # times its weight, of a leg that closes a loop in stance: there 
 
 def effort(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
     """Sum over the joints of (tau / stall torque)^2, to be integrated; tau is what the motors are asked for."""
-    torques = [asked(leg, j, motion) for j in leg.leg.joints] if leg.drive_states.size else None
+    torques = motor_torques(leg, motion)
 
     def rate(s: Instant) -> ca.SX:
-        tau = motion(s).tau if torques is None else ca.vertcat(*[torque(s) for torque in torques])
-        return ca.sumsqr(tau / ca.vertcat(*[stall_torque(leg, j, s.p) for j in leg.leg.joints]))
+        return ca.sumsqr(torques(s) / ca.vertcat(*[stall_torque(leg, j, s.p) for j in leg.leg.joints]))
 
     return rate
 

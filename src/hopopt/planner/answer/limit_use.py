@@ -102,7 +102,7 @@ def _joints(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
 def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     """Operating regions, over all phases."""
     leg, v = plan.design.leg, np.concatenate([s.v[:, BASE:] for s in fine.values()])
-    tau = np.concatenate([s.tau for s in fine.values()])
+    tau = np.concatenate([s.command for s in fine.values()])
     for k, joint in enumerate(plan.robot.joints):
         region, used = plan.region(joint), dict[str, float]()
         for plane, use in zip(region.planes, region.use(v[:, k], tau[:, k]), strict=True):

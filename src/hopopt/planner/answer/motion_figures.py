@@ -119,7 +119,7 @@ def saturation_mean(plan: Motion, stance: Samples) -> dict[str, float]:
     """C_avg of every joint in stance (the paper's eq. 18), capped at 1 between the nodes."""
     means = {}
     for k, joint in enumerate(plan.robot.joints):
-        ratio = plan.region(joint).saturation(stance.v[:, BASE + k], stance.tau[:, k])
+        ratio = plan.region(joint).saturation(stance.v[:, BASE + k], stance.command[:, k])
         means[joint] = _time_mean(stance, np.minimum(ratio, 1.0))
     return means
 
@@ -140,7 +140,7 @@ def active_limits(plan: Motion, stance: Samples) -> dict[str, float]:
     leg, size = plan.design.leg, reach(plan.design.leg)
     for k, joint in enumerate(plan.robot.joints):
         region, angle = plan.region(joint), stance.q[:, BASE + k]
-        use = np.array(region.use(stance.v[:, BASE + k], stance.tau[:, k]))
+        use = np.array(region.use(stance.v[:, BASE + k], stance.command[:, k]))
         shares[str(LimitId(Kind.REGION, joint))] = use.max(axis=0) > 1 - ACTIVE
         margin = ACTIVE * (leg.joint[joint].upper - leg.joint[joint].lower)
         near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)

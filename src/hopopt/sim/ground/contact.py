@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain.kernels import driven, rubbing_parts
+from hopopt.drivetrain.kernels import driven, passed, rubbing_parts
 from hopopt.sim.ground import stops
 from hopopt.sim.ground.planar import bias, chain, foot_jacobian, mass_matrix, solved
 
@@ -22,36 +22,8 @@ AHEAD = 1e-5  # [s] after a change within which no further one is looked for
 FRESH = 1e-9  # [m, m/s or N] of margin below which a mode has just begun
 WITHIN = 1e-12  # [s] to which a change is located
 RESTS = 1e-9  # [m/s] below which a foot that slowed down rests
+NEWTON, SETTLED = 20, 1e-12  # steps of Newton's method, and the last one's size, relative
 PARTS = 32  # of a step where a joint touches its end stop: they are stiff
-
-
-@kernel
-def loads(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[Any, ...]:
-    """Accelerations without contact, and by unit forces along x and z at the foot, (n + 2, 3); c (2) [m/s^2] and
-    G (2, 2) [1/kg] of the foot; its velocity (2) [m/s]; power of the motors, lost in the gears, into the stops [W]."""
-    joints, centres, drift = chain(leg, q, v)
-    n = len(q) - 2
-    w = v[2:]
-    motor, tau = driven(leg, w, command)
-    stop = stops.torque(q[2:], w, leg.stop_lower, leg.stop_upper, leg.stiffness, leg.loss)
-    J, h = foot_jacobian(leg, joints), bias(leg, joints, centres, drift)
-    B = np.zeros((n + 2, 3))
-    for k in range(n + 2):
-        B[k, 0], B[k, 1], B[k, 2] = -h[k], J[0, k], J[1, k]
-        if k >= 2:
-            B[k, 0] += tau[k - 2] + stop[k - 2]
-    X = solved(mass_matrix(leg, joints, centres), B)
-    c, (velocity, G) = np.zeros(2), of_foot(J, v, X[:, 1:])
-    for a in range(2):
-        c[a] = drift[n, a]
-        for k in range(n + 2):
-            c[a] += J[a, k] * X[k, 0]
-    power = np.zeros(3)
-    for k in range(n):
-        power[0] += motor[k] * w[k]
-        power[1] += (motor[k] - tau[k]) * w[k]
-        power[2] -= stop[k] * w[k]
-    return X, c, G, velocity, power
 
 
 @kernel
@@ -87,19 +59,69 @@ def contact_force(mode: int, mu: float, c: np.ndarray, G: np.ndarray) -> tuple[f
 
 
 @kernel
+def loads(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[Any, ...]:
+    """Accelerations without contact, and by unit forces along x and z at the foot, (n + 2, 3); c (2) [m/s^2] and
+    G (2, 2) [1/kg] of the foot; its velocity (2) [m/s]; power of the motors, lost in the gears, into the stops [W];
+    torques (n) [N m] of motors and joints.
+
+    Gears take their share of what the rotors leave, which depends on how the leg moves in a mode: Newton's method.
+    """
+    joints, centres, drift = chain(leg, q, v)
+    n = len(q) - 2
+    w = v[2:]
+    motor = driven(leg, w, command)
+    stop = stops.torque(q[2:], w, leg.stop_lower, leg.stop_upper, leg.stiffness, leg.loss)
+    J, h = foot_jacobian(leg, joints), bias(leg, joints, centres, drift)
+    M = mass_matrix(leg, joints, centres)
+    tau, a, c, most = motor.copy(), np.zeros(n), np.zeros(2), 1 if leg.lossless else NEWTON
+    for _ in range(most):
+        B, mass = np.zeros((n + 2, 3)), M.copy()
+        for k in range(n + 2):
+            B[k, 0], B[k, 1], B[k, 2] = -h[k], J[0, k], J[1, k]
+        for k in range(n):
+            ahead = motor[k]
+            if not leg.lossless:
+                rotor = leg.armature[k]
+                out, slope = passed(leg, k, motor[k] - rotor * a[k], w[k])
+                ahead = out + slope * rotor * a[k]
+                mass[2 + k, 2 + k] -= (1 - slope) * rotor
+                tau[k] = out + rotor * a[k]
+            B[2 + k, 0] += ahead + stop[k]
+        X = solved(mass, B)
+        velocity, G = of_foot(J, v, X[:, 1:])
+        for i in range(2):
+            c[i] = drift[n, i]
+            for k in range(n + 2):
+                c[i] += J[i, k] * X[k, 0]
+        fx, fz = contact_force(mode, leg.mu, c, G)
+        step = 0.0
+        for k in range(n):
+            moved = X[2 + k, 0] + fx * X[2 + k, 1] + fz * X[2 + k, 2]
+            step = max(step, abs(moved - a[k]) / (1 + abs(moved)))
+            a[k] = moved
+        if step < SETTLED:
+            break
+    power = np.zeros(3)
+    for k in range(n):
+        power[0] += motor[k] * w[k]
+        power[1] += (motor[k] - tau[k]) * w[k]
+        power[2] -= stop[k] * w[k]
+    return X, c, G, velocity, power, motor, tau
+
+
+@kernel
 def torques(
     leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Torques (n) [N m] of motors and joints, and the force (x, z) [N] on the foot."""
-    motor, tau = driven(leg, v[2:], command)
-    _, c, G, _, _ = loads(leg, q, v, command)
+    _, c, G, _, _, motor, tau = loads(leg, mode, q, v, command)
     return motor, tau, np.array(contact_force(mode, leg.mu, c, G))
 
 
 @kernel
 def rates(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Accelerations (n + 2), and powers (4) [W]: of motors, lost in gears, into stops, lost in friction at the foot."""
-    X, c, G, velocity, power = loads(leg, q, v, command)
+    X, c, G, velocity, power, _, _ = loads(leg, mode, q, v, command)
     fx, fz = contact_force(mode, leg.mu, c, G)
     a = X[:, 0] + fx * X[:, 1] + fz * X[:, 2]
     work = np.zeros(4)
@@ -130,7 +152,7 @@ def settled(leg: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray) -> N
 @kernel
 def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: float) -> int:
     """Into how many parts a step of h [s] is cut: more where a joint meets its end stop, or gear friction turns round."""
-    motor, _ = driven(leg, v[2:], command)
+    motor = driven(leg, v[2:], command)
     parts = PARTS if stops.near(q[2:], v[2:], leg.stop_lower, leg.stop_upper, h) else 1
     return max(parts, rubbing_parts(leg, motor, leg.armature, h)) * leg.finer
 
@@ -171,7 +193,7 @@ def holds(leg: Any, mode: int, q: np.ndarray, v: np.ndarray, command: np.ndarray
     """Below zero where the ground cannot hold the mode: force outside the cone, or none that presses [N]."""
     if mode == FLIGHT:
         return 1.0
-    _, c, G, _, _ = loads(leg, q, v, command)
+    _, c, G, _, _, _, _ = loads(leg, mode, q, v, command)
     fx, fz = contact_force(mode, leg.mu, c, G)
     if mode == STICK:
         return grips(leg.mu, fx, fz, G)
@@ -235,7 +257,7 @@ def slip_direction(first: int, mu: float, c: np.ndarray, G: np.ndarray) -> tuple
 @kernel
 def at_rest(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray) -> int:
     """The mode into which a foot goes that rests on the ground."""
-    _, c, G, _, _ = loads(leg, q, v, command)
+    _, c, G, _, _, _, _ = loads(leg, STICK, q, v, command)
     fx, fz = contact_force(STICK, leg.mu, c, G)
     if grips(leg.mu, fx, fz, G) >= 0:
         return STICK
@@ -274,7 +296,7 @@ def changed(
         if leg.watched[k] > 0 and joints[k, 1] < 0:
             return q, v, mode, STRIKES, lost
     q, v = q.copy(), v.copy()
-    _, c, G, velocity, _ = loads(leg, q, v, command)
+    _, c, G, velocity, _, _, _ = loads(leg, mode, q, v, command)
     if mode == FLIGHT:
         v, lost, now = impact(leg, q, v)
         settled(leg, BACKWARD, 0.0, q, v)

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import Robot
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import EXACT, Check
@@ -22,7 +21,7 @@ from hopopt.verify.hops.periodic import (
 )
 from hopopt.verify.plan import durations, largest, phase_checks
 from hopopt.verify.table import FLIGHT, STANCE, Table
-from hopopt.verify.whole_hop import joint_clamp, simulated_hop
+from hopopt.verify.whole_hop import Drives, simulated_hop
 
 Tables = Mapping[str, Table]  # of one hop's phases; x and time count from where and when it began
 MISSED = 1e-3  # rad, rad/s: by which the hops simulated in one piece may miss the orbit
@@ -59,11 +58,11 @@ def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables
     """By how much the joints miss ``end`` (2 n) [rad, rad/s] where all hops are simulated in one piece, torques clamped to the
     drives; infinite if that cannot be."""
     first = hops[0][STANCE]
-    clamp = joint_clamp([operating_region(design.leg, joint, robot.parameters) for joint in robot.joints])
+    drives = Drives.of(robot)
     last = state = first.q[0, 0], first.v[0, 0]
     try:
         for tables in hops:
-            _, last = simulated_hop(machine, clamp, tables, state)
+            _, last = simulated_hop(machine, drives, tables, state)
             state = last[0], machine.touch_down(*last)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return np.inf
