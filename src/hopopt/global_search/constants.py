@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import TwoJoints, start_angles
@@ -34,6 +35,8 @@ class StanceConstants(NamedTuple):
     turn1, turn2: +1 where a positive joint angle swings the link forward, else -1
     most1, least1, most2, least2: lines of each drive, of which the strictest holds: the greatest (least) torque at
         joint speed w is [i, 0] + [i, 1] w (LINES, 2) [N m, N m s/rad]
+    gear1, gear2: of each gear efficiency, friction [N m], damping [N m s/rad], the speed [rad/s] and the torque [N m] over
+        which they change smoothly, and the reflected inertia in front of it [kg m^2], (6,)
     fastest1, fastest2: speeds beyond which a drive gives no torque [rad/s]
     friction: coefficient [1]
     least_force: vertical ground force at least [N]
@@ -65,6 +68,8 @@ class StanceConstants(NamedTuple):
     most2: np.ndarray
     least2: np.ndarray
     fastest2: float
+    gear1: np.ndarray
+    gear2: np.ndarray
     friction: float
     least_force: float
     lower1: float
@@ -90,6 +95,8 @@ def stance_constants(design: Design) -> StanceConstants:
     first, second = complex(masses @ by_first), complex(masses @ by_second)
     joints = [design.leg.joint[name] for name in design.leg.joints]
     drives = [_drive(operating_region(design.leg, name, robot.parameters)) for name in design.leg.joints]
+    laws = (Gear.of(design.leg, name, robot.parameters).law for name in design.leg.joints)
+    gears = [np.array([*law, rotor], dtype=float) for law, rotor in zip(laws, rotors, strict=True)]
     above = design.hop.above_ground
     hip_least, knee_least = (design.hop.least_height if name in above else DEEP for name in design.leg.joints)
     friction = design.contact.friction
@@ -100,7 +107,7 @@ def stance_constants(design: Design) -> StanceConstants:
         first.real, first.imag, second.real, second.imag,
         float(masses.sum()), -float(robot.model.gravity.linear[2]),
         e1.real, e1.imag, e2.real, e2.imag, float(geometry.signs[0]), float(geometry.signs[1]),
-        *drives[0], *drives[1],
+        *drives[0], *drives[1], *gears,
         UNLIMITED if friction is None else float(friction), float(design.contact.least_force),
         joints[0].lower, joints[0].upper, joints[1].lower, joints[1].upper, knee_least, hip_least,
         bool(design.hop.counter_movement),

@@ -7,7 +7,7 @@ that the same pair can be kept active while the state moves on.
 
 from hopopt.compiled.kernel import kernel
 from hopopt.global_search.constants import UNLIMITED
-from hopopt.global_search.equations.dynamics import stance_terms, torque_range
+from hopopt.global_search.equations.dynamics import motor_line, stance_terms, torque_range
 
 HIP_LEAST, HIP_MOST, KNEE_LEAST, KNEE_MOST, FORCE, SLIP_FORWARD, SLIP_BACKWARD = range(7)
 VERTICES = 12  # room for those of a polygon: four torques, cut by three lines
@@ -41,11 +41,13 @@ def polygon(c, phi1, phi2, r1, r2, x, y, edge, spare_x, spare_y, spare_edge):
     least2, most2 = torque_range(c.most2, c.least2, c.fastest2, c.turn2 * (r2 - r1))
     if least1 > most1 or least2 > most2:
         return 0
-    det = c.m11 * c.m22 - m12 * m12
+    w1, w2 = c.turn1 * r1, c.turn2 * (r2 - r1)
     for i in range(4):
-        tau1, tau2 = most1 if i == 1 or i == 2 else least1, most2 if i >= 2 else least2
-        Q1, Q2 = c.turn1 * tau1 - c.turn2 * tau2 - h1, c.turn2 * tau2 - h2
-        spare_x[i], spare_y[i] = (c.m22 * Q1 - m12 * Q2) / det, (c.m11 * Q2 - m12 * Q1) / det
+        hip, knee = i == 1 or i == 2, i >= 2
+        ax, ay, a0 = motor_line(c, 0, hip, m12, h1, h2, w1, most1 if hip else least1)
+        bx, by, b0 = motor_line(c, 1, knee, m12, h1, h2, w2, most2 if knee else least2)
+        det = ax * by - bx * ay
+        spare_x[i], spare_y[i] = (ay * b0 - a0 * by) / det, (bx * a0 - ax * b0) / det
     spare_edge[0], spare_edge[1], spare_edge[2], spare_edge[3] = KNEE_LEAST, HIP_MOST, KNEE_MOST, HIP_LEAST
     n = _cut(spare_x, spare_y, spare_edge, 4, x1, x2, fz - c.least_force, FORCE, x, y, edge)
     if c.friction >= UNLIMITED or n == 0:
@@ -63,10 +65,9 @@ def with_limits(c, phi1, phi2, r1, r2, one, two):
     least2, most2 = torque_range(c.most2, c.least2, c.fastest2, c.turn2 * (r2 - r1))
     if least1 > most1 or least2 > most2:
         return 0.0, 0.0, False
-    hip = c.turn1 * (c.m11 + m12), c.turn1 * (m12 + c.m22), c.turn1 * (h1 + h2)  # torques, affine in the accelerations
-    knee = c.turn2 * m12, c.turn2 * c.m22, c.turn2 * h2
-    ax, ay, a0 = _line(one, hip, knee, least1, most1, least2, most2, c.least_force, c.friction, x1, z1, x2, z2, fx, fz)
-    bx, by, b0 = _line(two, hip, knee, least1, most1, least2, most2, c.least_force, c.friction, x1, z1, x2, z2, fx, fz)
+    w1, w2 = c.turn1 * r1, c.turn2 * (r2 - r1)
+    ax, ay, a0 = _line(c, one, m12, h1, h2, w1, w2, least1, most1, least2, most2, x1, z1, x2, z2, fx, fz)
+    bx, by, b0 = _line(c, two, m12, h1, h2, w1, w2, least1, most1, least2, most2, x1, z1, x2, z2, fx, fz)
     det = ax * by - bx * ay
     if abs(det) < PARALLEL * (abs(ax) + abs(ay)) * (abs(bx) + abs(by)):
         return 0.0, 0.0, False
@@ -80,11 +81,16 @@ def possible(c, phi1, phi2, r1, r2, alpha1, alpha2):
     m12, h1, h2, x1, z1, x2, z2, fx, fz = stance_terms(c, phi1, phi2, r1, r2)
     least1, most1 = torque_range(c.most1, c.least1, c.fastest1, c.turn1 * r1)
     least2, most2 = torque_range(c.most2, c.least2, c.fastest2, c.turn2 * (r2 - r1))
-    tau2 = c.turn2 * (m12 * alpha1 + c.m22 * alpha2 + h2)
-    tau1 = c.turn1 * (c.m11 * alpha1 + m12 * alpha2 + h1 + c.turn2 * tau2)
-    slack1, slack2 = SLACK * (most1 - least1) + 1e-6, SLACK * (most2 - least2) + 1e-6
-    if tau1 < least1 - slack1 or tau1 > most1 + slack1 or tau2 < least2 - slack2 or tau2 > most2 + slack2:
-        return False
+    w1, w2 = c.turn1 * r1, c.turn2 * (r2 - r1)
+    for joint in range(2):
+        w, least, most = (w1, least1, most1) if joint == 0 else (w2, least2, most2)
+        slack = SLACK * (most - least) + 1e-6
+        x, y, still = motor_line(c, joint, True, m12, h1, h2, w, most)
+        if x * alpha1 + y * alpha2 + still > slack:
+            return False
+        x, y, still = motor_line(c, joint, False, m12, h1, h2, w, least)
+        if x * alpha1 + y * alpha2 + still < -slack:
+            return False
     slack, up = SLACK * c.mass * c.gravity, fz + x1 * alpha1 + x2 * alpha2
     if up < c.least_force - slack:
         return False
@@ -92,14 +98,15 @@ def possible(c, phi1, phi2, r1, r2, alpha1, alpha2):
 
 
 @kernel
-def _line(name, hip, knee, least1, most1, least2, most2, least_force, friction, x1, z1, x2, z2, fx, fz):
+def _line(c, name, m12, h1, h2, w1, w2, least1, most1, least2, most2, x1, z1, x2, z2, fx, fz):
     """The line gx alpha1 + gy alpha2 + g0 = 0 on which a limit is active."""
     if name in (HIP_LEAST, HIP_MOST):
-        return hip[0], hip[1], hip[2] - (least1 if name == HIP_LEAST else most1)
+        return motor_line(c, 0, name == HIP_MOST, m12, h1, h2, w1, most1 if name == HIP_MOST else least1)
     if name in (KNEE_LEAST, KNEE_MOST):
-        return knee[0], knee[1], knee[2] - (least2 if name == KNEE_LEAST else most2)
+        return motor_line(c, 1, name == KNEE_MOST, m12, h1, h2, w2, most2 if name == KNEE_MOST else least2)
     if name == FORCE:
-        return x1, x2, fz - least_force
+        return x1, x2, fz - c.least_force
+    mu = c.friction
     if name == SLIP_FORWARD:
-        return friction * x1 + z1, friction * x2 + z2, friction * fz - fx
-    return friction * x1 - z1, friction * x2 - z2, friction * fz + fx
+        return mu * x1 + z1, mu * x2 + z2, mu * fz - fx
+    return mu * x1 - z1, mu * x2 - z2, mu * fz + fx

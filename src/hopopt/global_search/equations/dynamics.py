@@ -54,6 +54,24 @@ def state_margins(c, phi1, phi2, r1, r2, out):
 
 
 @kernel
+def motor_line(c, joint, most, m12, h1, h2, w, bound):
+    """gx alpha1 + gy alpha2 + g0: by how much the torque of a joint's motor (0 or 1) is above ``bound`` [N m] at joint speed
+    w [rad/s]. ``most``: whether that is its greatest; where it drives forward there, its gear brakes at the least."""
+    gear = c.gear1 if joint == 0 else c.gear2
+    turning, rotor = w / np.sqrt(w * w + gear[3] * gear[3]), gear[5]
+    c1, c2 = (1 / gear[0] + gear[0]) / 2, (1 / gear[0] - gear[0]) / 2 * turning
+    share = c1 + c2 if most else c1 - c2
+    if joint == 0:
+        x, y, still, one, two = c.m11 + m12, m12 + c.m22, c.turn1 * (h1 + h2), c.turn1, 0.0
+        x, y = c.turn1 * x, c.turn1 * y
+    else:
+        x, y, still, one, two = c.turn2 * m12, c.turn2 * c.m22, c.turn2 * h2, -c.turn2, c.turn2
+    spun = (1 - share) * rotor
+    lost = gear[1] * turning + gear[2] * w
+    return share * x + spun * one, share * y + spun * two, share * still + lost - bound
+
+
+@kernel
 def torque_range(most, least, fastest, w):
     """Least and greatest torque [N m] of a drive at joint speed w [rad/s]; crossed if it gives none."""
     if abs(w) > fastest * (1 + RELATIVE):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hopopt.compiled.kernel import kernel, packed
+from hopopt.drivetrain.kernels import passed_torque
 from hopopt.global_search.constants import StanceConstants
 from hopopt.global_search.equations.dynamics import apex_height, torque_range
 from hopopt.global_search.grid import NOWHERE, Grid, interpolate
@@ -53,12 +54,18 @@ def flight_of(c: StanceConstants, window: float, fastest: np.ndarray) -> Flight:
 
 
 @kernel
+def _felt(gear, motor, w):
+    """Joint torque [N m] of a motor's at speed w [rad/s], as if no rotor had to be spun up: a little less than there is."""
+    return passed_torque(motor, w, gear[0], gear[1], gear[2], gear[3], gear[4])[0]
+
+
+@kernel
 def _accelerations(c, f, q1, q2, w1, w2, way1, way2):
     """Joint accelerations [rad/s^2] with each drive at its most in its way (1 or -1), or its joint held (0)."""
     least1, most1 = torque_range(c.most1, c.least1, c.fastest1, w1)
     least2, most2 = torque_range(c.most2, c.least2, c.fastest2, w2)
-    tau1 = 0.0 if least1 > most1 else (most1 if way1 > 0 else least1)
-    tau2 = 0.0 if least2 > most2 else (most2 if way2 > 0 else least2)
+    tau1 = 0.0 if least1 > most1 else _felt(c.gear1, most1 if way1 > 0 else least1, w1)
+    tau2 = 0.0 if least2 > most2 else _felt(c.gear2, most2 if way2 > 0 else least2, w2)
     d, r1 = -c.turn2 * q2, c.turn1 * w1  # of the thigh against the shank
     r2 = r1 + c.turn2 * w2
     cd, sd = np.cos(d), np.sin(d)

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Design
+from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import TwoJoints, joint_positions, reach, start_angles, start_place, within_limits
 from hopopt.leg.robot import BASE, build_robot
@@ -113,13 +114,13 @@ def accelerations(design: Design, leg: SliderLeg, v: np.ndarray) -> tuple[np.nda
     there is none: a linear program in it and the horizontal force, solved at the corners of its polygon."""
     G, r = _lines(design, leg, v)
     least, largest = np.full(v.shape, np.inf), np.full(v.shape, -np.inf)
-    for i, j in combinations(range(G.shape[1]), 2):
-        pair = G[:, [i, j]]
-        sound = np.abs(np.linalg.det(pair)) > 1e-12 * np.abs(pair).max(axis=(1, 2)) ** 2
-        inverse = np.linalg.inv(np.where(sound[:, None, None], pair, np.eye(2)))
-        corner = np.einsum("mij,mjk->mik", inverse, r[:, [i, j]])  # (m, 2, k)
-        inside = np.all(np.einsum("mci,mik->mck", G, corner) <= r + ROUNDING * (1 + np.abs(r)), axis=1)
-        inside &= sound[:, None]
+    for i, j in combinations(range(G.shape[2]), 2):
+        pair = G[:, :, [i, j]]
+        sound = np.abs(np.linalg.det(pair)) > 1e-12 * np.abs(pair).max(axis=(2, 3)) ** 2
+        inverse = np.linalg.inv(np.where(sound[..., None, None], pair, np.eye(2)))
+        corner = np.einsum("mkij,mjk->mik", inverse, r[:, [i, j]])  # (m, 2, k)
+        inside = np.all(np.einsum("mkci,mik->mck", G, corner) <= r + ROUNDING * (1 + np.abs(r)), axis=1)
+        inside &= sound
         least = np.where(inside, np.minimum(least, corner[:, 0]), least)
         largest = np.where(inside, np.maximum(largest, corner[:, 0]), largest)
     none = least > largest
@@ -127,19 +128,32 @@ def accelerations(design: Design, leg: SliderLeg, v: np.ndarray) -> tuple[np.nda
 
 
 def _lines(design: Design, leg: SliderLeg, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """G (m, c, 2) and r (m, c, k) of G (a, f_x) <= r: drives, least vertical force, friction."""
+    """G (m, k, c, 2) and r (m, c, k) of G (a, f_x) <= r: drives with what their gears lose, least vertical force, friction."""
     robot, rows, right = build_robot(design.leg), [], []
+    rotors = robot.model.armature[BASE:]
     for k, joint in enumerate(design.leg.joints):
         still = leg.torque[:, k, 0, None] + leg.torque[:, k, 2, None] * v**2
+        w, gear = leg.dq[:, k, None] * v, Gear.of(design.leg, joint, robot.parameters)
+        turning = w / np.sqrt(w**2 + gear.slow**2)
+        c1, c2 = (1 / gear.efficiency + gear.efficiency) / 2, (1 / gear.efficiency - gear.efficiency) / 2
+        lost = gear.friction * turning + gear.damping * w
         for plane in operating_region(design.leg, joint, robot.parameters).planes:
             a, b = float(plane.a), float(plane.b)
-            rows.append(np.stack([a * leg.torque[:, k, 1], -a * leg.levers[:, k]], axis=-1))
-            right.append(1.0 - a * still - b * leg.dq[:, k, None] * v)
+            share = c1 + np.sign(a) * c2 * turning  # of the joint's torque, in the motor's; the rotor's part lacks nothing
+            ahead = share * leg.torque[:, k, 1, None] + (1 - share) * rotors[k] * leg.dq[:, k, None]
+            rows.append(np.stack([a * ahead, -a * share * leg.levers[:, k, None]], axis=-1))
+            spun = (1 - share) * rotors[k] * leg.ddq[:, k, None] * v**2
+            right.append(1.0 - a * (share * still + spun + lost) - b * w)
     force = leg.force[:, 0, None] + leg.force[:, 2, None] * v**2
-    rows.append(np.stack([-leg.force[:, 1], np.zeros(len(leg.y))], axis=-1))
+    rows.append(_at_all(v, -leg.force[:, 1], np.zeros(len(leg.y))))
     right.append(force - design.contact.least_force)
     if (friction := design.contact.friction) is not None:
         for side in (-1.0, 1.0):
-            rows.append(np.stack([-friction * leg.force[:, 1], np.full(len(leg.y), side)], axis=-1))
+            rows.append(_at_all(v, -friction * leg.force[:, 1], np.full(len(leg.y), side)))
             right.append(friction * force)
-    return np.stack(rows, axis=1), np.stack(right, axis=1)
+    return np.stack(rows, axis=2), np.stack(right, axis=1)
+
+
+def _at_all(v: np.ndarray, *columns: np.ndarray) -> np.ndarray:
+    """Coefficients (m,) that are the same at all speeds v (m, k), as (m, k, 2)."""
+    return np.stack([np.broadcast_to(column[:, None], v.shape) for column in columns], axis=-1)
