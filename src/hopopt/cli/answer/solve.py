@@ -40,7 +40,7 @@ from hopopt.studies.faults import Fault, guarded
 if TYPE_CHECKING:
     from hopopt.comparison.paper_control import PaperHop
 
-MORE = 5.0  # s that figures and a simulation take, which are not begun with less time left
+LEAST_TIME_LEFT = 5.0  # s that figures and a simulation take, which are not begun with less time left
 
 Free = Annotated[
     list[str] | None,
@@ -139,7 +139,7 @@ def solve(
         once = {"structure": structure, "cross_check": cross_check}
         end = NEVER.within(time_limit or planning.TIME_LIMIT)
         solution = _solved(design, objective, free, couple, once, more)
-        if end.seconds_left < MORE and (figures or control or draws or report):
+        if end.seconds_left < LEAST_TIME_LEFT and (figures or control or draws or report):
             figures = control = report = False
             draws = 0
             note("the answer alone: the time limit leaves no time for more")

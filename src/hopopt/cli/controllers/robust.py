@@ -16,7 +16,7 @@ from hopopt.comparison.compare import planned_trace
 from hopopt.comparison.robust import robust as studying
 from hopopt.plots.controllers.robust import save_all
 from hopopt.problem.load import load
-from hopopt.report.robust import UNITS, WAYS
+from hopopt.report.robust import GAIN_UNITS, PLAN_WAYS
 from hopopt.storage.folder import prepare
 from hopopt.storage.runs import save_runs
 
@@ -97,10 +97,10 @@ def shown(found: Mapping[str, Any]) -> Iterator[Shown]:
     doubt = "" if found["plan_verified"] else "; it was NOT verified"
     yield f"the plan clears {found['plan_m']:.4f} m, best of {found['evaluations']} that were tried{doubt}"
     lowest = found["lowest_by_way_m"]
-    each = [f"{words} {lowest[way]:.4f} m" for way, words in WAYS.items() if lowest.get(way) is not None]
+    each = [f"{words} {lowest[way]:.4f} m" for way, words in PLAN_WAYS.items() if lowest.get(way) is not None]
     yield f"lowest of the legs that it was chosen on, by way: {', '.join(each) or 'no way led to a verified plan'}"
     for name, gains in (found["feedback"] or {}).items():
-        yield f"its feedback {name} = {', '.join(f'{gain:.4g}' for gain in gains)} {UNITS[name]}, joint by joint"
+        yield f"its feedback {name} = {', '.join(f'{gain:.4g}' for gain in gains)} {GAIN_UNITS[name]}, joint by joint"
     if (best := found["pd_best"]) and found["pd"][best] > found["clearance_m"]:
         yield f"{best} reaches more than any plan that was tracked: of those that were tried, none suits these legs"
     yield "[reserve]\n" + "\n".join(f"{name} = {value:.6g}" for name, value in found["reserve"].items())

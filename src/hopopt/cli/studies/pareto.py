@@ -12,7 +12,8 @@ from hopopt.cli.screen.studies import of_front
 from hopopt.errors import UsageError
 from hopopt.plots.studies.pareto import save
 from hopopt.problem.load import load
-from hopopt.studies.pareto import Front, front
+from hopopt.studies.pareto.front import Front
+from hopopt.studies.pareto.trace import front
 
 
 def pareto(
