@@ -135,7 +135,7 @@ class Ladder(ladder.Ladder):
         return staircase(self, self.strategy)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class _BesideABound:
     """What both comparisons have: a bound, and the plan that was tracked."""
 
