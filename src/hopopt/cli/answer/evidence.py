@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from rich.table import Column
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Overrides, Results, ended, sizes
 from hopopt.cli.screen.answer import bound_line
 from hopopt.cli.screen.console import NamedLines, Shown, marked, progress, table
@@ -99,7 +100,9 @@ def evidence(
         folder, (design, objective) = resume, study.reopen_study(resume)
     go_on = f"go on with: hopopt evidence --resume {folder}"
     try:
-        with progress(quiet=json_) as say, kept(folder, go_on):
+        grid = float(len(nodes) * global_ + len(grids))
+        expected = ExpectedTime("evidence", design, {"first-mesh start": float(starts), "grid": grid, "solve": 1.0})
+        with progress(json_, expected) as say, kept(folder, go_on):
             tried = study.run_starts(folder, starts, processes or os.cpu_count() or 1, say)
             data = _gathered(design, objective, tried, grids, nodes if global_ else (), say)
     except KeyboardInterrupt:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import (
     AsJson,
     Constraints,
@@ -133,7 +134,16 @@ def solve(
     # beside a search, if it is sure that it will be asked for, and of this leg
     sure = control and objective == "clearance" and not (constraint or free) and (starts or design.solver.starts) > 1
     simulated = ahead(_paper_hop, design, more=(processes or os.cpu_count() or 1) - 1) if sure else None
-    with progress(quiet=json_) as say:
+    searched = (starts or design.solver.starts) > 1
+    parts = {
+        "solve": float(searched),
+        "start alone": float(not searched),
+        "co-design": float(bool(free)),
+        "cross-check": float(cross_check),
+        "free switches": float(structure),
+        "simulated hop": 3.0 * control + draws,
+    }
+    with progress(json_, ExpectedTime("solve", design, parts, time_limit)) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}
         more |= {"time_limit": time_limit, "progress": say}
         once = {"structure": structure, "cross_check": cross_check}

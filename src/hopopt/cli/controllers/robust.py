@@ -9,6 +9,7 @@ from typing import Any
 
 from rich.table import Column
 
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figure, Overrides, Problem, Results, ended
 from hopopt.cli.screen.console import Shown, progress, table
 from hopopt.cli.screen.runs import results as where_it_lies
@@ -66,7 +67,8 @@ def robust(
     began = time.perf_counter()
     design = load(problem, set_ or ())
     prepare(results)
-    with progress(quiet=json_) as say:
+    parts = {"solve": 2.0, "plan for drawn legs": float(evaluations), "simulated hop": 0.5 * draws}
+    with progress(json_, ExpectedTime("robust", design, parts)) as say:
         found = studying.robust(
             design, share=share, confidence=confidence, draws=draws, evaluations=evaluations, seed=seed, starts=starts,
             seconds=seconds, processes=os.cpu_count() or 1, progress=say,

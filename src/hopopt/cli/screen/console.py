@@ -7,11 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from threading import Event, Thread
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from rich.console import Console
 from rich.table import Column, Table
 from rich.text import Text
+
+if TYPE_CHECKING:
+    from hopopt.cli.expected_time import ExpectedTime
 
 WIDE_SCREEN = 100  # columns of a screen on which tables have all their columns
 PIPED = 180  # columns of a table that no screen shows
@@ -96,9 +99,23 @@ def _print_part(out: Console, part: NamedLines) -> None:
 
 
 @contextmanager
-def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
+def progress(quiet: bool, expected: "ExpectedTime | None" = None) -> Iterator[Callable[[str], None]]:
     """A function that shows one line of progress on standard error, which when piped is a new line every PROGRESS_PERIOD seconds;
-    silent if ``quiet``."""
+    silent if ``quiet``. What is ``expected`` is said first and counted down, and how long it took is kept."""
+    began = time.monotonic()
+    if expected is not None and expected.first and not quiet:
+        print(f"hopopt: {expected.first}", file=sys.stderr, flush=True)
+    with _one_line(quiet) as say:
+        if expected is None:
+            yield say
+        else:
+            yield lambda text: say(f"{expected.left(time.monotonic() - began)}{text}")
+    if expected is not None:
+        expected.keep(time.monotonic() - began)
+
+
+@contextmanager
+def _one_line(quiet: bool) -> Iterator[Callable[[str], None]]:
     if quiet:
         yield lambda text: None
         return

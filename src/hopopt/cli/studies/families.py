@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from rich.table import Column
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Overrides, Problem, Results, drawn, ended, repeated
 from hopopt.cli.screen.console import WIDE_SCREEN, NamedLines, Shown, console, figures, progress, table
 from hopopt.errors import NotSolvedError
@@ -63,7 +64,11 @@ def families(
     prepare(results)
     folder = open_folder(definition, results)
     try:
-        with progress(quiet=json_) as say, kept(folder, "what is known is kept in families.json"):
+        parts = {"point of families": float(max(len(definition.points), 1))}
+        with (
+            progress(json_, ExpectedTime("families", definition.design, parts)) as say,
+            kept(folder, "what is known is kept in families.json"),
+        ):
             study = find_families(
                 definition, processes or os.cpu_count() or 1, verify, say, lambda known: save(known, folder, False)
             )

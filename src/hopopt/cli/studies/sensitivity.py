@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from rich.table import Column, Table
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figure, Overrides, Results, Starts, ended
 from hopopt.cli.screen.console import Shown, named, progress, table
 from hopopt.cli.screen.console import figures as columns
@@ -72,7 +73,11 @@ def sensitivity(
         raise UsageError(f"{problem} is a result, not a problem: hopopt sensitivity --result {problem}")
     amounts.check("starts", starts)
     prepare(results)
-    with fitting(result) if result else nullcontext(), progress(quiet=json_) as say:
+    expected = None
+    if result is None:
+        parts = {"solve": 1.0, "difference": 2.0 * len(confirm or ())}
+        expected = ExpectedTime("sensitivity", load(problem or "paper", set_ or ()), parts)
+    with fitting(result) if result else nullcontext(), progress(json_, expected) as say:
         solution, failed = _optimum(problem or "paper", result, objective, set_ or [], starts, say)
         influences = [] if failed else _confirmed(solution, study.sensitivity(solution), confirm, say)
         data: dict[str, Any] = study.as_dict(solution, influences, failed)

@@ -63,14 +63,17 @@ def _key(function: ca.Function) -> str:
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 
-def cache_folder() -> Path | None:
-    """Where libraries are kept, a folder that nobody else may write to; None if there is none."""
+def cache_folder(make: bool = False) -> Path | None:
+    """Where libraries are kept, a folder that nobody else may write to; None if there is none.
+
+    make: make it where it is not there yet
+    """
     asked = os.environ.get(FOLDER, "")
     if asked == "off" or os.name != "posix":
         return None
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = Path(asked) if asked else caches / "hopopt"
-    if _making:
+    if make or _making:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     elif not folder.is_dir():
         return None
