@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hopopt.design import Design, Hop, physical_parameters
+from hopopt.design import Design, HopSettings, physical_parameters
 from hopopt.drivetrain.clamp import torque_lines, within
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of
@@ -29,19 +29,18 @@ from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.hops.periodic import closure, joints_at
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import MEASURES, Measures
-from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, ON_GROUND, POWERS, STANCE, TO_POWERS, Table
+from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, POWERS, STANCE, STANDING, TO_POWERS, Table
 
 FEEDBACK_RATE = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
-SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
+MOST_SHORT_OF_CLAIM = 1e-4  # relative: what the simulated hop may fall short of the claim
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it slow
 FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's value
-VALUE = Check("simulated in one piece", float("nan"), SHORT, "relative")  # of nothing as yet
+VALUE = Check("simulated in one piece", float("nan"), MOST_SHORT_OF_CLAIM, "relative")  # of nothing as yet
 LIMITS = Check("limits when simulated in one piece", float("nan"), 2 * LIMIT, "of its range")
 
 LegState = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
 Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
 Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # motor torques [N m] from place, angles and speeds
-SHARPER = 0.1  # times the program's speeds and torques over which losses change: by the rollout its smoothing is judged
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class Drives:
     """The drives of a leg in the rollout.
 
     clamp: brings motor torques into the operating regions
-    gear: its losses change ten times as sharply as in the program; None where none are planned
+    gear: its losses; None where none are planned
     rotor: reflected inertias of what spins in front of the gears (n) [kg m^2]
     """
 
@@ -61,8 +60,7 @@ class Drives:
     def of(cls, robot: Robot) -> Self:
         """The drives of a leg as its problem plans with them."""
         clamp = joint_clamp([operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints])
-        planned = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
-        gear = planned and replace(planned, slow=SHARPER * planned.slow, sharp=SHARPER * planned.sharp)
+        gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
         return cls(clamp, gear, robot.model.armature[BASE:])
 
     def at_joints(self, machine: Machine, q: np.ndarray, v: np.ndarray, motor: np.ndarray, contact: bool) -> np.ndarray:
@@ -191,7 +189,9 @@ def whole_hop_rollout(
     return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit)
 
 
-def _values(machine: Machine, robot: Robot, hop: Hop, tables: Mapping[str, Table], figure: str) -> dict[str, float]:
+def _values(
+    machine: Machine, robot: Robot, hop: HopSettings, tables: Mapping[str, Table], figure: str
+) -> dict[str, float]:
     """Clearance and height of the body [m] when flight ends, and the measure asked for."""
     end = tables[FLIGHT].q[-1, -1]
     heights = machine.points(end)
@@ -207,7 +207,7 @@ def simulated_hop(
     for name, table in tables.items():
         if name == LANDING:
             state = state[0], machine.touch_down(*state)
-        found[name], state = _simulated(machine, drives, table, state, name in ON_GROUND)
+        found[name], state = _simulated(machine, drives, table, state, name in STANDING)
     return found, state
 
 

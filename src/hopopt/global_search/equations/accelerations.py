@@ -11,8 +11,8 @@ from hopopt.global_search.equations.dynamics import motor_line, stance_terms, to
 
 HIP_LEAST, HIP_MOST, KNEE_LEAST, KNEE_MOST, FORCE, SLIP_FORWARD, SLIP_BACKWARD = range(7)
 VERTICES = 12  # room for those of a polygon: four torques, cut by three lines
-SLACK = 1e-3  # share of its range by which a torque or a ground force may leave its limits within a step
-PARALLEL = 1e-12  # relative determinant below which two limits do not meet
+STEP_SLACK = 1e-3  # share of its range by which a torque or a ground force may leave its limits within a step
+PARALLEL_LIMITS = 1e-12  # relative determinant below which two limits do not meet
 
 
 @kernel
@@ -69,7 +69,7 @@ def with_limits(c, phi1, phi2, r1, r2, one, two):
     ax, ay, a0 = _line(c, one, m12, h1, h2, w1, w2, least1, most1, least2, most2, x1, z1, x2, z2, fx, fz)
     bx, by, b0 = _line(c, two, m12, h1, h2, w1, w2, least1, most1, least2, most2, x1, z1, x2, z2, fx, fz)
     det = ax * by - bx * ay
-    if abs(det) < PARALLEL * (abs(ax) + abs(ay)) * (abs(bx) + abs(by)):
+    if abs(det) < PARALLEL_LIMITS * (abs(ax) + abs(ay)) * (abs(bx) + abs(by)):
         return 0.0, 0.0, False
     x, y = (ay * b0 - a0 * by) / det, (bx * a0 - ax * b0) / det
     return x, y, possible(c, phi1, phi2, r1, r2, x, y)
@@ -84,14 +84,14 @@ def possible(c, phi1, phi2, r1, r2, alpha1, alpha2):
     w1, w2 = c.turn1 * r1, c.turn2 * (r2 - r1)
     for joint in range(2):
         w, least, most = (w1, least1, most1) if joint == 0 else (w2, least2, most2)
-        slack = SLACK * (most - least) + 1e-6
+        slack = STEP_SLACK * (most - least) + 1e-6
         x, y, still = motor_line(c, joint, True, m12, h1, h2, w, most)
         if x * alpha1 + y * alpha2 + still > slack:
             return False
         x, y, still = motor_line(c, joint, False, m12, h1, h2, w, least)
         if x * alpha1 + y * alpha2 + still < -slack:
             return False
-    slack, up = SLACK * c.mass * c.gravity, fz + x1 * alpha1 + x2 * alpha2
+    slack, up = STEP_SLACK * c.mass * c.gravity, fz + x1 * alpha1 + x2 * alpha2
     if up < c.least_force - slack:
         return False
     return c.friction >= UNLIMITED or abs(fx - z1 * alpha1 - z2 * alpha2) <= c.friction * up + slack

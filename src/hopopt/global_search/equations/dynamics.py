@@ -8,7 +8,7 @@ depend on one difference and leave no Coriolis terms but centrifugal ones.
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.global_search.constants import LINES
+from hopopt.global_search.constants import TORQUE_LINES
 
 MARGINS = 7  # state limits: two of each joint, the heights of knee and hip, the body's descent
 RELATIVE = 1e-9  # by so much a speed may exceed the fastest
@@ -58,7 +58,7 @@ def motor_line(c, joint, most, m12, h1, h2, w, bound):
     """gx alpha1 + gy alpha2 + g0: by how much the torque of a joint's motor (0 or 1) is above ``bound`` [N m] at joint speed
     w [rad/s]. ``most``: whether that is its greatest; where it drives forward there, its gear brakes at the least."""
     gear = c.gear1 if joint == 0 else c.gear2
-    turning, rotor = w / np.sqrt(w * w + gear[3] * gear[3]), gear[5]
+    turning, rotor = w / (w**4 + gear[3] ** 4) ** 0.25, gear[5]
     c1, c2 = (1 / gear[0] + gear[0]) / 2, (1 / gear[0] - gear[0]) / 2 * turning
     share = c1 + c2 if most else c1 - c2
     if joint == 0:
@@ -77,7 +77,7 @@ def torque_range(most, least, fastest, w):
     if abs(w) > fastest * (1 + RELATIVE):
         return 1.0, -1.0
     low, high = least[0, 0] + least[0, 1] * w, most[0, 0] + most[0, 1] * w
-    for k in range(1, LINES):
+    for k in range(1, TORQUE_LINES):
         low, high = max(low, least[k, 0] + least[k, 1] * w), min(high, most[k, 0] + most[k, 1] * w)
     if high < low < high + TOUCHING:
         low = high

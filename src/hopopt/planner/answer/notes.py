@@ -17,7 +17,7 @@ LOUD = 0.01  # share of the answer that the tie-break may weigh without a word
 
 def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: Solution | None) -> list[str]:
     """What the answer does not say by itself: ``best`` of a ``hop`` whose solver may differ from what was ``asked``."""
-    notes, goal, leg = hints(hop.design), hop.objective, hop.leg
+    notes, goal = hints(hop.design), hop.objective
     notes += _tolerances(best.design, asked, structure)
     if hop.design.solver.tie_break != asked.solver.tie_break:
         notes.append(
@@ -43,10 +43,6 @@ def notes_on(hop: Hop, asked: Design, structure: bool, best: Solution, better: S
             f"gentle torques are preferred, which weighs {weighs:.2g} {goal.unit}: the least may be lower by a part of that "
             f"(a smaller solver.tie_break than {best.design.solver.tie_break:g} tells, and takes longer)"
         )
-    shares = {path: e for path, e in (leg.drive(j, "gear", "efficiency") for j in leg.joints) if e}
-    if any(e < 1 for e in shares.values()):
-        stated = ", ".join(f"{path} = {e:g}" for path, e in shares.items())
-        notes.append(f"the gears of this plan lose nothing; {stated} counts in hopopt simulate and hopopt compare")
     return notes
 
 

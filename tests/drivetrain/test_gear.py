@@ -1,0 +1,69 @@
+"""The law of lossy gears against closed forms, its inverse, and the leg that it drives."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hopopt.drivetrain.gear import Gear, driven_joints, joint_torque, motor_torque, passed_torque, teeth_torque
+
+SHARP = {"slow": 1e-4, "sharp": 1e-6}  # so that closed forms hold to 1e-6
+LOSSES = (st.floats(0.05, 1), st.floats(0, 10), st.floats(0, 5))
+
+
+@given(*LOSSES, st.floats(-20, 20), st.floats(-300, 300))
+def test_the_two_sides_of_the_teeth_are_inverse(
+    eta: float, friction: float, damping: float, w: float, tau: float
+) -> None:
+    law = Gear(eta, friction, damping).law
+    back, slope = passed_torque(teeth_torque(tau, w, *law), w, *law)
+    assert back == pytest.approx(tau, rel=1e-9, abs=1e-9)
+    d = 1e-4
+    steep = (passed_torque(tau + d, w, *law)[0] - passed_torque(tau - d, w, *law)[0]) / (2 * d)
+    assert passed_torque(tau, w, *law)[1] == pytest.approx(steep, rel=1e-5)
+    assert slope > 0
+
+
+@given(*LOSSES, st.floats(-20, 20), st.floats(-300, 300))
+def test_a_gear_never_gives_power(eta: float, friction: float, damping: float, w: float, tau: float) -> None:
+    assert (teeth_torque(tau, w, *Gear(eta, friction, damping).law) - tau) * w >= -1e-9
+
+
+def test_a_gear_without_losses_passes_on_what_it_gets() -> None:
+    assert teeth_torque(7.0, 3.0, *Gear().law) == 7.0
+    assert motor_torque(Gear(), 7.0, 3.0, 5.0, 0.1) == pytest.approx(7.0, rel=1e-15)
+
+
+@pytest.mark.parametrize(("torque", "share"), [(40.0, 0.7), (-40.0, 1 / 0.7)])
+def test_an_inertia_through_a_lossy_gear(torque: float, share: float) -> None:
+    """Of the motor's torque the rotor takes A a; of the rest the load J has eta driving, 1 / eta braking."""
+    rotor, load, friction = 0.3, 0.5, 2.0
+    gear = Gear(0.7, friction, 0.0, **SHARP)
+    expected = share * (torque - friction) / (load + share * rotor)
+    tau = driven_joints(
+        gear, np.array([torque]), np.ones(1), np.zeros(1), np.array([[1 / (load + rotor)]]), np.array([rotor])
+    )
+    assert tau[0] / (load + rotor) == pytest.approx(expected, rel=1e-6)
+    assert motor_torque(gear, tau[0], 1.0, expected, rotor) == pytest.approx(torque, rel=1e-9)
+    assert joint_torque(gear, torque, 1.0, expected, rotor) == pytest.approx(tau[0], rel=1e-9)
+
+
+def test_a_mass_lowered_by_a_gear_needs_less_and_raised_more() -> None:
+    """At a steady speed m g r = 10 N m takes 10 / eta upwards, 10 eta downwards; at rest the gear holds all between."""
+    gear = Gear(0.6, 0.0, 0.0, **SHARP)
+    assert teeth_torque(10.0, 1.0, *gear.law) == pytest.approx(10.0 / 0.6, rel=1e-6)
+    assert teeth_torque(10.0, -1.0, *gear.law) == pytest.approx(10.0 * 0.6, rel=1e-6)
+    assert 10.0 * 0.6 < teeth_torque(10.0, 0.0, *gear.law) < 10.0 / 0.6
+    locked = Gear(0.6, 20.0, 0.0, **SHARP)  # friction above the load: it comes down only if it is pushed
+    assert teeth_torque(10.0, -1.0, *locked.law) < 0
+
+
+def test_driven_joints_move_as_they_are_said_to() -> None:
+    """Two coupled joints: what the motors give is what joints, rotors and teeth take at the acceleration that follows."""
+    gear = Gear(np.array([0.7, 0.85]), np.array([1.0, 0.0]), np.array([0.0, 0.3]))
+    mass, rotor = np.array([[0.9, 0.2], [0.2, 0.5]]), np.array([0.4, 0.2])
+    response, still = np.linalg.inv(mass), np.array([3.0, -20.0])
+    motor, w = np.array([50.0, -30.0]), np.array([4.0, 2.0])
+    tau = driven_joints(gear, motor, w, still, response, rotor)
+    a = still + response @ tau
+    np.testing.assert_allclose(motor_torque(gear, tau, w, a, rotor), motor, rtol=1e-10)
