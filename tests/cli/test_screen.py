@@ -163,7 +163,7 @@ def test_one_line_says_what_a_hop_is_worth_and_leans_on(hop: Solution) -> None:
         f"the foot clears {lengths:.2f} leg lengths; this motion needs ground that holds the foot sideways"
     )
     assert "of stance without load" in line
-    assert rests == "it rests on gears without losses"
+    assert rests == "it rests on gears without losses, and on a supply that never sags"
     lost = 100 * hop.summary.gains["longest stance"]
     assert leans == f"it leans on the longest stance (1 % less of it costs {lost:.2g} cm)"
     gripping = replace(hop.summary, leans_on=LeansOn(0.55, 0.0, None))
@@ -211,7 +211,7 @@ def test_a_leg_that_stays_down_is_said_to(hop: Solution) -> None:
 
 def test_an_answer_without_rotors_says_so(hop: Solution) -> None:
     light = load("paper", ["leg.knee.motor.rotor_inertia=0"])
-    words = "it rests on gears without losses, and on no rotor inertia at the knee, which a motor has"
+    words = "it rests on gears without losses, and on a supply that never sags, and on no rotor inertia at the knee, which a motor has"
     assert in_short(hop.summary, light)[1] == words
 
 

@@ -19,7 +19,6 @@ from hopopt.control.tracking.track import Track
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import added_states
-from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, UsageError
 from hopopt.leg.kinematics import can_slip, planar, start_angles
 from hopopt.leg.robot import BASE, build_robot
@@ -82,9 +81,8 @@ def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int
             "whose joints all turn about the y axis"
         )
     robot = build_robot(design.leg)
-    regions = [operating_region(design.leg, joint, robot.parameters) for joint in robot.joints]
-    states = added_states(design.leg, robot.parameters)
-    drive = Drive(regions, gear_of(design), torque_gain, states, robot.model.armature[BASE:])
+    states, rotor = added_states(design.leg, robot.parameters), robot.model.armature[BASE:]
+    drive = Drive.of(design.leg, robot.parameters, rotor, gear_of(design), torque_gain=torque_gain, states=states)
     quick = compiled and not drive.states
     friction = np.inf if design.contact.friction is None and quick else design.contact.friction
     if friction is None or not can_slip(design.leg):

@@ -81,7 +81,8 @@ class Setting:
 
     def drive(self) -> Drive:
         """The believed drives."""
-        return Drive(self.regions(), gear_of(self.design), rotor=self.robot.model.armature[BASE:])
+        robot = self.robot
+        return Drive.of(robot.leg, robot.parameters, robot.model.armature[BASE:], gear_of(self.design))
 
     @property
     def no_load_speed(self) -> np.ndarray:

@@ -14,7 +14,20 @@ LOOKALIKES = {
     "rad/s": (("rpm", 0.10471975511965977),),
     "s": (("milliseconds", 1e-3),),
 }
-RESERVED = ("joints", "links", "guides", "joint", "link", "body", "motor", "gear", "urdf", "foot_frame", "locked")
+RESERVED = (
+    "joints",
+    "links",
+    "guides",
+    "joint",
+    "link",
+    "body",
+    "motor",
+    "gear",
+    "supply",
+    "urdf",
+    "foot_frame",
+    "locked",
+)
 RESERVED_JOINTS = (*RESERVED, "foot", "com", "x", "z")  # points and guides of every leg have these names
 CATALOGUE = "catalogue entry these values began with; says where they are from, changes nothing"
 CATALOGUE_NAME = r"^[a-z0-9][a-z0-9-]{0,49}$"

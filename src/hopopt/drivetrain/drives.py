@@ -1,16 +1,19 @@
 """The drives of a leg as a plant has them: between a controller's command and the joints."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from hopopt.compiled.kernel import packed
+from hopopt.design import Leg
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.clamp import torque_lines
 from hopopt.drivetrain.dynamics import AddedStates
 from hopopt.drivetrain.gear import ENTRIES, Gear, driven_joints, joint_torque, motor_torque
 from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import stiff, supply_numbers
 
 LAW = (*ENTRIES, "slow", "sharp")
 Accelerate = Callable[[np.ndarray], np.ndarray]
@@ -21,7 +24,7 @@ class Drive:
 
     torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
     as much more back-EMF. states: what the drives add of their own, if they do. rotor: reflected inertias of what spins in
-    front of the gears (n) [kg m^2]; none by default. numbers: what the compiled functions read,
+    front of the gears (n) [kg m^2]; none by default. supply: what ``supply_numbers`` says of it. numbers: what the compiled functions read,
     by name: the lines of the clamp, the gains, and the gears as in ``Gear``.
     """
 
@@ -34,6 +37,7 @@ class Drive:
         torque_gain: np.ndarray | None = None,
         states: AddedStates | None = None,
         rotor: np.ndarray | None = None,
+        supply: Mapping[str, Any] | None = None,
     ):
         gear, n = gear or Gear(), len(regions)
         self.lossless = gear.ideal
@@ -48,14 +52,21 @@ class Drive:
             },
             "lightest": float(gear.lightest),
             "lossless": int(gear.ideal),
+            **(supply or stiff(n)),
         }
         self.gear, self.rotor = gear, np.zeros(n) if rotor is None else np.asarray(rotor, dtype=float)
         self._record = packed(self.numbers)
         self.states = states if states and states.size else None
 
+    @classmethod
+    def of(cls, leg: Leg, p: Mapping[str, float], rotor: np.ndarray, gear: Gear, **more: Any) -> Self:
+        """The drives of a leg by its numbers p: regions and supply as the problem has them; more: torque_gain, states."""
+        regions = [operating_region(leg, joint, p) for joint in leg.joints]
+        return cls(regions, gear, rotor=rotor, supply=supply_numbers(leg, p), **more)
+
     def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """Joint torques tau (n) [N m] brought into the regions at speeds w (n): OperatingRegion.clamp, but quick."""
-        return kernels.clamped(self._record, np.asarray(w, dtype=float), np.asarray(tau, dtype=float))
+        """Joint torques tau (n) [N m] brought into the regions at speeds w (n), as far as the supply feeds them."""
+        return kernels.driven(self._record, np.asarray(w, dtype=float), np.asarray(tau, dtype=float))
 
     def parts(
         self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float, x: np.ndarray | None = None

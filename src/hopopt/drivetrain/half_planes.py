@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.drivetrain.limits import BACKWARD, FORWARD, Line
+from hopopt.drivetrain.limits import BACKWARD, FORWARD, SAGGING, Line
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,13 @@ class OperatingRegion:
 
     planes: tuple[HalfPlane, ...]
 
-    def use(self, w: Any, tau: Any) -> list[Any]:
-        """a tau + b w of each half-plane: the drive is inside where every value is <= 1."""
-        return [h.a * tau + h.b * w for h in self.planes]
+    def use(self, w: Any, tau: Any, voltage: Any = None) -> list[Any]:
+        """a tau + b w of each half-plane: the drive is inside where every value is <= 1. voltage: of the bus, over what it is
+        without load; torque-speed lines go with it."""
+        used = [h.a * tau + h.b * w for h in self.planes]
+        if voltage is None:
+            return used
+        return [x / voltage if h.line in SAGGING else x for x, h in zip(used, self.planes, strict=True)]
 
     def binding(self, w: float, tau: float) -> str:
         """Name of the half-plane most used at speed w [rad/s] and torque tau [N m], without its direction."""

@@ -8,31 +8,67 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain import clamp, gear
+from hopopt.drivetrain import clamp, gear, supply
+from hopopt.drivetrain.supply import BURNS, STIFF_SUPPLY
 
+HIGHEST, HALVINGS = 1.5, 48  # bus voltage over what it is without load, where motors feed back; of the search for it
 STIFF = 1.0  # step times the rate at which friction stops a joint; the Runge-Kutta scheme's limit is 2.8
 MOST_PARTS = 64  # of a step where gears rub
 
-within, passed_torque = kernel(clamp.within), kernel(gear.passed_torque)
+within, passed_torque, share_at = kernel(clamp.within), kernel(gear.passed_torque), kernel(supply.share_at)
 
 
 @kernel
-def clamped(drive: Any, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """Torques tau (n) [N m] within the operating regions at speeds w (n) [rad/s]."""
-    out = np.zeros(len(tau))
-    for k in range(len(tau)):
-        out[k] = within(w[k], tau[k], drive.upper[k], drive.lower[k])
-    return out
+def limited(drive: Any, w: np.ndarray, command: np.ndarray, voltage: float) -> np.ndarray:
+    """Torques (n) [N m] of the motors within their regions at a bus voltage, over what it is without load."""
+    motor = np.zeros(len(w))
+    for k in range(len(w)):
+        gain, upper, lower = drive.gain[k], drive.upper[k].copy(), drive.lower[k].copy()
+        for i in range(len(upper)):
+            if upper[i, 1] != 0:  # caps on torque have no slope, and stay
+                upper[i, 0] *= voltage
+            if lower[i, 1] != 0:
+                lower[i, 0] *= voltage
+        motor[k] = gain * within(gain * w[k], command[k], upper, lower)
+    return motor
+
+
+@kernel
+def fed(drive: Any, w: np.ndarray, motor: np.ndarray, voltage: float) -> bool:
+    """Whether the bus keeps at least this voltage while the motors' torques (n) [N m] are drawn, within the supply's caps."""
+    power = 0.0
+    for k in range(len(w)):
+        power += motor[k] * w[k] + drive.heat[k] * motor[k] ** 2
+    if drive.supplied == BURNS:
+        power = (power + (power * power + drive.even * drive.even) ** 0.5) / 2
+    return power <= drive.most_power and share_at(drive.sag, power) >= voltage
 
 
 @kernel
 def driven(drive: Any, w: np.ndarray, command: np.ndarray) -> np.ndarray:
-    """Torques (n) [N m] of the motors after their limits; back-EMF grows with their gain."""
+    """Torques (n) [N m] of the motors after their limits; back-EMF grows with their gain.
+
+    On a supply that sags, what they get at the highest voltage that the bus has while they draw it (``supply.share_at``) and
+    at which no cap of the supply is passed: a higher voltage gives more torque, which draws more and leaves less.
+    """
     motor = np.zeros(len(w))
-    for k in range(len(w)):
-        gain = drive.gain[k]
-        motor[k] = gain * within(gain * w[k], command[k], drive.upper[k], drive.lower[k])
-    return motor
+    if drive.supplied == STIFF_SUPPLY:
+        for k in range(len(w)):
+            gain = drive.gain[k]
+            motor[k] = gain * within(gain * w[k], command[k], drive.upper[k], drive.lower[k])
+        return motor
+    high = 1.0 if drive.supplied == BURNS else HIGHEST
+    if fed(drive, w, limited(drive, w, command, high), high):
+        return limited(drive, w, command, high)
+    low = 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        motor = limited(drive, w, command, middle)
+        if fed(drive, w, motor, middle):
+            low = middle
+        else:
+            high = middle
+    return limited(drive, w, command, low)
 
 
 @kernel

@@ -16,6 +16,7 @@ class Line(StrEnum):
     SPEED_CAP = "gear speed cap"
 
 
+SAGGING = (Line.TORQUE_SPEED, Line.BRAKING)  # lines that go with the voltage of the bus
 FORWARD, BACKWARD = "forward", "backward"
 CAPS: dict[str, tuple[Entry, ...]] = {  # lines that a cap draws -> its entry, then what carries it to the joint
     Line.DRIVE_CAP: (("motor", "torque_cap"), ("gear", "ratio")),

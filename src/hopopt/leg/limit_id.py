@@ -11,6 +11,7 @@ class Kind(Enum):
     """What is limited; the value is what a limit of that kind is called."""
 
     REGION = "operating region"
+    SUPPLY = "of the supply"
     ANGLE = "angle"
     HEIGHT = "height above ground"
     GROUND_FORCE = "ground force"

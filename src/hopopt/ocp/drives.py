@@ -11,6 +11,7 @@ from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import Gear, motor_torque
 from hopopt.drivetrain.gear import lossy as lossy_gear
 from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import power_drawn, sag, share_at
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
@@ -41,6 +42,24 @@ def asked(leg: MovingLeg, joint: str, motion: MotionAt) -> Callable[[Instant], c
     """The torque that a joint's motor is asked for at an instant [N m]: its row of ``motor_torques``."""
     torques, k = motor_torques(leg, motion), leg.leg.joints.index(joint)
     return lambda s: torques(s)[k]
+
+
+def bus_power(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
+    """What the leg's motors draw together at an instant [W]."""
+    torques = motor_torques(leg, motion)
+
+    def power(s: Instant) -> ca.SX:
+        return power_drawn(leg.leg, s.p, ca.vertsplit(torques(s)), ca.vertsplit(motion(s).v[BASE:]))
+
+    return lambda s: s.once("bus power", lambda: power(s))
+
+
+def bus_voltage(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX | None]:
+    """The bus voltage at an instant, over what it is without load; None without a supply that sags."""
+    if leg.leg.supply is None:
+        return lambda s: None
+    power = bus_power(leg, motion)
+    return lambda s: s.once("bus voltage", lambda: share_at(sag(leg.leg, s.p), power(s)))
 
 
 def with_drives(leg: MovingLeg, phase: Phase) -> Phase:

@@ -12,10 +12,11 @@ import numpy as np
 
 from hopopt.drivetrain.limits import BACKWARD, FORWARD
 from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import power_limits
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE
-from hopopt.ocp.drives import asked
+from hopopt.ocp.drives import asked, bus_power, bus_voltage
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE, MovingLeg
 from hopopt.ocp.problem import INF, Instant, PathConstraint
 
@@ -33,16 +34,31 @@ def drives(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     motion = leg.motion_in(kind)
 
     def region(k: int, joint: str) -> PathConstraint:
-        torque = asked(leg, joint, motion)
+        torque, voltage = asked(leg, joint, motion), bus_voltage(leg, motion)
 
         def value(s: Instant) -> ca.SX:
-            return ca.vertcat(*operating_region(leg.leg, joint, s.p).use(motion(s).v[BASE + k], torque(s))[::2])
+            w = motion(s).v[BASE + k]
+            return ca.vertcat(*operating_region(leg.leg, joint, s.p).use(w, torque(s), voltage(s))[::2])
 
         planes = operating_region(leg.leg, joint, leg.robot.parameters).planes  # each followed by its mirror image
         labels = tuple(h.line for h in planes[::2])
         return PathConstraint(LimitId(Kind.REGION, joint), value, -1.0, 1.0, scale=2.0, labels=labels)
 
     return tuple(region(k, joint) for k, joint in enumerate(leg.leg.joints))
+
+
+def supply(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
+    """The motors together draw no more than the supply's caps, its least voltage and its internal resistance allow [W]."""
+    motion = leg.motion_in(kind)
+
+    def limit(entry: str, most: float) -> PathConstraint:
+        def left(s: Instant) -> ca.SX:
+            return power_limits(leg.leg, s.p)[entry] - bus_power(leg, motion)(s)
+
+        name = LimitId(Kind.SUPPLY, entry.replace("_", " "), f"supply.{entry}", "W")
+        return PathConstraint(name, left, lower=0.0, scale=most, unit="W")
+
+    return tuple(limit(entry, float(most)) for entry, most in power_limits(leg.leg, leg.robot.parameters).items())
 
 
 def ground(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
@@ -95,7 +111,7 @@ def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     return (PathConstraint(NO_DESCENT, lambda s: motion(s).v[1], 0.0, INF, DESCENT_RANGE, unit="m/s"),)
 
 
-RULES: list[Rule] = [drives, ground, heights, counter_movement]
+RULES: list[Rule] = [drives, supply, ground, heights, counter_movement]
 BUILT_IN = tuple(RULES)
 
 

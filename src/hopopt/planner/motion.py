@@ -13,8 +13,9 @@ from hopopt.drivetrain.dynamics import AddedStates, added_states
 from hopopt.drivetrain.gear import any_lossy
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import voltage_share
 from hopopt.errors import UsageError
-from hopopt.leg.robot import Robot, build_robot
+from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.ocp.custom import Custom
 from hopopt.ocp.drives import motor_torques
@@ -146,6 +147,12 @@ class Motion:
     def region(self, joint: str) -> OperatingRegion:
         """The admissible operating region of a joint, in numbers."""
         return operating_region(self.design.leg, joint, self.robot.parameters)
+
+    def voltage(self, s: Samples) -> np.ndarray | None:
+        """The bus voltage at samples, over what it is without load (k,); None without a supply that sags."""
+        if self.design.leg.supply is None:
+            return None
+        return voltage_share(self.design.leg, self.robot.parameters, list(s.command.T), list(s.v[:, BASE:].T))
 
     def sample(self, t: Any) -> Samples:
         """The whole leg at times t [s] since stance began; at lift-off and apex, flight; at touchdown, the descent.

@@ -38,7 +38,7 @@ def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[s
     report = Report(str(source))
     data: dict[str, Any] = {}
     for label, layer in _layers(source, report):
-        _lay_over(data, with_numbers(_plain(layer), data, label, report), label, report)
+        _lay_over(data, with_numbers(_in_leg(_plain(layer)), data, label, report), label, report)
     _lay_overrides(data, overrides, report)
     return _checked(data if report.unreadable else with_leg(data, report), report)
 
@@ -222,7 +222,7 @@ def _depths(data: Any) -> Iterator[int]:
 
 def _lay_overrides(data: dict[str, Any], overrides: Mapping[str, Any] | Sequence[str], report: Report) -> None:
     """Lay overrides over ``data``: names of motors and gears first, so that numbers count over them in any order."""
-    layers = [_plain(layer) for layer in _override_layers(overrides, report)]
+    layers = [_in_leg(_plain(layer)) for layer in _override_layers(overrides, report)]
     for layer in sorted(layers, key=named, reverse=True):
         _lay_over(data, with_numbers(layer, data, OVERRIDE, report), OVERRIDE, report)
 
@@ -254,6 +254,16 @@ def _override_pair(text: str, report: Report) -> tuple[str, Any] | None:
     except (ValueError, RecursionError):
         parsed = {}
     return path.strip(), parsed["value"] if len(parsed) == 1 else value.strip()
+
+
+def _in_leg(layer: dict[str, Any]) -> dict[str, Any]:
+    """A layer whose table [supply] is the leg's, as what feeds its motors belongs to it."""
+    if "supply" not in layer:
+        return layer
+    rest, leg = {key: value for key, value in layer.items() if key != "supply"}, layer.get("leg", {})
+    if not isinstance(leg, dict):
+        return layer
+    return {**rest, "leg": {**leg, "supply": layer["supply"]}}
 
 
 def _plain(value: Any) -> Any:

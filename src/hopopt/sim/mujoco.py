@@ -15,7 +15,6 @@ import numpy as np
 
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import gears_of
-from hopopt.drivetrain.region import operating_region
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
 from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot
@@ -123,9 +122,8 @@ def replay(
     """
     instants = np.arange(round(plan.duration / control_period) + 1) * control_period
     reference, feedforward = plan.sample(np.minimum(instants, plan.duration)), _means(plan, instants, control_period)
-    regions = [operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints]
-    drive = Drive(regions, gears_of(robot.leg, robot.parameters), rotor=robot.model.armature[BASE:])
-    machine = Machine(robot)
+    leg, p, machine = robot.leg, robot.parameters, Machine(robot)
+    drive = Drive.of(leg, p, robot.model.armature[BASE:], gears_of(leg, p))
 
     def controller(t: float, q: np.ndarray, v: np.ndarray, contact: bool) -> np.ndarray:
         k = round(t / control_period)

@@ -1,15 +1,22 @@
 """Do drives obey their laws? The torques that gears ask of motors by NumPy, drives' own states integrated by SciPy."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hopopt.drivetrain.dynamics import AddedStates, added_states
-from hopopt.drivetrain.gear import any_lossy, gears_of, motor_torque
+from hopopt.drivetrain.gear import Gear, any_lossy, gears_of, motor_torque, teeth_torque
+from hopopt.drivetrain.supply import power_drawn, sag, share_at, winding_heat
 from hopopt.leg.robot import BASE, Robot
-from hopopt.verify.check import EXACT, STATE, Check
+from hopopt.record import Strict, stated
+from hopopt.sim.machine import Machine
+from hopopt.verify.check import BALANCE, EXACT, STATE, Check
+from hopopt.verify.measures import quadrature
 from hopopt.verify.replay import missed
 from hopopt.verify.table import POWERS, TO_POWERS, Table
+
+ELECTRICAL = ("winding_resistance", "torque_constant")
 
 
 def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
@@ -17,6 +24,7 @@ def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
     joints' torques from these states. Nothing where drives have neither."""
     if any_lossy(robot.leg):
         yield _gears(robot, phase, table)
+        yield balance(robot, Machine(robot), phase, table)
     states = added_states(robot.leg, robot.parameters)
     if not states.size:
         return
@@ -34,6 +42,75 @@ def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
     wrong = [np.array(states.torques(x, u, v[BASE:])) - tau[states.at] for x, u, v, tau in rows]
     size = max(1.0, float(np.abs(table.tau).max()))
     yield Check(f"{phase} drive torque", float(np.abs(wrong).max()) / size, EXACT, "relative")
+
+
+@dataclass(frozen=True)
+class JointLosses(Strict):
+    """What the drive of a joint turns into heat over the hop [J]."""
+
+    gear: float = stated("by the gear's efficiency [J]")
+    friction: float = stated("by the gear's Coulomb and viscous friction [J]")
+    winding: float | None = stated("in the motor's winding [J]; null where nothing tells its resistance")
+
+
+@dataclass(frozen=True)
+class SupplyFigures(Strict):
+    """What the supply gives over the hop."""
+
+    lowest_voltage_V: float = stated("of the bus at its terminals [V]")
+    peak_current_A: float = stated("of each supply [A]")
+    energy_J: float = stated("drawn at its terminals, by all legs [J]")
+
+
+def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
+    """What becomes heat in each joint's drive [J], from the plan's torques and speeds."""
+    leg, p, found = robot.leg, robot.parameters, dict[str, JointLosses]()
+    rotors = robot.model.armature[BASE:]
+    for k, joint in enumerate(robot.joints):
+        gear, column = Gear.of(leg, joint, p), BASE + k
+        known = leg.supply is not None or all(leg.drive(joint, "motor", entry)[1] is not None for entry in ELECTRICAL)
+        heat, total = winding_heat(leg, joint, p), np.zeros(3)
+        for table in tables.values():
+            w, motor, tau = table.v[..., column], table.asked[..., k], table.tau[..., k]
+            out, rubbing = tau - rotors[k] * table.a[..., column], replace(gear, efficiency=1.0)
+            friction = (teeth_torque(out, w, *rubbing.law) - out) * w
+            rates = ((motor - tau) * w - friction, friction, heat * motor**2)
+            total += [_integral(table, rate) for rate in rates]
+        found[joint] = JointLosses(float(total[0]), float(total[1]), float(total[2]) if known else None)
+    return found
+
+
+def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures | None:
+    """Lowest voltage [V], greatest current [A] and energy [J] of the supply; None without one."""
+    leg, p = robot.leg, robot.parameters
+    if leg.supply is None:
+        return None
+    lowest, peak, energy = np.inf, 0.0, 0.0
+    for table in tables.values():
+        power = power_drawn(
+            leg, p, list(np.moveaxis(table.asked, -1, 0)), list(np.moveaxis(table.v[..., BASE:], -1, 0))
+        )
+        voltage = leg.supply.voltage * share_at(sag(leg, p), power)
+        lowest = min(lowest, float(voltage.min()))
+        peak = max(peak, float((power / voltage).max()) * leg.supply.legs / leg.supply.count)
+        energy += leg.supply.legs * _integral(table, power)
+    return SupplyFigures(lowest, peak, energy)
+
+
+def balance(robot: Robot, machine: Machine, phase: str, table: Table) -> Check:
+    """Work and heat that the motors draw = energy gained + what gears and windings turn into heat, relative to it."""
+    lost = losses(robot, {phase: table})
+    columns = list(np.moveaxis(table.asked, -1, 0)), list(np.moveaxis(table.v[..., BASE:], -1, 0))
+    drawn = sum(_integral(table, tau * w) for tau, w in zip(*columns, strict=True))
+    gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
+    heat = sum(x.gear + x.friction for x in lost.values())
+    size = sum(_integral(table, np.abs(tau * w)) for tau, w in zip(*columns, strict=True))
+    return Check(f"{phase} energy of the drives", abs(drawn - gained - heat) / max(size, 1e-3), BALANCE, "relative")
+
+
+def _integral(table: Table, rate: np.ndarray) -> float:
+    """Over time, of values (N, K) at the table's instants, by Clenshaw and Curtis in every interval."""
+    return float((table.t[:, -1] - table.t[:, 0]) @ (rate @ quadrature()))
 
 
 def _gears(robot: Robot, phase: str, table: Table) -> Check:

@@ -4,6 +4,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
 from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE, Robot
@@ -13,7 +14,7 @@ from hopopt.verify.table import DESCENT, STANCE, STANDING
 
 LIMIT_KINDS = (  # kinds of limits of a phase that are looked at here
     Kind.REGION, Kind.ANGLE, Kind.HEIGHT, Kind.SLIDER, Kind.FOOT, Kind.GROUND_FORCE, Kind.FRICTION, Kind.DESCENT,
-    Kind.WINDOW,
+    Kind.WINDOW, Kind.SUPPLY,
 )  # fmt: skip
 
 
@@ -34,13 +35,18 @@ def limits_of(
     q, v (k, 2 + n), tau (k, n) that the motors are asked for, f (k, 2); one value for those of its end;
     ``window``: the foot's window is one."""
     (q, v, tau, f), contact = motion, phase in STANDING
+    columns = list(tau.T), list(v[:, BASE:].T)
+    voltage = voltage_share(design.leg, robot.parameters, *columns) if design.leg.supply else None
     found: dict[LimitId, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
-        use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k]))
+        use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k], voltage))
         found[LimitId(Kind.REGION, joint)] = (use.max(axis=0) - 1.0) / 2  # a tau + b w goes from -1 to 1
         low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
         angle = q[:, BASE + k]
         found[LimitId(Kind.ANGLE, joint)] = np.maximum(low - angle, angle - high) / (high - low)
+    drawn = power_drawn(design.leg, robot.parameters, *columns) if design.leg.supply else 0.0
+    for entry, most in power_limits(design.leg, robot.parameters).items():
+        found[LimitId(Kind.SUPPLY, entry.replace("_", " "), f"supply.{entry}", "W")] = drawn / most - 1.0
     found |= _ground(machine, design, phase, q, v, f)
     if window and not contact:
         found |= _window(machine, robot, design, q)

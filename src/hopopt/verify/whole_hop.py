@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 
 from hopopt.design import Design, HopSettings, physical_parameters
 from hopopt.drivetrain.clamp import torque_lines, within
+from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of
 from hopopt.drivetrain.half_planes import OperatingRegion
@@ -60,6 +61,8 @@ class Drives:
     def of(cls, robot: Robot) -> Self:
         """The drives of a leg as its problem plans with them."""
         clamp = joint_clamp([operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints])
+        if robot.leg.supply is not None:
+            clamp = Drive.of(robot.leg, robot.parameters, robot.model.armature[BASE:], Gear()).clamp
         gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
         return cls(clamp, gear, robot.model.armature[BASE:])
 

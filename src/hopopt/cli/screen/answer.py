@@ -15,6 +15,7 @@ from hopopt.cli.screen.motion import hop_lines
 from hopopt.cli.screen.runs import OVERSHOOT
 from hopopt.cli.screen.search import global_line, measure, measured, starts_lines
 from hopopt.design import Design, Leg
+from hopopt.drivetrain.gear import lossy
 from hopopt.leg.kinematics import reach
 from hopopt.ocp.objectives.direction import sign
 from hopopt.planner.answer.limit_names import AS_GOOD, INSENSITIVE
@@ -110,7 +111,7 @@ def in_short(s: Summary, design: Design) -> list[str]:
     return [
         *(grounded if rise < HARDLY * reach(design.leg) else []),
         cleared,
-        f"it rests on {assumed(design.leg)}",
+        *([f"it rests on {rests}"] if (rests := assumed(design.leg)) else []),
         *([f"it leans on {lean}"] if lean else []),
         *more,
     ]
@@ -127,8 +128,17 @@ def notes(s: Summary) -> list[str]:
 def assumed(leg: Leg) -> str:
     """What a plan takes to be better than any robot has it."""
     bare = [name for name in leg.joints if not leg.drive(name, "motor", "rotor_inertia")[1]]
-    rotors = f", and on no rotor inertia at the {' and '.join(bare)}, which a motor has" if bare else ""
-    return f"gears without losses{rotors}"
+    ideal = [name for name in leg.joints if not lossy(leg, name)]
+    things = []
+    if ideal:
+        things.append(
+            "gears without losses" + ("" if len(ideal) == len(leg.joints) else f" at the {' and '.join(ideal)}")
+        )
+    if leg.supply is None:
+        things.append("a supply that never sags")
+    if bare:
+        things.append(f"no rotor inertia at the {' and '.join(bare)}, which a motor has")
+    return ", and on ".join(things)
 
 
 def loss(s: Summary, amount: float) -> str:

@@ -5,6 +5,7 @@ from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.motion import at_apex
 
 GRAVITY = 9.81  # m/s^2
+NO_HEAT = 1e-6  # J
 SWUNG = 1.5  # clearances: a foot that lands as from a higher fall did not only fall
 
 
@@ -32,8 +33,26 @@ def hop_lines(s: Summary) -> list[str]:
         f"{lift.vertical_m_s:.2f} m/s up and {lift.horizontal_m_s:+.2f} m/s along, peak ground force "
         f"{s.peak_ground_force_N:.0f} N",
         *box,
+        *drive_lines(s),
         *orbit_lines(s),
     ]
+
+
+def drive_lines(s: Summary) -> list[str]:
+    """What gears and windings turn into heat, and what that asks of the supply."""
+    lost = list((s.losses or {}).values())
+    gears = {"gears": sum(x.gear for x in lost), "their friction": sum(x.friction for x in lost)}
+    windings = [x.winding for x in lost if x.winding is not None]
+    known = {name: heat for name, heat in gears.items() if heat > NO_HEAT} | (
+        {"windings": sum(windings)} if windings else {}
+    )
+    if not known:
+        return []
+    words = f"heat of {', '.join(f'{name} {heat:.1f} J' for name, heat in known.items())}"
+    if (supply := s.supply) is None:
+        return [words]
+    sags = f"voltage down to {supply.lowest_voltage_V:.1f} V, up to {supply.peak_current_A:.0f} A, {supply.energy_J:.1f} J drawn"
+    return [f"{words}; supply: {sags}"]
 
 
 def orbit_lines(s: Summary) -> list[str]:

@@ -16,6 +16,7 @@ from hopopt.planner.answer.touchdown import ClearedBox, Landing, Orbit, landing,
 from hopopt.planner.motion import Motion, Samples
 from hopopt.record import Real, Strict, if_any, stated
 from hopopt.verify.check import LIMIT
+from hopopt.verify.drives import JointLosses, SupplyFigures, losses, supply_figures
 from hopopt.verify.upper_bound import UpperBound, upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
@@ -137,10 +138,10 @@ def energy(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, float]:
 def active_limits(plan: Motion, stance: Samples) -> dict[str, float]:
     """Share of stance in which each limit is active, largest first; a limit of its duration is active in all of it."""
     shares: dict[str, np.ndarray | bool] = {}
-    leg, size = plan.design.leg, reach(plan.design.leg)
+    leg, size, voltage = plan.design.leg, reach(plan.design.leg), plan.voltage(stance)
     for k, joint in enumerate(plan.robot.joints):
         region, angle = plan.region(joint), stance.q[:, BASE + k]
-        use = np.array(region.use(stance.v[:, BASE + k], stance.command[:, k]))
+        use = np.array(region.use(stance.v[:, BASE + k], stance.command[:, k], voltage))
         shares[str(LimitId(Kind.REGION, joint))] = use.max(axis=0) > 1 - ACTIVE
         margin = ACTIVE * (leg.joint[joint].upper - leg.joint[joint].lower)
         near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)
@@ -226,6 +227,12 @@ class MotionFigures:
     )
     energy: Mapping[str, float] = stated(
         "work of the joints, by phase, net and positive [J]", lambda m: energy(m.plan, m.fine)
+    )
+    losses: Mapping[str, JointLosses] | None = if_any(
+        "what each joint's drive turns into heat [J]", lambda m: losses(m.plan.robot, m.plan.tables)
+    )
+    supply: SupplyFigures | None = if_any(
+        "what the supply gives, if the problem has one", lambda m: supply_figures(m.plan.robot, m.plan.tables)
     )
     idle_limits: Mapping[str, IdleLimit] = stated("limits that never act", lambda m: idle_limits(m.plan, m.fine))
     orbit: Orbit | None = if_any("the cycle of a periodic hop", lambda m: orbit(m.plan))
