@@ -68,7 +68,7 @@ def test_a_motor_alone_closes_the_region_under_a_law(motor):
 @pytest.mark.parametrize(("part", "kind"), [("motor", Motor), ("gear", Gear)])
 def test_every_entry_states_every_number_and_where_it_is_from(part, kind):
     """So a joint's own motor or gear never falls back on a number of the leg's."""
-    numbers = set(kind.model_fields) - {"laws", "catalogue"}
+    numbers = set(kind.model_fields) - {"laws", "catalogue", "friction", "damping"}  # makers state an efficiency alone
     for name in names(part):
         entry = catalogue()[name]
         assert set(entry.parts[part]) == numbers, name  # and no mass: the leg's masses count its motors already

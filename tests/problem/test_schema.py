@@ -120,7 +120,7 @@ def test_a_stored_summary_is_accepted_and_misspelt_keys_are_refused(hop: Solutio
     accepts = Draft202012Validator(summary_schema())
     text = json.dumps(as_data(hop.summary))
     accepts.validate(json.loads(text))
-    free = ("timings_s", "saturation_mean", "energy", "active_limits", "idle_limits", "certificate", "phases")
+    free = ("timings_s", "losses", "saturation_mean", "energy", "active_limits", "idle_limits", "certificate", "phases")
     for where, table in tables(json.loads(text)):
         if where.split(".")[-1] in (*free, "gain_per_percent_m", "peak_torque_Nm", "peak_speed_rad_s", "intervals"):
             continue

@@ -70,11 +70,11 @@ def recorded(run: Run, truth: Design, gain: np.ndarray) -> Recording:
     for a in range(len(trace.t) - 1):
         q, v, part = trace.q[a + 1, BASE:], trace.v[a + 1, BASE:], (trace.t[a + 1] - trace.t[a]) / period
         if row[a] < row[-1] and part > 0:
-            motor, passed = plant.drive.torque(v, trace.command[a])
+            after = replace(plant.stance_start(q), q=trace.q[a + 1], v=trace.v[a + 1], contact=bool(trace.contact[a + 1]))
+            motor, _, standing = plant.torques(after, trace.command[a])
             tau[row[a]] += part * 0.5 * (trace.motor[a] + motor)
             if trace.contact[a]:
-                standing = plant.machine.stance_terms(q, v).contact_force(passed + plant.stops.torque(q, v))
-                force[row[a]] += part * 0.5 * (trace.f[a] + (standing if trace.contact[a + 1] else 0.0))
+                force[row[a]] += part * 0.5 * (trace.f[a] + standing)
     at = (trace.q[first, BASE:], trace.v[first, BASE:])
     return Recording(period * np.arange(row[-1]), *at, tau, force, trace.command[first], trace.contact[first])
 

@@ -8,10 +8,9 @@ import numpy as np
 from hopopt.compiled.kernel import packed
 from hopopt.design import Leg
 from hopopt.drivetrain import kernels
-from hopopt.drivetrain.clamp import torque_lines
 from hopopt.drivetrain.dynamics import AddedStates
 from hopopt.drivetrain.gear import ENTRIES, Gear, driven_joints, joint_torque, motor_torque
-from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.half_planes import OperatingRegion, torque_lines
 from hopopt.drivetrain.region import operating_region
 from hopopt.drivetrain.supply import stiff, supply_numbers
 

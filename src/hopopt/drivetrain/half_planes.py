@@ -4,12 +4,16 @@ One object serves the path constraint, the controller's clamp, the saturation ra
 joint torque [N m], w the joint speed [rad/s].
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
 
 from hopopt.drivetrain.limits import BACKWARD, FORWARD, SAGGING, Line
+
+UNBOUNDED = 1e12  # [N m] of a torque line that is not there
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class OperatingRegion:
         return np.where(empty, 0.0, lower), np.where(empty, 0.0, upper)
 
     def clamp(self, w: Any, tau: Any) -> Any:
-        """tau [N m] brought into the region at speed w [rad/s] (the paper's eq. 14), arrays alike: ``clamp.within`` for figures."""
+        """tau [N m] brought into the region at speed w [rad/s] (the paper's eq. 14), arrays alike: ``within`` for figures."""
         lower, upper = self.torque_bounds(w)
         return np.clip(tau, lower, upper)
 
@@ -104,3 +108,27 @@ def _vertices(planes: np.ndarray) -> np.ndarray:
 
 def pair(line: Line, a: Any, b: Any) -> list[HalfPlane]:
     return [HalfPlane(line, a, b, FORWARD), HalfPlane(line, -a, -b, BACKWARD)]
+
+
+def within(w: float, tau: float, upper: Any, lower: Any) -> float:
+    """tau [N m] of one joint within torques c - d w of the lines (c, d) above and below, (k, 2) each; 0 where there are none:
+    what is left of a command at a speed (paper's eq. 14). Plain Python on purpose: verification calls it, plants compile it."""
+    high, low = inf, -inf
+    for k in range(len(upper)):
+        high = min(high, upper[k][0] - upper[k][1] * w)
+    for k in range(len(lower)):
+        low = max(low, lower[k][0] - lower[k][1] * w)
+    return min(max(tau, low), high) if low <= high else 0.0
+
+
+def torque_lines(regions: Sequence[OperatingRegion]) -> tuple[np.ndarray, np.ndarray]:
+    """Lines c - d w of the greatest and of the least torque of every joint, as many for each, (n, k, 2) [N m, N m s/rad]."""
+    bounding = [[(float(h.a), float(h.b)) for h in region.planes if h.a != 0] for region in regions]
+    upper = _filled([[(1 / a, b / a) for a, b in planes if a > 0] for planes in bounding], UNBOUNDED)
+    return upper, _filled([[(1 / a, b / a) for a, b in planes if a < 0] for planes in bounding], -UNBOUNDED)
+
+
+def _filled(of_joints: list[list[tuple[float, float]]], none: float) -> np.ndarray:
+    most = max(len(each) for each in of_joints)
+    full = [[*each, *[(none, 0.0)] * (most - len(each))] for each in of_joints]
+    return np.array(full, dtype=float).reshape(len(of_joints), most, 2)

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain import clamp, gear, supply
+from hopopt.drivetrain import gear, half_planes, supply
 from hopopt.drivetrain.supply import BURNS, STIFF_SUPPLY
 
 HIGHEST, HALVINGS = 1.5, 48  # bus voltage over what it is without load, where motors feed back; of the search for it
 STIFF = 1.0  # step times the rate at which friction stops a joint; the Runge-Kutta scheme's limit is 2.8
 MOST_PARTS = 64  # of a step where gears rub
 
-within, passed_torque, share_at = kernel(clamp.within), kernel(gear.passed_torque), kernel(supply.share_at)
+within, passed_torque, share_at = kernel(half_planes.within), kernel(gear.passed_torque), kernel(supply.share_at)
 
 
 @kernel

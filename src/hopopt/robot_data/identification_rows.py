@@ -4,13 +4,13 @@ Nothing is differentiated twice. Let T be the kinetic energy and V the potential
 in stance with the foot held; in flight relative to the centre of mass, which falls freely, so that V does not act. With
 p = dT/dv and F = d(T - V)/dq, Lagrange's equations are dp/dt = F + tau_net, where
 
-    tau_net = g tau - (1 - eta) g |tau| sign(v) - c sign(v) - d v.
+    tau_net = A a + k (g tau - A a - c sign(v) - d v),    k = eta where the gear drives, 1 / eta where it brakes.
 
-tau is the logged torque, g the true torque constant over the believed one, eta the gear's efficiency, c and d its Coulomb
-and viscous friction. Against a smooth window phi that is zero at both ends, and integrated by parts (the method of
+tau is the logged torque, g the true torque constant over the believed one, A the rotor's inertia, eta the gear's efficiency,
+c and d its Coulomb and viscous friction (the law of drivetrain/gear.py). Against a smooth window phi that is zero at both ends, and integrated by parts (the method of
 modulating functions: Shinbrot, Trans. ASME 79, 1957), a row for each window and joint is
 
-    int phi (tau - (1 - eta) |tau| sign(v)) = (-int phi' p - int phi F + c int phi sign(v) + d int phi v) / g
+    int phi k tau = (-int phi' p - int phi F + int phi k (c sign(v) + d v) - A int phi (1 - k) a) / g
 
 with tau at t + lag, where lag is by how much the log's torques are later than its angles [s]: a mean over the period after a row is half a period early.
 A measured ground force f gives rows of its own, with the leg's linear momentum P, its mass m and gravity a:
@@ -47,6 +47,7 @@ from hopopt.robot_data.robot_log import RobotLog
 CLEAR_OF_STOPS = 0.01  # [rad] from an end stop that no window touches
 SHORT_OF_COMMAND = 0.03  # of the stall torque by which a drive gives less than asked where it is on its line
 NEAR_LINE = 0.85  # of the believed line's torque above which a drive without commands may be at its line
+SMOOTH = 10  # samples on either side, from which an acceleration tells whether a gear drives or brakes
 BELOW_CAP = 0.03  # of a cap on torque by which a drive stays below it where it is on its line
 
 
@@ -151,24 +152,42 @@ class LogRows:
     def _joint_rows(self, k: int, y: np.ndarray, by_scales: np.ndarray, x: np.ndarray) -> RowBlock:
         n, w, s, at, sign = self.n, self.joints[k], self.s, self.at, self.s.sign[:, k]
         (g, eta, c, d), (lag, ramp_lag) = self._of_joint(k, x), self._lags(x)
-        rubbed = np.abs(s.tau[:, k]) * sign
-        passed, delayed = s.tau[:, k] - (1 - eta) * rubbed, w.shifted(lag)
-        signs, speeds = w.phi @ sign, w.phi @ s.v[:, k]
-        load = c * signs + d * speeds - w.rate @ y[:, k] - w.phi @ y[:, n + k]
+        rotor, share = float(x[at["rotor"] + k]), self._passed_on(k, x)
+        by_eta = np.where(self._drives(k, x), 1.0, -1 / eta**2)  # of the share
+        passed, delayed, rubbing = s.tau[:, k] * share, w.shifted(lag), c * sign + d * s.v[:, k]
+        signs, speeds, kept = w.phi @ (share * sign), w.phi @ (share * s.v[:, k]), self._spun(k, 1 - share)
+        load = c * signs + d * speeds - rotor * kept - w.rate @ y[:, k] - w.phi @ y[:, n + k]
         slope = self.ramps[:, k] * (s.D @ s.tau[:, k])
-        changing = w.phi @ (slope * self._passed_on(k, eta))
+        changing = w.phi @ (slope * share)
         J = np.zeros((w.count, at["end"]))
         J[:, : at["gain"]] = (w.rate @ by_scales[:, k] + w.phi @ by_scales[:, n + k]) / g
-        J[:, at["gain"] + k], J[:, at["efficiency"] + k] = load / g**2, delayed @ rubbed
+        J[:, at["rotor"] + k] += kept / g
+        J[:, at["gain"] + k] = load / g**2
+        J[:, at["efficiency"] + k] = delayed @ (by_eta * s.tau[:, k]) - (w.phi @ (by_eta * rubbing) + rotor * self._spun(k, by_eta)) / g
         J[:, at["friction"] + k], J[:, at["damping"] + k] = -signs / g, -speeds / g
         J[:, at["lag"]], J[:, at["ramp_lag"]] = w.by_lag(lag) @ passed, changing
-        J[:, at["efficiency"] + k] += ramp_lag * (w.phi @ (slope * np.sign(s.tau[:, k]) * sign))
+        J[:, at["efficiency"] + k] += ramp_lag * (w.phi @ (slope * by_eta))
         logged = delayed @ passed + ramp_lag * changing
         return RowBlock(f"tau{k}", logged - load / g, logged, J)
 
-    def _passed_on(self, k: int, eta: float) -> np.ndarray:
-        """The share of one more logged torque that the gear passes on (k,)."""
-        return 1 - (1 - eta) * np.sign(self.s.tau[:, k]) * self.s.sign[:, k]
+    def _passed_on(self, k: int, x: np.ndarray) -> np.ndarray:
+        """The share of one more logged torque that the gear passes on (k,): eta where it drives, else 1 / eta."""
+        eta = self._of_joint(k, x)[1]
+        return np.where(self._drives(k, x), eta, 1 / eta)
+
+    def _spun(self, k: int, share: np.ndarray) -> np.ndarray:
+        """int phi share a of a joint, for a share (k,) that jumps, by parts: no speed is differentiated."""
+        w, s = self.joints[k], self.s
+        return -(w.rate @ (share * s.v[:, k])) - w.phi @ (s.v[:, k] * (s.D @ share))
+
+    def _drives(self, k: int, x: np.ndarray) -> np.ndarray:
+        """Whether a gear drives its joint (k,): what passes its teeth, rotor and friction aside, is along the motion."""
+        g, _, c, d = self._of_joint(k, x)
+        s, rotor = self.s, float(x[self.at["rotor"] + k])
+        ahead, behind = np.roll(s.v[:, k], -SMOOTH), np.roll(s.v[:, k], SMOOTH)  # no window lies at an end of the log
+        a = (ahead - behind) / (np.roll(s.t, -SMOOTH) - np.roll(s.t, SMOOTH))
+        teeth = g * s.tau[:, k] - rotor * a - c * s.sign[:, k] - d * s.v[:, k]
+        return teeth * s.sign[:, k] >= 0
 
     def _force_rows(self, a: int, y: np.ndarray, by_scales: np.ndarray, x: np.ndarray) -> RowBlock:
         n, w, f, at = self.n, self.standing, self.s.force[:, a], self.at
@@ -219,11 +238,11 @@ class LogRows:
         return found
 
     def _joint_noise(self, k: int, motion: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> Mapping[str, Any]:
-        w, s, (g, eta, _, d), (lag, ramp_lag) = self.joints[k], self.s, self._of_joint(k, x), self._lags(x)
+        w, s, (g, _, _, d), (lag, ramp_lag) = self.joints[k], self.s, self._of_joint(k, x), self._lags(x)
         found = {name: (1 / g) * B for name, B in self._by_angles(motion, (w.rate, k), (w.phi, self.n + k)).items()}
         found[f"q{k}"] = found[f"q{k}"] - (d / g) * (w.phi @ s.D)
         late = (w.phi * (ramp_lag * self.ramps[:, k])) @ s.D
-        return found | {f"tau{k}": (w.shifted(lag) + late) * self._passed_on(k, eta)}
+        return found | {f"tau{k}": (w.shifted(lag) + late) * self._passed_on(k, x)}
 
     def _force_noise(self, a: int, motion: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> Mapping[str, Any]:
         w, (lag, ramp_lag) = self.standing, self._lags(x, "force_")

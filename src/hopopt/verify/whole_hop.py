@@ -14,11 +14,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hopopt.design import Design, HopSettings, physical_parameters
-from hopopt.drivetrain.clamp import torque_lines, within
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of
-from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.half_planes import OperatingRegion, torque_lines, within
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.limit_id import Kind
