@@ -70,7 +70,10 @@ def test_it_is_said_first_and_counted_down(
     lines = list[Callable[[], str]]()
     monkeypatch.setattr(console, "_one_line", lambda quiet, left: lines.append(left) or nullcontext(print))
     whole = expected().seconds
-    with console.progress(False, expected()):
+    with console.progress(False, expected()) as say:
+        assert capsys.readouterr().err == ""  # what is asked may be refused yet
+        say("solving")
+        say("solving on")
         assert capsys.readouterr().err == f"hopopt: about {whole:.0f} s\n"
         said = list[str]()
         for clock[0] in (10.0, 40.0, 200.0):

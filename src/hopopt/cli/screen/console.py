@@ -101,11 +101,17 @@ def _print_part(out: Console, part: NamedLines) -> None:
 @contextmanager
 def progress(quiet: bool, expected: "ExpectedTime | None" = None) -> Iterator[Callable[[str], None]]:
     """A function that shows one line of progress on standard error, which when piped is a new line every PROGRESS_PERIOD seconds;
-    silent if ``quiet``. What is ``expected`` is said first and counted down, and how long it took is kept."""
+    silent if ``quiet``. What is ``expected`` is said with the first text, for before it what is asked may be refused; it is
+    counted down, and how long it took is kept."""
     began = time.monotonic()
-    if expected is not None and expected.first and not quiet:
-        print(f"hopopt: {expected.first}", file=sys.stderr, flush=True)
-    with _one_line(quiet, lambda: "" if expected is None else expected.left(time.monotonic() - began)) as say:
+    first = [] if expected is None or quiet or not expected.first else [f"hopopt: {expected.first}"]
+    with _one_line(quiet, lambda: "" if expected is None else expected.left(time.monotonic() - began)) as line:
+
+        def say(text: str) -> None:
+            while first:
+                print(first.pop(), file=sys.stderr, flush=True)
+            line(text)
+
         yield say
     if expected is not None:
         expected.keep(time.monotonic() - began)
