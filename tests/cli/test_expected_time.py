@@ -40,6 +40,12 @@ def test_another_question_takes_longer_where_commands_take_longer(cache: Path) -
     assert expected(problem="a1_leg").seconds == pytest.approx(2 * (PARTS["solve"] + 8 * PARTS["point of a front"]))
 
 
+def test_a_short_command_tells_nothing_of_others(cache: Path) -> None:
+    before = expected().seconds
+    ExpectedTime("tune", load("paper"), {"simulated hop": 2.0}).keep(60.0)
+    assert expected().seconds == before
+
+
 def test_a_limit_of_its_own_bounds_it_and_is_no_measure(cache: Path) -> None:
     assert expected(within=25.0).seconds == 25.0
     expected(within=25.0).keep(26.0)
