@@ -1,6 +1,7 @@
 """How long a command is expected to take: from its parts, from commands before it, and from itself."""
 
 import json
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -39,6 +40,12 @@ def test_another_question_takes_longer_where_commands_take_longer(cache: Path) -
     assert expected(problem="a1_leg").seconds == pytest.approx(2 * (PARTS["solve"] + 8 * PARTS["point of a front"]))
 
 
+def test_a_short_command_tells_nothing_of_others(cache: Path) -> None:
+    before = expected().seconds
+    ExpectedTime("tune", load("paper"), {"simulated hop": 2.0}).keep(60.0)
+    assert expected().seconds == before
+
+
 def test_a_limit_of_its_own_bounds_it_and_is_no_measure(cache: Path) -> None:
     assert expected(within=25.0).seconds == 25.0
     expected(within=25.0).keep(26.0)
@@ -64,17 +71,34 @@ def test_it_is_said_first_and_counted_down(
     cache: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On standard error; what is left of the whole goes down, whatever a step says of itself."""
-    told, clock = list[str](), iter([0.0, 10.0, 40.0, 200.0, 200.0])
-    monkeypatch.setattr(console, "_one_line", lambda quiet: nullcontext(told.append))
-    monkeypatch.setattr(console.time, "monotonic", lambda: next(clock))
+    clock = [0.0]
+    monkeypatch.setattr(console.time, "monotonic", lambda: clock[0])
+    lines = list[Callable[[], str]]()
+    monkeypatch.setattr(console, "_one_line", lambda quiet, left: lines.append(left) or nullcontext(print))
+    whole = expected().seconds
     with console.progress(False, expected()) as say:
-        assert capsys.readouterr().err == f"hopopt: about {expected().seconds:.0f} s\n"
-        for _ in range(3):
-            say("point 1 of 8")
-    assert [words.split(":")[0] for words in told] == [
-        "about 57 s left in all", "about 27 s left in all", "longer than expected"
+        assert capsys.readouterr().err == ""  # what is asked may be refused yet
+        say("solving")
+        say("solving on")
+        assert capsys.readouterr().err == f"hopopt: about {whole:.0f} s\n"
+        said = list[str]()
+        for clock[0] in (10.0, 40.0, 200.0):
+            said.append(lines[0]())
+    assert said == [
+        f"about {whole - 10:.0f} s left in all: ", f"about {whole - 40:.0f} s left in all: ", "longer than expected: "
     ]  # fmt: skip
     assert expected().seconds == 200.0
+
+
+def test_a_screen_counts_down_also_where_nothing_is_said() -> None:
+    """Whenever the line is drawn, with what is left then."""
+    left = iter(["about 9 s left in all: ", "about 8 s left in all: "])
+    line = console._Line(lambda: next(left), 60)
+    line.say("solving")
+    assert [str(line.__rich__()) for _ in range(2)] == [
+        "about 9 s left in all: solving",
+        "about 8 s left in all: solving",
+    ]
 
 
 def test_what_was_stopped_is_not_kept(cache: Path) -> None:

@@ -89,7 +89,7 @@ class ExpectedTime:
         if self.within is not None and took >= self.within:
             return
         kept, folder = _read(), None
-        pace = took / self._measured if self._measured else kept["pace"]
+        pace = took / self._measured if self._measured >= SHORTEST else kept["pace"]  # what is short tells little
         last = {name: seconds for name, seconds in kept["last"].items() if name != self._question}
         last = dict(list({**last, self._question: round(took, 1)}.items())[-MOST_KEPT:])
         with suppress(OSError):  # no reason to lose the answer

@@ -98,6 +98,7 @@ def tune(
     seed. Raises UsageError as ``check_search`` does."""
     check_search(design, [strategy], evaluations, seed)
     search, say = GainSearch(design.model_dump(exclude_none=True), strategy), progress or (lambda line: None)
+    say(f"{strategy}: simulating {evaluations} hops")
     with Parallel(n_jobs=processes or os.cpu_count() or 1, backend="loky") as run:
 
         def side_by_side(function: Any, places: Any) -> Any:

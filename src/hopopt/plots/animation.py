@@ -19,7 +19,12 @@ from hopopt.storage.folder import reason_of
 
 PICTURE_RATE = 25  # pictures per second
 HOLD = 1.0  # [s] that the last picture stands before it begins anew
-SIZE, DPI = (6.4, 5.2), 80  # [in], pixels to the inch: small enough to mail
+HEIGHT, EDGES, DPI = (
+    5.2,
+    (1.0, 1.35),
+    80,
+)  # [in] of the picture; of it beside and over the axes; pixels to the inch: small enough to mail
+NARROWEST = 4.5  # [in], for the title
 PICTURE_HEIGHT = 420  # pixels of the SVG
 SUFFIXES = (".gif", ".mp4", ".svg")
 
@@ -92,14 +97,16 @@ def _label(hop: ShownHop) -> str:
 
 
 def _drawn(hops: Sequence[ShownHop], title: str, slower: float) -> FuncAnimation:
-    figure: Figure = new_figure(title, SIZE)
-    ax, times = figure.subplots(), instants(hops, slower)
-    x, y = _bounds(hops)
+    (x, y), times = _bounds(hops), instants(hops, slower)
+    wide = (HEIGHT - EDGES[1]) * (x[1] - x[0]) / (y[1] - y[0]) + EDGES[0]  # so that the axes fill it
+    figure: Figure = new_figure(title, (max(wide, NARROWEST), HEIGHT))
+    ax = figure.subplots()
     ax.axhline(0, color=GREY, lw=3, zorder=1)
     ax.set(xlim=x, ylim=y, aspect="equal")
     describe(ax, "along [m]", "height [m]")
-    clock = ax.text(0.02, 0.96, "", transform=ax.transAxes, fontsize=TEXT, va="top")
+    clock = ax.set_title(" ", loc="right", fontsize=TEXT)  # over the axes: in them it would lie on a leg
     legs, chains = [], [poses(hop, times) for hop in hops]
+    ended = max(hops, key=lambda hop: hop.t[-1]).ends
     for hop, color in zip(hops, COLORS, strict=False):
         ax.plot(*hop.chain[:, -1].T, color=color, lw=1, alpha=0.5)
         (leg,) = ax.plot([], [], "-o", color=color, lw=4, ms=6, mfc="white", label=_label(hop))
@@ -111,7 +118,7 @@ def _drawn(hops: Sequence[ShownHop], title: str, slower: float) -> FuncAnimation
         for (leg, body), chain in zip(legs, chains, strict=True):
             leg.set_data(*chain[k].T)
             body.set_data(*chain[k, :1].T)
-        clock.set_text(f"{times[k]:.3f} s")
+        clock.set_text(f"{times[k]:.3f} s{f', {ended}' if ended and times[k] == times[-1] else ''}")
         return [clock]
 
     return FuncAnimation(figure, draw, frames=len(times), interval=1000 / PICTURE_RATE)

@@ -130,7 +130,7 @@ def headline(solution: Solution) -> tuple[str, float]:
     return ("body apex", claims["apex_m"]) if "apex_m" in claims else ("clearance", claims["clearance_m"])
 
 
-def height_arrow(ax: Axes, x: float, height: float) -> None:
-    """A double arrow from the ground to a height [m]."""
-    look = {"arrowstyle": "<|-|>", "color": BLACK, "lw": 1.5, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 14}
+def height_arrow(ax: Axes, x: float, height: float, head: float = 14.0) -> None:
+    """A double arrow from the ground to a height [m]; head: size of its heads [pt]."""
+    look = {"arrowstyle": "<|-|>", "color": BLACK, "lw": 1.5, "shrinkA": 0, "shrinkB": 0, "mutation_scale": head}
     ax.annotate("", (x, height), (x, 0), arrowprops=look)

@@ -23,6 +23,7 @@ class ShownHop:
     force: on the foot, along x and up, (k, 2) [N]
     lift_off: when the foot leaves [s]
     clearance: what the hop reaches [m]; None where it is not verified
+    ends: why it goes no further, in words
     """
 
     name: str
@@ -34,6 +35,7 @@ class ShownHop:
     force: np.ndarray
     lift_off: float
     clearance: float | None
+    ends: str = ""
 
     @property
     def lowest(self) -> np.ndarray:
@@ -49,7 +51,8 @@ def planned(solution: Solution, name: str) -> ShownHop:
     chain = np.stack([s.points[point] for point in (*solution.robot.joints, "foot")], axis=1)
     clearance = solution.clearance if solution.verified else None
     force = s.f[:, [0, -1]]
-    return ShownHop(name, s.t, chain, s.points["com"], s.v[:, -n:], s.command, force, solution.lift_off, clearance)
+    ends = f"{solution.end_of_flight}: the plan ends" if solution.end <= solution.duration else ""
+    return ShownHop(name, s.t, chain, s.points["com"], s.v[:, -n:], s.command, force, solution.lift_off, clearance, ends)
 
 
 def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:

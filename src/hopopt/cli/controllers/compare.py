@@ -129,11 +129,11 @@ def compare(
     chosen_ones = len(names or ()) or 4
     parts = {
         "solve": 0.0 if given else 1.0,
-        "hops of a strategy" if periodic else "controllers": float(chosen_ones if periodic else 1),
+        "hops of a strategy" if periodic else "controllers": chosen_ones if periodic else chosen_ones / 4,
         "simulated hop": 2.0 * tune + 0.5 * draws * chosen_ones,
-        "rung of the ladder": 12.0 * why,
-        "least reserve": float(reserve),
-        "basin": float(chosen_ones * basin),
+        "rung of the ladder": 12.0 * bool(why),
+        "least reserve": float(bool(reserve)),
+        "basin": float(chosen_ones * bool(basin)),
     }
     with progress(json_, ExpectedTime("compare", design, parts)) as say:
         if periodic:

@@ -68,7 +68,7 @@ def robust(
     design = load(problem, set_ or ())
     prepare(results)
     parts = {"solve": 2.0, "plan for drawn legs": float(evaluations), "simulated hop": 0.5 * draws}
-    with progress(json_, ExpectedTime("robust", design, parts)) as say:
+    with progress(json_, ExpectedTime("robust", design, parts, seconds + 0.5 * draws)) as say:
         found = studying.robust(
             design, share=share, confidence=confidence, draws=draws, evaluations=evaluations, seed=seed, starts=starts,
             seconds=seconds, processes=os.cpu_count() or 1, progress=say,

@@ -101,42 +101,66 @@ def _print_part(out: Console, part: NamedLines) -> None:
 @contextmanager
 def progress(quiet: bool, expected: "ExpectedTime | None" = None) -> Iterator[Callable[[str], None]]:
     """A function that shows one line of progress on standard error, which when piped is a new line every PROGRESS_PERIOD seconds;
-    silent if ``quiet``. What is ``expected`` is said first and counted down, and how long it took is kept."""
+    silent if ``quiet``. What is ``expected`` is said with the first text, for before it what is asked may be refused; it is
+    counted down, and how long it took is kept."""
     began = time.monotonic()
-    if expected is not None and expected.first and not quiet:
-        print(f"hopopt: {expected.first}", file=sys.stderr, flush=True)
-    with _one_line(quiet) as say:
-        if expected is None:
-            yield say
-        else:
-            yield lambda text: say(f"{expected.left(time.monotonic() - began)}{text}")
+    first = [] if expected is None or quiet or not expected.first else [f"hopopt: {expected.first}"]
+    with _one_line(quiet, lambda: "" if expected is None else expected.left(time.monotonic() - began)) as line:
+
+        def say(text: str) -> None:
+            while first:
+                print(first.pop(), file=sys.stderr, flush=True)
+            line(text)
+
+        yield say
     if expected is not None:
         expected.keep(time.monotonic() - began)
 
 
 @contextmanager
-def _one_line(quiet: bool) -> Iterator[Callable[[str], None]]:
+def _one_line(quiet: bool, left: Callable[[], str]) -> Iterator[Callable[[str], None]]:
+    """left: what is said before the text as it is now, of the time that is left"""
     if quiet:
         yield lambda text: None
         return
     if not sys.stderr.isatty():
-        with _now_and_then(sys.stderr) as say:
+        with _now_and_then(sys.stderr, left) as say:
             yield say
         return
     screen = Console(stderr=True, highlight=False)
-    with screen.status("starting") as status:
-        yield lambda text: status.update(Text(textwrap.shorten(text, max(screen.width - 4, 20), placeholder=" …")))
+    line = _Line(left, max(screen.width - 4, 20))
+    with screen.status(line):
+        yield line.say
+
+
+class _Line:
+    """The line of a spinner, made anew whenever it is drawn.
+
+    left: what is said first, of the time that is left
+    width: letters that have room
+    """
+
+    def __init__(self, left: Callable[[], str], width: int):
+        self.left, self.width, self.text = left, width, "starting"
+
+    def say(self, text: str) -> None:
+        """What is done now."""
+        self.text = text
+
+    def __rich__(self) -> Text:
+        return Text(textwrap.shorten(f"{self.left()}{self.text}", self.width, placeholder=" …"))
 
 
 @contextmanager
-def _now_and_then(out: TextIO) -> Iterator[Callable[[str], None]]:
-    """A function that is told of progress, the last of which is written every PROGRESS_PERIOD seconds, also if there is no more."""
+def _now_and_then(out: TextIO, left: Callable[[], str]) -> Iterator[Callable[[str], None]]:
+    """A function that is told of progress, the last of which is written every PROGRESS_PERIOD seconds, also if there is no more;
+    before it what is ``left``."""
     began, last, ended = time.monotonic(), "starting", Event()
 
     def write() -> None:
         while not ended.wait(PROGRESS_PERIOD):
             with suppress(OSError, ValueError):  # nobody reads it any more
-                print(f"hopopt: after {time.monotonic() - began:.0f} s: {last}", file=out, flush=True)
+                print(f"hopopt: after {time.monotonic() - began:.0f} s: {left()}{last}", file=out, flush=True)
 
     def say(text: str) -> None:
         nonlocal last

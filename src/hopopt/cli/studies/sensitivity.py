@@ -54,7 +54,7 @@ def sensitivity(
     figures: Figure = True,
     json_: AsJson = False,
 ) -> int:
-    """Say what to change first: what 1 % more of each entry brings.
+    """Say what to change first: what 1 % more of the value of each entry brings.
 
     Exit code: 0 reported for a verified optimum, 1 not solved, 2 wrong usage, 3 not verified: nothing is reported.
 
@@ -130,7 +130,7 @@ def shown(data: Mapping[str, Any], influences: Sequence[Influence]) -> Iterator[
         yield f"Failed: {', '.join(data['failed_checks'])}"
         return
     what, height = ("body apex", data["apex_m"]) if "apex_m" in data else ("clearance", data["clearance_m"])
-    yield f"{data['problem']}: {what} {height:.4f} m, verified. What 1 % more of an entry would change:"
+    yield f"{data['problem']}: {what} {height:.4f} m, verified. What 1 % more of the value of an entry would change:"
     rows = _in_the_table(influences)
     yield _table(influences, rows)
     if at := next((i for i in influences if i.kinked), None):

@@ -56,7 +56,15 @@ def foot_height(runs: Runs) -> Figure:
     if OPTIMUM in runs:
         bound = runs[OPTIMUM].clearance
         ax.axhline(bound, color=BLACK, lw=1.5, ls=":", label=f"the optimum's clearance, {bound:.3f} m")
-    ax.plot([], [], "o", mfc=GREY, mec="white", ms=10, label="clearance (of the leg's lowest point)")
+    ax.plot(
+        [],
+        [],
+        "o",
+        mfc=GREY,
+        mec="white",
+        ms=10,
+        label="clearance; off its line: the knee is lowest",
+    )
     describe(ax, "time since lift-off [s]", "height of the foot [m]")
     begin, end = (f(since_lift_off(run)[k] for run in runs.values()) for f, k in ((min, 0), (max, -1)))
     ax.set_xlim(begin - 0.02 * (end - begin), end + 0.02 * (end - begin))

@@ -7,11 +7,13 @@ from matplotlib.patches import Circle
 
 from hopopt.leg.scales import Scale
 from hopopt.plots.controllers.runs_style import Runs, called, few, last, looks, reached, runs_figure, since_lift_off
-from hopopt.plots.stick import POSE_STEP as STEP
-from hopopt.plots.style import GREY, SMALL, describe, height_arrow
+from hopopt.plots.stick import POSE_STEP
+from hopopt.plots.style import FIGURE_SIZE, GREY, SMALL, describe, height_arrow
 from hopopt.sim.hop_metrics import HopFigures
 
 LONGEST_DRAWN = 1.0  # [s] on the paper's leg, of a run that is drawn
+WIDEST, TITLE = 9.8, 0.5  # [in] what a slide has for a row of poses across, and what the row needs beside them
+SMALL_HEAD = 8.0  # [pt] of an arrow in so low a row
 CROWDED = 8  # columns, above which every other one has its time written
 PALER = 0.4  # opacity of the poses in stance
 
@@ -26,7 +28,12 @@ def stick(runs: Runs) -> Figure:
     poses, look = [_Poses(run) for run in runs.values()], looks(runs)
     first, last_one = min(p.first for p in poses), max(p.first + len(p.t) for p in poses)
     widths = [max((p.width(k) for p in poses), default=0.0) for k in range(first, last_one)]
-    middles, width, top = np.cumsum(widths) - np.array(widths) / 2, sum(widths), max(p.top for p in poses)
+    top = max(p.top for p in poses)
+    fill = WIDEST * top / (FIGURE_SIZE[1] / len(runs) - TITLE) - sum(widths)
+    widths = [
+        w + max(fill, 0.0) / len(widths) for w in widths
+    ]  # poses farther apart, where they would not fill the slide
+    middles, width = np.cumsum(widths) - np.array(widths) / 2, sum(widths)
     figure = runs_figure(runs, "every 40 ms up to the clearance, paler in stance")
     axes = figure.subplots(len(runs), squeeze=False)[:, 0]
     for ax, p, (name, run) in zip(axes, poses, runs.items(), strict=True):
@@ -36,7 +43,7 @@ def stick(runs: Runs) -> Figure:
         describe(ax, "time since lift-off [s]" if ax is axes[-1] else "", "height [m]" if len(runs) < 4 else "z [m]")
         ax.grid(False, axis="x")
         every = 2 if len(middles) > CROWDED else 1
-        ticks = [(m, f"{STEP * k:.2f}") for k, m in enumerate(middles, first) if k % every == 0 and ax is axes[-1]]
+        ticks = [(m, f"{POSE_STEP * k:.2f}") for k, m in enumerate(middles, first) if k % every == 0 and ax is axes[-1]]
         ax.set_xticks([m for m, _ in ticks], [text for _, text in ticks], fontsize=SMALL)
         at = f" at {p.t[-1]:.3f} s" if run.highest is not None else ""
         ax.set_title(f"{called(name, run)}: {reached(run)}{at}", loc="left", fontsize=SMALL, fontweight="bold")
@@ -50,8 +57,8 @@ class _Poses:
     def __init__(self, run: HopFigures):
         trace, links, clock = run.trace, run.design.leg.link.values(), since_lift_off(run)
         end = min(last(run), int(np.searchsorted(trace.t, LONGEST_DRAWN * Scale.of(run.design.leg).time)) - 1)
-        self.first = int(np.ceil(clock[0] / STEP - 1e-9))
-        early = STEP * np.arange(self.first, clock[end] / STEP - 0.25)  # none just before the last
+        self.first = int(np.ceil(clock[0] / POSE_STEP - 1e-9))
+        early = POSE_STEP * np.arange(self.first, clock[end] / POSE_STEP - 0.25)  # none just before the last
         reach = sum(link.length for link in links)
         self.radius, self.t = 0.09 * reach, np.append(early, clock[end])
         self.contact = trace.contact[np.maximum(np.searchsorted(clock, self.t, side="right") - 1, 0)]
@@ -76,7 +83,7 @@ class _Poses:
             ax.plot(x, z, "-o", lw=2.5, ms=4, mfc="white", zorder=3, **look)
             ax.add_patch(Circle((x[0], z[0]), self.radius, lw=0, zorder=4, **look))
         if self.clearance is not None and self.clearance > 0.1 * self.top:  # there is room for an arrow
-            height_arrow(ax, across[-1, self.z[-1].argmin()], self.clearance)
+            height_arrow(ax, across[-1, self.z[-1].argmin()], self.clearance, SMALL_HEAD)
 
 
 def _at(t: np.ndarray, known: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ def tornado(solution: Solution, influences: Sequence[Influence]) -> Figure:
     for row, i in enumerate(shown):
         _bar(ax, row, i)
     ax.axvline(0, color=BLACK, lw=1.2)
-    describe(ax, f"change of the {what} [cm] for 1 % more of the entry", "")
+    describe(ax, f"change of the {what} [cm] for 1 % more of the entry's value", "")
     ax.set_yticks(range(len(shown)), [f"{i.name} = {i.value:g} {i.unit}".removesuffix(" 1") for i in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)
     ax.margins(x=0.14)
