@@ -39,6 +39,7 @@ LOWEST, HIGHEST = np.zeros(5), np.array([0.3, 0.4, 0.3, 2.0, 0.05])
 SHARES = (0.3, 0.45, 0.6, 0.8)  # of the spreads, by which the program's legs are apart
 FORCE, HEIGHT = 0.3, 0.004  # what the program keeps back: ground force [of the weight], height [of the reach]
 LONGEST = {BY_RESERVE: 60.0, BY_PROGRAM: 150.0}  # [s] of a plan's solves: of one reserve, of all programs
+ALIKE = 1e-4  # [m] on the paper's leg: reserves whose scores are nearer than this are as good
 FALLS = 0.01  # of the lowest clearance that counts for a plan under which legs at the ends of the spreads fall
 AGREES = 0.02  # share of the planned clearance by which a leg of the program may stay below it when simulated
 
@@ -115,7 +116,12 @@ class Search:
     def by_reserve(self, evaluations: int) -> None:
         """So many reserves, by Nelder and Mead's simplex within bounds."""
         simplex = np.array([FIRST, *(FIRST + np.diag(STEPS))])
-        options = {"maxfev": evaluations, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-4}
+        options = {
+            "maxfev": evaluations,
+            "initial_simplex": simplex,
+            "xatol": 1e-3,
+            "fatol": ALIKE * Scale.of(self.bound.design.leg).length,
+        }
         bounds = list(zip(LOWEST, HIGHEST, strict=True))
         tried, most = 0, 0.0
 

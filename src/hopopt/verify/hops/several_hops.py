@@ -8,6 +8,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import Robot
+from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import EXACT, Check
 from hopopt.verify.hops.landing import lift_off
@@ -25,7 +26,7 @@ from hopopt.verify.table import FLIGHT, STANCE, Table
 from hopopt.verify.whole_hop import joint_clamp, simulated_hop
 
 Tables = Mapping[str, Table]  # of one hop's phases; x and time count from where and when it began
-MISSED = 1e-3  # rad, rad/s: by which the hops simulated in one piece may miss the orbit
+MISSED = 1e-3  # rad, and rad/s on the paper's leg: by which hops simulated in one piece may miss the orbit
 
 
 def several_hops_checks(
@@ -56,8 +57,8 @@ def _one_hop(machine: Machine, robot: Robot, design: Design, tables: Tables, fou
 
 
 def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables], end: np.ndarray) -> float:
-    """By how much the joints miss ``end`` (2 n) [rad, rad/s] where all hops are simulated in one piece, torques clamped to the
-    drives; infinite if that cannot be."""
+    """By how much the joints miss ``end`` (2 n) [rad, and rad/s on the paper's leg] where all hops are simulated in one piece,
+    torques clamped to the drives; infinite if that cannot be."""
     first = hops[0][STANCE]
     clamp = joint_clamp([operating_region(design.leg, joint, robot.parameters) for joint in robot.joints])
     last = state = first.q[0, 0], first.v[0, 0]
@@ -67,4 +68,4 @@ def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables
             state = last[0], machine.touch_down(*last)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return np.inf
-    return closure(machine, end, *last)
+    return closure(machine, end, *last, rate=1 / Scale.of(design.leg).time)
