@@ -188,6 +188,7 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
         "tracker": "track",
         "reserve": {"torque": 0.1},
         "plan_verified": False,
+        "against": None,
         "lowest_by_way_m": {"reserve": 0.55, "program": None},
         "feedback": {"k_p": [1000.0, 500.0], "k_d": [20.0, 10.0]},
         "pd": {"pd": 0.5},
@@ -208,8 +209,11 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
     assert "k_p = 1000, 500 N m/rad" in words
     assert "[reserve] torque = 0.1" in words
     assert "reaches more than any plan" not in words
-    show(shown({**numbers, **counts, **rest, "pd": {"pd": 0.61}}))
-    assert "pd reaches more than any plan that was tracked" in " ".join(capsys.readouterr().out.split())
+    assert "no plan was found that all legs" not in words
+    show(shown({**numbers, **counts, **rest, "pd": {"pd": 0.61}, "against": "under it 2 of 16 legs fold"}))
+    words = " ".join(capsys.readouterr().out.split())
+    assert "pd reaches more than any plan that was tracked" in words
+    assert "no plan was found that all legs of the search keep: under it 2 of 16 legs fold" in words
 
 
 def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,6 +237,36 @@ def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.M
     assert most < fewer < none == 0.4
     assert found.best.lowest == 0.4
     assert Reached(np.zeros(2), (folds, "past the apex")).fell == 1
+
+
+def test_plans_under_which_drawn_legs_fall_rank_below_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the others reach; among themselves by how few fall, and how they fall is said."""
+    folds, past = "the leg folds at 0.020 s without a push", "past the apex"
+    heights = iter([[0.6, 0.0, 0.0, 0.6], [0.6, 0.6, 0.1, 0.6], [0.2, 0.2, 0.2, 0.2]])
+
+    def reached_of(design: object, name: str, plan: object, legs: list[object], processes: int) -> Reached:
+        found = np.array(next(heights)) if len(legs) == 4 else np.full(len(legs), 0.6)
+        return Reached(found, tuple(folds if h < 0.15 else past for h in found))
+
+    monkeypatch.setattr("hopopt.comparison.robust.robust_search.reached", reached_of)
+    found = Search(None, [None] * 4, [None] * 3, 1, lambda text: None)  # type: ignore[arg-type, list-item]
+    for clearance in (0.6, 0.6, 0.25):
+        found.keep("reserve", None, None, SimpleNamespace(clearance=clearance), True)  # type: ignore[arg-type]
+    two, one, none = (trial for trial in found.trials if trial is not None)
+    assert two.score < one.score < 0 < none.score == found.best.score == 0.2
+    assert two.against == f"under it 2 of 4 legs of the search fall, most like this: {folds}"
+    assert none.against == ""
+
+
+def test_a_program_that_hardly_clears_anything_is_no_plan() -> None:
+    """Half of the bound at least: or what stands against it is said, and nothing is kept."""
+    design = load("paper", {"contact.friction": 0.6})
+    found = Search(SimpleNamespace(design=design, clearance=0.7), [], [], 1, lambda text: None)  # type: ignore[arg-type]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Search, "_programs", lambda self, asked: iter([([], SimpleNamespace(clearance=0.03))]))
+        found.by_program(1)
+    assert found.trials == [None]
+    assert found.against == "by one program for several legs: it clears no more than 0.030 m on all of its legs"
 
 
 def test_without_a_plan_the_worst_constraint_is_said_once_and_in_time() -> None:
