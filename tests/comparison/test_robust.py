@@ -14,7 +14,7 @@ from scipy.stats import binom
 from hopopt.cli.controllers.robust import shown
 from hopopt.cli.main import run
 from hopopt.cli.screen.console import show
-from hopopt.comparison.robust.least_reserve import SHARES, least_reserve
+from hopopt.comparison.robust.least_reserve import ENOUGH, SHARES, WITH_DRIVES, least_reserve
 from hopopt.comparison.robust.robust_search import TRACKER, Search
 from hopopt.comparison.robust.robustness import Reached, can_be_had, drawn, extremes, rank, reached
 from hopopt.design import Design, Uncertainty
@@ -320,8 +320,28 @@ def test_the_least_reserve_is_the_first_with_which_no_drawn_leg_falls(monkeypatc
     assert "10% of the weight" in found.words
     assert "2 drawn legs falls; the whole [reserve] costs 3.0 cm of the bound" in found.words
     monkeypatch.setattr(room + "reached", lambda *asked: Reached(np.array([0.7, 0.1]), ()))
-    with pytest.raises(NotSolvedError, match="60% of the weight held back, 1 of 2 drawn legs fall"):
+    tried.clear()
+    last = "100% of the weight and 16% of torque and speed held back, 1 of 2 drawn legs fall"
+    with pytest.raises(NotSolvedError, match=last):
         least_reserve(bound, draws=2)  # type: ignore[arg-type]
+    alone = [share for share in SHARES if share <= ENOUGH]  # where half of the legs still fall, weight is not enough
+    assert tried == pytest.approx([share * heavy for share in (*alone, *(share for share, _ in WITH_DRIVES))])
+
+
+def test_where_weight_is_not_enough_torque_and_speed_are_held_back_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what the problem holds back by itself no less is held; what is held is said."""
+    room, design = "hopopt.comparison.robust.least_reserve.", load("paper", {"reserve.torque": 0.09})
+    plan = SimpleNamespace(clearance=0.7, verified=True)
+
+    def runs(asked: Design, name: str, plan: object, legs: list[object], processes: int) -> Reached:
+        return Reached(np.array([0.7, 0.1 if asked.reserve.speed < 0.07 else 0.7]), ())
+
+    monkeypatch.setattr(room + "solved_from_known", lambda hop, known, until: plan)
+    monkeypatch.setattr(room + "reference_of", lambda plan: None)
+    monkeypatch.setattr(room + "reached", runs)
+    found = least_reserve(SimpleNamespace(design=design, clearance=0.8), draws=2)  # type: ignore[arg-type]
+    assert (found.share, found.design.reserve.speed, found.design.reserve.torque) == (0.45, 0.08, 0.09)
+    assert "45% of the weight and 8% of torque and speed, is the least" in found.words
 
 
 @pytest.mark.slow

@@ -106,7 +106,10 @@ def test_feedback_moves_no_torque_further_than_a_motor_should_follow(bits: int, 
 @settings(max_examples=3, deadline=None, phases=[Phase.generate])
 def test_units_of_a_similar_leg(size: float) -> None:
     """Each is the power of its size that mechanics gives, also those of states; a unit of a user's own has none."""
-    scale, powers = Scale.of(load("paper", similar(size)).leg), {**POWERS, "m/s": 0.5, "rad/s": -0.5, "N s": 3.5, "W": 3.5}
+    scale, powers = (
+        Scale.of(load("paper", similar(size)).leg),
+        {**POWERS, "m/s": 0.5, "rad/s": -0.5, "N s": 3.5, "W": 3.5},
+    )
     for unit, power in powers.items():
         assert scale.unit(unit) == pytest.approx(size**power), unit
     q, v = scale.states(2)
@@ -128,7 +131,9 @@ def test_what_a_hop_leaves_out_suits_the_leg(size: float) -> None:
 
 def test_what_the_papers_hop_leaves_out_is_what_it_states() -> None:
     """To the last digit."""
-    assert load("paper", dict.fromkeys(("hop.stance_duration", "hop.flight_duration", "hop.foot_window"))) == load("paper")
+    assert load("paper", dict.fromkeys(("hop.stance_duration", "hop.flight_duration", "hop.foot_window"))) == load(
+        "paper"
+    )
 
 
 def test_a_reserve_that_is_left_out_is_a_share_of_the_leg() -> None:

@@ -81,7 +81,7 @@ def compare(
         in place of those tuned for the paper's leg and scaled.
     reserve
         auto: hold back from the ground force the least with which the plan is tracked on drawn legs, in place of the problem's
-        reserve.ground_force.
+        reserve.ground_force; where that is not enough, of torque and speed too.
     mujoco
         Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws
