@@ -15,7 +15,7 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.similarity import Size, factors, similar_height
 from hopopt.control.strategies import find
-from hopopt.control.tracking.track import MOVES, Track, TrackingOptions
+from hopopt.control.tracking.track import Track, TrackingOptions
 from hopopt.design import Reserve
 from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import Scale, reserve_of, standstill_torques, weight
@@ -87,19 +87,6 @@ def test_what_counts_as_little_on_a_similar_leg_is_as_little() -> None:
     small = Scale.of(load("paper", similar(0.25)).leg)
     found = (small.length, small.mass, small.stall, small.time, small.inertia)
     assert found == pytest.approx([0.25**power for power in (1, 3, 4, 0.5, 5)])
-
-
-@pytest.mark.parametrize("bits", [10, 0])
-@given(st.floats(0.1, 4.0))
-@settings(max_examples=1, deadline=None, phases=[Phase.generate])
-def test_feedback_moves_no_torque_further_than_a_motor_should_follow(bits: int, size: float) -> None:
-    """Nor where the ground lets go between two slow samples, on a leg of any size; and no height is lost by it."""
-    slow = {"simulation.control_rate": 1000.0 / size**0.5, "simulation.encoder_bits": bits}
-    design = load("paper", {**similar(size), **slow})
-    run = simulate(design, find("track"), plan=plan(size), past_apex=True, compiled=True)
-    assert run.moves is not None
-    assert 0.03 < run.moves <= MOVES * (1 + 1e-9)
-    assert run.figures.clearance == pytest.approx(plan(size).clearance, rel=2e-3)
 
 
 @given(st.floats(0.1, 4.0))

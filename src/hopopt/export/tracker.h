@@ -190,13 +190,9 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
     }
     for (int j = 0; j < n; j++) miss[j] = hopopt_missed(q[j] - planned_q[j] - error[j], planned_v[j]);
     hopopt_add(error, 1.0, p->L + period * m * n, m, n, miss);
-    const int moves = s->known && s->contact == contact; /* no further than a motor should follow within a phase */
-    double added[HOPOPT_JOINTS] = {0};
-    hopopt_add(added, -1.0, p->K + period * n * m, n, m, error);
+    for (int j = 0; j < n; j++) tau[j] = planned_tau[j];
+    hopopt_add(tau, -1.0, p->K + period * n * m, n, m, error);
     for (int j = 0; j < n; j++) {
-        const double most = hopopt_most_moved[j];
-        if (moves) added[j] = hopopt_within(added[j], s->extra[j] - most, s->extra[j] + most);
-        tau[j] = planned_tau[j] + added[j];
         s->q[j] = planned_q[j] + error[j];
         s->v[j] = planned_v[j] + error[n + j];
         tau[j] = hopopt_clamp(j, s->v[j], hopopt_needed(j, planned_v[j], tau[j]));

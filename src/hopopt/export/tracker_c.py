@@ -60,7 +60,7 @@ def tables(tracker: Track) -> str:
     figures |= {name.upper(): gears[name] for name in ("friction", "damping", "slow")}
     lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
     shared = {"places": stance.places, "weights": stance.barycentric, "rest": tracker.rest}
-    shared |= {"efficiency": gears["efficiency"], "most_moved": tracker.most_moved}
+    shared["efficiency"] = gears["efficiency"]
     lines += [_array(name, values) for name, values in shared.items()]
     for side, planes in bounds.items():  # (n, k, 2), the last repeated: that bounds nothing more
         joints = np.pad(planes, ((0, 0), (0, sizes["LINES"] - planes.shape[1]), (0, 0)), mode="edge").tolist()

@@ -10,7 +10,6 @@ from rich.table import Column, Table
 from hopopt.cli.screen.console import Shown, figures, marked, named, table
 
 ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/robust.md)"
-ROUNDING = 1e-6
 RESTLESS = 0.05  # of stall torque from one sample to the next, above which a line says so
 HALF = 0.5  # of the bound, below which a line says what is in the way
 OVERSHOOT = 0.01  # of the clearance, from which on it is worth a line
@@ -189,7 +188,7 @@ def _overshoot(short: float) -> str:
 
 def _restless(moves: float | None) -> str:
     """What is said of feedback that moves torques by more than a motor should have to follow; empty where it does not."""
-    if moves is None or moves <= (1 + ROUNDING) * RESTLESS:
+    if moves is None or moves <= RESTLESS:
         return ""
     return (
         f"feedback moves a torque by up to {moves:.0%} of stall torque from one sample to the next, more than {RESTLESS:.0%}: "

@@ -20,7 +20,6 @@ from hopopt.sim.controller import Measurement
 
 EARLY = 0.9  # of the planned stance: a foot that comes off before is taken to bounce
 USUAL = 2.5e-4  # [s] on the paper's leg: the control period whose errors and torques the options weigh
-MOVES = 0.05  # of stall torque: by so much feedback may move a torque from one sample to the next
 LET_GO = 0.05  # of stall torque: what the filter takes the torque to be off by as the ground lets go; at 0.25 weak legs lost 7 cm
 
 
@@ -74,7 +73,6 @@ class Track:
         self.plan, self.rest, self.drive = setting.plan, setting.start, setting.drive()
         self.state: Estimate | None = None
         self.given, self.stall = np.zeros_like(self.rest), standstill_torques(setting.design.leg)
-        self.most_moved = MOVES * self.stall  # by feedback, between two samples (n) [N m]
         self.step = float(np.sqrt(12) * setting.angle_noise)  # of the encoders [rad]
         early = 1e-9 if self.options.feedback == "none" else self.period / 2
         self.ends = self.plan.stance.duration - early  # of stance: from the control instant next to it on [s]
@@ -177,12 +175,9 @@ class Track:
 
     def added(self, contact: bool, k: int, error: np.ndarray) -> np.ndarray:
         """The torque (n) [N m] that feedback adds to the plan's in control period k, from the estimated error (2 n): by the
-        plan's own feedback if it has one, else by the regulator's; within a phase it moves as far as a motor should follow."""
+        plan's own feedback if it has one, else by the regulator's."""
         K = self.gains[contact].at(k)[2] if self.plan.feedback is None else self.plan.feedback
-        before, torque = self.state, -K @ error
-        if before is None or before.contact != contact:
-            return torque
-        return np.clip(torque, before.extra - self.most_moved, before.extra + self.most_moved)
+        return -K @ error
 
 
 @dataclass(frozen=True)
