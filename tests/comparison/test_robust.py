@@ -14,8 +14,8 @@ from scipy.stats import binom
 from hopopt.cli.controllers.robust import shown
 from hopopt.cli.main import run
 from hopopt.cli.screen.console import show
-from hopopt.comparison.robust.least_reserve import ENOUGH, SHARES, WITH_DRIVES, least_reserve
-from hopopt.comparison.robust.robust_search import TRACKER, Search
+from hopopt.comparison.robust.least_reserve import ENOUGH_WEIGHT, WEIGHT_SHARES, WITH_DRIVES, least_reserve
+from hopopt.comparison.robust.robust_search import TRACKER, PlanSearch
 from hopopt.comparison.robust.robustness import Reached, can_be_had, drawn, extremes, rank, reached
 from hopopt.design import Design, Uncertainty
 from hopopt.errors import NotSolvedError, UsageError
@@ -225,7 +225,7 @@ def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.M
         heights = np.array(next(ends)) if len(legs) == 3 else np.full(len(legs), {0: 0.6, 1: 0.58, 2: 0.4}[found.count])
         return Reached(heights, tuple(folds if h == 0 else "past the apex" for h in heights))
 
-    class Counted(Search):
+    class Counted(PlanSearch):
         count = 0
 
     monkeypatch.setattr("hopopt.comparison.robust.robust_search.reached", reached_of)
@@ -249,7 +249,7 @@ def test_plans_under_which_drawn_legs_fall_rank_below_all_others(monkeypatch: py
         return Reached(found, tuple(folds if h < 0.15 else past for h in found))
 
     monkeypatch.setattr("hopopt.comparison.robust.robust_search.reached", reached_of)
-    found = Search(None, [None] * 4, [None] * 3, 1, lambda text: None)  # type: ignore[arg-type, list-item]
+    found = PlanSearch(None, [None] * 4, [None] * 3, 1, lambda text: None)  # type: ignore[arg-type, list-item]
     for clearance in (0.6, 0.6, 0.25):
         found.keep("reserve", None, None, SimpleNamespace(clearance=clearance), True)  # type: ignore[arg-type]
     two, one, none = (trial for trial in found.trials if trial is not None)
@@ -261,9 +261,9 @@ def test_plans_under_which_drawn_legs_fall_rank_below_all_others(monkeypatch: py
 def test_a_program_that_hardly_clears_anything_is_no_plan() -> None:
     """Half of the bound at least: or what stands against it is said, and nothing is kept."""
     design = load("paper", {"contact.friction": 0.6})
-    found = Search(SimpleNamespace(design=design, clearance=0.7), [], [], 1, lambda text: None)  # type: ignore[arg-type]
+    found = PlanSearch(SimpleNamespace(design=design, clearance=0.7), [], [], 1, lambda text: None)  # type: ignore[arg-type]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Search, "_programs", lambda self, asked: iter([([], SimpleNamespace(clearance=0.03))]))
+        patch.setattr(PlanSearch, "_programs", lambda self, asked: iter([([], SimpleNamespace(clearance=0.03))]))
         found.by_program(1)
     assert found.trials == [None]
     assert found.against == "by one program for several legs: it clears no more than 0.030 m on all of its legs"
@@ -272,7 +272,7 @@ def test_a_program_that_hardly_clears_anything_is_no_plan() -> None:
 def test_without_a_plan_the_worst_constraint_is_said_once_and_in_time() -> None:
     """Every reserve fails in its own words: one sentence names what was held back and what stands against it."""
 
-    class Hopeless(Search):
+    class Hopeless(PlanSearch):
         tried = 0
 
         def _reserve(self, x: np.ndarray) -> float:
@@ -315,8 +315,11 @@ def test_the_least_reserve_is_the_first_with_which_no_drawn_leg_falls(monkeypatc
     bound = SimpleNamespace(design=design, clearance=0.8)
     found = least_reserve(bound, draws=2)  # type: ignore[arg-type]
     heavy = 9.81 * (5.6 + 1.87 + 0.8)
-    assert tried == pytest.approx([share * heavy for share in SHARES[:3]])
-    assert (found.share, found.design.reserve.ground_force) == (SHARES[2], pytest.approx(SHARES[2] * heavy))
+    assert tried == pytest.approx([share * heavy for share in WEIGHT_SHARES[:3]])
+    assert (found.share, found.design.reserve.ground_force) == (
+        WEIGHT_SHARES[2],
+        pytest.approx(WEIGHT_SHARES[2] * heavy),
+    )
     assert "10% of the weight" in found.words
     assert "2 drawn legs falls; the whole [reserve] costs 3.0 cm of the bound" in found.words
     monkeypatch.setattr(room + "reached", lambda *asked: Reached(np.array([0.7, 0.1]), ()))
@@ -324,7 +327,9 @@ def test_the_least_reserve_is_the_first_with_which_no_drawn_leg_falls(monkeypatc
     last = "100% of the weight and 16% of torque and speed held back, 1 of 2 drawn legs fall"
     with pytest.raises(NotSolvedError, match=last):
         least_reserve(bound, draws=2)  # type: ignore[arg-type]
-    alone = [share for share in SHARES if share <= ENOUGH]  # where half of the legs still fall, weight is not enough
+    alone = [
+        share for share in WEIGHT_SHARES if share <= ENOUGH_WEIGHT
+    ]  # where half of the legs still fall, weight is not enough
     assert tried == pytest.approx([share * heavy for share in (*alone, *(share for share, _ in WITH_DRIVES))])
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
@@ -51,7 +51,7 @@ def program(kind: str, objective: str, size: float) -> dict[str, np.ndarray]:
     """The program of the first mesh in its own units: bounds, a start, and objective and constraints there."""
     more = {"hop.kind": kind, "hop.landing_duration": [0.03 * size**0.5, size**0.5], "hop.obstacle.width": 0.2 * size}
     hop = Hop(load("paper", {**entries(size), **more}), objective)
-    t, guess = first_transcription(hop), make_guess(hop, NAMED[0])
+    t, guess = first_transcription(hop), make_guess(hop, NAMED_STARTS[0])
     z, (low, high) = t.pack(guess), t.bounds(guess)
     f, g = ca.Function("program", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"], t.nlp["g"]])(z, t.parameter_values())
     at = {"z": z, "f": np.array(f) / t.problem.objective.scale, "g": np.array(g)}

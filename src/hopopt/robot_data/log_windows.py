@@ -13,12 +13,12 @@ from hopopt.robot_data.robot_log import RobotLog
 from hopopt.sim.state import BOUNCE
 
 # Of the paper's leg; times of others go with their size, and speeds with its inverse:
-WINDOW = 0.03  # [s] of a window: long beside the encoders' noise, short beside a push
+WINDOW_LENGTH = 0.03  # [s] of a window: long beside the encoders' noise, short beside a push
 SPACING = 0.0075  # [s] between windows
-SHORTEST = 0.02  # [s] of a stretch that still holds a window
-EDGE = 0.003  # [s] next to a change of contact that no window touches
+SHORTEST_STRETCH = 0.02  # [s] of a stretch that still holds a window
+CONTACT_CHANGE_MARGIN = 0.003  # [s] next to a change of contact that no window touches
 MOVING = 0.5  # [rad/s] above which the sign of a speed is known
-NEAR = 0.002  # [s] on either side within which angles give a speed
+SPEED_HALF_WIDTH = 0.002  # [s] on either side within which angles give a speed
 FEWEST_NEAR = 5  # angles that give one
 
 
@@ -50,8 +50,11 @@ def samples_of(log: RobotLog, time: float) -> LogSamples:
     t, k = log.t, len(log.t)
     phase, blocks = np.full(k, -1), []
     for number, (a, b) in enumerate(pairwise([0, *(np.flatnonzero(np.diff(log.contact)) + 1), k])):
-        blocks.append(slopes(t[a:b], NEAR * time))
-        edge, settled = time * EDGE, time * (BOUNCE if log.contact[a] else EDGE)  # a foot that has landed may bounce
+        blocks.append(slopes(t[a:b], SPEED_HALF_WIDTH * time))
+        edge, settled = (
+            time * CONTACT_CHANGE_MARGIN,
+            time * (BOUNCE if log.contact[a] else CONTACT_CHANGE_MARGIN),
+        )  # a foot that has landed may bounce
         inside = (t[a:b] >= t[a] + settled * bool(number)) & (t[a:b] <= t[b - 1] - edge * (b < k))
         phase[a:b][inside] = number
     D = sparse.csr_array(sparse.block_diag(blocks))
@@ -104,9 +107,9 @@ def windows(t: np.ndarray, stretch: np.ndarray, time: float) -> Windows:
     steps, count = np.gradient(t), 0
     for a, b in pairwise([0, *(np.flatnonzero(np.diff(stretch)) + 1), len(t)]):
         span = t[b - 1] - t[a]
-        if stretch[a] < 0 or span < SHORTEST * time:
+        if stretch[a] < 0 or span < SHORTEST_STRETCH * time:
             continue
-        half = 0.5 * min(WINDOW * time, span)
+        half = 0.5 * min(WINDOW_LENGTH * time, span)
         for middle in np.linspace(t[a] + half, t[b - 1] - half, 1 + int((span - 2 * half) / (SPACING * time))):
             at = np.flatnonzero(np.abs(t[a:b] - middle) < half) + a
             x = (t[at] - middle) / half

@@ -9,8 +9,8 @@ from hopopt.record import Derived, Real, stated
 
 # Tolerances: SI on the paper's leg, share of the range, relative
 STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6
-TINY = 1e-300  # what a tolerance of nothing counts as, where checks are compared
-FIGURE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
+LEAST_TOLERANCE = 1e-300  # what a tolerance of nothing counts as, where checks are compared
+FIGURE_TOLERANCE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
 
 
 @dataclass(frozen=True)
@@ -45,4 +45,4 @@ class Check(Condition, Named):
 def failed(checks: list[Check]) -> list[Check]:
     """The checks that did not pass, worst first."""
     bad = [c for c in checks if not c.passed]
-    return sorted(bad, key=lambda c: -c.residual / max(c.tolerance, TINY))
+    return sorted(bad, key=lambda c: -c.residual / max(c.tolerance, LEAST_TOLERANCE))

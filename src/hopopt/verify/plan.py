@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hopopt.design import Design, Hop
+from hopopt.design import Design, HopSettings
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import Scale, weight
 from hopopt.sim.machine import Machine
-from hopopt.verify.check import BALANCE, EXACT, FIGURE, LIMIT, Check
+from hopopt.verify.check import BALANCE, EXACT, FIGURE_TOLERANCE, LIMIT, Check
 from hopopt.verify.drives import drive_checks
 from hopopt.verify.hops.landing import landed_checks, landing, lift_off
 from hopopt.verify.hops.periodic import SMALL, periodic_checks
@@ -24,7 +24,7 @@ from hopopt.verify.measures import MAY_BE_MORE, MEASURES, SMALLEST, joint_work, 
 from hopopt.verify.replay import replay
 from hopopt.verify.table import DESCENT, FLIGHT, LANDING, NORMALISED_TIMES, STANCE, Table, dense
 
-PUSH = 1.0  # [N] on the paper's leg: the least that forces and torques are relative to
+LEAST_FORCE_SCALE = 1.0  # [N] on the paper's leg: the least that forces and torques are relative to
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
 
 
@@ -121,13 +121,15 @@ def _clearance(machine: Machine, design: Design, flight: Table, claims: Mapping[
     return Check("claimed height", largest(wrong), EXACT, "m")
 
 
-def _measured(robot: Robot, hop: Hop, tables: Mapping[str, Table], claims: Mapping[str, float]) -> Iterator[Check]:
+def _measured(
+    robot: Robot, hop: HopSettings, tables: Mapping[str, Table], claims: Mapping[str, float]
+) -> Iterator[Check]:
     """Work, time or peaks of the table against the claim, relative to it."""
     smallest = {name: size * Scale.of(robot.leg).unit("J") for name, size in SMALLEST.items()}
     for name in claims.keys() & MEASURES.keys():
         value, claim = MEASURES[name](robot, tables, hop), claims[name]
         wrong = max(claim - value, 0.0) if name in MAY_BE_MORE else abs(value - claim)
-        yield Check(f"claimed {name}", wrong / max(abs(claim), smallest.get(name, 1e-9)), FIGURE, "relative")
+        yield Check(f"claimed {name}", wrong / max(abs(claim), smallest.get(name, 1e-9)), FIGURE_TOLERANCE, "relative")
 
 
 def _continuity(phase: str, table: Table) -> Check:
@@ -144,7 +146,7 @@ def _inverse_dynamics(machine: Machine, phase: str, table: Table) -> Check:
         missing = pin.rnea(machine.model, machine.data, q, v, a) - given
         missing[machine.held] = 0.0  # what a guide holds
         wrong.append(np.abs(missing).max())
-    size = max(PUSH * Scale.of(machine.leg).mass, np.abs(table.tau).max(), np.abs(table.f).max())
+    size = max(LEAST_FORCE_SCALE * Scale.of(machine.leg).mass, np.abs(table.tau).max(), np.abs(table.f).max())
     at = table.t.ravel()[int(np.argmax(wrong))]
     return Check(f"{phase} inverse dynamics", float(np.max(wrong) / size), 1e-9, "relative", f"at {at:.4f} s")
 

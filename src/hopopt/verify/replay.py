@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import STATE, Check
-from hopopt.verify.table import ON_GROUND, POWERS, TO_POWERS, Table
+from hopopt.verify.table import POWERS, STANDING, TO_POWERS, Table
 
 
 def replay(machine: Machine, phase: str, table: Table) -> Check:
@@ -17,7 +17,7 @@ def replay(machine: Machine, phase: str, table: Table) -> Check:
     units = np.concatenate(Scale.of(machine.leg).states(machine.n))
     for k in range(len(table.t)):
         motion = (getattr(table, s)[k] for s in ("t", "q", "v", "tau"))
-        wrong = float(np.abs(_replay_interval(machine, phase in ON_GROUND, *motion) / units).max())
+        wrong = float(np.abs(_replay_interval(machine, phase in STANDING, *motion) / units).max())
         if not wrong <= worst:  # also if it is not a number
             worst, at = wrong, float(table.t[k, 0])
     return Check(f"{phase} replay", worst, STATE, "SI", f"interval from {at:.4f} s")

@@ -9,9 +9,11 @@ from hopopt.cli.screen.console import Shown, figures, named, table
 from hopopt.cli.screen.runs import cm, ladder, not_kept, results
 
 # Clearances of the bound in its period: by so much a mean speed may differ from what is asked without a word
-DRIFT = 0.07
-GAPS = ("push_m", "timing_m", "retraction_m")
-ROOM = "a softer landing (hop.touchdown_loss) or a larger reserve.ground_force leaves it room (docs/periodic.md)"
+DRIFT_SHARE = 0.07
+LOSS_FIGURES = ("push_m", "timing_m", "retraction_m")
+LANDING_ADVICE = (
+    "a softer landing (hop.touchdown_loss) or a larger reserve.ground_force leaves it room (docs/periodic.md)"
+)
 
 
 def hops(found: Mapping[str, Any]) -> Iterator[Shown]:
@@ -25,11 +27,11 @@ def hops(found: Mapping[str, Any]) -> Iterator[Shown]:
     )
     for name, row in rows.items():
         if row["fell"]:
-            hint = f"; {ROOM}" if name.startswith("track") else ""
+            hint = f"; {LANDING_ADVICE}" if name.startswith("track") else ""
             yield f"{name} fell after {row['hops']} hops: {row['fell']}{hint}"
         yield from not_kept(name, row)
     bound, period = found["bound_m"], found["period_s"]
-    slight = DRIFT * bound / period if bound and period else 0.0
+    slight = DRIFT_SHARE * bound / period if bound and period else 0.0
     for name, row in rows.items():
         if row["drawn"]:
             yield _drawn(name, row["drawn"])
@@ -71,7 +73,7 @@ def hops_table(rows: Mapping[str, Any], asked: int) -> Table:
             continue
         share, stable = r["share_of_bound"], r["stability"]
         cells.append([
-            name, done, f"{r['kept_m']:.3f}", "-" if share is None else f"{share:.0%}", *(cm(gap[key]) for key in GAPS),
+            name, done, f"{r['kept_m']:.3f}", "-" if share is None else f"{share:.0%}", *(cm(gap[key]) for key in LOSS_FIGURES),
             f"{r['period_s']:.3f}", cm(r["drift_m_per_hop"]), f"{r['touchdown_loss_J']:.1f}",
             "-" if stable is None else f"{stable['largest_multiplier']:.2g}",
         ])  # fmt: skip

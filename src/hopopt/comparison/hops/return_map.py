@@ -21,8 +21,10 @@ from hopopt.sim.hop_sequence import before_landing, landings
 from hopopt.sim.state import State, Timing
 from hopopt.sim.trace import Trace
 
-STEP = 2e-3  # [rad; m/s, rad/s on the paper's leg] of the differences, above what the control period leaves unsmooth
-SPEEDS = 10.0  # how much larger steps of speeds are
+STATE_STEP = (
+    2e-3  # [rad; m/s, rad/s on the paper's leg] of the differences, above what the control period leaves unsmooth
+)
+SPEED_STEP_FACTOR = 10.0  # how much larger steps of speeds are
 BOUNCES = 4  # after a landing that are waited for
 SETTLE = 5  # hops by which the leg comes nearer to its own orbit first
 
@@ -101,7 +103,7 @@ def state_at_landing(trace: Trace) -> np.ndarray:
 
 
 def multipliers(
-    hop: ReturnMap, z: np.ndarray, settle: int = SETTLE, step: float = STEP, units: float | np.ndarray = 1.0
+    hop: ReturnMap, z: np.ndarray, settle: int = SETTLE, step: float = STATE_STEP, units: float | np.ndarray = 1.0
 ) -> Multipliers:
     """Of a return map about its fixed point near z, by central differences; Fallen if the leg does not hop there.
 
@@ -116,7 +118,7 @@ def multipliers(
 
 def _largest(hop: ReturnMap, z: np.ndarray, step: np.ndarray) -> tuple[float, tuple[complex, ...]]:
     n = (len(z) - BASE) // 2
-    steps = step * np.concatenate([np.ones(n), np.full(len(z) - n, SPEEDS)])
+    steps = step * np.concatenate([np.ones(n), np.full(len(z) - n, SPEED_STEP_FACTOR)])
     columns = [(hop(z + d) - hop(z - d)) / (2 * d.sum()) for d in np.diag(steps)]
     values = sorted(np.linalg.eigvals(np.array(columns).T), key=abs, reverse=True)
     return float(abs(values[0])), tuple(complex(x) for x in values)

@@ -12,7 +12,7 @@ import numpy as np
 
 from hopopt.comparison.compare import reference_of
 from hopopt.comparison.robust.robust_search import TRACKER, TUNING_DRAWS, stands_against
-from hopopt.comparison.robust.robustness import FAILED, drawn, reached
+from hopopt.comparison.robust.robustness import FAILED_SHARE, drawn, reached
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.robot import build_robot
@@ -23,11 +23,14 @@ from hopopt.planner.reserve import reserved
 from hopopt.planner.search.from_known import solved_from_known
 from hopopt.planner.solution import Solution
 
-SHARES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)  # of the leg's weight, tried in turn
-ENOUGH, FEW = 0.3, 0.25  # of the weight: where more than a few legs fall with it, weight alone is not enough
+WEIGHT_SHARES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)  # of the leg's weight, tried in turn
+ENOUGH_WEIGHT, FEW_FALLS = (
+    0.3,
+    0.25,
+)  # of the weight: where more than a few legs fall with it, weight alone is not enough
 # Of the weight, and of torque and speed of all drives, tried after that
 WITH_DRIVES = ((0.3, 0.06), (0.45, 0.08), (0.6, 0.1), (0.8, 0.12), (1.0, 0.12), (1.0, 0.16))
-SECONDS = 300.0  # [s] for all plans
+SECONDS_OF_PLANS = 300.0  # [s] for all plans
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ def least_reserve(
     *,
     draws: int = TUNING_DRAWS,
     seed: int = 0,
-    seconds: float = SECONDS,
+    seconds: float = SECONDS_OF_PLANS,
     processes: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> LeastReserve:
@@ -71,7 +74,7 @@ def least_reserve(
     say, asked, until = progress or (lambda text: None), bound.design, NEVER.within(seconds)
     legs, heavy = drawn(asked, asked.uncertainty, draws, seed), weight(build_robot(asked.leg).model)
     known, against, enough = bound, "nothing was tried", True
-    for share, drives in (*((share, 0.0) for share in SHARES), *WITH_DRIVES):
+    for share, drives in (*((share, 0.0) for share in WEIGHT_SHARES), *WITH_DRIVES):
         if until.passed:
             against = f"{against}; then the time was up"
             break
@@ -87,12 +90,12 @@ def least_reserve(
             against = f"with {kept}: {stands_against(error)}"
             continue
         found = reached(design, TRACKER, reference_of(plan), legs, processes).clearances
-        fell = int(np.sum(found < FAILED * plan.clearance))
+        fell = int(np.sum(found < FAILED_SHARE * plan.clearance))
         say(f"{kept}: {fell} of {draws} drawn legs fall")
         if not fell and plan.verified:
             return LeastReserve(design, plan, share, draws, bound.clearance - plan.clearance, drives)
         against = f"with {kept}, {fell} of {draws} drawn legs fall"
-        enough = share < ENOUGH or fell <= FEW * draws
+        enough = share < ENOUGH_WEIGHT or fell <= FEW_FALLS * draws
     raise NotSolvedError(
         f"{asked.name}: no reserve was found with which the plan is tracked on all drawn legs ({against})"
     )

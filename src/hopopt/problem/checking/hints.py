@@ -18,8 +18,8 @@ FURTHEST = 1.1 * np.pi  # rad: a joint turned by more than half a turn either wa
 HEAVY = 3.0  # masses of the body in one link
 DENSE = 500.0  # kg / m^3, mass of body and leg over the cube of the leg's reach; robots and animals have 10 to 100
 SLIPPERY = 0.05  # less than ice
-SHORT = 0.01  # [s] on the paper's leg, of the longest stance
-PUSH = (0.05, 0.5)  # [s] on the paper's leg: how long push-offs take
+SHORT_STANCE = 0.01  # [s] on the paper's leg, of the longest stance
+PUSH_DURATIONS = (0.05, 0.5)  # [s] on the paper's leg: how long push-offs take
 
 
 def hints(design: Design) -> list[str]:
@@ -97,8 +97,8 @@ def _whole(design: Design) -> Iterator[str]:
             "or give 0.5 to 1 for rubber on a floor"
         )
     time = Scale.of(leg).time
-    if longest < SHORT * time:
-        least, most = (time * lasts for lasts in PUSH)
+    if longest < SHORT_STANCE * time:
+        least, most = (time * lasts for lasts in PUSH_DURATIONS)
         yield f"hop.stance_duration allows {longest:g} s at most: a push-off takes {least:.2g} to {most:.2g} s"
 
 
