@@ -14,7 +14,7 @@ from scipy.stats import binom
 from hopopt.cli.controllers.robust import shown
 from hopopt.cli.main import run
 from hopopt.cli.screen.console import show
-from hopopt.comparison.robust.least_reserve import WEIGHT_SHARES, least_reserve
+from hopopt.comparison.robust.least_reserve import ENOUGH_WEIGHT, WEIGHT_SHARES, WITH_DRIVES, least_reserve
 from hopopt.comparison.robust.robust_search import TRACKER, PlanSearch
 from hopopt.comparison.robust.robustness import Reached, can_be_had, drawn, extremes, rank, reached
 from hopopt.design import Design, Uncertainty
@@ -188,6 +188,7 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
         "tracker": "track",
         "reserve": {"torque": 0.1},
         "plan_verified": False,
+        "against": None,
         "lowest_by_way_m": {"reserve": 0.55, "program": None},
         "feedback": {"k_p": [1000.0, 500.0], "k_d": [20.0, 10.0]},
         "pd": {"pd": 0.5},
@@ -208,8 +209,11 @@ def test_the_screen_says_who_reaches_what(capsys: pytest.CaptureFixture[str]) ->
     assert "k_p = 1000, 500 N m/rad" in words
     assert "[reserve] torque = 0.1" in words
     assert "reaches more than any plan" not in words
-    show(shown({**numbers, **counts, **rest, "pd": {"pd": 0.61}}))
-    assert "pd reaches more than any plan that was tracked" in " ".join(capsys.readouterr().out.split())
+    assert "no plan was found that all legs" not in words
+    show(shown({**numbers, **counts, **rest, "pd": {"pd": 0.61}, "against": "under it 2 of 16 legs fold"}))
+    words = " ".join(capsys.readouterr().out.split())
+    assert "pd reaches more than any plan that was tracked" in words
+    assert "no plan was found that all legs of the search keep: under it 2 of 16 legs fold" in words
 
 
 def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,6 +237,36 @@ def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.M
     assert most < fewer < none == 0.4
     assert found.best.lowest == 0.4
     assert Reached(np.zeros(2), (folds, "past the apex")).fell == 1
+
+
+def test_plans_under_which_drawn_legs_fall_rank_below_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the others reach; among themselves by how few fall, and how they fall is said."""
+    folds, past = "the leg folds at 0.020 s without a push", "past the apex"
+    heights = iter([[0.6, 0.0, 0.0, 0.6], [0.6, 0.6, 0.1, 0.6], [0.2, 0.2, 0.2, 0.2]])
+
+    def reached_of(design: object, name: str, plan: object, legs: list[object], processes: int) -> Reached:
+        found = np.array(next(heights)) if len(legs) == 4 else np.full(len(legs), 0.6)
+        return Reached(found, tuple(folds if h < 0.15 else past for h in found))
+
+    monkeypatch.setattr("hopopt.comparison.robust.robust_search.reached", reached_of)
+    found = PlanSearch(None, [None] * 4, [None] * 3, 1, lambda text: None)  # type: ignore[arg-type, list-item]
+    for clearance in (0.6, 0.6, 0.25):
+        found.keep("reserve", None, None, SimpleNamespace(clearance=clearance), True)  # type: ignore[arg-type]
+    two, one, none = (trial for trial in found.trials if trial is not None)
+    assert two.score < one.score < 0 < none.score == found.best.score == 0.2
+    assert two.against == f"under it 2 of 4 legs of the search fall, most like this: {folds}"
+    assert none.against == ""
+
+
+def test_a_program_that_hardly_clears_anything_is_no_plan() -> None:
+    """Half of the bound at least: or what stands against it is said, and nothing is kept."""
+    design = load("paper", {"contact.friction": 0.6})
+    found = PlanSearch(SimpleNamespace(design=design, clearance=0.7), [], [], 1, lambda text: None)  # type: ignore[arg-type]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(PlanSearch, "_programs", lambda self, asked: iter([([], SimpleNamespace(clearance=0.03))]))
+        found.by_program(1)
+    assert found.trials == [None]
+    assert found.against == "by one program for several legs: it clears no more than 0.030 m on all of its legs"
 
 
 def test_without_a_plan_the_worst_constraint_is_said_once_and_in_time() -> None:
@@ -289,8 +323,30 @@ def test_the_least_reserve_is_the_first_with_which_no_drawn_leg_falls(monkeypatc
     assert "10% of the weight" in found.words
     assert "2 drawn legs falls; the whole [reserve] costs 3.0 cm of the bound" in found.words
     monkeypatch.setattr(room + "reached", lambda *asked: Reached(np.array([0.7, 0.1]), ()))
-    with pytest.raises(NotSolvedError, match="60% of the weight held back, 1 of 2 drawn legs fall"):
+    tried.clear()
+    last = "100% of the weight and 16% of torque and speed held back, 1 of 2 drawn legs fall"
+    with pytest.raises(NotSolvedError, match=last):
         least_reserve(bound, draws=2)  # type: ignore[arg-type]
+    alone = [
+        share for share in WEIGHT_SHARES if share <= ENOUGH_WEIGHT
+    ]  # where half of the legs still fall, weight is not enough
+    assert tried == pytest.approx([share * heavy for share in (*alone, *(share for share, _ in WITH_DRIVES))])
+
+
+def test_where_weight_is_not_enough_torque_and_speed_are_held_back_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what the problem holds back by itself no less is held; what is held is said."""
+    room, design = "hopopt.comparison.robust.least_reserve.", load("paper", {"reserve.torque": 0.09})
+    plan = SimpleNamespace(clearance=0.7, verified=True)
+
+    def runs(asked: Design, name: str, plan: object, legs: list[object], processes: int) -> Reached:
+        return Reached(np.array([0.7, 0.1 if asked.reserve.speed < 0.07 else 0.7]), ())
+
+    monkeypatch.setattr(room + "solved_from_known", lambda hop, known, until: plan)
+    monkeypatch.setattr(room + "reference_of", lambda plan: None)
+    monkeypatch.setattr(room + "reached", runs)
+    found = least_reserve(SimpleNamespace(design=design, clearance=0.8), draws=2)  # type: ignore[arg-type]
+    assert (found.share, found.design.reserve.speed, found.design.reserve.torque) == (0.45, 0.08, 0.09)
+    assert "45% of the weight and 8% of torque and speed, is the least" in found.words
 
 
 @pytest.mark.slow

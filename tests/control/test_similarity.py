@@ -23,7 +23,7 @@ from hopopt.planner.reserve import reserved
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
 from once import plan_with_reserve
-from similar_legs import similar, similar_plan
+from similar_legs import POWERS, similar, similar_plan
 
 PAPERS = ("paper", "paper_four_quadrant", "paper_no_countermovement")
 SHAPES = ("a1_leg", "hyq_leg", "solo12_leg")  # the others are the first in other sizes
@@ -87,6 +87,40 @@ def test_what_counts_as_little_on_a_similar_leg_is_as_little() -> None:
     small = Scale.of(load("paper", similar(0.25)).leg)
     found = (small.length, small.mass, small.stall, small.time, small.inertia)
     assert found == pytest.approx([0.25**power for power in (1, 3, 4, 0.5, 5)])
+
+
+@given(st.floats(0.1, 4.0))
+@settings(max_examples=3, deadline=None, phases=[Phase.generate])
+def test_units_of_a_similar_leg(size: float) -> None:
+    """Each is the power of its size that mechanics gives, also those of states; a unit of a user's own has none."""
+    scale, powers = (
+        Scale.of(load("paper", similar(size)).leg),
+        {**POWERS, "m/s": 0.5, "rad/s": -0.5, "N s": 3.5, "W": 3.5},
+    )
+    for unit, power in powers.items():
+        assert scale.unit(unit) == pytest.approx(size**power), unit
+    q, v = scale.states(2)
+    assert q == pytest.approx([size, size, 1.0, 1.0])
+    assert v == pytest.approx([size**0.5, size**0.5, size**-0.5, size**-0.5])
+    assert scale.unit("apples") == 1.0
+
+
+@given(st.floats(0.1, 4.0))
+@settings(max_examples=3, deadline=None, phases=[Phase.generate])
+def test_what_a_hop_leaves_out_suits_the_leg(size: float) -> None:
+    """Durations by the root of its size, the foot window by its size; what is stated counts as it is."""
+    left_out = dict.fromkeys(("hop.stance_duration", "hop.flight_duration", "hop.foot_window"))
+    hop, time = load("paper", {**similar(size), **left_out, "hop.touchdown_time": 0.02}).hop, size**0.5
+    assert hop.stance_duration == pytest.approx((0.03 * time, 0.4 * time))
+    assert hop.flight_duration == hop.landing_duration == pytest.approx((0.03 * time, time))
+    assert (hop.foot_window, hop.touchdown_time) == (pytest.approx(0.1 * size), 0.02)
+
+
+def test_what_the_papers_hop_leaves_out_is_what_it_states() -> None:
+    """To the last digit."""
+    assert load("paper", dict.fromkeys(("hop.stance_duration", "hop.flight_duration", "hop.foot_window"))) == load(
+        "paper"
+    )
 
 
 def test_a_reserve_that_is_left_out_is_a_share_of_the_leg() -> None:

@@ -2,9 +2,15 @@
 
 from functools import cache
 
+import casadi as ca
+import numpy as np
 import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
 
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
+from hopopt.planner.search.multistart import first_transcription
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -39,6 +45,33 @@ def test_a_tie_break_that_counts_is_a_share_of_the_legs_own_work(objective: str,
     """Its weight is a power: an energy over a time."""
     here, there = (Hop(load("paper", entries(k)), objective).tie_break for k in (1.0, size))
     assert there == pytest.approx(here * size**3.5, rel=1e-12)
+
+
+def program(kind: str, objective: str, size: float) -> dict[str, np.ndarray]:
+    """The program of the first mesh in its own units: bounds, a start, and objective and constraints there."""
+    more = {"hop.kind": kind, "hop.landing_duration": [0.03 * size**0.5, size**0.5], "hop.obstacle.width": 0.2 * size}
+    hop = Hop(load("paper", {**entries(size), **more}), objective)
+    t, guess = first_transcription(hop), make_guess(hop, NAMED_STARTS[0])
+    z, (low, high) = t.pack(guess), t.bounds(guess)
+    f, g = ca.Function("program", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"], t.nlp["g"]])(z, t.parameter_values())
+    at = {"z": z, "f": np.array(f) / t.problem.objective.scale, "g": np.array(g)}
+    return at | {"low": low, "high": high, "lbg": t.lbg, "ubg": t.ubg}
+
+
+PROGRAMS = (
+    ("single", "clearance"), ("single", "electrical_energy"), ("single", "impact"), ("periodic", "time"),
+    ("landing", "obstacle"), *(("single", name) for name in ("apex", "energy", "saturation", "peak_torque", "peak_force")),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "objective"), PROGRAMS)
+@given(st.floats(0.1, 4.0))
+@settings(max_examples=1, deadline=None, phases=[Phase.generate])
+def test_the_program_of_a_similar_leg_is_the_same(kind: str, objective: str, size: float) -> None:
+    """In its own units no number of it tells how large the leg is: so it is solved by the same iterations."""
+    here = program(kind, objective, 1.0)
+    for name, there in program(kind, objective, size).items():
+        np.testing.assert_allclose(there, here[name], rtol=1e-6, atol=1e-6, err_msg=name)
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -76,7 +76,8 @@ def test_paper_is_the_papers_leg():
 def test_paper_states_the_defaults():
     design = load()
     assert design.solver == type(design.solver)()
-    assert design.hop == type(design.hop)(above_ground=("hip", "knee", "foot"))  # all, which [] stands for
+    left_out = type(design.hop)(above_ground=("hip", "knee", "foot"))  # all, which [] stands for
+    assert design.hop == left_out.with_defaults(1.0)
 
 
 @pytest.mark.parametrize("given", [(), None])
@@ -213,7 +214,7 @@ SENTENCES = [
     (("[0.03, 0.4]", "[30, 0.4]"), "hop.stance_duration[0] = 30 s is too large: a list of two numbers, each from 0.001 to 10 s, is needed; 30 looks like milliseconds: write 0.03."),
     (("[0.03, 0.4]", "[0.03]"), "hop.stance_duration"),
     (("[0.03, 0.4]", "[0.4, 0.03]"), "hop.stance_duration = [0.4, 0.03] s begins above its end: write [shortest, longest]."),
-    (("[0.03, 0.4]", "[0, 0.4]"), "hop.stance_duration[0] = 0 s is too small: a list of two numbers, each from 0.001 to 10 s, is needed; by default it is [0.03, 0.4]."),
+    (("[0.03, 0.4]", "[0, 0.4]"), "hop.stance_duration[0] = 0 s is too small: a list of two numbers, each from 0.001 to 10 s, is needed."),
     (("lower = -0.6", "lower = 1.3"), "leg.hip.lower = 1.3 rad is not below leg.hip.upper = 1.3 rad: exchange or widen them."),
     (("# com = 0.19 ", "com = 0.5 "), "leg.thigh.com = 0.5 m is beyond the end of the link: a number from 0 to leg.thigh.length = 0.38 m is needed."),
     (("[leg.hip]", "[leg.hipp]"), "leg.hip is missing: leg.joints names it, so add the table [leg.hip] with lower and upper."),

@@ -70,7 +70,9 @@ def recorded(run: Run, truth: Design, gain: np.ndarray) -> Recording:
     for a in range(len(trace.t) - 1):
         q, v, part = trace.q[a + 1, BASE:], trace.v[a + 1, BASE:], (trace.t[a + 1] - trace.t[a]) / period
         if row[a] < row[-1] and part > 0:
-            after = replace(plant.stance_start(q), q=trace.q[a + 1], v=trace.v[a + 1], contact=bool(trace.contact[a + 1]))
+            after = replace(
+                plant.stance_start(q), q=trace.q[a + 1], v=trace.v[a + 1], contact=bool(trace.contact[a + 1])
+            )
             motor, _, standing = plant.torques(after, trace.command[a])
             tau[row[a]] += part * 0.5 * (trace.motor[a] + motor)
             if trace.contact[a]:

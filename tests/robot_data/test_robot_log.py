@@ -135,7 +135,7 @@ def test_a_torque_that_no_drive_gives_is_named(design: Design, written: Callable
 def test_a_short_bounce_is_no_hop() -> None:
     t = np.arange(0.0, 0.1, 0.01)
     contact = np.array([1, 1, 0, 1, 1, 1, 0, 0, 0, 0], dtype=bool)
-    assert without_bounces(t, contact).tolist() == [1, 1, 1, 1, 1, 1, 0, 0, 0, 0]
+    assert without_bounces(t, contact, 0.02).tolist() == [1, 1, 1, 1, 1, 1, 0, 0, 0, 0]
 
 
 def broken(columns: Columns) -> dict[str, tuple[dict[str, Any], str]]:

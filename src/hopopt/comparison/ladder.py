@@ -19,6 +19,7 @@ from hopopt.comparison.hops.hop_after_hop import HopsComparison
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import reach
+from hopopt.leg.scales import Scale
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.custom import Custom, Moment, Terms
 from hopopt.ocp.hop import Hop
@@ -34,7 +35,7 @@ PD_SLACK = 1e-3  # of what PD uses: room for its own hop
 DESCENDS = 0.02  # [m/s] on the paper's leg of the body downwards in stance, below which it counts as not descending
 STRAYS = 0.02  # [m/s] on the paper's leg, by which PD's mean speed may differ from what is asked, and count as that
 RUNG_STARTS = 2  # of every rung
-BELOW = 1e-5  # [m] by which a rung may be below another that has less
+BELOW = 1e-5  # [m] on the paper's leg, by which a rung may be below another that has less
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ class _Rungs:
             design, constraints = self._problem(allowed)
             self.known[allowed] = solve(design, constraints=constraints, starts=RUNG_STARTS)
         found = self.known[allowed]
-        if below is not None and found.clearance < below.clearance - BELOW:
+        if below is not None and found.clearance < below.clearance - BELOW * Scale.of(self.bound.design.leg).length:
             self.say(f"ladder: once more from the hop below, {below.clearance:.4f} m")
             design, constraints = self._problem(allowed)
             again = solved_from_known(Hop(design, constraints=constraints), below, self.say, NEVER.within(TIME_LIMIT))

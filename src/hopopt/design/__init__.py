@@ -7,6 +7,7 @@ from hopopt.design.control import ControlSettings, Reserve
 from hopopt.design.hop import Contact, HopSettings, Obstacle, StartPose
 from hopopt.design.leg import (
     LEAST_INERTIA,
+    PAPERS_LENGTH,
     Body,
     Gear,
     Joint,
@@ -21,6 +22,6 @@ from hopopt.design.simulation import Simulation, Uncertainty
 from hopopt.design.solver import Solver
 
 __all__ = [
-    "LEAST_INERTIA", "Body", "Contact", "ControlSettings", "Design", "Gear", "HopSettings", "Joint", "Leg", "Link", "Motor", "Obstacle",
+    "LEAST_INERTIA", "PAPERS_LENGTH", "Body", "Contact", "ControlSettings", "Design", "Gear", "HopSettings", "Joint", "Leg", "Link", "Motor", "Obstacle",
     "Reserve", "Simulation", "Solver", "StartPose", "Uncertainty", "as_changed", "physical_parameters", "refuse_landed", "unit",
 ]  # fmt: skip

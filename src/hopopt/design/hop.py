@@ -1,10 +1,15 @@
 """What the leg is to do: the ground under it, where it starts, and the hop that is asked for."""
 
-from typing import Annotated, Literal
+from math import sqrt
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from hopopt.design.fields import Section, choice, quantity
+
+# Of the paper's leg, for which problems without these entries are completed: times [s] and a length [m]
+DURATIONS = {"stance_duration": (0.03, 0.4), "flight_duration": (0.03, 1.0), "landing_duration": (0.03, 1.0)}
+TOUCHDOWN_TIME, FOOT_WINDOW = 0.01, 0.1
 
 
 class Contact(Section):
@@ -53,18 +58,18 @@ class HopSettings(Section):
         None,
     )
     touchdown_time: float = quantity(
-        "periodic hop and landing: how long the impact lasts, which makes a mean torque of a gear's impulse",
+        "periodic hop and landing: how long the impact lasts, which makes a mean torque of a gear's impulse (default: scaled)",
         "s",
         1e-4,
         0.1,
-        0.01,
+        None,
     )
-    stance_duration: tuple[Duration, Duration] = choice("shortest and longest stance", (0.03, 0.4), unit="s")
+    stance_duration: tuple[Duration, Duration] = choice("shortest and longest stance (default: scaled)", None, unit="s")
     flight_duration: tuple[Duration, Duration] = choice(
-        "shortest and longest time from lift-off to the apex", (0.03, 1.0), unit="s"
+        "shortest and longest time from lift-off to the apex (default: scaled)", None, unit="s"
     )
     landing_duration: tuple[Duration, Duration] = choice(
-        "landing: shortest and longest time from touchdown to rest", (0.03, 1.0), unit="s"
+        "landing: shortest and longest time from touchdown to rest (default: scaled)", None, unit="s"
     )
     clearance: float | None = quantity(
         "clearance that the hop must reach, for objectives that ask how (energy, time, saturation, ...)",
@@ -72,14 +77,21 @@ class HopSettings(Section):
     )  # fmt: skip
     obstacle: Obstacle = Obstacle()
     foot_window: float = quantity(
-        "half width of the window about the hip's plumb line that the foot passes at the apex",
-        "m", 1e-3, 3, 0.1,
+        "half width of the window about the hip's plumb line that the foot passes at the apex (default: scaled)",
+        "m", 1e-3, 3, None,
     )  # fmt: skip
     above_ground: tuple[str, ...] = choice(
         "what stays above the ground: any joint (at the top of its link), 'foot'; default, and []: all of them", ()
     )
     least_height: float = quantity("height above the ground that joints keep at least", "m", 0, 1, 0.0)
     counter_movement: bool = choice("may the body descend in stance", True)
+
+    def with_defaults(self, length: float) -> "HopSettings":
+        """The same with all that is left out, of a leg so many times as long as the paper's."""
+        time = sqrt(length)
+        found: dict[str, Any] = {name: tuple(time * end for end in ends) for name, ends in DURATIONS.items()}
+        found |= {"touchdown_time": time * TOUCHDOWN_TIME, "foot_window": length * FOOT_WINDOW}
+        return self.model_copy(update={name: value for name, value in found.items() if getattr(self, name) is None})
 
     @property
     def periodic(self) -> bool:

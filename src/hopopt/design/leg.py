@@ -20,6 +20,7 @@ from hopopt.design.fields import (
     quantity,
 )
 
+PAPERS_LENGTH = 0.38 + 0.361  # [m] of the paper's leg
 LEAST_INERTIA = 1e-8  # [kg m^2] of a link: what a point mass is given
 
 
@@ -157,6 +158,11 @@ class Leg(Section):
         data = handler(self)
         joint, link = data.pop("joint"), data.pop("link")
         return {**data, **joint, **link}
+
+    @property
+    def length(self) -> float:
+        """Of all links [m]: the leg's own unit of length."""
+        return sum(link.length for link in self.link.values())
 
     def drive(self, joint: str, part: Literal["motor", "gear"], entry: str) -> tuple[str, Any]:
         """Path and value of a joint's motor or gear entry: its own if the file gives one, else the leg's."""

@@ -8,7 +8,7 @@ from pydantic import ValidationError, model_validator
 from hopopt.design.control import ControlSettings, Reserve
 from hopopt.design.fields import Section, choice
 from hopopt.design.hop import Contact, HopSettings, StartPose
-from hopopt.design.leg import Leg
+from hopopt.design.leg import PAPERS_LENGTH, Leg
 from hopopt.design.simulation import Simulation, Uncertainty
 from hopopt.design.solver import Solver
 from hopopt.errors import UsageError
@@ -47,10 +47,12 @@ class Design(Section):
         return self.model_copy(update={"hop": self.hop.model_copy(update={"kind": kind})})
 
     @model_validator(mode="after")
-    def _all_above_ground(self) -> "Design":
-        if not self.hop.above_ground:
-            everything = self.hop.model_copy(update={"above_ground": (*self.leg.joints, "foot")})
-            object.__setattr__(self, "hop", everything)  # frozen, but not yet anyone's
+    def _whole_hop(self) -> "Design":
+        """All points above the ground unless some are named, and what else the hop leaves out as it suits the leg's size."""
+        hop = self.hop.with_defaults(self.leg.length / PAPERS_LENGTH)
+        if not hop.above_ground:
+            hop = hop.model_copy(update={"above_ground": (*self.leg.joints, "foot")})
+        object.__setattr__(self, "hop", hop)  # frozen, but not yet anyone's
         return self
 
 

@@ -25,7 +25,7 @@ class Solver(Section):
     max_refinements: int = choice("mesh refinements at most", 20, ge=0, le=40)
     max_iterations: int = choice("Ipopt iterations at most, each mesh", 600, ge=1, le=100000)
     tie_break: float = quantity(
-        "weight of the integral of (tau / tau_max)^2 that decides between equal optima; its bias is reported",
+        "weight of the integral of (tau / tau_max)^2 that decides between equal optima, for the paper's leg and scaled; its bias is reported",
         "m/s", 0, 1e-3, 1e-6,
     )  # fmt: skip
     starts: int = choice("different starting points", 6, ge=1, le=1000)

@@ -15,20 +15,21 @@ from hopopt.global_search.equations.bilinear import Bilinear
 from hopopt.global_search.equations.slider_leg import accelerations, slider_leg
 from hopopt.leg.kinematics import start_place, two_joints
 from hopopt.leg.robot import build_robot
+from hopopt.leg.scales import Scale
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
 from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.phases import STANCE
+from hopopt.ocp.phases import STANCE, length
 from hopopt.ocp.problem import Ends, Objective, Parameter, Problem
 from hopopt.problem.load import changed
 
 ACCELERATIONS = 9  # tried between the least and the largest
-TIE_BREAK = 1e-6  # m/s: weight of the effort in the planner's reduced problem
+TIE_BREAK = 1e-6  # [m/s] on the paper's leg: weight of the effort in the planner's reduced problem
 STEPS_PER_RISE = 1.0  # steps in the time of a fast rise, for each row of the grid to the power 2/3
-SHORTEST_STANCE = 1e-3  # s: a stance may be as short as it likes
+SHORTEST_STANCE = 1e-3  # [s] on the paper's leg: a stance may be as short as it likes
 STUCK = -1.0  # m: value of a state from which the leg cannot go on
 MOST_ROWS = 2000  # rows of a grid: 4 million states
 TELLING = 40  # rows of a grid below which its height may be wrong by more than
@@ -49,7 +50,7 @@ def reduced(design: Design) -> Design:
     plain = {
         "leg.guides": ("z",), "start.foot_x": 0.0, "start.hip_height": height,
         "contact.friction": None, "contact.least_force": 0.0, "hop.counter_movement": True, "hop.least_height": 0.0,
-        "hop.above_ground": (), "hop.stance_duration": (min(SHORTEST_STANCE, longest), longest),
+        "hop.above_ground": (), "hop.stance_duration": (min(SHORTEST_STANCE * Scale.of(design.leg).time, longest), longest),
     }  # fmt: skip
     try:
         return changed(design, plain)
@@ -96,12 +97,14 @@ def by_transcription(design: Design, intervals: int) -> float:
     def rise(e: Ends) -> ca.SX:
         s = e.final[STANCE]
         com = hop.dynamics(s).points(hop.dynamics(s).stance_pose(s.q, s.v)[0])["com"][1]
-        return com + ca.jtimes(com, s.q, s.v) ** 2 / (2 * gravity) - TIE_BREAK * e.integral[STANCE]["effort"]
+        return (
+            com
+            + ca.jtimes(com, s.q, s.v) ** 2 / (2 * gravity)
+            - TIE_BREAK * hop.scale.time * e.integral[STANCE]["effort"]
+        )
 
     fixed = tuple(Parameter(path, value=value) for path, value in hop.robot.parameters.items())
-    problem = Problem(
-        design.name, (hop.problem.phase(STANCE),), Objective("rise", rise, maximize=True, unit="m"), fixed
-    )
+    problem = Problem(design.name, (hop.problem.phase(STANCE),), Objective("rise", rise, True, "m", length(hop)), fixed)
     program = Transcription(problem, radau(3), {STANCE: uniform(intervals)})
     guess = {STANCE: make_guess(hop, NAMED_STARTS[1])[STANCE]}
     solution = NlpSolver(program)(guess)

@@ -9,7 +9,7 @@ import numpy as np
 from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.leg.scales import weight
+from hopopt.leg.scales import Scale, weight
 from hopopt.ocp.objectives.objective import HEIGHT_FIGURES
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.phases import STANCE
@@ -21,8 +21,9 @@ from hopopt.problem.load import changed
 MOST_FRICTION = 1.0  # coefficient of friction above which hardly any ground grips
 UNLOADED = 0.2  # share of stance without load that is named
 LOAD = 0.1  # of the weight: the least ground force that is asked for instead
-SKIMS, CLEAR = 0.01, 0.05  # [m] above the ground: a joint that comes so near; the height that is asked for instead
-AT_STOP, AT_SPEED = 0.01, 2.0  # [rad, rad/s]: a joint this near its end stop, and this fast
+# [m] on the paper's leg, above the ground: a joint that comes so near; the height that is asked for instead
+SKIMS, CLEAR = 0.01, 0.05
+AT_STOP, AT_SPEED = 0.01, 2.0  # [rad, and rad/s on the paper's leg]: a joint this near its end stop, and this fast
 STOP_DISTANCE = 0.1  # [rad] by which it is kept off its end stop instead
 HALF_STANCE = 0.5  # of the longest stance
 VARIANT_STARTS = 2
@@ -88,9 +89,10 @@ def leanings(solution: Solution) -> Iterator[tuple[str, dict[str, Any]]]:
         yield "a stance as long as it may last", {"hop.stance_duration": [shortest, HALF_STANCE * longest]}
     stance = solution.everywhere(STANCE, SAMPLES_OF_INTERVAL)
     heights = {name: stance.points[name][:, 1] for name in design.hop.above_ground if name != "foot"}
-    skimming = [name for name, z in heights.items() if z.min() < SKIMS and z[0] > CLEAR]
-    if skimming and design.hop.least_height < CLEAR:
-        yield f"the {skimming[0]}, which comes down to the ground", {"hop.least_height": CLEAR}
+    near, clear = (height * Scale.of(design.leg).length for height in (SKIMS, CLEAR))
+    skimming = [name for name, z in heights.items() if z.min() < near and z[0] > clear]
+    if skimming and design.hop.least_height < clear:
+        yield f"the {skimming[0]}, which comes down to the ground", {"hop.least_height": clear}
     yield from _end_stops(solution)
 
 
@@ -102,7 +104,7 @@ def _end_stops(solution: Solution) -> Iterator[tuple[str, dict[str, Any]]]:
             for samples in (solution.everywhere(phase, SAMPLES_OF_INTERVAL) for phase in solution.phases):
                 q, v = samples.q[:, BASE + k], samples.v[:, BASE + k]
                 fastest = float(np.max(-way * v, initial=0.0, where=way * (q - stop) < AT_STOP))
-                if fastest > AT_SPEED and way * (start - stop) > STOP_DISTANCE:
+                if fastest > AT_SPEED / Scale.of(solution.design.leg).time and way * (start - stop) > STOP_DISTANCE:
                     yield (
                         f"the {name}, which meets its end stop at {fastest:.1f} rad/s",
                         {f"leg.{name}.{side}": stop + way * STOP_DISTANCE},

@@ -6,11 +6,11 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from hopopt.design import Design, Leg, Reserve
+from hopopt.design import PAPERS_LENGTH, Design, Leg, Reserve
 
 FORCE_RANGE = 5.0  # [weights of the leg]: a push-off's peak
-DESCENT_RANGE = 1.0  # [m/s]: speed at which a body sinks into a counter-movement
-PAPERS_REACH, PAPERS_MASS, PAPERS_STALL = 0.38 + 0.361, 5.6 + 1.87 + 0.8, 200.0  # [m, kg, N m] of the paper's leg
+DESCENT_RANGE = 1.0  # [m/s] on the paper's leg: speed at which a body sinks into a counter-movement
+PAPERS_MASS, PAPERS_STALL = 5.6 + 1.87 + 0.8, 200.0  # [kg, N m] of the paper's leg
 RESERVED_FORCE, RESERVED_HEIGHT = 20.0, 0.005  # [N, m] of [reserve] on the paper's leg
 
 
@@ -28,14 +28,25 @@ class Scale:
     @classmethod
     def of(cls, leg: Leg) -> Self:
         """The units of a leg."""
-        length = sum(link.length for link in leg.link.values())
         mass = sum((leg.body.mass, *(link.mass for link in leg.link.values())))
-        return cls(length / PAPERS_REACH, mass / PAPERS_MASS, float(standstill_torques(leg).mean()) / PAPERS_STALL)
+        return cls(leg.length / PAPERS_LENGTH, mass / PAPERS_MASS, float(standstill_torques(leg).mean()) / PAPERS_STALL)
 
     @property
     def time(self) -> float:
         """Of sqrt(length / gravity); speeds along the ground have the same factor, speeds of joints its inverse."""
         return float(np.sqrt(self.length))
+
+    def unit(self, name: str) -> float:
+        """Of quantities in a unit; 1 for one that is not known."""
+        work, time = self.mass * self.length, self.time
+        known = {"m": self.length, "s": time, "m/s": time, "rad/s": 1 / time, "N": self.mass, "N s": self.mass * time}
+        return (known | {"N m": work, "J": work, "W": work / time}).get(name, 1.0)
+
+    def states(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Of q and v (2 + n each): the body's place and speed, then those of n joints."""
+        q, v = np.ones(2 + n), np.full(2 + n, 1 / self.time)
+        q[:2], v[:2] = self.length, self.time
+        return q, v
 
     @property
     def inertia(self) -> float:
@@ -77,6 +88,11 @@ def time_scale(model: pin.Model, length: float) -> float:
 def force_range(model: pin.Model) -> float:
     """Ground force [N] by which excess is measured."""
     return FORCE_RANGE * weight(model)
+
+
+def descent_range(leg: Leg) -> float:
+    """Speed downwards [m/s] by which excess is measured."""
+    return DESCENT_RANGE * Scale.of(leg).time
 
 
 def friction_needed(along: np.ndarray, up: np.ndarray, given: float | None, allowed: Any) -> float:

@@ -90,7 +90,7 @@ class Transcription:
             phase, pieces = layout.phase, []
             nodes = ((phase.states, layout.state_nodes), (phase.controls, layout.control_nodes))
             scales += [np.tile(phase.columns(group, "scale"), count) for group, count in nodes]
-            scales.append(np.full(layout.mesh.arcs, min(phase.duration[1], 1.0)))
+            scales.append(np.full(layout.mesh.arcs, phase.duration_scale))
             for block in scales[-3:]:
                 pieces.append(slice(at, at + len(block)))
                 at += len(block)
@@ -136,7 +136,7 @@ class Transcription:
         self._add_defects(layout, where.x.start)
         self._add_path(layout)
         if layout.mesh.arcs > 1:
-            scale, label = np.array([min(phase.duration[1], 1.0)]), (Component("duration"),)
+            scale, label = np.array([phase.duration_scale]), (Component("duration"),)
             linear = blocks(np.ones((1, layout.mesh.arcs)) / scale, np.ones((1, 1)), 1, 1, 0, where.durations.start)
             self._add("duration", phase.name, "duration", label, phase.duration, scale, linear, unit="s")
 

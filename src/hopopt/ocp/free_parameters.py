@@ -125,7 +125,7 @@ class FreeParameters:
                 s = e.initial["stance"]
                 return hop.dynamics(s).stance_pose(s.q, s.v)[0][:2]
 
-            yield BoundaryConstraint("hip at the start", hip, stands, stands, unit="m", labels=("x", "z"))
+            yield BoundaryConstraint("hip at the start", hip, stands, stands, hop.scale.length, "m", ("x", "z"))
 
 
 def parse_free(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -19,8 +19,8 @@ from hopopt.ocp.rules import LEAST_HEIGHT, path_constraints
 
 DESCENT, LANDING = "descent", "landing"  # flight ends at the apex, descent at touchdown, a landing at rest
 ON_GROUND = (STANCE, LANDING)  # phases in which the foot stands
-SPEED, ACCELERATION = 10.0, 300.0  # scales of joint speed [rad/s] and acceleration [rad/s^2]
-BODY_SPEED = 3.0  # scale of the body's speed [m/s]
+# Scales on the paper's leg: of joint speed [rad/s] and acceleration [rad/s^2], of the body's speed [m/s], of lengths [m] and times [s]
+SPEED, ACCELERATION, BODY_SPEED, LENGTH, LONGEST = 10.0, 300.0, 3.0, 1.0, 1.0
 GRAZE = 1e-5  # share of the reach by which the foot may be below the ground before it has landed
 Given = Numbers | tuple[Numbers, Numbers] | None  # of a state at the beginning: free, a value, or (lower, upper)
 
@@ -52,12 +52,32 @@ class LegPhase:
         return replace(p, controls=(*p.controls, *controls), path=(*p.path, *path), integrands=more)
 
 
+def joint_speed(leg: MovingLeg) -> float:
+    """Scale of joint speeds [rad/s]."""
+    return SPEED / leg.scale.time
+
+
+def body_speed(leg: MovingLeg) -> float:
+    """Scale of the body's speed [m/s]."""
+    return BODY_SPEED * leg.scale.time
+
+
+def length(leg: MovingLeg) -> float:
+    """Scale of places and heights [m]."""
+    return LENGTH * leg.scale.length
+
+
+def _acceleration(leg: MovingLeg) -> float:
+    """Scale of joint accelerations [rad/s^2]."""
+    return ACCELERATION / leg.scale.length
+
+
 def stance(leg: MovingLeg, q: Given = None, v: Given = None) -> LegPhase:
     """The foot on the ground; q and v: joint angles [rad] and speeds [rad/s] with which it begins."""
     names, (lower, upper) = leg.leg.joints, leg.limits
     states = (
         State("q", leg.n, lower, upper, 1.0, "rad", names, initial=q),
-        State("v", leg.n, scale=SPEED, unit="rad/s", labels=names, initial=v),
+        State("v", leg.n, scale=joint_speed(leg), unit="rad/s", labels=names, initial=v),
     )
     return _phase(
         leg, STANCE, states, _stance_controls(leg), lambda s: {"q": s.v, "v": leg.joint_acceleration(s)},
@@ -79,14 +99,15 @@ def _phase(
 ) -> LegPhase:  # fmt: skip
     """A phase in which the rules of its kind hold."""
     motion = leg.motion_in(kind)
-    phase = Phase(kind, states, controls, rates, duration, path_constraints(leg, kind))
+    long = LONGEST * leg.scale.time
+    phase = Phase(kind, states, controls, rates, duration, path_constraints(leg, kind), long=long)
     return LegPhase(with_drives(leg, phase), kind, motion)
 
 
 def _stance_controls(leg: MovingLeg) -> tuple[Control, ...]:
     """Accelerations of the joints that no closed loop moves, and the contact force along the loop's axes."""
     labels = tuple(leg.leg.joints[k] for k in leg.free)
-    controls = (Control("a", len(labels), scale=ACCELERATION, unit="rad/s^2", labels=labels),) if labels else ()
+    controls = (Control("a", len(labels), scale=_acceleration(leg), unit="rad/s^2", labels=labels),) if labels else ()
     if not leg.loops:
         return controls
     axes = tuple("xyz"[axis] for axis in leg.loops)
@@ -99,13 +120,13 @@ def flight(leg: MovingLeg) -> LegPhase:
     plane, m = tuple("xz"[k] for k in leg.falling), len(leg.falling)
     rises = ([-INF, 0.0][-m:], [INF] * m)
     states = (
-        State("com", m, scale=1.0, unit="m", labels=plane),
-        State("com_v", m, scale=BODY_SPEED, unit="m/s", labels=plane, initial=rises),
+        State("com", m, scale=length(leg), unit="m", labels=plane),
+        State("com_v", m, scale=body_speed(leg), unit="m/s", labels=plane, initial=rises),
         State("q", leg.n, lower, upper, 1.0, "rad", names),
-        State("v", leg.n, scale=SPEED, unit="rad/s", labels=names),
+        State("v", leg.n, scale=joint_speed(leg), unit="rad/s", labels=names),
     )
     prompt = tuple(name for k, name in enumerate(names) if k not in leg.drive_states.at)
-    controls = (Control("a", len(prompt), scale=ACCELERATION, unit="rad/s^2", labels=prompt),) if prompt else ()
+    controls = (Control("a", len(prompt), scale=_acceleration(leg), unit="rad/s^2", labels=prompt),) if prompt else ()
     return _phase(
         leg, FLIGHT, states, controls,
         lambda s: {

@@ -190,6 +190,7 @@ class Phase:
     """states' = dynamics(instant), with path constraints, integrals of ``integrands`` and a bounded duration.
 
     dynamics returns {state name: derivative}; outputs are further quantities worth reporting over time.
+    long: the scale of its duration where it may last longer than this [s].
     """
 
     name: str
@@ -199,6 +200,12 @@ class Phase:
     duration: tuple[float, float]
     path: tuple[PathConstraint, ...] = ()
     integrands: Mapping[str, Callable[[Instant], Any]] = field(default_factory=dict)
+    long: float = 1.0
+
+    @property
+    def duration_scale(self) -> float:
+        """Scale of its duration [s]."""
+        return min(self.duration[1], self.long)
 
     def columns(self, group: Sequence[Variable], what: str) -> np.ndarray:
         """``lower``, ``upper`` or ``scale`` of all states (or controls), stacked."""

@@ -15,7 +15,7 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.drivetrain.supply import power_limits
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
-from hopopt.leg.scales import DESCENT_RANGE
+from hopopt.leg.scales import descent_range
 from hopopt.ocp.drives import asked, bus_power, bus_voltage
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE, MovingLeg
 from hopopt.ocp.problem import INF, Instant, PathConstraint
@@ -108,7 +108,7 @@ def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     if kind != STANCE or leg.design.hop.counter_movement:
         return ()
     motion = leg.motion_in(kind)
-    return (PathConstraint(NO_DESCENT, lambda s: motion(s).v[1], 0.0, INF, DESCENT_RANGE, unit="m/s"),)
+    return (PathConstraint(NO_DESCENT, lambda s: motion(s).v[1], 0.0, INF, descent_range(leg.leg), unit="m/s"),)
 
 
 RULES: list[Rule] = [drives, supply, ground, heights, counter_movement]

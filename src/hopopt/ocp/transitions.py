@@ -13,18 +13,17 @@ from hopopt.leg.kinematics import PLANE
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.guesses.motion import MovingLeg
-from hopopt.ocp.phases import BODY_SPEED, SPEED
+from hopopt.ocp.phases import body_speed, joint_speed, length
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, linkage
 
 Transition = Callable[[MovingLeg, str, str], tuple[BoundaryConstraint, ...]]
 LANDING_WINDOW = LimitId(Kind.LANDING_WINDOW, key="hop.foot_window", unit="m")
-RISE = 3.0  # scale of the body's vertical speed at the apex [m/s]
 
 
 def flight_scales(leg: MovingLeg) -> np.ndarray:
     """Scales of the states of flight: com, com_v, q, v."""
     m = len(leg.falling)
-    return np.r_[np.ones(m), np.full(m, BODY_SPEED), np.ones(leg.n), np.full(leg.n, SPEED)]
+    return np.repeat([length(leg), body_speed(leg), 1.0, joint_speed(leg)], [m, m, leg.n, leg.n])
 
 
 def lift_off(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstraint, ...]:
@@ -54,7 +53,7 @@ def apex(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstraint, .
     """The descent begins as flight ends, where the centre of mass neither rises nor falls."""
     return (
         handed_over(leg, before, after),
-        linkage("apex", lambda e: e.final[before].com_v[-1], RISE, unit="m/s"),
+        linkage("apex", lambda e: e.final[before].com_v[-1], body_speed(leg), unit="m/s"),
     )
 
 
@@ -71,9 +70,9 @@ def touchdown(leg: MovingLeg, before: str) -> tuple[BoundaryConstraint, ...]:
 
     window = leg.design.hop.foot_window
     return (
-        linkage("touchdown", lambda e: foot(e)[0], unit="m"),
-        BoundaryConstraint(LANDING_WINDOW, lambda e: foot(e)[1], -window, window, unit="m"),
-        BoundaryConstraint("touchdown from above", sinking, -INF, 0.0, unit="m/s"),
+        linkage("touchdown", lambda e: foot(e)[0], length(leg), unit="m"),
+        BoundaryConstraint(LANDING_WINDOW, lambda e: foot(e)[1], -window, window, length(leg), "m"),
+        BoundaryConstraint("touchdown from above", sinking, -INF, 0.0, leg.scale.time, "m/s"),
     )
 
 

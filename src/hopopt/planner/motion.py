@@ -26,6 +26,7 @@ from hopopt.ocp.problem import Instant, stack, symbols
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import NORMALISED_TIMES, Table
 
+AT_APEX = 0.045  # of the speed at lift-off: what is left to rise then is 0.2 % of the whole
 TIME_ROUNDING = 1e-9  # s: what rounding may put a time outside the hop
 
 
@@ -226,7 +227,8 @@ class Motion:
     @property
     def end_of_flight(self) -> str:
         """What a figure calls that instant: "apex", or "end" where the centre of mass still rises or falls again."""
-        return "apex" if at_apex(float(self.apex.com_v[0, 1])) else "end"
+        begin, end = self.sample_phase(FLIGHT, np.array([0.0, self.phases[FLIGHT].duration])).com_v[:, 1].tolist()
+        return "apex" if at_apex(end, begin) else "end"
 
     def claims(self) -> dict[str, float]:
         """What verification is to confirm: the height of the lowest point at the apex [m]; what else the hop was made
@@ -239,9 +241,9 @@ class Motion:
         return claims
 
 
-def at_apex(vertical: float) -> bool:
-    """Whether the centre of mass, at this vertical speed [m/s], is within a millimetre of its highest (on earth)."""
-    return abs(vertical) < 0.14
+def at_apex(vertical: float, at_lift_off: float) -> bool:
+    """Whether the centre of mass, at this vertical speed [m/s] after that at lift-off, is as good as at its highest."""
+    return abs(vertical) < AT_APEX * abs(at_lift_off)
 
 
 def _join(parts: list[Samples]) -> Samples:

@@ -19,12 +19,14 @@ import pinocchio as pin
 
 from hopopt.errors import MissingExtraError, UsageError
 from hopopt.leg.files.urdf_visuals import BODY, Visual
+from hopopt.leg.scales import Scale
 from hopopt.planner.solution import Solution
 
-POSE_INTERVAL = 0.002  # [s] between two poses
+POSE_INTERVAL = 0.002  # [s] on the paper's leg, between two poses
 FRAME_INTERVAL = 1 / 50  # [s] between two pictures
 THICK = 0.04  # radius of a link's cylinder, as a share of the leg's length
-FORCE = 0.0006  # [m/N]: length of the ground force's line
+FORCE = 0.0006  # [m/N] on the paper's leg: length of the ground force's line
+GROUND, CELL, SECTION = 4.0, 0.1, 0.5  # [m] on the paper's leg: sides of the ground, of its cells, of their sections
 PLAY_SPEEDS = {"1": 1.0, "1/4": 0.25, "1/10": 0.1}
 BLUE, GREY, BLACK = (0, 114, 178), (120, 120, 120), (26, 26, 26)
 LARGEST_MESH = 100_000_000  # bytes of a mesh
@@ -39,8 +41,9 @@ class HopScene:
 
     def __init__(self, server: Any, solution: Solution, looks: Sequence[Visual] = ()):
         self.server, self._robot, self._lock = server, solution.robot, RLock()
-        self.end = solution.end
-        even = np.linspace(0.0, self.end, max(2, round(self.end / POSE_INTERVAL) + 1))
+        self.end, self._scale = solution.end, Scale.of(solution.design.leg)
+        interval = POSE_INTERVAL * self._scale.time
+        even = np.linspace(0.0, self.end, max(2, round(self.end / interval) + 1))
         samples = solution.sample(even)
         self._t, self._q, self._force = samples.t, samples.q, samples.f
         self._data = solution.robot.model.createData()
@@ -67,7 +70,8 @@ class HopScene:
         """The ground, and where one looks from: the side, so that x is to the right."""
         scene = self.server.scene
         scene.set_up_direction("+z")
-        scene.add_grid("/ground", 4.0, 4.0, plane="xy", cell_size=0.1, section_size=0.5)
+        side, cell, section = (self._scale.length * size for size in (GROUND, CELL, SECTION))
+        scene.add_grid("/ground", side, side, plane="xy", cell_size=cell, section_size=section)
         self.server.initial_camera.look_at = (0.0, 0.0, 0.8 * self._length)
         self.server.initial_camera.position = (0.3 * self._length, -2.6 * self._length, 1.0 * self._length)
 
@@ -139,7 +143,12 @@ class HopScene:
                 self.links[name].position = tuple(place.translation)
                 self.links[name].wxyz = _quaternion(place.rotation)
             foot = self._data.oMf[self._robot.model.getFrameId("point_foot")].translation
-            push = FORCE * np.array([force[0], force[1] if len(force) == 3 else 0.0, force[-1]])
+            push = (
+                FORCE
+                * self._scale.length
+                / self._scale.mass
+                * np.array([force[0], force[1] if len(force) == 3 else 0.0, force[-1]])
+            )
             self._push.points = np.array([[foot, foot + push]], dtype=np.float32)
 
     def play(self, on: bool) -> None:

@@ -7,7 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
+from hopopt.design import Leg
 from hopopt.leg.kinematics import reach
+from hopopt.leg.scales import Scale
 from hopopt.ocp.phases import LANDING
 from hopopt.planner.solution import Solution
 from hopopt.plots.style import (
@@ -24,16 +26,32 @@ from hopopt.plots.style import (
     solution_figure,
 )
 
-POSE_STEP = 0.04  # [s] between two stick figures
+POSE_STEP, TIDY = 0.04, 0.005  # [s] between two stick figures on the paper's leg; of what steps are multiples
 LABEL = 0.08  # share of a row's width that the time below a pose needs
 CAPTION = 0.14  # that the height reached needs beside the apex
 WIDE = 1.25  # share of a slide's width over its height, divided by the rows, that a row may have
 
 
+def pose_step(leg: Leg) -> float:
+    """Time between two stick figures of a leg [s]."""
+    return TIDY * max(1, round(POSE_STEP * Scale.of(leg).time / TIDY))
+
+
+def every(step: float) -> str:
+    """How often a leg is drawn, in words."""
+    return f"every {1000 * step:.0f} ms"
+
+
+def time_label(t: float, step: float) -> str:
+    """A time [s] with as many digits as its step has."""
+    return f"{t:.{2 if round(1000 * step) % 10 == 0 else 3}f}"
+
+
 def stick(solution: Solution) -> Figure:
-    """The leg every 40 ms, at the end of flight and where it lands, each pose beside the one before it and all to one scale [m]."""
-    figure = solution_figure(solution, "the hop every 40 ms, poses side by side")
+    """The leg every 40 ms, or as it suits its size, at the end of flight and where it lands, each pose beside the one before it
+    and all to one scale [m]."""
     poses = _HopPoses(solution)
+    figure = solution_figure(solution, f"the hop {every(poses.step)}, poses side by side")
     for ax, row in zip(figure.subplots(len(poses.rows), squeeze=False)[:, 0], poses.rows, strict=True):
         for k in row:
             poses.draw(ax, k)
@@ -53,10 +71,11 @@ class _HopPoses:
 
     def __init__(self, solution: Solution):
         self.solution, self.leg = solution, solution.design.leg
-        early = np.arange(0, solution.duration - POSE_STEP / 4, POSE_STEP)  # none just before the apex
+        self.step = step = pose_step(self.leg)
+        early = np.arange(0, solution.duration - step / 4, step)  # none just before the apex
         times, self.apex = [*early, solution.duration], len(early)
         if solution.end > solution.duration:
-            times += [*np.arange(solution.duration + POSE_STEP, solution.end - POSE_STEP / 4, POSE_STEP), solution.end]
+            times += [*np.arange(solution.duration + step, solution.end - step / 4, step), solution.end]
         self.samples = solution.sample(times)
         chain = np.stack([self.samples.points[name] for name in (*self.leg.joints, "foot")], axis=1)
         self.x, self.z = chain[..., 0], chain[..., 1]
@@ -94,7 +113,7 @@ class _HopPoses:
         """Time [s] of pose k."""
         last = "rest" if LANDING in self.solution.phases else "touchdown"
         names = {len(self.x) - 1: last, self.apex: self.solution.end_of_flight}
-        return f"{self.samples.t[k]:.3f}\n({names[k]})" if k in names else f"{self.samples.t[k]:.2f}"
+        return f"{self.samples.t[k]:.3f}\n({names[k]})" if k in names else time_label(self.samples.t[k], self.step)
 
     def draw(self, ax: Axes, k: int) -> None:
         """Body, links, joints and foot of pose k in the colour of its phase."""

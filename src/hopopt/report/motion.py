@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hopopt.leg.robot import BASE
+from hopopt.leg.scales import Scale
 from hopopt.planner.solution import Solution
 from hopopt.sim.trace import Trace
 
-SHOWN_INTERVAL = 0.002  # [s] between two instants: smoother than a screen shows at a fourth of the speed
+SHOWN_INTERVAL = 0.002  # [s] on the paper's leg, between two instants: a fourth as fast a screen shows no steps
 
 
 @dataclass(frozen=True)
@@ -45,19 +46,22 @@ class ShownHop:
 
 def planned(solution: Solution, name: str) -> ShownHop:
     """The hop of a solution."""
-    even = np.linspace(0.0, solution.end, max(2, round(solution.end / SHOWN_INTERVAL)))
+    interval = SHOWN_INTERVAL * Scale.of(solution.design.leg).time
+    even = np.linspace(0.0, solution.end, max(2, round(solution.end / interval)))
     s = solution.sample(np.union1d(even, [solution.lift_off, solution.duration]))
     n = len(solution.robot.joints)
     chain = np.stack([s.points[point] for point in (*solution.robot.joints, "foot")], axis=1)
     clearance = solution.clearance if solution.verified else None
     force = s.f[:, [0, -1]]
     ends = f"{solution.end_of_flight}: the plan ends" if solution.end <= solution.duration else ""
-    return ShownHop(name, s.t, chain, s.points["com"], s.v[:, -n:], s.command, force, solution.lift_off, clearance, ends)
+    return ShownHop(
+        name, s.t, chain, s.points["com"], s.v[:, -n:], s.command, force, solution.lift_off, clearance, ends
+    )
 
 
 def simulated(trace: Trace, name: str, clearance: float | None) -> ShownHop:
     """A simulated hop; its torques are those behind the drives' limits."""
-    even = np.arange(trace.t[0], trace.t[-1], SHOWN_INTERVAL)
+    even = np.arange(trace.t[0], trace.t[-1], SHOWN_INTERVAL * Scale.of(trace.robot.leg).time)
     rows = np.unique([*np.searchsorted(trace.t, even), len(trace.t) - 1])
     arrays = ("t", "q", "v", "command", "motor", "tau", "f", "contact", "work")
     few = replace(trace, **{array: getattr(trace, array)[rows] for array in arrays})

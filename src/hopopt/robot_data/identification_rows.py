@@ -40,8 +40,9 @@ from scipy import sparse
 
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
+from hopopt.leg.scales import Scale
 from hopopt.robot_data.leg_momenta import LegMomenta
-from hopopt.robot_data.log_windows import WINDOW_LENGTH, LogSamples, samples_of, windows
+from hopopt.robot_data.log_windows import WINDOW_LENGTH, LogSamples, samples_of
 from hopopt.robot_data.robot_log import RobotLog
 
 CLEAR_OF_STOPS = 0.01  # [rad] from an end stop that no window touches
@@ -89,14 +90,14 @@ class LogRows:
     """The rows of one log."""
 
     def __init__(self, design: Design, momenta: LegMomenta, log: RobotLog):
-        self.momenta, self.s, self.n, leg = momenta, samples_of(log), momenta.n, design.leg
+        self.momenta, self.s, self.n, leg = momenta, samples_of(log, Scale.of(design.leg).time), momenta.n, design.leg
         self.at, self.coarse = places(self.n), coarseness(self.s)
         self.ratio = np.array([leg.drive(j, "gear", "ratio")[1] for j in leg.joints])
         self.stall = self.ratio * np.array([leg.drive(j, "motor", "max_torque")[1] for j in leg.joints])
-        self.joints = [windows(self.s.t, self._moving(design, k)) for k in range(self.n)]
-        self.saturated = [windows(self.s.t, self._saturated(design, k)) for k in range(self.n)]
+        self.joints = [self.s.windows(self._moving(design, k)) for k in range(self.n)]
+        self.saturated = [self.s.windows(self._saturated(design, k)) for k in range(self.n)]
         self.axes = [a for a in (0, 1) if np.any(log.force[:, a])]
-        self.standing = windows(self.s.t, np.where(log.contact, self.s.phase, -1))
+        self.standing = self.s.windows(np.where(log.contact, self.s.phase, -1))
         self.ramps = np.stack([self._at_line(design, k) for k in range(self.n)], axis=1)
 
     def _moving(self, design: Design, k: int) -> np.ndarray:
@@ -163,7 +164,9 @@ class LogRows:
         J[:, : at["gain"]] = (w.rate @ by_scales[:, k] + w.phi @ by_scales[:, n + k]) / g
         J[:, at["rotor"] + k] += kept / g
         J[:, at["gain"] + k] = load / g**2
-        J[:, at["efficiency"] + k] = delayed @ (by_eta * s.tau[:, k]) - (w.phi @ (by_eta * rubbing) + rotor * self._spun(k, by_eta)) / g
+        J[:, at["efficiency"] + k] = (
+            delayed @ (by_eta * s.tau[:, k]) - (w.phi @ (by_eta * rubbing) + rotor * self._spun(k, by_eta)) / g
+        )
         J[:, at["friction"] + k], J[:, at["damping"] + k] = -signs / g, -speeds / g
         J[:, at["lag"]], J[:, at["ramp_lag"]] = w.by_lag(lag) @ passed, changing
         J[:, at["efficiency"] + k] += ramp_lag * (w.phi @ (slope * by_eta))
@@ -275,7 +278,7 @@ def coarseness(s: LogSamples) -> np.ndarray:
     period = float(np.median(np.diff(s.t)))
     steps = np.array([step(x) for x in s.q.T])
     alike = steps / np.maximum(np.abs(s.v) * period, 1e-12)
-    return np.sqrt(np.clip(alike, 1.0, max(1.0, WINDOW_LENGTH / 2 / period)))
+    return np.sqrt(np.clip(alike, 1.0, max(1.0, s.time * WINDOW_LENGTH / 2 / period)))
 
 
 def step(x: np.ndarray) -> float:

@@ -12,6 +12,7 @@ from scipy import sparse
 from hopopt.robot_data.robot_log import RobotLog
 from hopopt.sim.state import BOUNCE
 
+# Of the paper's leg; times of others go with their size, and speeds with its inverse:
 WINDOW_LENGTH = 0.03  # [s] of a window: long beside the encoders' noise, short beside a push
 SPACING = 0.0075  # [s] between windows
 SHORTEST_STRETCH = 0.02  # [s] of a stretch that still holds a window
@@ -24,7 +25,8 @@ FEWEST_NEAR = 5  # angles that give one
 @dataclass(frozen=True)
 class LogSamples:
     """A log as the rows take it: t (k,), q and v = D q (k, n) [SI], D (k, k), tau and command (k, n), sign (k, n) of the speeds
-    or 0, force (k, 2), contact (k,), phase (k,): a number for each stretch in one phase, -1 next to its ends."""
+    or 0, force (k, 2), contact (k,), phase (k,): a number for each stretch in one phase, -1 next to its ends. time: the leg's
+    own time over that of the paper's leg."""
 
     t: np.ndarray
     q: np.ndarray
@@ -36,34 +38,42 @@ class LogSamples:
     force: np.ndarray
     contact: np.ndarray
     phase: np.ndarray
+    time: float
+
+    def windows(self, stretch: np.ndarray) -> "Windows":
+        """Windows within stretches of the samples that are each of one number (k,), -1 for none."""
+        return windows(self.t, stretch, self.time)
 
 
-def samples_of(log: RobotLog) -> LogSamples:
-    """A log with speeds that are slopes of its angles within each phase."""
+def samples_of(log: RobotLog, time: float) -> LogSamples:
+    """A log with speeds that are slopes of its angles within each phase; time: of LogSamples."""
     t, k = log.t, len(log.t)
     phase, blocks = np.full(k, -1), []
     for number, (a, b) in enumerate(pairwise([0, *(np.flatnonzero(np.diff(log.contact)) + 1), k])):
-        blocks.append(slopes(t[a:b]))
-        settled = BOUNCE if log.contact[a] else CONTACT_CHANGE_MARGIN  # a foot that has landed may bounce
-        inside = (t[a:b] >= t[a] + settled * bool(number)) & (t[a:b] <= t[b - 1] - CONTACT_CHANGE_MARGIN * (b < k))
+        blocks.append(slopes(t[a:b], SPEED_HALF_WIDTH * time))
+        edge, settled = (
+            time * CONTACT_CHANGE_MARGIN,
+            time * (BOUNCE if log.contact[a] else CONTACT_CHANGE_MARGIN),
+        )  # a foot that has landed may bounce
+        inside = (t[a:b] >= t[a] + settled * bool(number)) & (t[a:b] <= t[b - 1] - edge * (b < k))
         phase[a:b][inside] = number
     D = sparse.csr_array(sparse.block_diag(blocks))
     v = D @ log.q
-    sign = np.where(np.abs(v) > MOVING, np.sign(v), 0.0)
+    sign = np.where(np.abs(v) > MOVING / time, np.sign(v), 0.0)
     command = np.full(log.tau.shape, np.nan) if log.command is None else log.command
-    return LogSamples(t, log.q, v, D, log.tau, command, sign, log.force, log.contact, phase)
+    return LogSamples(t, log.q, v, D, log.tau, command, sign, log.force, log.contact, phase, time)
 
 
-def slopes(t: np.ndarray) -> sparse.csr_array:
+def slopes(t: np.ndarray, near: float) -> sparse.csr_array:
     """The matrix that differentiates a signal at times t (k,) [s], (k, k) [1/s]: slopes of cubics through neighbours within
-    SPEED_HALF_WIDTH, at least five samples (Savitzky and Golay, 1964); nothing for fewer."""
+    ``near`` [s], at least five samples (Savitzky and Golay, 1964); nothing for fewer."""
     k = len(t)
     if k < FEWEST_NEAR:
         return sparse.csr_array((k, k))
-    reach = min(max(2, round(SPEED_HALF_WIDTH / float(np.median(np.diff(t))))), (k - 1) // 2)
+    reach = min(max(2, round(near / float(np.median(np.diff(t))))), (k - 1) // 2)
     columns = np.clip(np.arange(k) - reach, 0, k - 2 * reach - 1)[:, None] + np.arange(2 * reach + 1)
-    x = (t[columns] - t[:, None]) / SPEED_HALF_WIDTH
-    slope = np.linalg.pinv(np.stack([x**p for p in range(4)], axis=2))[:, 1] / SPEED_HALF_WIDTH
+    x = (t[columns] - t[:, None]) / near
+    slope = np.linalg.pinv(np.stack([x**p for p in range(4)], axis=2))[:, 1] / near
     rows = np.repeat(np.arange(k), 2 * reach + 1)
     return sparse.csr_array((slope.ravel(), (rows, columns.ravel())), shape=(k, k))
 
@@ -90,17 +100,17 @@ class Windows:
         return len(self.phi.indptr) - 1
 
 
-def windows(t: np.ndarray, stretch: np.ndarray) -> Windows:
-    """Windows on samples at t (k,) [s] within stretches that are each of one number (k,), -1 for none."""
+def windows(t: np.ndarray, stretch: np.ndarray, time: float) -> Windows:
+    """Windows on samples at t (k,) [s] within stretches that are each of one number (k,), -1 for none; time: of LogSamples."""
     rows, columns = [np.zeros(0, int)], [np.zeros(0, int)]
     weights = [np.zeros((3, 0))]
     steps, count = np.gradient(t), 0
     for a, b in pairwise([0, *(np.flatnonzero(np.diff(stretch)) + 1), len(t)]):
         span = t[b - 1] - t[a]
-        if stretch[a] < 0 or span < SHORTEST_STRETCH:
+        if stretch[a] < 0 or span < SHORTEST_STRETCH * time:
             continue
-        half = 0.5 * min(WINDOW_LENGTH, span)
-        for middle in np.linspace(t[a] + half, t[b - 1] - half, 1 + int((span - 2 * half) / SPACING)):
+        half = 0.5 * min(WINDOW_LENGTH * time, span)
+        for middle in np.linspace(t[a] + half, t[b - 1] - half, 1 + int((span - 2 * half) / (SPACING * time))):
             at = np.flatnonzero(np.abs(t[a:b] - middle) < half) + a
             x = (t[at] - middle) / half
             rows.append(np.full(len(at), count))

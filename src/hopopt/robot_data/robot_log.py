@@ -14,7 +14,7 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.errors import ResultError, UsageError
 from hopopt.leg.robot import build_robot
-from hopopt.leg.scales import weight
+from hopopt.leg.scales import Scale, weight
 from hopopt.robot_data.log_mcap import mcap_table
 from hopopt.sim.state import BOUNCE
 
@@ -31,11 +31,11 @@ PRESSED = 0.05  # of the weight: a foot with more vertical force stands
 SEPARATORS = ",;\t"  # of the cells of a table: the first of those that a header has most of
 FEWEST = 50  # rows of a log
 LONGEST_PERIOD = 3.0  # usual periods between two rows that follow each other
-SLOWEST = 0.02  # [s] period of a log that shows a hop
+SLOWEST = 0.02  # [s] on the paper's leg: period of a log that shows a hop
 HUGE = 1e20  # in any unit: more than every sensor and clock gives
 MOST_BEYOND_LIMIT = 0.5  # [rad] by which no joint passes its limits
 RATE_CORRELATION = 0.5  # correlation of a speed column with the rate of its angle, below which it is another's
-STILL_SPREAD = 0.5  # [rad/s] standard deviation below which a joint's rate says nothing
+STILL_SPREAD = 0.5  # [rad/s] on the paper's leg: standard deviation below which a joint's rate says nothing
 
 
 @dataclass(frozen=True)
@@ -105,17 +105,17 @@ def read_log(file: Path, design: Design, names: Mapping[str, str] | None = None)
         raise ResultError(f"{file}: nothing says when the foot stands: add a column contact (0 or 1) or force_z [N]")
     unknown, asked = np.full(len(t), np.nan), [f"command_{joint}" for joint in joints]
     command = np.stack([column(c) if has(c) else unknown for c in asked], axis=1)
-    log = RobotLog(t - t[0], q, v, tau, without_bounces(t, contact), force, command)
+    log = RobotLog(t - t[0], q, v, tau, without_bounces(t, contact, BOUNCE * Scale.of(design.leg).time), force, command)
     _sensible(file, design, log)
     return log
 
 
-def without_bounces(t: np.ndarray, contact: np.ndarray) -> np.ndarray:
-    """Contact with every change undone that lasts less than ``BOUNCE``."""
+def without_bounces(t: np.ndarray, contact: np.ndarray, least: float) -> np.ndarray:
+    """Contact with every change undone that lasts less than ``least`` [s]."""
     settled = contact.copy()
     edges = [0, *(np.flatnonzero(np.diff(contact)) + 1), len(t)]
     for begin, end in pairwise(edges[1:]):
-        if end < len(t) and t[end] - t[begin] < BOUNCE:
+        if end < len(t) and t[end] - t[begin] < least:
             settled[begin:end] = settled[begin - 1]
     return settled
 
@@ -205,7 +205,7 @@ def _sensible(file: Path, design: Design, log: RobotLog) -> None:
     usual = float(np.median(steps))
     if steps.min() <= 0:
         raise ResultError(f"{file}: row {int(np.argmin(steps)) + 3}: time does not increase")
-    if usual > SLOWEST:
+    if usual > SLOWEST * Scale.of(design.leg).time:
         raise ResultError(
             f"{file}: rows are {usual:g} s apart, too few for a hop: is t in ms? write t [ms] in the header"
         )
@@ -224,7 +224,8 @@ def _sensible(file: Path, design: Design, log: RobotLog) -> None:
         rate = np.gradient(angle, log.t)
         alike = np.mean((rate - rate.mean()) * (speed - speed.mean()))
         if (
-            rate.std() > STILL_SPREAD and alike <= RATE_CORRELATION * rate.std() * speed.std()
+            rate.std() > STILL_SPREAD / Scale.of(design.leg).time
+            and alike <= RATE_CORRELATION * rate.std() * speed.std()
         ):  # a speed that never changes is none
             raise ResultError(
                 f"{file}: v_{joint} is not the rate of q_{joint}: are columns swapped, or is its sign the other way round?"

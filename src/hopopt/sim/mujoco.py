@@ -26,9 +26,13 @@ Controller = Callable[[float, np.ndarray, np.ndarray, bool], np.ndarray]  # (t, 
 PIN_PULL = 0.02  # of the weight: what the pin may pull before it lets go; a plan without load is at zero give or take
 SETTLING = 8  # time steps: time constant of the pin. MuJoCo's least, 2, disturbs the contact force by 5e-4, 8 by 2e-6
 GRIPS = 100.0  # how much harder friction is than the contact's normal, so that a foot within the cone hardly creeps
-TOUCHES = 1e-5  # m: below which a foot on frictional ground is on it; MuJoCo's contact is soft by less
+TOUCHES = (
+    1e-5  # [m] on the paper's leg: a foot on frictional ground that is lower is on it; MuJoCo's contact is soft by less
+)
 PLACED = 1e-6  # m: how far from the origin a foot may be that is to stand there
 IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # MuJoCo's hardest constraint
+TIME_STEP, CONTROL_PERIOD = 5e-5, 1e-4  # [s] on the paper's leg
+STIFFNESS, DAMPING = 2000.0, 40.0  # [N m/rad, N m s/rad] on the paper's leg, of the feedback in a replay
 PLANE = [0, 2]  # x and z of a world vector
 
 
@@ -59,8 +63,8 @@ def simulate(
     controller: Controller,
     duration: float,
     *,
-    time_step: float = 5e-5,
-    control_period: float = 1e-4,
+    time_step: float | None = None,
+    control_period: float | None = None,
     contact: bool = True,
     friction: float | None = None,
     landings: int = 1,
@@ -69,16 +73,19 @@ def simulate(
     """Run a controller on the leg in MuJoCo, from q0, v0 (2 + n), for ``duration`` [s].
 
     controller(t, q, v, contact) is called every ``control_period`` [s] and its torques (n) [N m] are held; they are
-    not clamped here. A whole number of Runge-Kutta steps of about ``time_step`` [s] fits into each period. With
+    not clamped here. A whole number of Runge-Kutta steps of about ``time_step`` [s] fits into each period. Both are by default
+    those of the paper's leg (1e-4 s, 5e-5 s), scaled. With
     ``contact`` the run begins in stance, the foot at the origin; else in flight. It ends early where the foot has come down
     ``landings`` times after flights of at least ``bounce`` [s, on the paper's leg]; a pinned foot only once. friction: coefficient
     of the ground; by default the foot is pinned.
     Raises MissingExtraError without MuJoCo, UsageError for a foot that is elsewhere, HopoptError if the motion runs away.
     """
-    steps = max(1, round(control_period / time_step))
+    time = Scale.of(robot.leg).time
+    control_period = CONTROL_PERIOD * time if control_period is None else control_period
+    steps = max(1, round(control_period / (TIME_STEP * time if time_step is None else time_step)))
     scene = _Scene(robot, control_period / steps, friction)
     scene.begin(q0, v0, contact)
-    least = bounce * Scale.of(robot.leg).time
+    least = bounce * time
     rows, left = [], -np.inf if contact else 0.0  # when the foot last left the ground
     for k in range(round(duration / control_period) + 1):
         if k > 0:
@@ -108,18 +115,23 @@ def replay(
     robot: Robot,
     plan: ReplayedPlan,
     *,
-    stiffness: float = 2000.0,
-    damping: float = 40.0,
-    time_step: float = 5e-5,
-    control_period: float = 1e-4,
+    stiffness: float | None = None,
+    damping: float | None = None,
+    time_step: float | None = None,
+    control_period: float | None = None,
 ) -> MujocoTrace:
     """Play a plan's torques on the leg in MuJoCo, from the plan's start to its apex: replay(s.robot, s).
 
     A hop is an inverted pendulum, on which open-loop errors grow, so tau = tau_plan + stiffness [N m/rad] (q_plan - q) +
     damping [N m s/rad] (v_plan - v) at the joints, clamped to their operating regions; tau_plan is the plan's mean over
-    the period. The last instant is the apex to within a period, and
+    the period. What is not given is the paper's leg's (2000 N m/rad, 40 N m s/rad, 5e-5 s, 1e-4 s), scaled. The last instant is the apex to within a period, and
     ``lowest`` there the clearance, unless the foot came down before.
     """
+    scale = Scale.of(robot.leg)
+    work, time = scale.unit("N m"), scale.time
+    stiffness = STIFFNESS * work if stiffness is None else stiffness
+    damping = DAMPING * work * time if damping is None else damping
+    control_period = CONTROL_PERIOD * time if control_period is None else control_period
     instants = np.arange(round(plan.duration / control_period) + 1) * control_period
     reference, feedforward = plan.sample(np.minimum(instants, plan.duration)), _means(plan, instants, control_period)
     leg, p, machine = robot.leg, robot.parameters, Machine(robot)
@@ -161,6 +173,7 @@ class _Scene:
         self.model.eq_solref[0] = SETTLING * time_step, 1.0  # critically damped
         self.model.eq_solimp[0] = IMPEDANCE
         self.fastest = SENSELESS / Scale.of(robot.leg).time
+        self.touches = TOUCHES * Scale.of(robot.leg).length
         self.grip = PIN_PULL * float(np.linalg.norm(option.gravity)) * float(self.model.body_mass.sum())
 
     def begin(self, q: np.ndarray, v: np.ndarray, contact: bool) -> None:
@@ -173,7 +186,7 @@ class _Scene:
     def instant(self, t: float, controller: Controller) -> tuple[Any, ...]:
         """Ask the controller, let go of the foot if the ground would pull; a row of the trace."""
         q, v = self.data.qpos.copy(), self.data.qvel.copy()
-        contact = bool(self.data.eq_active[0]) if self.pinned else bool(self._foot()[1] < TOUCHES)
+        contact = bool(self.data.eq_active[0]) if self.pinned else bool(self._foot()[1] < self.touches)
         if not np.abs(v).max() < self.fastest:
             raise HopoptError(f"the motion ran away at {t:.4f} s: the controller is unstable, or its period too long")
         tau = np.array(controller(t, q, v, contact), dtype=float)

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from hopopt.design import Design
 from hopopt.errors import SolverError, UsageError, one_line
+from hopopt.leg.scales import Scale
 from hopopt.nlp.refinement.continuous_limits import enforced_in, enforcing, holds
 from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
@@ -25,7 +26,7 @@ from hopopt.studies.influence import Difference, Influence
 from hopopt.studies.sensitivity import settled_within
 
 RELATIVE_STEP, WIDEST_STEP = 0.005, 0.05  # relative change of an entry, and of one that hardly matters
-SLIGHTEST_SLOPE = 1e-6  # [m per unit], below which an entry that is 0 is not looked at
+SLIGHTEST_SLOPE = 1e-6  # [m per unit] on the paper's leg, below which an entry that is 0 is not looked at
 FELT_SHARE = 5e-4  # share of the height that a step from 0 is to make
 LEADING = 5  # entries that are confirmed unless others are named
 NOISE_SHARE = 0.005  # share of the difference that noise should be
@@ -54,7 +55,7 @@ def _difference(solution: Solution, nlp: NlpSolution, i: Influence) -> Differenc
         nlp = replace(nlp, objective=solve_again(nlp, solution.design, solution.objective).objective)
     noise, slope = settled_within(solution), max(abs(i.m_per_unit), abs(i.less_m_per_unit or 0.0), 1e-12)
     if not i.value:
-        if slope < SLIGHTEST_SLOPE:
+        if slope < SLIGHTEST_SLOPE * Scale.of(solution.design.leg).length:
             return Difference(fault="not solved again: it is 0, and hardly matters")
         return _over(solution, nlp, i, FELT_SHARE * abs(nlp.objective) / slope, noise)
     wide = abs(i.value) * float(np.clip(noise / (NOISE_SHARE * abs(i.value) * slope), RELATIVE_STEP, WIDEST_STEP))

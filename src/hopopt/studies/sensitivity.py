@@ -15,6 +15,7 @@ from hopopt.design import Design, Leg, physical_parameters
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
+from hopopt.leg.scales import Scale
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.phases import STANCE, duration_entry
 from hopopt.optimality.directions.kinks import DIFFERS, kink
@@ -25,7 +26,7 @@ from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.problem.render import rows
 from hopopt.studies.influence import Influence
 
-FELT_HEIGHT = 1e-6  # [m] that twice an entry's value must make of two sides that differ
+FELT_HEIGHT = 1e-6  # [m] on the paper's leg, that twice an entry's value must make of two sides that differ
 STRAIGHT = 1e-6  # sine of the knee's angle below which a leg counts as stretched
 
 
@@ -47,11 +48,12 @@ def sensitivity(solution: Solution) -> list[Influence]:
     found = all_of(nlp)
     more, less, between = _sides(nlp, lambda s: np.array([slope for slope, _ in all_of(s).values()]))
     entries, influences = {row.path: row for row in rows(design)}, []
+    hardly = FELT_HEIGHT * Scale.of(design.leg).length
     for k, (name, (_, part_of)) in enumerate(found.items()):
         path, _, index = (part_of or name).partition("[")
         value = entries[path].value[int(index[:-1])] if index else entries[path].value
         felt = abs(more[k] - less[k]) * max(abs(value), 1.0)
-        smooth = felt <= FELT_HEIGHT or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
+        smooth = felt <= hardly or abs(more[k] - less[k]) <= DIFFERS * max(abs(more[k]), abs(less[k]))
         i = Influence(name, float(value), entries[path].unit, float(more[k]), part_of)
         influences.append(i if smooth else replace(i, less_m_per_unit=float(less[k]), between=between))
     return sorted(influences, key=lambda i: (-i.most_cm, -abs(i.m_per_unit)))

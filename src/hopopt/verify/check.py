@@ -7,7 +7,8 @@ from pydantic import computed_field
 
 from hopopt.record import Derived, Real, stated
 
-STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6  # tolerances: SI, share of the range, relative
+# Tolerances: SI on the paper's leg, share of the range, relative
+STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6
 LEAST_TOLERANCE = 1e-300  # what a tolerance of nothing counts as, where checks are compared
 FIGURE_TOLERANCE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
 

@@ -8,7 +8,7 @@ from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
 from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE, Robot
-from hopopt.leg.scales import DESCENT_RANGE, force_range
+from hopopt.leg.scales import descent_range, force_range
 from hopopt.sim.machine import Machine
 from hopopt.verify.table import DESCENT, STANCE, STANDING
 
@@ -75,7 +75,7 @@ def _ground(
                 np.linalg.norm(f[:, :-1], axis=1) - design.contact.friction * f[:, -1]
             ) / size
         if not design.hop.counter_movement and phase == STANCE:
-            found[LimitId(Kind.DESCENT)] = -v[:, 1] / DESCENT_RANGE
+            found[LimitId(Kind.DESCENT)] = -v[:, 1] / descent_range(design.leg)
     return found
 
 

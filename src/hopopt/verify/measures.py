@@ -156,4 +156,4 @@ MEASURES: dict[str, Callable[[Robot, Tables, HopSettings], float]] = {
     "obstacle_m": obstacle,
 }
 MAY_BE_MORE = ("obstacle_m",)  # the hop may clear more elsewhere
-SMALLEST_SCALE = {"impact_J": 0.01}  # a figure that may be 0 is relative to this at least
+SMALLEST = {"impact_J": 0.01}  # [J] on the paper's leg: a figure that may be 0 is relative to this at least

@@ -13,17 +13,18 @@ import pinocchio as pin
 
 from hopopt.design import Design, HopSettings
 from hopopt.leg.robot import BASE, Robot, build_robot
-from hopopt.leg.scales import weight
+from hopopt.leg.scales import Scale, weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, FIGURE_TOLERANCE, LIMIT, Check
 from hopopt.verify.drives import drive_checks
 from hopopt.verify.hops.landing import landed_checks, landing, lift_off
-from hopopt.verify.hops.periodic import periodic_checks
+from hopopt.verify.hops.periodic import SMALL, periodic_checks
 from hopopt.verify.limits import limit_words, limits_of, windowed
-from hopopt.verify.measures import MAY_BE_MORE, MEASURES, SMALLEST_SCALE, joint_work, quadrature
+from hopopt.verify.measures import MAY_BE_MORE, MEASURES, SMALLEST, joint_work, quadrature
 from hopopt.verify.replay import replay
 from hopopt.verify.table import DESCENT, FLIGHT, LANDING, NORMALISED_TIMES, STANCE, Table, dense
 
+LEAST_FORCE_SCALE = 1.0  # [N] on the paper's leg: the least that forces and torques are relative to
 BETWEEN = np.linspace(0.0, 1.0, 25)  # where limits are checked in every interval
 
 
@@ -124,12 +125,11 @@ def _measured(
     robot: Robot, hop: HopSettings, tables: Mapping[str, Table], claims: Mapping[str, float]
 ) -> Iterator[Check]:
     """Work, time or peaks of the table against the claim, relative to it."""
+    smallest = {name: size * Scale.of(robot.leg).unit("J") for name, size in SMALLEST.items()}
     for name in claims.keys() & MEASURES.keys():
         value, claim = MEASURES[name](robot, tables, hop), claims[name]
         wrong = max(claim - value, 0.0) if name in MAY_BE_MORE else abs(value - claim)
-        yield Check(
-            f"claimed {name}", wrong / max(abs(claim), SMALLEST_SCALE.get(name, 1e-9)), FIGURE_TOLERANCE, "relative"
-        )
+        yield Check(f"claimed {name}", wrong / max(abs(claim), smallest.get(name, 1e-9)), FIGURE_TOLERANCE, "relative")
 
 
 def _continuity(phase: str, table: Table) -> Check:
@@ -146,7 +146,7 @@ def _inverse_dynamics(machine: Machine, phase: str, table: Table) -> Check:
         missing = pin.rnea(machine.model, machine.data, q, v, a) - given
         missing[machine.held] = 0.0  # what a guide holds
         wrong.append(np.abs(missing).max())
-    size = max(1.0, np.abs(table.tau).max(), np.abs(table.f).max())
+    size = max(LEAST_FORCE_SCALE * Scale.of(machine.leg).mass, np.abs(table.tau).max(), np.abs(table.f).max())
     at = table.t.ravel()[int(np.argmax(wrong))]
     return Check(f"{phase} inverse dynamics", float(np.max(wrong) / size), 1e-9, "relative", f"at {at:.4f} s")
 
@@ -155,7 +155,12 @@ def _energy(machine: Machine, phase: str, table: Table) -> Check:
     """Work of the joints = change of kinetic and potential energy, relative to the work done."""
     work, size = joint_work(table)
     gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
-    return Check(f"{phase} energy balance", abs(gained - work) / max(size, 1e-3), BALANCE, "relative")
+    return Check(
+        f"{phase} energy balance",
+        abs(gained - work) / max(size, SMALL * Scale.of(machine.leg).unit("J")),
+        BALANCE,
+        "relative",
+    )
 
 
 def _impulse(machine: Machine, phase: str, table: Table) -> Check:

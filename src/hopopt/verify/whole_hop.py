@@ -34,7 +34,8 @@ from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, POWERS, STANC
 FEEDBACK_RATE = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
 MOST_SHORT_OF_CLAIM = 1e-4  # relative: what the simulated hop may fall short of the claim
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it slow
-FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's value
+# rad, and m, rad/s, m/s on the paper's leg: a hop that strayed further is another one and says nothing about the plan's value
+FOLLOWED = 1e-2
 VALUE = Check("simulated in one piece", float("nan"), MOST_SHORT_OF_CLAIM, "relative")  # of nothing as yet
 LIMITS = Check("limits when simulated in one piece", float("nan"), 2 * LIMIT, "of its range")
 
@@ -81,7 +82,7 @@ class Simulated(Measures):
     clearance_m: float | None = if_any("height of the lowest point when flight ends [m]")
     followed: bool | None = if_any("whether it stayed on the plan")
     short_by: Real | None = if_any("by how much the rollout value is less than the claim [the objective's unit]")
-    strayed: Real | None = if_any("largest distance from the plan [SI]")
+    strayed: Real | None = if_any("largest distance from the plan [rad; m, m/s, rad/s on the paper's leg]")
     passed: Real | None = if_any("largest share of its range by which a limit was passed")
     limit: str | None = if_any("that limit")
     note: str | None = if_any("why it says nothing about the plan")
@@ -92,7 +93,7 @@ class WholeHopRollout:
     """The simulated hop; infinite numbers if the simulation failed.
 
     values: rollout values by name: ``clearance_m``, ``apex_m`` and what the hop was made for [its unit]
-    strayed: how far it strayed from the plan [SI]
+    strayed: how far it strayed from the plan [rad; m, m/s, rad/s on the paper's leg, a similar leg's in its own units]
     passed: the largest share of its range by which it passed a limit
     limit: which limit that was
     """
@@ -169,13 +170,15 @@ def whole_hop_rollout(
         found, state = simulated_hop(machine, drives, tables, state)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return WholeHopRollout({}, np.inf, np.inf, "the simulation failed")
+    scale = Scale.of(design.leg)
+    units = scale.states(robot.model.nv - BASE)
     strayed = max(
-        float(np.abs(getattr(found[name], part) - getattr(table, part)).max())
+        float(np.abs((getattr(found[name], part) - getattr(table, part)) / unit).max())
         for name, table in tables.items()
-        for part in "qv"
+        for part, unit in zip("qv", units, strict=True)
     )
     if design.hop.periodic:
-        strayed = max(strayed, closure(machine, joints_at(tables[STANCE], 0), *state))
+        strayed = max(strayed, closure(machine, joints_at(tables[STANCE], 0), *state, rate=1 / scale.time))
     values = _values(machine, robot, design.hop, found, figure)
     shares = {
         limit_words(name, limit): float(excess.max())

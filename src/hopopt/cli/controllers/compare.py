@@ -82,7 +82,7 @@ def compare(
         in place of those tuned for the paper's leg and scaled.
     reserve
         auto: hold back from the ground force the least with which the plan is tracked on drawn legs, in place of the problem's
-        reserve.ground_force.
+        reserve.ground_force; where that is not enough, of torque and speed too.
     mujoco
         Also run every strategy in MuJoCo (optional: pip install 'hopopt[mujoco]').
     draws
@@ -132,7 +132,7 @@ def compare(
         "hops of a strategy" if periodic else "controllers": chosen_ones if periodic else chosen_ones / 4,
         "simulated hop": 2.0 * tune + 0.5 * draws * chosen_ones,
         "rung of the ladder": 12.0 * bool(why),
-        "least reserve": float(bool(reserve)),
+        "least reserve": float(reserve is not None),
         "basin": float(chosen_ones * bool(basin)),
     }
     with progress(json_, ExpectedTime("compare", design, parts)) as say:

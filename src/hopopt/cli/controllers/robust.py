@@ -98,6 +98,8 @@ def shown(found: Mapping[str, Any]) -> Iterator[Shown]:
     yield f"tracked by {found['tracker']}: lowest {found['lowest_m']:.4f} m, median {found['median_m']:.4f} m"
     doubt = "" if found["plan_verified"] else "; it was NOT verified"
     yield f"the plan clears {found['plan_m']:.4f} m, best of {found['evaluations']} that were tried{doubt}"
+    if found["against"]:
+        yield f"no plan was found that all legs of the search keep: {found['against']}"
     lowest = found["lowest_by_way_m"]
     each = [f"{words} {lowest[way]:.4f} m" for way, words in PLAN_WAYS.items() if lowest.get(way) is not None]
     yield f"lowest of the legs that it was chosen on, by way: {', '.join(each) or 'no way led to a verified plan'}"

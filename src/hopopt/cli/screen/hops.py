@@ -8,7 +8,8 @@ from rich.table import Table
 from hopopt.cli.screen.console import Shown, figures, named, table
 from hopopt.cli.screen.runs import cm, ladder, not_kept, results
 
-SPEED_DIFFERENCE = 0.05  # [m/s] by which a mean speed may differ from what is asked without a word
+# Clearances of the bound in its period: by so much a mean speed may differ from what is asked without a word
+DRIFT_SHARE = 0.07
 LOSS_FIGURES = ("push_m", "timing_m", "retraction_m")
 LANDING_ADVICE = (
     "a softer landing (hop.touchdown_loss) or a larger reserve.ground_force leaves it room (docs/periodic.md)"
@@ -29,6 +30,8 @@ def hops(found: Mapping[str, Any]) -> Iterator[Shown]:
             hint = f"; {LANDING_ADVICE}" if name.startswith("track") else ""
             yield f"{name} fell after {row['hops']} hops: {row['fell']}{hint}"
         yield from not_kept(name, row)
+    bound, period = found["bound_m"], found["period_s"]
+    slight = DRIFT_SHARE * bound / period if bound and period else 0.0
     for name, row in rows.items():
         if row["drawn"]:
             yield _drawn(name, row["drawn"])
@@ -37,7 +40,7 @@ def hops(found: Mapping[str, Any]) -> Iterator[Shown]:
         if row["mujoco_clearances_m"] is not None:
             yield _elsewhere(name, row["mujoco_clearances_m"])
         speed, asked = row["drift_m_per_hop"] / row["period_s"] if row["period_s"] else None, found["speed_m_s"]
-        if speed is not None and abs(speed - asked) > SPEED_DIFFERENCE:
+        if speed is not None and abs(speed - asked) > slight:
             yield f"{name} moves at {speed:+.2f} m/s on average; the bound is for {asked:g} m/s"
     yield from ladder(found)
     if found["tracked_plan_m"]:

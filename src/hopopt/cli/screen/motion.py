@@ -6,6 +6,7 @@ from hopopt.planner.motion import at_apex
 
 GRAVITY = 9.81  # m/s^2
 NO_HEAT = 1e-6  # J
+NO_STEP = 1e-6  # of the clearance: a step that is none
 SWUNG = 1.5  # clearances: a foot that lands as from a higher fall did not only fall
 
 
@@ -17,7 +18,7 @@ def hop_lines(s: Summary) -> list[str]:
     )
     end, flown = s.vertical_at_end_of_flight_m_s, f"{flight.duration_s:.3f} s"
     way = "rising" if end > 0 else "falling"
-    flown = f"to the apex {flown}" if at_apex(end) else f"{flown} (then {way} at {abs(end):.2f} m/s)"
+    flown = f"to the apex {flown}" if at_apex(end, lift.vertical_m_s) else f"{flown} (then {way} at {abs(end):.2f} m/s)"
     box = (
         [f"clears a box {o.width_m:g} m wide and {o.height_m:.4f} m high, {o.begins_m:.3f} m ahead"]
         if (o := s.obstacle)
@@ -66,7 +67,7 @@ def orbit_lines(s: Summary) -> list[str]:
         ]
     if (o := s.orbit) is None:
         return []
-    way = "in place" if abs(o.step_m) < 1e-6 else f"{o.step_m:+.3f} m along in each"
+    way = "in place" if abs(o.step_m) < NO_STEP * s.clearance_m else f"{o.step_m:+.3f} m along in each"
     return [
         f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}",
         _impact_line(o),

@@ -14,13 +14,16 @@ import numpy as np
 from hopopt.control.closed_loop import longest, make_plant
 from hopopt.design import Design
 from hopopt.leg.robot import BASE
+from hopopt.leg.scales import Scale
 from hopopt.sim.controller import Controller
 from hopopt.sim.encoder import Encoder
 from hopopt.sim.hop_sequence import before_landing, landings
 from hopopt.sim.state import State, Timing
 from hopopt.sim.trace import Trace
 
-STATE_STEP = 2e-3  # rad, m/s or rad/s: of the differences, above what the control period leaves unsmooth
+STATE_STEP = (
+    2e-3  # [rad; m/s, rad/s on the paper's leg] of the differences, above what the control period leaves unsmooth
+)
 SPEED_STEP_FACTOR = 10.0  # how much larger steps of speeds are
 BOUNCES = 4  # after a landing that are waited for
 SETTLE = 5  # hops by which the leg comes nearer to its own orbit first
@@ -33,7 +36,7 @@ class Multipliers:
     values: eigenvalues of the return map's derivative (2 n + 2), the largest first
     largest: magnitude of the largest; below 1 errors die out
     error: by how much ``largest`` changes with half the steps
-    closure: largest difference of the state from that one hop later [rad, m/s, rad/s]
+    closure: largest difference of the state from that one hop later [rad, and m/s, rad/s on the paper's leg]
     """
 
     values: tuple[complex, ...]
@@ -65,6 +68,12 @@ class ReturnMap:
     design: Design
     controller: Controller
 
+    @property
+    def units(self) -> np.ndarray:
+        """Of the state's entries (2 n + 2): the paper's leg's are rad, m/s and rad/s."""
+        n = len(self.design.leg.joints)
+        return np.concatenate([np.ones(n), Scale.of(self.design.leg).states(n)[1]])
+
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """The state (2 n + 2) before the next touchdown; Fallen if there is none."""
         design, s, n = self.design, self.design.simulation, len(self.design.leg.joints)
@@ -93,16 +102,21 @@ def state_at_landing(trace: Trace) -> np.ndarray:
     return np.concatenate([trace.q[k, BASE:], trace.v[k]])
 
 
-def multipliers(hop: ReturnMap, z: np.ndarray, settle: int = SETTLE, step: float = STATE_STEP) -> Multipliers:
-    """Of a return map about its fixed point near z, by central differences; Fallen if the leg does not hop there."""
+def multipliers(
+    hop: ReturnMap, z: np.ndarray, settle: int = SETTLE, step: float = STATE_STEP, units: float | np.ndarray = 1.0
+) -> Multipliers:
+    """Of a return map about its fixed point near z, by central differences; Fallen if the leg does not hop there.
+
+    units: of the state's entries (2 n + 2), of which steps and closure are multiples.
+    """
     for _ in range(settle):
         z = hop(z)
-    closure = float(np.abs(hop(z) - z).max())
-    (coarse, _), (fine, values) = (_largest(hop, z, h) for h in (2 * step, step))
+    closure = float(np.abs((hop(z) - z) / units).max())
+    (coarse, _), (fine, values) = (_largest(hop, z, h * np.broadcast_to(units, len(z))) for h in (2 * step, step))
     return Multipliers(values, abs(fine - coarse), closure)
 
 
-def _largest(hop: ReturnMap, z: np.ndarray, step: float) -> tuple[float, tuple[complex, ...]]:
+def _largest(hop: ReturnMap, z: np.ndarray, step: np.ndarray) -> tuple[float, tuple[complex, ...]]:
     n = (len(z) - BASE) // 2
     steps = step * np.concatenate([np.ones(n), np.full(len(z) - n, SPEED_STEP_FACTOR)])
     columns = [(hop(z + d) - hop(z - d)) / (2 * d.sum()) for d in np.diag(steps)]

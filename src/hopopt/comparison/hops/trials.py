@@ -181,7 +181,8 @@ def hop_on(trial: HopsTrial, hops: int, offset: float) -> Hops:
     if found.fell:
         return found
     try:
-        orbit = multipliers(ReturnMap(trial.design, found.run.controller), state_at_landing(found.run.trace))
+        on = ReturnMap(trial.design, found.run.controller)
+        orbit = multipliers(on, state_at_landing(found.run.trace), units=on.units)
     except Fallen:
         orbit = None
     return replace(found, stable=orbit)

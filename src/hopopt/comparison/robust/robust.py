@@ -82,6 +82,7 @@ class RobustHop:
             "ideal_bound_m": self.ideal_bound.clearance if self.ideal_bound.verified else None,
             "plan_m": self.best.reference.clearance,
             "plan_verified": self.best.verified,
+            "against": self.best.against or None,
             "tracker": TRACKER,
             "way": self.best.way,
             "lowest_by_way_m": self.lowest,
@@ -112,7 +113,7 @@ def robust(
 ) -> RobustHop:
     """The plan and its reserve with the greatest clearance that this share of drawn legs reaches.
 
-    draws: fresh legs for the promise; evaluations: reserves that are tried, and programs at most; starts: of each bound's
+    draws: fresh legs for the promise; evaluations: reserves that are tried beside the problem's own, and programs at most; starts: of each bound's
     solve; seconds: for bounds and plans, of which the bounds may take half; bound: the highest hop of this problem, if it is
     known. Raises UsageError for a problem without uncertainty and for promises that so few draws cannot make, NotSolvedError,
     with what stands against it, if no plan is found.
@@ -138,6 +139,7 @@ def robust(
     ideal_bound = on_ideal_ground(bound, say, **how)
     draw = partial(drawn, design, design.uncertainty)
     search = PlanSearch(bound, draw(TUNING_DRAWS, seed), draw(TUNING_DRAWS, seed, corners=True), processes, say, until)
+    search.by_own_reserve()
     search.by_program(evaluations)
     search.by_reserve(evaluations)
     best, lowest = search.best, {way: search.best_by(way) for way in (BY_RESERVE, BY_PROGRAM)}

@@ -5,7 +5,8 @@ regulator follows it. By program: plan and feedback are chosen together for legs
 (ocp/hops/shared_control.py). Both are judged on the same drawn legs (common random numbers).
 """
 
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -14,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from hopopt.comparison.compare import reference_of
-from hopopt.comparison.robust.robustness import FAILED_SHARE, Draw, extremes, reached
+from hopopt.comparison.robust.robustness import FAILED_SHARE, Draw, Reached, extremes, reached
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design, Reserve
 from hopopt.errors import NotSolvedError, UsageError, one_line
@@ -39,6 +40,7 @@ LOWEST, HIGHEST = np.zeros(5), np.array([0.3, 0.4, 0.3, 2.0, 0.05])
 SPREAD_SHARES = (0.3, 0.45, 0.6, 0.8)  # of the spreads, by which the program's legs are apart
 FORCE, HEIGHT = 0.3, 0.004  # what the program keeps back: ground force [of the weight], height [of the reach]
 LONGEST_SOLVES = {BY_RESERVE: 60.0, BY_PROGRAM: 150.0}  # [s] of a plan's solves: of one reserve, of all programs
+ALIKE = 1e-4  # [m] on the paper's leg: reserves whose scores are nearer than this are as good
 FALLS = 0.01  # of the lowest clearance that counts for a plan under which legs at the ends of the spreads fall
 AGREES = 0.02  # share of the planned clearance by which a leg of the program may stay below it when simulated
 
@@ -52,7 +54,8 @@ class PlanTrial:
     plan: the motion that is tracked; reference: the same as a controller follows it.
     verified: whether the plan passed its checks; by program, whether its legs reach in simulation what it says.
     lowest: lowest clearance of the draws [m].
-    score: what plans are ranked by [m]: lowest, or nearly nothing if legs at the ends of the spreads fall.
+    score: what plans are ranked by [m]: lowest, or nearly nothing if legs at the ends of the spreads fall, and less if draws do.
+    against: how draws fall, in a sentence; empty if none does.
     """
 
     way: str
@@ -62,6 +65,7 @@ class PlanTrial:
     verified: bool
     lowest: float
     score: float
+    against: str = ""
 
 
 @dataclass
@@ -97,25 +101,44 @@ class PlanSearch:
 
     def keep(self, way: str, design: Design, plan: Motion, reference: PlanReference, verified: bool) -> float:
         """Judge a plan on the draws, and on the corners if it may be the best; keep it. Its score [m]."""
-
-        def clearances_of(legs: list[Draw]) -> np.ndarray:
-            return reached(design, TRACKER, reference, legs, self.processes).clearances
-
-        score = lowest = float(clearances_of(self.draws).min()) if verified else 0.0
-        if score > max((t.score for t in self.trials if t is not None), default=0.0):
-            ends = clearances_of(self.corners)
+        none = Reached(np.zeros(len(self.draws)), ("not verified",) * len(self.draws))
+        found = reached(design, TRACKER, reference, self.draws, self.processes) if verified else none
+        fallen = found.clearances < FAILED_SHARE * reference.clearance
+        score = lowest = float(found.clearances.min(initial=np.inf))
+        if fallen.any():  # no promise: such plans are ranked below all others, that first under which the fewest fall
+            score = -FALLS * float(np.mean(fallen)) * reference.clearance
+        elif score > max((t.score for t in self.trials if t is not None), default=0.0):
+            ends = reached(design, TRACKER, reference, self.corners, self.processes).clearances
             held = float(np.mean(ends > FAILED_SHARE * reference.clearance))
             if held < 1:  # where legs at the ends fall under all plans, that wins under which the fewest do
                 score = min(lowest, float(ends.min()) + FALLS * held * lowest)
-        self.trials.append(PlanTrial(way, design, plan, reference, verified, lowest, score))
+        against = self._falls(found.outcomes, fallen) if fallen.any() else ""
+        self.trials.append(PlanTrial(way, design, plan, reference, verified, lowest, score, against))
         return score
+
+    def _falls(self, outcomes: Sequence[str], fallen: np.ndarray) -> str:
+        """How many legs fall under a plan, and how most of them do."""
+        how = Counter(outcome for outcome, fell in zip(outcomes, fallen, strict=True) if fell)
+        return f"under it {fallen.sum()} of {len(fallen)} legs of the search fall, most like this: {how.most_common(1)[0][0]}"
+
+    def by_own_reserve(self) -> None:
+        """The problem's own [reserve]."""
+        if not self.until.passed:
+            score = self._tracked(self.bound.design, "the problem's own [reserve]")
+            words = "no plan" if score is None else f"lowest of {len(self.draws)} legs {max(score, 0.0):.3f} m"
+            self.say(f"the problem's own reserve: {words}")
 
     # ---- by reserve ------------------------------------------------------------------------------------------------
 
     def by_reserve(self, evaluations: int) -> None:
         """So many reserves, by Nelder and Mead's simplex within bounds."""
         simplex = np.array([FIRST, *(FIRST + np.diag(STEPS))])
-        options = {"maxfev": evaluations, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-4}
+        options = {
+            "maxfev": evaluations,
+            "initial_simplex": simplex,
+            "xatol": 1e-3,
+            "fatol": ALIKE * Scale.of(self.bound.design.leg).length,
+        }
         bounds = list(zip(LOWEST, HIGHEST, strict=True))
         tried, most = 0, 0.0
 
@@ -136,17 +159,19 @@ class PlanSearch:
         (angle, torque, speed, force, height), asked = map(float, x), self.bound.design
         newtons, height = force * weight(build_robot(asked.leg).model), height * Scale.of(asked.leg).length
         reserve = Reserve(torque=torque, speed=speed, ground_force=newtons, height=height, angle=angle)
-        design = asked.model_copy(update={"reserve": reserve})
+        kept = f"a ground force of {force:.0%} of the weight, {height:.3g} m of height and {torque:.0%} of the torque"
+        score = self._tracked(asked.model_copy(update={"reserve": reserve}), kept)
+        return -float(np.sum(x)) if score is None else score  # less reserve may leave a plan
+
+    def _tracked(self, design: Design, kept: str) -> float | None:
+        """Score [m] of the plan with a problem's reserve, which is ``kept`` in words; None where no plan is left."""
         try:
             until = self.until.within(LONGEST_SOLVES[BY_RESERVE])
             plan = solved_from_known(Hop(reserved(design)), self.bound, until=until)
         except (NotSolvedError, UsageError) as error:
             self.trials.append(None)
-            kept = (
-                f"a ground force of {force:.0%} of the weight, {height:.3g} m of height and {torque:.0%} of the torque"
-            )
             self.against = f"with {kept} held back: {stands_against(error)}"
-            return -float(np.sum(x))  # less reserve may leave a plan
+            return None
         return self.keep(BY_RESERVE, design, plan, reference_of(plan), plan.verified)
 
     # ---- by program ------------------------------------------------------------------------------------------------
@@ -184,7 +209,10 @@ class PlanSearch:
         return asked.model_copy(update={"reserve": reserve})
 
     def _program(self, design: Design, found: SharedPlan, apart: list[Draw]) -> float:
-        """A program's plan, judged; it is verified if its own legs reach in simulation what it says."""
+        """A program's plan, judged; it is verified if its own legs reach in simulation what it says. Raises NotSolvedError for one
+        that hardly clears anything: its feedback holds legs up that should hop."""
+        if found.clearance < FAILED_SHARE * self.bound.clearance:
+            raise NotSolvedError(f"it clears no more than {found.clearance:.3f} m on all of its legs")
         tables, claims = found.believed.tables, found.believed.claims()
         reference = PlanReference.from_tables(NORMALISED_TIMES, tables, claims["clearance_m"])
         reference = replace(reference, feedback=found.feedback)

@@ -21,13 +21,14 @@ from hopopt.leg.derived import effort_limit, velocity_limit
 from hopopt.leg.inertia import PAIRS, tensor
 from hopopt.leg.kinematics import planar
 from hopopt.leg.robot import BASE, MovingBody, Robot, link_bodies
+from hopopt.leg.scales import Scale
 
 GUIDES = {"x": (1.0, 0.0, 0.0), "z": (0.0, 0.0, 1.0)}
 TRAVEL = 1000.0  # m and m/s: a URDF guide must have limits; these are as good as none
 SLENDER = 1e-3  # moment about a link's own axis as a share of the one across it; a rod has none
 BALL = 0.1  # m: radius of the ball whose moments the body is given; it does not turn
 FOOT_RADIUS = 1e-6  # m: of the contact point, too small to roll anywhere
-DRAWN = 0.015  # m: radius of what is drawn for a link
+DRAWN = 0.015  # [m] on the paper's leg: radius of what is drawn for a link
 MADE = "Made by hopopt {version}. SI units, z up."
 IN_PLANE = (
     "It moves in the x-z plane only: of the inertias the moments about y are the leg's; those about x and z, and all of "
@@ -137,14 +138,14 @@ def to_mjcf(robot: Robot) -> str:
         ET.SubElement(body, "joint", name=name, type="slide", axis=_text(axis))
     _mjcf_inertial(body, bodies[1])
     _, _, *links = _unique(["world", "body", *robot.leg.links])  # MuJoCo's own, and the leg's
-    foot = robot.points["foot"][1]
+    foot, radius = robot.points["foot"][1], repr(DRAWN * Scale.of(robot.leg).length)
     ends = [b.placement for b in bodies[BASE + 1 :]] + [foot]
     for link, name, content, end in zip(links, robot.joints, bodies[BASE:], ends, strict=True):
         body = ET.SubElement(body, "body", name=link, pos=_text(content.placement))
         _mjcf_joint(body, robot, name, content)
         _mjcf_inertial(body, content)
         line = _text((0, 0, 0, *end))
-        ET.SubElement(body, "geom", type="capsule", fromto=line, size=repr(DRAWN), contype="0", conaffinity="0")
+        ET.SubElement(body, "geom", type="capsule", fromto=line, size=radius, contype="0", conaffinity="0")
     ET.SubElement(body, "site", name="foot", pos=_text(foot))
     ET.SubElement(body, "geom", name="foot", type="sphere", size=repr(FOOT_RADIUS), pos=_text(foot))
     equality = ET.SubElement(root, "equality")

@@ -37,6 +37,10 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
 
 POINTS = 41  # of a guess, each phase
 GUESS_SAMPLES = 201  # of a guess that is a motion already
+GUESSED_FLIGHTS = (0.1, 0.6)  # [s] on the paper's leg: shortest and longest flight of a guess
+PUSH_STEP = 0.01  # [s] on the paper's leg: longest step of the push that is simulated
+PUSH_TOLERANCE = 1e-6  # [rad, and rad/s on the paper's leg] to which it is
+POSE_WEIGHT = 1e-3  # [m/rad] on the paper's leg: weight of staying near a pose beside that of the foot's place
 
 
 @dataclass(frozen=True)
@@ -179,11 +183,13 @@ def inverse_kinematics(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarr
     axes, beside = list(contact_axes(hop.leg)), joint_positions(hop.leg, start_angles(hop.design))[-1, 1]
     wanted = np.array([foot[0], beside, foot[1]])[axes]
 
+    size = hop.scale.length
+
     def residual(q: np.ndarray) -> np.ndarray:
-        return np.concatenate([joint_positions(hop.leg, q)[-1, axes] - wanted, 1e-3 * (q - near)])
+        return np.concatenate([(joint_positions(hop.leg, q)[-1, axes] - wanted) / size, POSE_WEIGHT * (q - near)])
 
     def slopes(q: np.ndarray) -> np.ndarray:
-        return np.vstack([foot_jacobian(hop.leg, q)[axes], 1e-3 * np.eye(hop.n)])
+        return np.vstack([foot_jacobian(hop.leg, q)[axes] / size, POSE_WEIGHT * np.eye(hop.n)])
 
     return least_squares(residual, inner, slopes, bounds=(lower, upper), xtol=1e-8, ftol=1e-8).x  # type: ignore[arg-type]
 
@@ -194,7 +200,8 @@ def _flight_guess(hop: Hop, stance: Guess, pose: np.ndarray | None = None) -> Gu
     com, com_v = _com_at(hop, stance.x[-1, :n], stance.x[-1, n:])
     fall = np.array(hop.robot.model.gravity.linear)[[0, 2]]
     shortest, longest = hop.design.hop.flight_duration
-    T = float(np.clip(-com_v[1] / fall[1], max(shortest, 0.1), min(longest, 0.6)))
+    least, most = (hop.scale.time * bound for bound in GUESSED_FLIGHTS)
+    T = float(np.clip(-com_v[1] / fall[1], max(shortest, least), min(longest, most)))
     t = s * T
     blend = (s * s * (3 - 2 * s))[:, None]
     if pose is None:
@@ -251,9 +258,14 @@ def saturated_push(hop: Hop) -> Guess | None:
 
     stretched.terminal = True  # type: ignore[attr-defined]
     x0, (shortest, longest) = np.concatenate([q0, np.zeros(n)]), hop.design.hop.stance_duration
+    time = hop.scale.time
+    settings: dict[str, Any] = {
+        "max_step": PUSH_STEP * time,
+        "atol": np.repeat([PUSH_TOLERANCE, PUSH_TOLERANCE / time], n),
+    }
     try:
         run = solve_ivp(
-            lambda _, x: np.concatenate([x[n:], acceleration(x)[0]]), (0, longest), x0, events=stretched, max_step=0.01
+            lambda _, x: np.concatenate([x[n:], acceleration(x)[0]]), (0, longest), x0, events=stretched, **settings
         )
     except np.linalg.LinAlgError:
         return None

@@ -17,7 +17,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.dynamics import LegDynamics, LegMotion
 from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_place
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.leg.scales import force_range, time_scale, weight
+from hopopt.leg.scales import Scale, force_range, time_scale, weight
 from hopopt.ocp.problem import Instant
 
 STANCE, FLIGHT = "stance", "flight"  # what the leg does
@@ -29,6 +29,7 @@ class MovingLeg:
 
     robot: the leg as Pinocchio's model and its parameters.
     n: how many joints it has; reach [m], weight [N], force_range [N] and time_scale [s] are its scales.
+    scale: its units over those of the paper's leg.
     contact_axes: along how many axes the ground holds the foot.
     loops: axes along which stance closes a loop; dependent: joints that follow there; free: those whose accelerations are
     controls in stance.
@@ -44,7 +45,7 @@ class MovingLeg:
         self.robot = build_robot(design.leg)
         self.n = len(self.leg.joints)
         self.force_range, self.weight = force_range(self.robot.model), weight(self.robot.model)
-        self.reach = reach(self.leg)
+        self.reach, self.scale = reach(self.leg), Scale.of(self.leg)
         self.time_scale = time_scale(self.robot.model, self.reach)
         self.contact_axes = len(contact_axes(self.leg))
         self.loops, self.dependent = loop_axes(self.leg), dependent_joints(design)

@@ -17,10 +17,9 @@ import casadi as ca
 from hopopt.design import Design
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.guesses.motion import MovingLeg
-from hopopt.ocp.objectives.objective import HopObjective
-from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, LegPhase
+from hopopt.ocp.objectives.objective import HopObjective, height, tie_break_of
+from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, LegPhase, body_speed, length
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, Parameter, PathConstraint, linkage
-from hopopt.ocp.transitions import RISE
 
 BOX_HEIGHT, BOX_AT = "obstacle", "obstacle at"  # height and near side of the box [m]
 OBSTACLE_STEP = "obstacle step"  # how far ahead the foot lands [m]
@@ -88,7 +87,7 @@ def _numbers(leg: MovingLeg) -> tuple[Parameter, ...]:
     """Height and place of the box, both free, and its width."""
     size = leg.reach
     return (
-        Parameter(BOX_HEIGHT, lower=-5.0, upper=20.0, unit="m", value=0.2 * size, free=True),
+        height(leg, BOX_HEIGHT, 0.2 * size),
         Parameter(BOX_AT, lower=0.0, upper=100 * size, scale=size, unit="m", value=0.3 * size, free=True),
         Parameter(BOX_WIDTH, value=leg.design.hop.obstacle.width or 0.0, unit="m"),
         Parameter(OBSTACLE_STEP, lower=0.0, upper=100 * size, scale=size, unit="m", value=size, free=True),
@@ -109,9 +108,9 @@ def _beyond(leg: MovingLeg) -> tuple[BoundaryConstraint, ...]:
     )
     return (
         beyond,
-        linkage("obstacle behind", lambda e: foot(e) - e.p[OBSTACLE_STEP], unit="m"),
-        linkage("apex", lambda e: e.final[FLIGHT].com_v[-1], RISE, unit="m/s"),
-        linkage("obstacle below the apex", lambda e: e.p[BOX_AT] + e.p[BOX_WIDTH] / 2 - body(e), unit="m"),
+        linkage("obstacle behind", lambda e: foot(e) - e.p[OBSTACLE_STEP], length(leg), unit="m"),
+        linkage("apex", lambda e: e.final[FLIGHT].com_v[-1], body_speed(leg), unit="m/s"),
+        linkage("obstacle below the apex", lambda e: e.p[BOX_AT] + e.p[BOX_WIDTH] / 2 - body(e), length(leg), unit="m"),
     )
 
 
@@ -126,6 +125,6 @@ def _no_width(design: Design) -> str | None:
 
 OVER = HopObjective(
     "obstacle", "height of the highest box of the given width that the whole leg clears on its way forwards", "m",
-    lambda leg, e: e.p[BOX_HEIGHT], "obstacle_m", "free", parameters=_numbers, boundary=_beyond, path=_clear,
-    kind="landing", fault=_no_width, tie_break=lambda leg: 100.0,
+    lambda leg, e: e.p[BOX_HEIGHT], "obstacle_m", "free", scale=length, parameters=_numbers, boundary=_beyond, path=_clear,
+    kind="landing", fault=_no_width, tie_break=lambda leg: 100.0 * tie_break_of(leg),
 )  # fmt: skip

@@ -12,7 +12,7 @@ from hopopt.ocp.guesses.guess import Guess
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.hops.sequence import PhaseSequence
 from hopopt.ocp.hops.touchdown_impact import impact_limits, landing
-from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE, descent, flight, stance
+from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE, descent, flight, length, stance
 from hopopt.ocp.problem import BoundaryConstraint, Ends, linkage
 from hopopt.ocp.transitions import handed_over, lift_off, touchdown
 
@@ -38,7 +38,7 @@ def step(leg: MovingLeg, before: str) -> BoundaryConstraint:
         ahead = leg.design.hop.speed * sum(e.duration.values(), ca.SX(0))
         return leg.flight_points(e.final[before])["foot"][0] - ahead
 
-    return linkage(STEP_CONSTRAINT, miss, unit="m")
+    return linkage(STEP_CONSTRAINT, miss, length(leg), unit="m")
 
 
 def there_and_back(leg: MovingLeg, push: Guess) -> Guess:

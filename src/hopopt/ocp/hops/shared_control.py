@@ -24,7 +24,7 @@ from hopopt.leg.scales import joint_inertias
 from hopopt.ocp.drives import motor_torques
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.objectives.objective import lowest_point
+from hopopt.ocp.objectives.objective import height, lowest_point
 from hopopt.ocp.objectives.tie_break import EFFORT, effort
 from hopopt.ocp.phases import flight, stance
 from hopopt.ocp.problem import BoundaryConstraint, Ends, Instant, Objective, Parameter, PathConstraint, Phase, Problem
@@ -123,7 +123,7 @@ def under_one_controller(legs: Sequence[TrueLeg]) -> Problem:
         raise UsageError(f"{believed.hop.design.name}: a shared controller is planned for a hop from rest to its apex")
     k_p, k_d = highest_gains(believed.hop.design)
     parameters = (
-        Parameter(CLEARANCE, lower=-5.0, upper=20.0, unit="m", free=True),
+        height(believed.hop, CLEARANCE),
         Parameter(STIFFNESS, len(k_p), 0.0, k_p, k_p, "N m/rad", free=True),
         Parameter(DAMPING, len(k_d), 0.0, k_d, k_d, "N m s/rad", free=True),
     )
@@ -156,6 +156,7 @@ def _side_by_side(legs: Sequence[TrueLeg], name: str) -> Phase:
         first.phase.duration,
         (*path, *(_law(believed, leg, name) for leg in legs[1:])),
         {EFFORT: lambda s: of_believed(believed.at(s))},
+        first.phase.long,
     )
 
 

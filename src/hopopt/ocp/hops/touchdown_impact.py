@@ -13,7 +13,7 @@ import numpy as np
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.guesses.motion import MovingLeg
-from hopopt.ocp.phases import SPEED
+from hopopt.ocp.phases import joint_speed
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, linkage
 from hopopt.ocp.rules import LEFT, RIGHT
 from hopopt.ocp.transitions import foot_before, impact_at
@@ -24,7 +24,7 @@ IMPULSE = LimitId(Kind.IMPULSE, key="hop.touchdown_impulse", unit="N s")
 IMPACT_LOSS = LimitId(Kind.IMPACT_LOSS, key="hop.touchdown_loss", unit="J")
 FOOT_SPEED = LimitId(Kind.FOOT_SPEED, key="hop.touchdown_speed", unit="m/s")
 GEAR_IMPACT = LimitId(Kind.GEAR_IMPACT, key="hop.touchdown_gear_torque", unit="N m")
-IMPACT_TIME = 0.1  # s: the weight's impulse in that time is the scale of an impact's impulse
+IMPACT_TIME = 0.1  # [s] on the paper's leg: the weight's impulse in that time is the scale of an impact's impulse
 
 
 def landing(leg: MovingLeg, before: str, after: str) -> tuple[BoundaryConstraint, ...]:
@@ -40,12 +40,12 @@ def impact_leads_to(name: str, leg: MovingLeg, before: str, begin: Callable[[End
         return ca.vertcat(s.q - f.q, s.v - impact_at(leg, f)[0][BASE:])
 
     labels = tuple(f"{what} {joint}" for what in "qv" for joint in leg.leg.joints)
-    return linkage(name, miss, np.repeat([1.0, SPEED], leg.n), labels=labels)
+    return linkage(name, miss, np.repeat([1.0, joint_speed(leg)], leg.n), labels=labels)
 
 
 def impact_limits(leg: MovingLeg, before: str) -> Iterator[BoundaryConstraint]:
     """The ground pushes, within its friction; and the limits that the problem file sets."""
-    hop, friction, push = leg.design.hop, leg.design.contact.friction, leg.weight * IMPACT_TIME
+    hop, friction, push = leg.design.hop, leg.design.contact.friction, leg.weight * IMPACT_TIME * leg.scale.time
 
     def of(what: Callable[[Instant], ca.SX]) -> Callable[[Ends], ca.SX]:
         return lambda e: what(e.final[before])

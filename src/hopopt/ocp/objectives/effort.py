@@ -25,7 +25,7 @@ from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
 TIE_BREAK_FACTOR = (
     5e4  # times the usual tie-break, in the leg's own time: work without heat hardly depends on when it is done
 )
-PUSH_SPEED = 10.0  # [rad/s]: joint speed of a push, for the scale of power
+PUSH_SPEED = 10.0  # [rad/s] on the paper's leg: joint speed of a push, for the scale of power
 SHARP = 0.1  # a peak may be passed by a smaller share of its range than a limit: it is the answer
 KINK_FACTOR = (
     3.0  # a power may be passed by a larger one where work is flat: what that gains is in the estimate of its error
@@ -71,6 +71,11 @@ def _losses(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
     return ca.vertcat(*heat)
 
 
+def largest_power(hop: MovingLeg) -> float:
+    """The power of a push [W]: the leg's weight at its length and a push's joint speed."""
+    return hop.weight * hop.reach * PUSH_SPEED / hop.scale.time
+
+
 def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], share: float = SHARP) -> dict[str, Any]:
     """A control for every joint that is at least its power and at least zero: at the optimum the positive part.
 
@@ -79,14 +84,14 @@ def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], share: float 
     """
 
     def controls(hop: MovingLeg) -> tuple[Control, ...]:
-        size = hop.weight * hop.reach * PUSH_SPEED
+        size = largest_power(hop)
         return (Control("drawn", hop.n, 0.0, scale=size, unit="W", labels=hop.leg.joints, only_bounds=True),)
 
     def path(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
         def short(s: Instant) -> ca.SX:
             return s.drawn - power(hop, phase.motion, s)
 
-        size, limit = share * (hop.weight * hop.reach * PUSH_SPEED), LimitId(Kind.POWER, unit="W")
+        size, limit = share * largest_power(hop), LimitId(Kind.POWER, unit="W")
         return (PathConstraint(limit, short, 0.0, scale=size, unit="W", labels=hop.leg.joints),)
 
     return {"controls": controls, "path": path, "scale": lambda hop: hop.weight * hop.reach}
@@ -195,7 +200,7 @@ EFFORTS = (
     ),
     _economical(
         "time", "time from the start of stance to the end of the hop", "s", "time_s",
-        lambda hop, e: sum(e.duration.values(), ca.SX(0)),
+        lambda hop, e: sum(e.duration.values(), ca.SX(0)), scale=lambda hop: hop.scale.time,
     ),
     _economical(
         "saturation", "largest share of its operating region that any joint uses: by as much could torque and speed of "

@@ -11,14 +11,20 @@ from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.hops.sequence import Sequence, from_rest
 from hopopt.ocp.objectives.direction import Directed
-from hopopt.ocp.phases import FLIGHT, LegPhase, points_at_apex
+from hopopt.ocp.phases import FLIGHT, LegPhase, length, points_at_apex
 from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint
 
 HEIGHT_FIGURES = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
+LOWEST, HIGHEST = -5.0, 20.0  # [m] on the paper's leg, of what the program may choose as a height
 REQUIRED = "hop.clearance"  # the parameter (and the problem's entry) that an economical hop must reach [m]
 
 CLEARANCE = LimitId(Kind.CLEARANCE, key=REQUIRED, unit="m")
 FOOT_WINDOW = LimitId(Kind.WINDOW, key="hop.foot_window", unit="m")
+
+
+def tie_break_of(hop: MovingLeg) -> float:
+    """Times the problem's own: a value over a time, so that legs in other sizes are as little biased."""
+    return 1 / hop.scale.time
 
 
 @dataclass(frozen=True)
@@ -34,7 +40,7 @@ class HopObjective(Directed):
     kind: which hop.kind it is asked of where the problem says "single".
     fault(design): in a sentence, what the problem lacks for it.
     custom: the user's function that it is made of (ocp/custom.py).
-    tie_break(hop): times the problem's own, where optima are flat.
+    tie_break(hop): times the problem's own, which is stated for the paper's leg; more where optima are flat.
     calm_first: whether it is solved with a larger tie-break first (planner/search/calm_first.py).
     """
 
@@ -55,7 +61,7 @@ class HopObjective(Directed):
     kind: str | None = None
     fault: Callable[[Design], str | None] = lambda design: None
     custom: Any = None
-    tie_break: Callable[[MovingLeg], float] = lambda hop: 1.0
+    tie_break: Callable[[MovingLeg], float] = tie_break_of
     calm_first: bool = False
 
 
@@ -70,7 +76,7 @@ def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:
     window = hop.design.hop.foot_window
     return (
         cleared(hop, FLIGHT, lambda e: e.p[name]),
-        BoundaryConstraint(FOOT_WINDOW, foot_offset, -window, window, unit="m"),
+        BoundaryConstraint(FOOT_WINDOW, foot_offset, -window, window, length(hop), "m"),
     )
 
 
@@ -81,7 +87,13 @@ def cleared(hop: MovingLeg, flight: str, least: Callable[[Ends], Any]) -> Bounda
         points = hop.flight_points(e.final[flight])
         return ca.vertcat(*[points[name][1] - least(e) for name in hop.point_names])
 
-    return BoundaryConstraint(CLEARANCE, heights, 0.0, INF, unit="m", labels=hop.point_names)
+    return BoundaryConstraint(CLEARANCE, heights, 0.0, INF, length(hop), "m", hop.point_names)
+
+
+def height(hop: MovingLeg, name: str, value: float = 0.0) -> Parameter:
+    """A height that the program chooses [m]; ``value``: where it begins."""
+    size = length(hop)
+    return Parameter(name, lower=LOWEST * size, upper=HIGHEST * size, scale=size, unit="m", value=value, free=True)
 
 
 def required_clearance(hop: MovingLeg) -> Parameter:

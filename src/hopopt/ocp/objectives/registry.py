@@ -8,10 +8,10 @@ from hopopt.ocp.custom import as_objective
 from hopopt.ocp.hops.landing import IMPACT
 from hopopt.ocp.hops.obstacle import OVER
 from hopopt.ocp.objectives.effort import EFFORTS
-from hopopt.ocp.objectives.objective import HopObjective, lowest_point
-from hopopt.ocp.phases import points_at_apex
-from hopopt.ocp.problem import Parameter
+from hopopt.ocp.objectives.objective import HopObjective, height, lowest_point
+from hopopt.ocp.phases import length, points_at_apex
 
+BEGUN_AT = 0.3  # [m] on the paper's leg: the clearance from which the search begins
 OBJECTIVES = {
     o.name: o
     for o in (
@@ -21,7 +21,8 @@ OBJECTIVES = {
             "m",
             lambda hop, e: e.p["clearance"],
             "clearance_m",
-            parameters=lambda hop: (Parameter("clearance", lower=-5.0, upper=20.0, unit="m", value=0.3, free=True),),
+            scale=length,
+            parameters=lambda hop: (height(hop, "clearance", BEGUN_AT * length(hop)),),
             boundary=lambda hop: lowest_point(hop, "clearance"),
         ),
         HopObjective(
@@ -31,6 +32,7 @@ OBJECTIVES = {
             lambda hop, e: points_at_apex(hop, e)[hop.leg.joints[0]][1],
             "apex_m",
             "free",
+            scale=length,
         ),
         *EFFORTS,
         IMPACT,

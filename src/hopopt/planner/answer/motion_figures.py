@@ -8,7 +8,7 @@ import numpy as np
 from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
-from hopopt.leg.scales import DESCENT_RANGE, force_range, friction_needed
+from hopopt.leg.scales import Scale, descent_range, force_range, friction_needed
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.ocp.rules import steepness
 from hopopt.planner.answer.limit_use import LOADED_SHARE, IdleLimit, idle_limits
@@ -21,6 +21,7 @@ from hopopt.verify.upper_bound import UpperBound, upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
 SAMPLES_OF_INTERVAL = np.linspace(0.0, 1.0, 9)
+UNLOADED = 1.0  # [N] on the paper's leg: a foot that carries less carries nothing
 NO_FRICTION = 10.0  # coefficient that no ground has, and no problem may ask for more
 
 
@@ -168,13 +169,14 @@ def _active_at_the_ground(plan: Motion, stance: Samples) -> dict[str, np.ndarray
     if friction is not None:
         active["friction cone"] = (along > friction * up - margin) & (up >= margin)
     if not plan.design.hop.counter_movement:
-        active["body never descends"] = stance.v[:, 1] < ACTIVE * DESCENT_RANGE
+        active["body never descends"] = stance.v[:, 1] < ACTIVE * descent_range(plan.design.leg)
     return active
 
 
-def unloaded(stance: Samples) -> float:
-    """Largest horizontal force [N] on a foot that carries less than 1 N."""
-    return float(np.abs(stance.f[stance.f[:, -1] < 1.0, :-1]).max(initial=0.0))
+def unloaded(plan: Motion, stance: Samples) -> float:
+    """Largest horizontal force [N] on a foot that carries hardly anything."""
+    carries = UNLOADED * Scale.of(plan.design.leg).mass
+    return float(np.abs(stance.f[stance.f[:, -1] < carries, :-1]).max(initial=0.0))
 
 
 def leans_on(plan: Motion, stance: Samples) -> LeansOn:
@@ -217,7 +219,7 @@ class MotionFigures:
     peak_vertical_force_N: float = stated("its largest vertical part [N]", lambda m: float(m.stance.f[:, -1].max()))
     friction: float | None = stated("coefficient; null: the foot never slips", lambda m: m.plan.design.contact.friction)
     grip_without_load_N: float = stated(
-        "largest horizontal force on an unloaded foot [N]", lambda m: unloaded(m.stance)
+        "largest horizontal force on an unloaded foot [N]", lambda m: unloaded(m.plan, m.stance)
     )
     leans_on: LeansOn = stated(
         "what the hop needs of the ground and of the time that it is allowed", lambda m: leans_on(m.plan, m.stance)

@@ -7,7 +7,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hopopt.design import Design
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
+from hopopt.leg.scales import Scale
 from hopopt.nlp.refinement.continuous_limits import of_limits
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Rows, Transcription
@@ -22,6 +24,7 @@ from hopopt.planner.motion import Motion
 from hopopt.record import Real, Strict, computed, if_any, stated
 from hopopt.verify.check import Condition
 
+SLIGHT = 1e-6  # [the objective's unit] on the paper's leg: what a limit may gain without being named
 BOUNDED = (  # limits whose range is their bound
     Kind.REGION, Kind.WINDOW, Kind.LANDING_WINDOW, Kind.IMPULSE, Kind.IMPACT_LOSS, Kind.FOOT_SPEED, Kind.GEAR_IMPACT,
 )  # fmt: skip
@@ -60,7 +63,7 @@ class FigureSource:
     @cached_property
     def gains(self) -> dict[str, float]:
         """What one per cent more of each limit's range would gain [objective's unit]."""
-        return limit_gains(self.solution, self.plan.design.contact.friction)
+        return limit_gains(self.solution, self.plan.design)
 
     def if_length(self, figure: Any, length: bool) -> Any:
         """A figure if the objective is a length (or is none), for its name says the unit; else None."""
@@ -120,10 +123,10 @@ def by_longest(solution: NlpSolution, phase: str) -> float:
     return float(np.maximum(solution.lam_x[where], 0).sum() / solution.transcription.scale[where][0])
 
 
-def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, float]:
+def limit_gains(solution: NlpSolution, design: Design) -> dict[str, float]:
     """What relaxing each limit by one per cent of its range would gain [objective's unit], from the multipliers: more
     of what is maximised, less of what is minimised. The friction cone's range is its coefficient."""
-    t, gains, lam_g = solution.transcription, {}, of_limits(solution)
+    t, gains, lam_g, friction = solution.transcription, {}, of_limits(solution), design.contact.friction
     for rows in t.rows:
         kind, reported = kind_of(rows.name), str(rows.name)
         if kind in BOUNDED:
@@ -151,7 +154,8 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
             gains[angle] = gains.get(angle, 0.0) + 0.01 * float(
                 np.abs(lam[:, k]).sum() * span[k] / q.column("scale")[k]
             )
-    return most_first({name: gain for name, gain in gains.items() if gain > 1e-6})
+    least = SLIGHT * Scale.of(design.leg).unit(t.problem.objective.unit)
+    return most_first({name: gain for name, gain in gains.items() if gain > least})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hopopt.leg.kinematics import reach
+from hopopt.leg.scales import Scale
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
 from hopopt.planner.answer.extras import HopFamily
@@ -14,7 +15,7 @@ from hopopt.planner.solution import Solution
 
 LEANING, DIPPING, SWINGING = 0.05, 0.03, 0.1  # share of the reach from which a lean, a dip or a swing is worth a word
 DOWN = 0.02  # share of the reach below which a joint is on the ground
-FAST = 0.3  # m/s along the ground from which a hop drifts
+FAST = 0.3  # [m/s] on the paper's leg, along the ground, from which a hop drifts
 PRECISE = 1e-6  # relative: to which the program of a mesh is solved, and more
 
 
@@ -55,7 +56,7 @@ def motion(hop: Hop, plan: Motion) -> dict[str, float]:
     dip: how far it goes down
     swing: how far it is from where it began at most, with its sign
     knee: the least height of a joint below it
-    drift: its speed along at lift-off [m/s]
+    drift: its speed along at lift-off [m/s on the paper's leg]
     """
     stance, size = plan.everywhere(STANCE, np.linspace(0, 1, 5)), reach(hop.leg)
     x, z = stance.q[:, 0], stance.q[:, 1]
@@ -64,7 +65,7 @@ def motion(hop: Hop, plan: Motion) -> dict[str, float]:
     return {
         "stance": plan.lift_off, "sway": float(x[lowest] / size), "lean": float(x[-1] / size),
         "dip": float((z[0] - z[lowest]) / size), "swing": float((x[farthest] - x[0]) / size),
-        "drift": float(stance.com_v[-1, 0]), "knee": float(min(below, default=size) / size),
+        "drift": float(stance.com_v[-1, 0] / Scale.of(hop.leg).time), "knee": float(min(below, default=size) / size),
     }  # fmt: skip
 
 

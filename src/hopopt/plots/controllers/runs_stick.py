@@ -7,7 +7,8 @@ from matplotlib.patches import Circle
 
 from hopopt.leg.scales import Scale
 from hopopt.plots.controllers.runs_style import Runs, called, few, last, looks, reached, runs_figure, since_lift_off
-from hopopt.plots.stick import POSE_STEP
+from hopopt.plots.stick import every as how_often
+from hopopt.plots.stick import pose_step, time_label
 from hopopt.plots.style import FIGURE_SIZE, GREY, SMALL, describe, height_arrow
 from hopopt.sim.hop_metrics import HopFigures
 
@@ -20,12 +21,13 @@ PALER = 0.4  # opacity of the poses in stance
 
 @few
 def stick(runs: Runs) -> Figure:
-    """The leg of every run every 40 ms up to its clearance [m], as in the paper's Fig. exp_picture.
+    """The leg of every run every 40 ms, or as it suits its size, up to its clearance [m], as in the paper's Fig. exp_picture.
 
     Poses as long after their lift-off stand in one column, all to one scale [m], side by side however far the leg
     travels; the last of a row is that of the clearance. Poses in stance are paler. It has the shape of a slide.
     """
-    poses, look = [_Poses(run) for run in runs.values()], looks(runs)
+    step = pose_step(next(iter(runs.values())).design.leg)
+    poses, look = [_Poses(run, step) for run in runs.values()], looks(runs)
     first, last_one = min(p.first for p in poses), max(p.first + len(p.t) for p in poses)
     widths = [max((p.width(k) for p in poses), default=0.0) for k in range(first, last_one)]
     top = max(p.top for p in poses)
@@ -34,7 +36,7 @@ def stick(runs: Runs) -> Figure:
         w + max(fill, 0.0) / len(widths) for w in widths
     ]  # poses farther apart, where they would not fill the slide
     middles, width = np.cumsum(widths) - np.array(widths) / 2, sum(widths)
-    figure = runs_figure(runs, "every 40 ms up to the clearance, paler in stance")
+    figure = runs_figure(runs, f"{how_often(step)} up to the clearance, paler in stance")
     axes = figure.subplots(len(runs), squeeze=False)[:, 0]
     for ax, p, (name, run) in zip(axes, poses, runs.items(), strict=True):
         p.draw(ax, middles[p.first - first :][: len(p.t)], look[name]["color"])
@@ -43,7 +45,9 @@ def stick(runs: Runs) -> Figure:
         describe(ax, "time since lift-off [s]" if ax is axes[-1] else "", "height [m]" if len(runs) < 4 else "z [m]")
         ax.grid(False, axis="x")
         every = 2 if len(middles) > CROWDED else 1
-        ticks = [(m, f"{POSE_STEP * k:.2f}") for k, m in enumerate(middles, first) if k % every == 0 and ax is axes[-1]]
+        ticks = [
+            (m, time_label(step * k, step)) for k, m in enumerate(middles, first) if k % every == 0 and ax is axes[-1]
+        ]
         ax.set_xticks([m for m, _ in ticks], [text for _, text in ticks], fontsize=SMALL)
         at = f" at {p.t[-1]:.3f} s" if run.highest is not None else ""
         ax.set_title(f"{called(name, run)}: {reached(run)}{at}", loc="left", fontsize=SMALL, fontweight="bold")
@@ -54,11 +58,11 @@ class _Poses:
     """The poses of a run: t (k,) [s] since lift-off, of which the first is ``first`` steps from it; x about their own
     middle and z (k, points) [m], and the width each needs [m]."""
 
-    def __init__(self, run: HopFigures):
+    def __init__(self, run: HopFigures, step: float):
         trace, links, clock = run.trace, run.design.leg.link.values(), since_lift_off(run)
         end = min(last(run), int(np.searchsorted(trace.t, LONGEST_DRAWN * Scale.of(run.design.leg).time)) - 1)
-        self.first = int(np.ceil(clock[0] / POSE_STEP - 1e-9))
-        early = POSE_STEP * np.arange(self.first, clock[end] / POSE_STEP - 0.25)  # none just before the last
+        self.first = int(np.ceil(clock[0] / step - 1e-9))
+        early = step * np.arange(self.first, clock[end] / step - 0.25)  # none just before the last
         reach = sum(link.length for link in links)
         self.radius, self.t = 0.09 * reach, np.append(early, clock[end])
         self.contact = trace.contact[np.maximum(np.searchsorted(clock, self.t, side="right") - 1, 0)]

@@ -10,6 +10,7 @@ import numpy as np
 from hopopt.design import Design, Leg
 from hopopt.design.fields import LOOKALIKES
 from hopopt.leg.kinematics import reach
+from hopopt.leg.scales import Scale
 from hopopt.problem.checking.doubts import doubts
 
 FASTEST, SLOWEST = 2700.0, 0.5  # rad/s: no-load speed of small motors at 26 000 rpm, of a joint
@@ -17,7 +18,8 @@ FURTHEST = 1.1 * np.pi  # rad: a joint turned by more than half a turn either wa
 HEAVY = 3.0  # masses of the body in one link
 DENSE = 500.0  # kg / m^3, mass of body and leg over the cube of the leg's reach; robots and animals have 10 to 100
 SLIPPERY = 0.05  # less than ice
-SHORT_STANCE = 0.01  # s, of the longest stance
+SHORT_STANCE = 0.01  # [s] on the paper's leg, of the longest stance
+PUSH_DURATIONS = (0.05, 0.5)  # [s] on the paper's leg: how long push-offs take
 
 
 def hints(design: Design) -> list[str]:
@@ -94,8 +96,10 @@ def _whole(design: Design) -> Iterator[str]:
             f"contact.friction = {friction:g} is slipperier than ice (0.05): leave the line out for a foot that never slips, "
             "or give 0.5 to 1 for rubber on a floor"
         )
-    if longest < SHORT_STANCE:
-        yield f"hop.stance_duration allows {longest:g} s at most: a push-off takes 0.05 to 0.5 s"
+    time = Scale.of(leg).time
+    if longest < SHORT_STANCE * time:
+        least, most = (time * lasts for lasts in PUSH_DURATIONS)
+        yield f"hop.stance_duration allows {longest:g} s at most: a push-off takes {least:.2g} to {most:.2g} s"
 
 
 def _mass(leg: Leg) -> float:

@@ -134,7 +134,7 @@ def _better(hop: Hop, value: float, than: Point, by: float = BETTER) -> bool:
 def _described(point: Point, found: Answer, source: Neighbour | None) -> Point:
     heights: dict[str, Any] = {"clearance_m": None, "unverified_clearance_m": None, "parts": None, "limit": ""}
     if found.verified:
-        gains = limit_gains(found.refined.solution, found.hop.design.contact.friction)
+        gains = limit_gains(found.refined.solution, found.hop.design)
         heights["limit"] = next(iter(gains), "")
         heights |= {"clearance_m": found.claims["clearance_m"], "parts": as_data(parts(found.plan))}
     else:

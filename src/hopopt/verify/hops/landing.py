@@ -41,5 +41,5 @@ def landed_checks(machine: Machine, design: Design, tables: Mapping[str, Table])
     yield Check("landing begins as the impact leaves the leg", found.closure, CLOSED, "SI")
     pose = end.q[-1, -1, BASE:] - tables[STANCE].q[0, 0, BASE:]
     yield Check("rest", float(np.abs([*pose, *end.v[-1, -1]]).max()), EXACT, "SI")
-    yield energy_check("energy of the hop", found, tables)
+    yield energy_check("energy of the hop", machine, found, tables)
     yield from impact_checks(machine, design, found)

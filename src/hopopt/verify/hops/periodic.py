@@ -8,14 +8,14 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE
-from hopopt.leg.scales import weight
+from hopopt.leg.scales import Scale, weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, LIMIT, Check
 from hopopt.verify.measures import joint_work
 from hopopt.verify.table import DESCENT, FLIGHT, LANDING, STANCE, Table, jumps
 
 CLOSED = 1e-8  # rad, rad/s: by which the state after the impact may differ from that in which stance begins
-SMALL = 1e-3  # J, or shares of the weight's impulse in a second: below it an impact is as good as none
+SMALL = 1e-3  # [J] on the paper's leg: work that is as good as none
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,11 @@ def joints_at(table: Table, place: int) -> np.ndarray:
     return np.r_[table.q[place, place, BASE:], table.v[place, place, BASE:]]
 
 
-def closure(machine: Machine, begin: np.ndarray, q: np.ndarray, v: np.ndarray) -> float:
-    """Largest difference of the joints after an impact at q, v from those with which stance is to begin (2 n) [rad, rad/s]."""
-    return float(np.abs(np.r_[q[BASE:], machine.touch_down(q, v)[BASE:]] - begin).max())
+def closure(machine: Machine, begin: np.ndarray, q: np.ndarray, v: np.ndarray, rate: float = 1.0) -> float:
+    """Largest difference of the joints after an impact at q, v from those with which stance is to begin (2 n) [rad, and
+    ``rate`` rad/s]."""
+    units = np.repeat([1.0, rate], len(begin) // 2)
+    return float(np.abs((np.r_[q[BASE:], machine.touch_down(q, v)[BASE:]] - begin) / units).max())
 
 
 def touchdown_of(machine: Machine, tables: Mapping[str, Table], begin: np.ndarray | None = None) -> Touchdown:
@@ -69,7 +71,7 @@ def periodic_checks(machine: Machine, design: Design, tables: Mapping[str, Table
     ahead = found.place - [design.hop.speed * period(tables), 0.0]
     yield from touchdown_checks(found, tables, tables[STANCE].t[0, 0], ahead)
     yield Check("orbit closed after the impact", found.closure, CLOSED, "SI")
-    yield energy_check("energy of a cycle", found, tables)
+    yield energy_check("energy of a cycle", machine, found, tables)
     yield from impact_checks(machine, design, found)
 
 
@@ -82,10 +84,11 @@ def touchdown_checks(found: Touchdown, tables: Mapping[str, Table], late: float,
     yield Check("touchdown", float(np.abs(foot).max()), EXACT, "SI")
 
 
-def energy_check(name: str, found: Touchdown, tables: Mapping[str, Table]) -> Check:
+def energy_check(name: str, machine: Machine, found: Touchdown, tables: Mapping[str, Table]) -> Check:
     """Net work of the joints over all phases against what the impact takes, relative to the work done."""
+    small = SMALL * Scale.of(machine.leg).unit("J")
     net, moved = np.sum([joint_work(table) for table in tables.values()], axis=0)
-    return Check(name, float(abs(net - found.loss) / max(moved, SMALL)), BALANCE, "relative")
+    return Check(name, float(abs(net - found.loss) / max(moved, small)), BALANCE, "relative")
 
 
 def impact_checks(machine: Machine, design: Design, found: Touchdown) -> Iterator[Check]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.leg.robot import Robot
+from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import EXACT, Check
 from hopopt.verify.hops.landing import lift_off
@@ -24,7 +25,7 @@ from hopopt.verify.table import FLIGHT, STANCE, Table
 from hopopt.verify.whole_hop import Drives, simulated_hop
 
 Tables = Mapping[str, Table]  # of one hop's phases; x and time count from where and when it began
-MISSED = 1e-3  # rad, rad/s: by which the hops simulated in one piece may miss the orbit
+MISSED = 1e-3  # rad, and rad/s on the paper's leg: by which hops simulated in one piece may miss the orbit
 
 
 def several_hops_checks(
@@ -55,8 +56,8 @@ def _one_hop(machine: Machine, robot: Robot, design: Design, tables: Tables, fou
 
 
 def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables], end: np.ndarray) -> float:
-    """By how much the joints miss ``end`` (2 n) [rad, rad/s] where all hops are simulated in one piece, torques clamped to the
-    drives; infinite if that cannot be."""
+    """By how much the joints miss ``end`` (2 n) [rad, and rad/s on the paper's leg] where all hops are simulated in one piece,
+    torques clamped to the drives; infinite if that cannot be."""
     first = hops[0][STANCE]
     drives = Drives.of(robot)
     last = state = first.q[0, 0], first.v[0, 0]
@@ -66,4 +67,4 @@ def missed(machine: Machine, robot: Robot, design: Design, hops: Sequence[Tables
             state = last[0], machine.touch_down(*last)
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):
         return np.inf
-    return closure(machine, end, *last)
+    return closure(machine, end, *last, rate=1 / Scale.of(design.leg).time)
