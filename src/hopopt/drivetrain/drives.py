@@ -7,7 +7,7 @@ import numpy as np
 
 from hopopt.compiled.kernel import packed
 from hopopt.drivetrain import kernels
-from hopopt.drivetrain.clamp import torque_lines
+from hopopt.drivetrain.clamp import UNBOUNDED, filled_up, torque_lines
 from hopopt.drivetrain.dynamics import AddedStates
 from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.half_planes import OperatingRegion
@@ -34,8 +34,8 @@ class Drive:
         self.lossless = gear.ideal
         self.upper, self.lower = torque_lines(regions)
         self.numbers = {
-            "upper": self.upper,
-            "lower": self.lower,
+            "upper": filled_up(self.upper, UNBOUNDED),
+            "lower": filled_up(self.lower, -UNBOUNDED),
             "gain": np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float),
             "efficiency": np.broadcast_to(np.asarray(gear.efficiency, dtype=float), n),
             **{name: float(getattr(gear, name)) for name in ("friction", "damping", "slow", "lightest")},
