@@ -65,6 +65,7 @@ def test_the_rungs_rise_to_the_bound_in_every_order(hop: Solution) -> None:
         assert rung.least_gain_m <= rung.gain_m <= rung.most_gain_m
 
 
+@pytest.mark.slow
 def test_where_no_pd_strategy_hops_the_comparison_stays(
     hop: Solution, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

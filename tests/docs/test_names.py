@@ -39,7 +39,9 @@ def package_of(source: Path) -> str:
     return str(source.parent.relative_to(ROOT / "src"))
 
 
-WHERE = dict.fromkeys([*(str(page.relative_to(ROOT)) for page in PAGES), *map(package_of, SOURCES)])  # names of all texts
+WHERE = dict.fromkeys(
+    [*(str(page.relative_to(ROOT)) for page in PAGES), *map(package_of, SOURCES)]
+)  # names of all texts
 
 
 @cache

@@ -10,7 +10,11 @@ import pytest
 import hopopt as ho
 
 PAGE = (Path(__file__).parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
-SHORT = ("solver.starts=1", "hop.stance_duration=[0.03, 0.2]", "simulation.control_rate=1000")  # few intervals and periods
+SHORT = (
+    "solver.starts=1",
+    "hop.stance_duration=[0.03, 0.2]",
+    "simulation.control_rate=1000",
+)  # few intervals and periods
 QUICK = '\\1", ' + ", ".join(f'"{entry}"' for entry in SHORT) + "]"  # after an entry that a block changes
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 ROWS = "\n".join(line for line in PAGE.splitlines() if line.startswith("|"))

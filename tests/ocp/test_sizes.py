@@ -16,7 +16,7 @@ CLEARANCE = 0.4  # m, of the paper's leg
 SLOW = ("apex", "time", "saturation", "peak_torque", "electrical_energy", "impact", "energy", "absolute_work")
 LONGER = ("energy", "absolute_work")  # by a minute each, on finer meshes
 ASKED = [
-    pytest.param(name, size, marks=[pytest.mark.slow] * (name in SLOW) + [rarely] * (name in SLOW and size < 1 or name in LONGER))
+    pytest.param(name, size, marks=[pytest.mark.slow] * (name in SLOW) + [rarely] * ((name in SLOW and size < 1) or name in LONGER))
     for name in ("clearance", "peak_force", *SLOW) for size in SIZES
 ]  # fmt: skip
 

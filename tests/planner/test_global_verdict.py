@@ -27,7 +27,10 @@ RECORDED = [
 IN_CI = (3,)  # of the twenty legs; the others, minutes each, with HOPOPT_TESTS=all
 OF_THE_SECOND = 0.01  # relative error of the second program
 SLOW = 3  # legs at the beginning of that list whose drives fold slowly
-MOST_WRONG = (RECORDED[0], RECORDED[5])  # solved in CI: what was promised was too much of the one, too little of the other
+MOST_WRONG = (
+    RECORDED[0],
+    RECORDED[5],
+)  # solved in CI: what was promised was too much of the one, too little of the other
 
 
 @pytest.mark.parametrize(

@@ -149,7 +149,9 @@ def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: P
     found = json.loads(capsys.readouterr().out)
     assert found["idle_limits"].keys() == plan.summary.idle_limits.keys()
     assert {(f["phase"], f["name"]) for f in found["flat"]} == {("flight", "a[hip]"), ("flight", "a[knee]")}
-    assert {str(f.name) for f in plan.summary.flat or ()} == {f["name"] for f in found["flat"]}  # the tie-break hides none
+    assert {str(f.name) for f in plan.summary.flat or ()} == {
+        f["name"] for f in found["flat"]
+    }  # the tie-break hides none
     assert found["durations"]["stance"]["longer"] is None  # at its longest
     assert found["durations"]["stance"]["shorter"] > 1e-3
     assert found["durations"]["flight"]["shorter"] > 1e-3
