@@ -15,8 +15,13 @@ SIZES = (0.25, 3.0)  # times the paper's leg
 CLEARANCE = 0.4  # m, of the paper's leg
 SLOW = ("apex", "time", "saturation", "peak_torque", "electrical_energy", "impact", "energy", "absolute_work")
 LONGER = ("energy", "absolute_work")  # by a minute each, on finer meshes
+QUICK = (("clearance", 3.0), ("clearance", 0.25), ("peak_force", 3.0))
 ASKED = [
-    pytest.param(name, size, marks=[pytest.mark.slow] * (name in SLOW) + [rarely] * ((name in SLOW and size < 1) or name in LONGER))
+    pytest.param(
+        name, size,
+        marks=[pytest.mark.slow] * ((name, size) not in QUICK)
+        + [rarely] * ((name in SLOW and size < 1) or name in LONGER),
+    )
     for name in ("clearance", "peak_force", *SLOW) for size in SIZES
 ]  # fmt: skip
 
