@@ -299,8 +299,8 @@ def test_mismatched_legs_hop_if_enough_is_held_back(solution, monkeypatch):
     overrides = ["reserve.torque=0.12", "reserve.speed=0.1", "reserve.ground_force=80", "reserve.height=0.02"]
     monkeypatch.setattr("hopopt.comparison.compare.plan_to_track", lambda design, say: plan_with_reserve(overrides))
     robust = compare(load("paper", overrides), ["track"], bound=solution)
-    found = spread(robust, 24, 0, Uncertainty(), 2)["track"]
-    assert found["draws"] == len(found["clearances_m"]) == 24
+    found = spread(robust, 12, 0, Uncertainty(), 2)["track"]
+    assert found["draws"] == len(found["clearances_m"]) == 12
     assert found["failed"] == 0
     assert robust.plan is not None
     assert found["p05_m"] > 0.9 * robust.plan.clearance
