@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -14,7 +15,6 @@ import hopopt
 
 SOURCE = Path(hopopt.__file__).parent
 FILES = {path.relative_to(SOURCE).as_posix(): path for path in sorted(SOURCE.rglob("*.py"))}
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
 
 PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, besides itself
     "errors": (),
@@ -92,11 +92,18 @@ UNSAFE_MODULES = ("pickle", "cPickle", "dill", "cloudpickle", "marshal", "shelve
 UNSAFE_CALLS = ("eval", "exec", "compile", "__import__")
 
 
+@cache
+def tree(name: str) -> ast.Module:
+    """A file as Python reads it; not while tests are collected, which every worker does."""
+    return ast.parse(FILES[name].read_text(encoding="utf-8"))
+
+
+@cache
 def imports(name: str, at: str = "anywhere") -> set[str]:
     """Dotted names a file imports, also under TYPE_CHECKING; ``from a import b`` counts as a.b. ``at``: "anywhere", or
     only "the top" or inside "functions"."""
     found = set()
-    for node, inside in walk(TREES[name]):
+    for node, inside in walk(tree(name)):
         if at != "anywhere" and inside != (at == "functions"):
             continue
         if isinstance(node, ast.Import):
@@ -192,8 +199,8 @@ def test_a_library_has_one_home(library: str) -> None:
 def test_pinocchio_models_are_made_in_one_place() -> None:
     makers = {
         name
-        for name, tree in TREES.items()
-        for node in ast.walk(tree)
+        for name in FILES
+        for node in ast.walk(tree(name))
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "pin.Model"
     }
     assert makers == {"leg/robot.py"}
@@ -203,21 +210,15 @@ def test_pinocchio_models_are_made_in_one_place() -> None:
 def test_nothing_runs_what_it_reads(name: str) -> None:
     """No pickle, no eval: a problem file or a result is data."""
     assert not [i for i in imports(name) if within(i, UNSAFE_MODULES)]
-    for node in ast.walk(TREES[name]):
+    for node in ast.walk(tree(name)):
         if isinstance(node, ast.Call):
             assert not (isinstance(node.func, ast.Name) and node.func.id in UNSAFE_CALLS), ast.unparse(node)
             assert not [k for k in node.keywords if k.arg == "allow_pickle" and ast.unparse(k.value) != "False"]
 
 
-@pytest.mark.parametrize(
-    "modules",
-    [
-        "hopopt.cli.main, hopopt.planner.solve, hopopt.storage.solution",
-        "hopopt.ocp.guesses.initial_guess, hopopt.planner.search.multistart",
-        "hopopt.api",
-    ],
-)
-def test_what_every_solve_needs_imports_nothing_slow(modules: str) -> None:
+def test_what_every_solve_needs_imports_nothing_slow() -> None:
+    modules = "hopopt.cli.main, hopopt.planner.solve, hopopt.storage.solution, hopopt.ocp.guesses.initial_guess, "
+    modules += "hopopt.planner.search.multistart, hopopt.api"
     words = f"import sys, {modules}; print([name for name in {SLOW} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
@@ -227,8 +228,8 @@ def test_solvers_are_made_in_one_place_which_heeds_ctrl_c() -> None:
     makers = ("ca.nlpsol", "ca.rootfinder", "ca.integrator")  # of CasADi's, those that let signal handlers run
     callers = {
         name
-        for name, tree in TREES.items()
-        for node in ast.walk(tree)
+        for name in FILES
+        for node in ast.walk(tree(name))
         if isinstance(node, ast.Call) and ast.unparse(node.func) in makers
     }
     assert callers == {"nlp/solver/casadi_solver.py"}

@@ -80,8 +80,9 @@ STUDIES = (
     "02",
     "03",
     "04",
+    "06",
     "07",
-)  # what they run is tried by the tests of comparisons, sweeps, co-design and robust plans
+)  # what they run is tried by the tests of comparisons, sweeps, co-design, hops after each other and robust plans
 RUNS = [  # the longest first, beside the others
     pytest.param(path, marks=[rarely] if path.stem[:2] in STUDIES else [], id=path.stem) for path in NOTEBOOKS[::-1]
 ]

@@ -41,4 +41,4 @@ def descendants(parent: int) -> list[int]:
 
 def beside_progress(words: str) -> list[str]:
     """Lines on standard error that are none of progress."""
-    return [line for line in words.splitlines() if not line.startswith("hopopt: after ")]
+    return [line for line in words.splitlines() if not line.startswith(("hopopt: about ", "hopopt: after "))]

@@ -92,6 +92,7 @@ def test_summary_holds_bound_reduced_hop_and_families(study: Path) -> None:
     assert not data["best"]["verified"]
 
 
+@pytest.mark.slow
 def test_resume_computes_only_what_is_missing(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = {path: path.stat().st_mtime_ns for path in (study / "starts").iterdir()}
     lost = study / "starts" / "0001.json"

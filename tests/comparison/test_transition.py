@@ -137,6 +137,7 @@ def test_from_one_orbit_to_another_and_back() -> None:
         assert len(found.plan.hops) == 1
 
 
+@pytest.mark.slow
 def test_what_is_stated_is_the_problem_of_the_hops() -> None:
     """Not that of the orbit on which they end, whose ground may be another."""
     gripping = orbit().design.model_copy(

@@ -22,6 +22,7 @@ def test_gears_that_rub_hard_balance_their_energy(ground: dict[str, float]) -> N
     assert run.trace.energy_error < 1e-6
 
 
+@pytest.mark.slow
 def test_finer_steps_balance_better() -> None:
     """A knee that runs into its end stop: stiff, and only two times continuous."""
     design = load("paper")

@@ -159,13 +159,13 @@ def hops_on(run: Run, hops: int) -> None:
 def test_force_control_hops_twenty_times(paper: Design) -> None:
     """With 14-bit encoders at 4 kHz."""
     assert (paper.simulation.encoder_bits, paper.simulation.control_rate) == (14, 4000)
-    hops_on(simulate(paper, BUILT_IN["force"], hops=20), 20)
+    hops_on(simulate(paper, BUILT_IN["force"], hops=20, compiled=True), 20)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["force_tuck", "position", "position_tuck"])
 def test_the_others_hop_on_too(paper: Design, name: str) -> None:
-    hops_on(simulate(paper, BUILT_IN[name], hops=5), 5)
+    hops_on(simulate(paper, BUILT_IN[name], hops=5, compiled=True), 5)
 
 
 @pytest.mark.slow
@@ -185,7 +185,7 @@ def test_the_others_hop_on_too(paper: Design, name: str) -> None:
 )
 def test_force_control_hops_on_with_other_machines(changes: dict[str, Any]) -> None:
     """Nothing in it is tuned to one leg: losses, delay, coarse encoders, another motor, mass or crouch."""
-    hops_on(simulate(load("paper", changes), BUILT_IN["force"], hops=5), 5)
+    hops_on(simulate(load("paper", changes), BUILT_IN["force"], hops=5, compiled=True), 5)
 
 
 def test_phase_logic_counts_hops_and_not_bounces(paper: Design) -> None:

@@ -129,7 +129,7 @@ def test_closed_forms_are_the_integrated_model(p: TwoMass) -> None:
     agrees(p)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(hoppers())
 def test_closed_forms_hold_for_any_hopper_that_lifts_off(p: TwoMass) -> None:
     agrees(p)

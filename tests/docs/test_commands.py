@@ -22,6 +22,7 @@ SMALLER = {  # sizes for a test: the same command on fewer points
     "--processes 4": "--processes 2",
 }  # fmt: skip
 ONE_START = ("solve", "sweep", "pareto", "transition")  # those are solved from a single start
+SHORT = ["--set", "hop.stance_duration=[0.03, 0.2]"]  # few intervals, where the page asks for no other stance
 FEW = ["--share", "0.5", "--confidence", "0.5", "--draws", "4", "--evaluations", "1", "--starts", "1"]  # for robust
 RUN = (
     "actuators",
@@ -120,6 +121,7 @@ def test_every_command_runs(
         for size, less in SMALLER.items():
             line = re.sub(size, less, line)
         more = ["--starts", "1", "--no-figures"] if words[0] in ONE_START and "--resume" not in words else []
+        more += SHORT if words[0] in ("solve", "pareto") and "stance" not in line else []
         more = FEW if words[0] == "robust" else more
         if words[0] in ("compare", "sensitivity") and not {"--bound", "--result"} & {*words}:
             more = ["--set", "solver.starts=1"]

@@ -76,6 +76,7 @@ def test_an_objective() -> None:
     assert s.summary.objective_value == pytest.approx(s.apex.points["com"][0, 1], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_constraint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It is held, checked by its value, named wherever the answer is, and verification knows what it needs."""
     before = folder_name(load("paper"), "clearance")

@@ -35,12 +35,21 @@ def docstrings(source: Path) -> Iterator[str]:
             yield ast.get_docstring(node) or ""
 
 
+def package_of(source: Path) -> str:
+    return str(source.parent.relative_to(ROOT / "src"))
+
+
+WHERE = dict.fromkeys(
+    [*(str(page.relative_to(ROOT)) for page in PAGES), *map(package_of, SOURCES)]
+)  # names of all texts
+
+
 @cache
 def texts() -> dict[str, str]:
     """Every page, and all docstrings of every package, by name."""
     found = {str(page.relative_to(ROOT)): page.read_text(encoding="utf-8") for page in PAGES}
     for source in SOURCES:
-        package = str(source.parent.relative_to(ROOT / "src"))
+        package = package_of(source)
         found[package] = "\n\n".join([found.get(package, ""), *docstrings(source)])
     return found
 
@@ -90,14 +99,14 @@ def returned(name: str) -> type:
     return getattr(importlib.import_module(RETURNED[kind]), kind) if isinstance(kind, str) else kind
 
 
-@pytest.mark.parametrize("where", texts())
+@pytest.mark.parametrize("where", WHERE)
 def test_every_name_of_the_api_is_there(where: str) -> None:
     for name, member in api_names(texts()[where]):
         found = getattr(ho, name)
         assert not member or not isinstance(found, type) or has(found, member), f"ho.{name}.{member}"
 
 
-@pytest.mark.parametrize("where", texts())
+@pytest.mark.parametrize("where", WHERE)
 def test_every_method_of_what_the_api_returns_is_there(where: str) -> None:
     """In code that assigns it: s = ho.solve(...), then s.plot()."""
     code = shown(texts()[where])
@@ -106,7 +115,7 @@ def test_every_method_of_what_the_api_returns_is_there(where: str) -> None:
             assert has(returned(name), member), f"{variable}.{member}() of ho.{name}()"
 
 
-@pytest.mark.parametrize("where", texts())
+@pytest.mark.parametrize("where", WHERE)
 def test_every_member_of_a_class_is_there(where: str) -> None:
     """In sentences: Solution.sample."""
     for name, member in (found for code in inline(texts()[where]) for found in MEMBER.findall(code)):
@@ -114,7 +123,7 @@ def test_every_member_of_a_class_is_there(where: str) -> None:
             assert any(has(kind, member) for kind in kinds), f"{name}.{member}"
 
 
-@pytest.mark.parametrize("where", texts())
+@pytest.mark.parametrize("where", WHERE)
 def test_every_dotted_name_is_there(where: str) -> None:
     for name in set(re.findall(r"\bhopopt(?:\.[a-z_]+)+\b", texts()[where])) - {"hopopt.strategies"}:  # an entry point
         module, _, member = name.rpartition(".")
@@ -135,7 +144,7 @@ def options() -> set[str]:
     return {name for argument in arguments for name in argument.names} | {"--version", "--install-completion"}
 
 
-@pytest.mark.parametrize("where", texts())
+@pytest.mark.parametrize("where", WHERE)
 def test_every_command_and_option_in_a_sentence_is_one(where: str) -> None:
     for code in inline(texts()[where]):
         if (words := code.split())[:1] == ["hopopt"] and len(words) > 1:

@@ -10,7 +10,12 @@ import pytest
 import hopopt as ho
 
 PAGE = (Path(__file__).parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
-QUICK = r'\1", "solver.starts=1"]'  # after an entry that a block changes, for plans to track are looked for too
+SHORT = (
+    "solver.starts=1",
+    "hop.stance_duration=[0.03, 0.2]",
+    "simulation.control_rate=1000",
+)  # few intervals and periods
+QUICK = '\\1", ' + ", ".join(f'"{entry}"' for entry in SHORT) + "]"  # after an entry that a block changes
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 ROWS = "\n".join(line for line in PAGE.splitlines() if line.startswith("|"))
 OF_ALL = {"as_dict", "verified", "with_methods"}  # said of all results at once, or for hopopt itself
@@ -42,6 +47,7 @@ def test_every_block_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     """In one program, in an empty folder; no old name is in it, for a warning is a fault here."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("hopopt.comparison.robust.robust.TUNING_DRAWS", 4)
     found = dict[str, object]()
     with warnings.catch_warnings(action="error", category=DeprecationWarning):
         for block in BLOCKS:

@@ -76,7 +76,7 @@ def test_dynamic_programming_approaches_the_planners_optimum(case: str) -> None:
 @pytest.mark.parametrize(
     "overrides",
     [
-        {"contact.friction": 0.1},
+        pytest.param({"contact.friction": 0.1}, marks=pytest.mark.slow),
         pytest.param({"hop.counter_movement": False, "hop.least_height": 0.02}, marks=pytest.mark.slow),
         {"start.joint_angles": [0.9, -1.2]},
     ],

@@ -123,6 +123,7 @@ def run(results: Path, *words: str) -> int:
     return cli.run(["families", "paper", *SETTINGS, *common, *words])
 
 
+@pytest.mark.slow
 def test_the_command_follows_families_over_friction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code = run(tmp_path, "--vary", "contact.friction=0.9,0.6,0.75", "--json", "--no-verify")
     data: dict[str, Any] = json.loads(capsys.readouterr().out)

@@ -99,6 +99,7 @@ def in_c(tracker: Track, tmp_path_factory: pytest.TempPathFactory) -> Callable[[
     return lambda: InC(ctypes.CDLL(str(folder / "tracker.so")))
 
 
+@pytest.mark.slow
 def test_c_asks_for_what_python_asks_for_over_a_whole_hop(
     solution: Solution, tracker: Track, in_c: Callable[[], InC]
 ) -> None:

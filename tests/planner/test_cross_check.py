@@ -167,6 +167,7 @@ def test_it_goes_with_a_design_that_is_given(capsys: pytest.CaptureFixture[str])
     assert "--cross-check goes with a design that is given" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_on_the_command_line(
     answer: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,9 +24,13 @@ RECORDED = [
     ("leg.gear.ratio=20", 0.9046, 0.6212, 0.8623),
     ("start.hip_height=0.735", 0.7526, 0.6960, 0.7217),
 ]
-IN_CI = (2, 3)  # of the twenty legs; the others, minutes each, with HOPOPT_TESTS=all
+IN_CI = (3,)  # of the twenty legs; the others, minutes each, with HOPOPT_TESTS=all
 OF_THE_SECOND = 0.01  # relative error of the second program
 SLOW = 3  # legs at the beginning of that list whose drives fold slowly
+MOST_WRONG = (
+    RECORDED[0],
+    RECORDED[5],
+)  # solved in CI: what was promised was too much of the one, too little of the other
 
 
 @pytest.mark.parametrize(
@@ -68,7 +72,9 @@ def test_slow_drives_give_no_false_alarm(entry: str, answer: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("entry", "answer"), [row[:2] for row in RECORDED])
+@pytest.mark.parametrize(
+    ("entry", "answer"), [pytest.param(*row[:2], marks=[] if row in MOST_WRONG else [rarely]) for row in RECORDED]
+)
 def test_nothing_better_on_all_these_legs(entry: str, answer: float) -> None:
     s = ho.solve(ho.load("paper", [entry]), processes=1)
     assert s.clearance == pytest.approx(answer, abs=1e-4)

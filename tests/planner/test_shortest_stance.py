@@ -19,6 +19,7 @@ SMALL = {  # a leg of 2.55 kg that jumps 0.4889 m in 0.30 s, and no higher in an
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_longer_stance_that_gives_nothing_is_not_used() -> None:
     """The highest hop in 0.28 s of stance is 0.4861 m, in 0.30 s 0.4889 m, as in 0.36 and 0.8 s."""
     found = solve(load("paper", SMALL), starts=1, processes=1)

@@ -111,6 +111,7 @@ def test_the_highest_verified_hop_is_chosen(
     assert (other and other.summary.title) == better
 
 
+@pytest.mark.slow
 def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_and_says_so(
     one_push: Solution, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,6 +10,7 @@ STRONG = {"leg.motor.max_torque": 20.0}
 TIGHT = {"solver.tolerance": 1e-6, "solver.price_tolerance": 1e-5}
 
 
+@rarely
 @pytest.mark.slow
 def test_tighter_tolerances_make_a_strong_leg_no_worse() -> None:
     """Whose meshes would be too fine if all that is asked for were cut at once."""

@@ -33,6 +33,7 @@ def test_poses_are_those_of_the_plan(hop: Solution, shown: ShownHop) -> None:
     np.testing.assert_allclose(poses(shown, times), expected, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_gif_has_a_picture_for_each_instant_and_loops(shown: ShownHop, tmp_path: Path) -> None:
     animate([shown], "a leg", tmp_path / "hop.gif", FAST)
     with Image.open(tmp_path / "hop.gif") as picture:

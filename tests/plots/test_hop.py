@@ -62,7 +62,7 @@ def boxes(ax: Axes, axis: str) -> list[Bbox]:
     ]
 
 
-QUICK = ("apex", "three joints", "friction")
+QUICK = ("three joints", "friction")
 
 
 @pytest.mark.parametrize("case", [pytest.param(c, marks=() if c in QUICK else pytest.mark.slow) for c in CASES])

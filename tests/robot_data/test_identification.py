@@ -68,7 +68,7 @@ def recorded(run: Run, truth: Design, gain: np.ndarray) -> Recording:
     first = np.searchsorted(row, np.arange(row[-1]))
     tau, force = np.zeros((row[-1], 2)), np.zeros((row[-1], 2))
     for a in range(len(trace.t) - 1):
-        q, v, part = trace.q[a + 1, BASE:], trace.v[a + 1, BASE:], (trace.t[a + 1] - trace.t[a]) / period
+        q, part = trace.q[a + 1, BASE:], (trace.t[a + 1] - trace.t[a]) / period
         if row[a] < row[-1] and part > 0:
             after = replace(
                 plant.stance_start(q), q=trace.q[a + 1], v=trace.v[a + 1], contact=bool(trace.contact[a + 1])

@@ -205,6 +205,7 @@ def study(finished: Study, tmp_path: Path) -> Path:
     return Path(shutil.copytree(finished.folder, tmp_path / "study"))
 
 
+@pytest.mark.slow
 def test_a_study_is_verified_again(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["verify", str(study), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -21,6 +21,13 @@ from once import solved_once
 from refusals import refusal
 
 POINTS = 4
+SHORT = {"hop.stance_duration": [0.03, 0.2]}  # few intervals
+
+
+@pytest.fixture(scope="module")
+def hop() -> ho.Solution:
+    """The highest hop in so short a stance."""
+    return ho.Solution.with_methods(solved_once(SHORT))
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +38,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def front(folder: Path) -> Front:
     """The least peak of the ground force for each clearance."""
-    return ho.pareto(ho.load("paper"), "peak_force", points=POINTS, lowest=0.0, starts=1, processes=1, results=folder)
+    return ho.pareto(
+        ho.load("paper", SHORT), "peak_force", points=POINTS, lowest=0.0, starts=1, processes=1, results=folder
+    )
 
 
 @pytest.mark.slow
@@ -54,7 +63,7 @@ def test_front_is_monotone(front: Front) -> None:
 @pytest.mark.slow
 def test_ends_are_the_single_objective_optima(front: Front, hop: ho.Solution) -> None:
     least, *_, highest = front.verified_points
-    alone = solved_once({"hop.clearance": 0.0}, "peak_force")
+    alone = solved_once({**SHORT, "hop.clearance": 0.0}, "peak_force")
     assert least.value == pytest.approx(alone.summary.reached, rel=1e-4)
     assert highest.clearance_m == pytest.approx(hop.clearance, rel=1e-4)
 
@@ -62,7 +71,7 @@ def test_ends_are_the_single_objective_optima(front: Front, hop: ho.Solution) ->
 @pytest.mark.slow
 def test_points_are_what_solving_them_alone_gives(front: Front) -> None:
     point = front.verified_points[1]
-    alone = ho.solve(ho.load("paper", {"hop.clearance": point.asked_m}), "peak_force", starts=2, processes=1)
+    alone = ho.solve(ho.load("paper", {**SHORT, "hop.clearance": point.asked_m}), "peak_force", starts=2, processes=1)
     assert point.value == pytest.approx(alone.summary.reached, rel=2e-4)
 
 
@@ -88,7 +97,7 @@ def test_folder_holds_table_points_and_json(front: Front) -> None:
 
 @pytest.mark.slow
 def test_a_front_begins_where_the_leg_hops(hop: ho.Solution) -> None:
-    found = ho.pareto("paper", "peak_force", points=3, starts=1, processes=1)
+    found = ho.pareto(ho.load("paper", SHORT), "peak_force", points=3, starts=1, processes=1)
     assert found.points[1].asked_m == pytest.approx(0.2 * hop.clearance, rel=1e-3)
     assert found.exit_code == 0
 
@@ -157,6 +166,7 @@ def test_stopping_keeps_what_is_finished(
 
     monkeypatch.setattr(trace, "refined_and_verified", stopped)
     asked = ["--against", "peak_force", "--points", "4", "--starts", "1", "--processes", "1", "--json", "--no-figures"]
+    asked += ["--set", "hop.stance_duration=[0.03, 0.2]"]
     assert run(["pareto", *asked, "--results", str(tmp_path)]) == 130
     out, err = capfd.readouterr()
     found = json.loads(out)

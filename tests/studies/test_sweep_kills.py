@@ -17,7 +17,7 @@ from waiting import beside_progress, wait_for
 
 KILLS = int(os.environ.get("HOPOPT_KILLS", "2"))  # 20 take four minutes
 CHEAP = ["hop.stance_duration=[0.03, 0.2]", "solver.refine=false", "solver.stance_intervals=16", "solver.starts=2"]
-VARY = ["leg.gear.ratio=70:150:6", "leg.shank.length=0.2,0.36"]
+VARY = ["leg.gear.ratio=70:150:3", "leg.shank.length=0.2,0.36"]
 SWEEP = [sys.executable, "-m", "hopopt.cli.main", "sweep", "--processes", "2", "--no-figures"]
 
 

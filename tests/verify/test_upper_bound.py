@@ -108,6 +108,7 @@ def problems(draw: st.DrawFn) -> Design:
         reject()
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(problems())
 def test_no_hop_of_a_random_leg_crosses_it(design: Design) -> None:

@@ -10,7 +10,7 @@ from hopopt.design import Leg
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.dynamics import AddedStates
 from hopopt.drivetrain.gear import ENTRIES, Gear, driven_joints, joint_torque, motor_torque
-from hopopt.drivetrain.half_planes import OperatingRegion, torque_lines
+from hopopt.drivetrain.half_planes import UNBOUNDED, OperatingRegion, filled_up, torque_lines
 from hopopt.drivetrain.region import operating_region
 from hopopt.drivetrain.supply import stiff, supply_numbers
 
@@ -42,8 +42,8 @@ class Drive:
         self.lossless = gear.ideal
         self.upper, self.lower = torque_lines(regions)
         self.numbers = {
-            "upper": self.upper,
-            "lower": self.lower,
+            "upper": filled_up(self.upper, UNBOUNDED),
+            "lower": filled_up(self.lower, -UNBOUNDED),
             "gain": np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float),
             **{
                 name: np.broadcast_to(np.asarray(value, dtype=float), n).copy()

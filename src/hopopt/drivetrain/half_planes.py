@@ -14,6 +14,7 @@ import numpy as np
 from hopopt.drivetrain.limits import BACKWARD, FORWARD, SAGGING, Line
 
 UNBOUNDED = 1e12  # [N m] of a torque line that is not there
+TOGETHER = 4  # lines that a compiled function reads: other shapes of arrays are compiled anew
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,12 @@ def torque_lines(regions: Sequence[OperatingRegion]) -> tuple[np.ndarray, np.nda
     bounding = [[(float(h.a), float(h.b)) for h in region.planes if h.a != 0] for region in regions]
     upper = _filled([[(1 / a, b / a) for a, b in planes if a > 0] for planes in bounding], UNBOUNDED)
     return upper, _filled([[(1 / a, b / a) for a, b in planes if a < 0] for planes in bounding], -UNBOUNDED)
+
+
+def filled_up(lines: np.ndarray, none: float) -> np.ndarray:
+    """Lines (n, k, 2) with as many that never bound as make k a multiple of TOGETHER; none: their torque [N m]."""
+    more = np.broadcast_to([none, 0.0], (len(lines), -lines.shape[1] % TOGETHER, 2))
+    return np.concatenate([lines, more], axis=1)
 
 
 def _filled(of_joints: list[list[tuple[float, float]]], none: float) -> np.ndarray:
