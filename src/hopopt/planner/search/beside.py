@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from hopopt.design import Design
+from hopopt.nlp.solver.compiled import make_library, missing
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.rules import RULES
 
@@ -53,6 +54,13 @@ class Task(Generic[T]):
 def ahead(function: Callable[..., T], *given: Any, more: int) -> Task[T]:
     """``function(*given)`` as a task for one of so many more processes."""
     return Task(lambda: function(*given), _submitted(_pool_of(more), function, given) if more > 0 else None)
+
+
+def make_missing(processes: int | None) -> None:
+    """Let other processes, where there are any, make libraries that were missing here; nobody waits for them."""
+    more = (processes or os.cpu_count() or 1) - 1
+    for serialized in missing() if more > 0 else []:
+        _submitted(_pool_of(more), make_library, (serialized,))
 
 
 def _submitted(pool: Any, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
