@@ -28,6 +28,7 @@ FOLDER = "HOPOPT_CACHE"  # environment variable: a folder in place of the user's
 FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
 MOST = 100_000_000  # bytes of all libraries; those of a problem have about 200_000
 LONGEST = 120  # s of the compiler; the largest leg takes 10
+REMEMBERED = 32  # functions that were missing; a program has about 10
 WORTH_IT = 400  # steps of a function, below which calling it costs as much as computing it
 _making = False  # by this process; whoever makes libraries solves one problem at a time (studies/sweep/point.py)
 _failed: set[str] = set()  # what this process could not make
@@ -54,17 +55,19 @@ def compiled(function: ca.Function) -> ca.Function:
         library = folder and (_kept(folder, _key(function)) or (_made(function, folder) if _making else None))
         if library:
             return ca.external(function.name(), str(library))
-        _missing.setdefault(_key(function), function.serialize())
+        if os.environ.get(FOLDER) != "off" and len(_missing) < REMEMBERED:
+            _missing[_key(function)] = function.serialize()
     except (OSError, RuntimeError, subprocess.SubprocessError):  # no reason to lose the answer
         pass
     return function
 
 
 def missing() -> list[str]:
-    """Functions, serialized, that this process would have used from libraries since it last asked; none where none can be made."""
-    found = list(_missing.values())
+    """Functions, serialized, that this process would have had from libraries since this was last asked, the longest first;
+    none where there is no compiler."""
+    found = sorted(_missing.values(), key=len, reverse=True)
     _missing.clear()
-    return [] if os.environ.get(FOLDER) == "off" or shutil.which("cc") is None else found
+    return found if shutil.which("cc") else []
 
 
 def make_library(serialized: str) -> None:

@@ -21,7 +21,6 @@ from hopopt.ocp.guesses.posture import Posture
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT
 from hopopt.planner.search.beside import Beside, Task
-from hopopt.planner.search.coarse_mesh import carried_over, on_coarse_mesh
 from hopopt.planner.search.multistart import (
     Progress,
     StartOutcome,
@@ -67,24 +66,6 @@ def search_first_mesh(
 
     If SEARCH or more are asked for, also relaxed problems and motions of the global method, which is at work beside the starts.
     """
-    coarse = on_coarse_mesh(hop) if count >= SEARCH else None
-    if coarse is None:
-        return _searched_on(hop, count, processes, say, besides, until, postures=True)
-    known = any(o.success for o in besides)
-    found = _searched_on(coarse, count, processes, say, (), until, known=known)
-    say("carrying the different hops to the first mesh")
-    outcomes = carried_over(hop, coarse, found.outcomes, until)
-    if not any(o.success for o in outcomes) and not until.passed:
-        return _searched_on(hop, count, processes, say, besides, until)
-    outcomes += [*besides, *posture_starts(hop, outcomes, until)]
-    return FirstMesh(tuple(outcomes), found.overall, found.reason)
-
-
-def _searched_on(
-    hop: Hop, count: int, processes: int | None, say: Progress, besides: Sequence[StartOutcome] = (),
-    until: Deadline = NEVER, known: bool = False, postures: bool = False,
-) -> FirstMesh:  # fmt: skip
-    """The search on the hop's own first mesh"""
     side_by_side, weak = processes or os.cpu_count() or 1, bool(drives_too_weak(hop.design, hop.robot))
     reason = "one start was asked for" if count < SEARCH else _not_used(hop)
     reason = "the drives cannot hold the leg where it starts" if weak else reason
@@ -98,7 +79,7 @@ def _searched_on(
             relaxed.extend(beside.task(relaxed_starts, r, known, BEGUN_FROM, until) for r in suiting(hop, QUICK))
 
         then = relax if count >= SEARCH and not weak else lambda first: None
-        outcomes = run_starts(hop, count, beside, say, besides, until, then, known)
+        outcomes = run_starts(hop, count, beside, say, besides, until, then)
         if weak and count >= SEARCH and any(o.success for o in outcomes):  # else they seldom help a weak leg
             relax(outcomes[0])
         found, reason = (None, reason) if overall is None else overall.result()
@@ -113,7 +94,7 @@ def _searched_on(
             outcomes += task.result()
             count_down.more()
     outcomes += moved
-    if count >= SEARCH and postures:
+    if count >= SEARCH:
         outcomes += posture_starts(hop, outcomes, until)
     return FirstMesh(tuple(outcomes), found, reason)
 

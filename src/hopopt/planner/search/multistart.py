@@ -114,14 +114,14 @@ def first_options(hop: Hop, known: bool) -> dict[str, Any]:
 
 def run_starts(
     hop: Hop, count: int, beside: Beside, say: Progress, besides: Sequence[StartOutcome] = (), until: Deadline = NEVER,
-    then: Callable[[StartOutcome], object] = lambda first: None, known: bool = False,
+    then: Callable[[StartOutcome], object] = lambda first: None,
 ) -> list[StartOutcome]:  # fmt: skip
     """Solve every start on the first mesh, or as many as there is time for, each in the process that is free.
 
     In the order of the starts, then those ``besides``: if any of these leads to a hop, no start need be followed for long.
     ``then``: called when the first of several has ended, and others are worth it.
     """
-    return [*_run_all(hop, count, beside, say, known or any(o.success for o in besides), until, then), *besides]
+    return [*_run_all(hop, count, beside, say, any(o.success for o in besides), until, then), *besides]
 
 
 def _run_all(
@@ -153,8 +153,7 @@ def _one_start(hop: Hop, k: int, known: bool, first: StartOutcome | None, until:
     """A start by its number, stopped where it comes near the hop of the ``first``; None if there is no time for it."""
     if first is not None and until.passed:
         return None
-    sizes = hop.design.solver.stance_intervals, hop.design.solver.flight_intervals
-    solver = hop.problem.once(f"starts, {known}, {sizes}", lambda: first_solver(hop, known, known_optima(hop)))
+    solver = hop.problem.once(f"starts, {known}", lambda: first_solver(hop, known, known_optima(hop)))
     watch = solver.known
     watch.known.clear()
     if first is not None:
