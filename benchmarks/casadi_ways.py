@@ -27,7 +27,7 @@ from hopopt.nlp.program import Program
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT, STANCE
 
@@ -91,7 +91,7 @@ def clock() -> np.ndarray:
 def measured(name: str, problem: str, counts: tuple[int, int]) -> dict[str, Any]:
     """Seconds and outcome of the hop on so many intervals of stance and flight; without a name, hopopt's own way."""
     hop, (options, changes) = Hop(ho.load(problem)), WAYS.get(name, ({}, []))
-    s, posed, guess = hop.design.solver, hop.problem, make_guess(hop, NAMED[0])
+    s, posed, guess = hop.design.solver, hop.problem, make_guess(hop, NAMED_STARTS[0])
     mesh, began = {STANCE: uniform(counts[0]), FLIGHT: uniform(counts[1])}, clock()
     with ExitStack() as changed:
         _ = [changed.enter_context(change) for change in changes]

@@ -15,7 +15,7 @@ from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT, STANCE
 
@@ -35,7 +35,7 @@ def measured(hop: Hop, intervals: int) -> Cost:
     """The hop on a uniform mesh of so many intervals in all."""
     s, flight = hop.design.solver, intervals // 5
     mesh = {STANCE: uniform(intervals - flight), FLIGHT: uniform(flight)}
-    guess, problem, began = make_guess(hop, NAMED[0]), hop.problem, time.perf_counter()
+    guess, problem, began = make_guess(hop, NAMED_STARTS[0]), hop.problem, time.perf_counter()
     solver = NlpSolver(Transcription(problem, scheme(s.scheme, s.degree), mesh), {"ipopt.max_iter": s.max_iterations})
     built = time.perf_counter()
     solution = solver(guess)

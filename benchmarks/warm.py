@@ -16,7 +16,7 @@ import numpy as np
 
 import hopopt as ho
 from hopopt.nlp.solver.ipopt import WARM, NlpSolution, NlpSolver
-from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.multistart import first_transcription
 
@@ -42,7 +42,7 @@ def build(problem: str) -> tuple[Hop, NlpSolver]:
 
 def compared(hop: Hop, plain: NlpSolver, warm: NlpSolver, built: float, repeats: int, entry: str) -> str:
     """One entry's line of the table; ``built``: what building takes [s]."""
-    guess = make_guess(hop, NAMED[0])
+    guess = make_guess(hop, NAMED_STARTS[0])
     last = plain(guess)
     value = next(p.value for p in hop.problem.parameters if p.name == entry)
     changed, again = {entry: 1.01 * np.asarray(value)}, plain.transcription.guess_from(last.phases)

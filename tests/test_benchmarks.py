@@ -58,12 +58,12 @@ def test_the_stored_hop_is_the_hop_of_the_planner(scripts: dict[str, ModuleType]
     """The same program, whether posed through the planner's own classes or from the stored formulas."""
     import hopopt as ho
     from hopopt.nlp.solver.ipopt import NlpSolver
-    from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+    from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
     from hopopt.ocp.hop import Hop
     from hopopt.planner.search.multistart import first_transcription
 
     hop = Hop(ho.load("paper"))
-    own = NlpSolver(first_transcription(hop))(make_guess(hop, NAMED[0]))
+    own = NlpSolver(first_transcription(hop))(make_guess(hop, NAMED_STARTS[0]))
     stored = scripts["in_hopopt"].run(scripts["posed"].posed("hop", hop_folder))
     assert -stored.objective == pytest.approx(own.objective, abs=1e-6)
 

@@ -11,7 +11,7 @@ from posed import OPERATIONS
 
 import hopopt as ho
 from hopopt.nlp.layout import make_stage
-from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.ocp.problem import Ends, Instant, Phase, split, symbols
@@ -66,7 +66,7 @@ def right_hand_sides(hop: Hop, phase: Phase) -> ca.Function:
 def phase_numbers(hop: Hop, phase: Phase, intervals: int) -> dict[str, Any]:
     """Bounds and guess of a phase, scaled: the fields of posed.Phase but its functions."""
     x, u = (phase.columns(group, "scale") for group in (phase.states, phase.controls))
-    stage, guess = make_stage(phase, hop.problem.parameters), make_guess(hop, NAMED[0])[phase.name]
+    stage, guess = make_stage(phase, hop.problem.parameters), make_guess(hop, NAMED_STARTS[0])[phase.name]
     ends = [
         pairs(*(np.concatenate([s.end_bounds(end)[k] for s in phase.states]) / x for k in (0, 1)))
         for end in ("initial", "final")

@@ -5,7 +5,7 @@ from math import inf
 
 from hopopt.errors import UsageError
 
-MOST = {
+MOST_AMOUNTS = {
     "starts": 1000,  # as solver.starts
     "draws": 10_000,  # 4603 promise what 99.9 % of legs reach with confidence 0.99
     "hops": 1000,  # one after the other: a megabyte each
@@ -19,8 +19,8 @@ USABLE = 0.8  # of the computer's memory
 
 def check(name: str, number: int | None, least: int = 1) -> None:
     """UsageError if so many of ``name`` may not be asked for; None is left to the program."""
-    if number is not None and not least <= number <= MOST[name]:
-        raise UsageError(f"--{name} must be at least {least} and at most {MOST[name]}, not {number}")
+    if number is not None and not least <= number <= MOST_AMOUNTS[name]:
+        raise UsageError(f"--{name} must be at least {least} and at most {MOST_AMOUNTS[name]}, not {number}")
 
 
 def check_processes(number: int | None) -> None:

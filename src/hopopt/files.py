@@ -11,7 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 from shutil import rmtree
 
-LEFT = re.compile(r"\.(\d+)@(.+)$")  # how the name of what is still being written ends: its process and computer
+UNFINISHED_NAME = re.compile(
+    r"\.(\d+)@(.+)$"
+)  # how the name of what is still being written ends: its process and computer
 
 
 def mark() -> str:
@@ -37,7 +39,7 @@ def write_whole(path: Path, data: bytes) -> None:
 def remove_abandoned(folder: Path) -> None:
     """Remove what processes of this computer that have ended were still writing in a folder."""
     for path in folder.glob(".*@*"):
-        found = LEFT.search(path.name)
+        found = UNFINISHED_NAME.search(path.name)
         if found and found[2] == platform.node() and not _alive(int(found[1])):
             with suppress(OSError):
                 rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)

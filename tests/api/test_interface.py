@@ -14,11 +14,11 @@ import hopopt as ho
 from hopopt.comparison.hops.transition import Transition
 from hopopt.comparison.ladder import Ladder, Rung
 from hopopt.comparison.robust.robust import RobustHop
-from hopopt.comparison.robust.robust_search import Trial
+from hopopt.comparison.robust.robust_search import PlanTrial
 from hopopt.comparison.robust.robustness import Reached
 from hopopt.errors import UsageError
 from hopopt.planner import solution
-from hopopt.studies.pareto import Front
+from hopopt.studies.pareto.front import Front
 
 RESULTS = (
     ho.Comparison, ho.Front, ho.HopsComparison, ho.Ladder, ho.RobustHop, ho.Run, ho.Solution, ho.Study, ho.Transition,
@@ -132,7 +132,7 @@ def _plain(hop: ho.Solution) -> solution.Solution:
 def _robust(hop: solution.Solution) -> RobustHop:
     reached = Reached(np.array([0.6, 0.7, 0.75]), ("past its apex",) * 3)
     reference: Any = hop
-    best = Trial("reserve", hop.design, hop, reference, True, 0.6, 0.6)
+    best = PlanTrial("reserve", hop.design, hop, reference, True, 0.6, 0.6)
     return RobustHop(best, {}, hop, hop, reached, {}, None, 0.5, 0.5, 1)
 
 

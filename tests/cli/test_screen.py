@@ -11,11 +11,12 @@ import pytest
 
 from hopopt.cli.main import run
 from hopopt.cli.screen import runs
-from hopopt.cli.screen.answer import checks_line, hard, in_short, notes
+from hopopt.cli.screen.answer import checks_line, in_short, notes
 from hopopt.cli.screen.checks import checks as shown_checks
 from hopopt.cli.screen.checks import structure_lines
-from hopopt.cli.screen.console import Part, progress, show
+from hopopt.cli.screen.console import NamedLines, progress, show
 from hopopt.cli.screen.details import whole
+from hopopt.cli.screen.motion import hard
 from hopopt.cli.screen.studies import of_sweep
 from hopopt.cli.studies import sensitivity
 from hopopt.comparison.compare import compare
@@ -51,7 +52,7 @@ def _narrow(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_long_lines_go_on_below_their_beginning() -> None:
     with redirect_stdout(Screen()) as screen:
-        show([Part("structure", [LONG, "ground: free"])])
+        show([NamedLines("structure", [LONG, "ground: free"])])
     first, *more, last = screen.getvalue().splitlines()
     assert first.startswith("  structure hip: torque-speed")
     assert all(line.startswith(" " * 14) and line[14] != " " for line in more)
@@ -72,7 +73,7 @@ def test_of_a_chattering_structure_the_first_and_the_last_are_told(hop: Solution
 
 
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    show([Part("structure", [LONG])])
+    show([NamedLines("structure", [LONG])])
     assert capsys.readouterr().out == f"  structure {LONG}\n"
 
 
@@ -224,7 +225,7 @@ def test_a_certified_answer_has_no_crude_bound_beside_it(hop: Solution) -> None:
 def test_progress_that_is_piped_is_a_line_now_and_then(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("hopopt.cli.screen.console.EVERY", 0.05)
+    monkeypatch.setattr("hopopt.cli.screen.console.PROGRESS_PERIOD", 0.05)
     with progress(quiet=False) as say:
         count_down = Countdown(say, "starting points", 3)
         count_down.more()

@@ -5,7 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hopopt.comparison.gain_tuning import GAINS, KINDS, POPULATION, PRICE, Search, Trial, Tuned, text, tune
+from hopopt.comparison.gain_tuning import (
+    GAINS,
+    LIMIT_PENALTY,
+    POPULATION,
+    STRATEGY_CHOICES,
+    GainSearch,
+    GainTrial,
+    Tuned,
+    text,
+    tune,
+)
 from hopopt.control.closed_loop import simulate
 from hopopt.control.paper_pd import PaperOptions
 from hopopt.control.strategies import BUILT_IN
@@ -24,7 +34,7 @@ def tuned() -> Tuned:
 
 @pytest.mark.slow
 def test_the_best_is_not_worse_than_the_untuned_gains(tuned: Tuned) -> None:
-    assert tuned.best.merit >= tuned.untuned.merit
+    assert tuned.best.penalised_clearance >= tuned.untuned.penalised_clearance
     assert tuned.evaluations == 24
     for name, (lower, upper) in GAINS.items():
         assert lower * (1 - 1e-9) <= tuned.best.options[name] <= upper * (1 + 1e-9)
@@ -57,9 +67,9 @@ def test_a_gain_of_zero_has_no_factors() -> None:
         tune(load("paper", {"control.k_d": 0.0}), "force", evaluations=24, processes=1)
 
 
-@pytest.mark.parametrize("strategy", KINDS)
+@pytest.mark.parametrize("strategy", STRATEGY_CHOICES)
 def test_the_first_generation_holds_the_untuned_gains_in_every_form(strategy: str) -> None:
-    search = Search(DESIGN.model_dump(exclude_none=True), strategy)
+    search = GainSearch(DESIGN.model_dump(exclude_none=True), strategy)
     first = search.first(seed=1)
     assert first.shape == (POPULATION, len(search.bounds))
     lower, upper = np.array(search.bounds).T
@@ -75,10 +85,10 @@ def test_the_first_generation_holds_the_untuned_gains_in_every_form(strategy: st
 
 
 def test_a_limit_not_kept_costs_its_price() -> None:
-    assert Trial({}, 0.5, ()).merit == 0.5
-    assert Trial({}, 0.5, ("knee 0.020 rad into its end stop", "stance of 0.500 s")).merit == pytest.approx(
-        0.5 - 2 * PRICE
-    )
+    assert GainTrial({}, 0.5, ()).penalised_clearance == 0.5
+    assert GainTrial(
+        {}, 0.5, ("knee 0.020 rad into its end stop", "stance of 0.500 s")
+    ).penalised_clearance == pytest.approx(0.5 - 2 * LIMIT_PENALTY)
 
 
 @pytest.mark.parametrize(("strategy", "evaluations"), [("track", 60), ("force", POPULATION)])
@@ -89,9 +99,9 @@ def test_what_cannot_be_tuned_is_refused(strategy: str, evaluations: int) -> Non
 
 def test_on_another_leg_the_search_is_about_its_own_gains() -> None:
     """Scaled bounds hold the scaled gains; gains that the problem gives are where it begins, even beyond the bounds."""
-    small = Search(load("solo12_leg", QUICK).model_dump(exclude_none=True), "force")
-    given = Search(load("solo12_leg", {**QUICK, "control.k_p": 9e4}).model_dump(exclude_none=True), "force")
-    paper = Search(DESIGN.model_dump(exclude_none=True), "force")
+    small = GainSearch(load("solo12_leg", QUICK).model_dump(exclude_none=True), "force")
+    given = GainSearch(load("solo12_leg", {**QUICK, "control.k_p": 9e4}).model_dump(exclude_none=True), "force")
+    paper = GainSearch(DESIGN.model_dump(exclude_none=True), "force")
     for name, (lower, upper), (low, high) in zip(GAINS, small.bounds, paper.bounds, strict=False):
         assert upper - lower == pytest.approx(high - low)
         assert np.exp(lower) < small.gains[name] < np.exp(upper)
@@ -100,7 +110,10 @@ def test_on_another_leg_the_search_is_about_its_own_gains() -> None:
 
 
 def test_the_text_names_gains_and_limits() -> None:
-    best, untuned = Trial({"k_p": 4000.0, "retraction": "tuck"}, 0.6, ()), Trial({}, 0.5, ("stance of 0.500 s",))
+    best, untuned = (
+        GainTrial({"k_p": 4000.0, "retraction": "tuck"}, 0.6, ()),
+        GainTrial({}, 0.5, ("stance of 0.500 s",)),
+    )
     lines = text([Tuned("force", best, untuned, (0.59, 0.605), 60)])
     assert "force: 0.600 m with k_p 4000, retraction tuck (60 hops tried)" in lines
     assert "untuned 0.500 m (stance of 0.500 s)" in lines

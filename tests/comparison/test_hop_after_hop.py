@@ -16,7 +16,7 @@ from hopopt.cli.screen.hops import hops as shown_hops
 from hopopt.comparison.compare import reference_of
 from hopopt.comparison.hops.hop_after_hop import HopsComparison, compare_hops
 from hopopt.comparison.hops.return_map import Fallen, ReturnMap, multipliers, state_at_landing
-from hopopt.comparison.hops.trials import Hops, Trial, apex_of, hop_on, hops_in_mujoco, hops_on_draws, moved
+from hopopt.comparison.hops.trials import Hops, HopsTrial, apex_of, hop_on, hops_in_mujoco, hops_on_draws, moved
 from hopopt.comparison.ladder import ladder, withheld
 from hopopt.comparison.robust.robustness import drawn
 from hopopt.control.closed_loop import simulate
@@ -41,7 +41,7 @@ def leg() -> Design:
 @cache
 def three_hops() -> Hops:
     """Of the paper's force control with a full tuck, from rest."""
-    trial = Trial(leg(), "force_tuck")
+    trial = HopsTrial(leg(), "force_tuck")
     return Hops(trial.hop(3, trial.start), 3)
 
 
@@ -259,10 +259,10 @@ def test_a_state_in_flight_is_moved_and_nothing_else() -> None:
 
 
 @cache
-def tracked() -> Trial:
+def tracked() -> HopsTrial:
     plan = plan_with_reserve(ROUGH)
     assert plan.verified
-    return Trial(leg(), "track", reference_of(plan), apex_of(plan))
+    return HopsTrial(leg(), "track", reference_of(plan), apex_of(plan))
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
 from hopopt.studies.codesign import codesign
 from hopopt.studies.finite_differences import confirmed
-from hopopt.studies.pareto import front
+from hopopt.studies.pareto.trace import front
 from hopopt.studies.sensitivity import sensitivity
 from once import solved_once
 

@@ -14,8 +14,8 @@ from scipy.stats import binom
 from hopopt.cli.controllers.robust import shown
 from hopopt.cli.main import run
 from hopopt.cli.screen.console import show
-from hopopt.comparison.robust.least_reserve import SHARES, least_reserve
-from hopopt.comparison.robust.robust_search import TRACKER, Search
+from hopopt.comparison.robust.least_reserve import WEIGHT_SHARES, least_reserve
+from hopopt.comparison.robust.robust_search import TRACKER, PlanSearch
 from hopopt.comparison.robust.robustness import Reached, can_be_had, drawn, extremes, rank, reached
 from hopopt.design import Design, Uncertainty
 from hopopt.errors import NotSolvedError, UsageError
@@ -221,7 +221,7 @@ def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.M
         heights = np.array(next(ends)) if len(legs) == 3 else np.full(len(legs), {0: 0.6, 1: 0.58, 2: 0.4}[found.count])
         return Reached(heights, tuple(folds if h == 0 else "past the apex" for h in heights))
 
-    class Counted(Search):
+    class Counted(PlanSearch):
         count = 0
 
     monkeypatch.setattr("hopopt.comparison.robust.robust_search.reached", reached_of)
@@ -238,7 +238,7 @@ def test_plans_under_which_legs_at_the_ends_fall_rank_last(monkeypatch: pytest.M
 def test_without_a_plan_the_worst_constraint_is_said_once_and_in_time() -> None:
     """Every reserve fails in its own words: one sentence names what was held back and what stands against it."""
 
-    class Hopeless(Search):
+    class Hopeless(PlanSearch):
         tried = 0
 
         def _reserve(self, x: np.ndarray) -> float:
@@ -281,8 +281,11 @@ def test_the_least_reserve_is_the_first_with_which_no_drawn_leg_falls(monkeypatc
     bound = SimpleNamespace(design=design, clearance=0.8)
     found = least_reserve(bound, draws=2)  # type: ignore[arg-type]
     heavy = 9.81 * (5.6 + 1.87 + 0.8)
-    assert tried == pytest.approx([share * heavy for share in SHARES[:3]])
-    assert (found.share, found.design.reserve.ground_force) == (SHARES[2], pytest.approx(SHARES[2] * heavy))
+    assert tried == pytest.approx([share * heavy for share in WEIGHT_SHARES[:3]])
+    assert (found.share, found.design.reserve.ground_force) == (
+        WEIGHT_SHARES[2],
+        pytest.approx(WEIGHT_SHARES[2] * heavy),
+    )
     assert "10% of the weight" in found.words
     assert "2 drawn legs falls; the whole [reserve] costs 3.0 cm of the bound" in found.words
     monkeypatch.setattr(room + "reached", lambda *asked: Reached(np.array([0.7, 0.1]), ()))

@@ -12,7 +12,7 @@ from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN
-from hopopt.control.tracking.receding_horizon import PENALTY, PlanLimits, Program, TrackWithinLimits, solved
+from hopopt.control.tracking.receding_horizon import PENALTY, HorizonProgram, PlanLimits, TrackWithinLimits, solved
 from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.planner.reserve import reserved
@@ -63,7 +63,7 @@ def test_without_a_limit_in_reach_it_is_the_regulator(by_period: TrackWithinLimi
         np.testing.assert_allclose(found[:2], -gains.at(k)[2] @ error, rtol=1e-6, atol=1e-6)
 
 
-def beyond(program: Program, torques: np.ndarray, error: np.ndarray) -> np.ndarray:
+def beyond(program: HorizonProgram, torques: np.ndarray, error: np.ndarray) -> np.ndarray:
     """By how much each limit is passed, in shares of it."""
     return program.G @ torques + program.E @ error - program.w
 

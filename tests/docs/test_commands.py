@@ -112,7 +112,7 @@ def test_every_command_runs(
             or {"obstacle", "--cross-check"} & {*words}
             or (words[0] == "compare" and "periodic" in words)
         ):
-            continue  # done already, or dear, or of a file that is not there, and tried elsewhere; a view never ends
+            continue  # done already, or expensive, or of a file that is not there, and tried elsewhere; a view never ends
         for option, module in NEEDS.items():
             if option in words:
                 pytest.importorskip(module)

@@ -22,7 +22,7 @@ from hopopt.nlp.refinement.interval_errors import interval_errors
 from hopopt.nlp.solver.ipopt import NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp import rules
-from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives import registry as objectives
 from hopopt.ocp.problem import Instant
@@ -163,7 +163,7 @@ def test_a_drive_with_states_of_its_own() -> None:
     lag = run("A drive with states of its own")["LAG"]
     hop = Hop(load("paper", COARSE))
     assert [v.name for v in hop.problem.phase("stance").controls] == ["command"]
-    solution = first_solver(hop)(make_guess(hop, NAMED[1]))
+    solution = first_solver(hop)(make_guess(hop, NAMED_STARTS[1]))
     assert solution.success
     stance = solution.phases["stance"]
     _, x, u = stance.everywhere(np.array(stance.scheme.c))
@@ -183,7 +183,7 @@ def test_phases_and_transitions() -> None:
     """It closes: the state after the impact is that with which stance began."""
     run("Phases and transitions")
     hop = Hop(load("paper", COARSE), "hop after hop")
-    solution = first_solver(hop)(make_guess(hop, NAMED[1]))
+    solution = first_solver(hop)(make_guess(hop, NAMED_STARTS[1]))
     assert solution.success
     end, begin = (solution.phases[name] for name in ("descent", "stance"))
     q, v = (ca.SX.sym(name, BASE + hop.n) for name in "qv")

@@ -49,7 +49,7 @@ def names_of_checks() -> set[str]:
 def headings() -> set[str]:
     """Of an answer's parts, on the screen."""
     parts = {(keyword.arg or "").replace("_", " ") for call in calls("headed", "cli") for keyword in call.keywords}
-    return (parts | {fixed(call.args[0]) for call in calls("Part", "cli")}) - {"", "from"}
+    return (parts | {fixed(call.args[0]) for call in calls("NamedLines", "cli")}) - {"", "from"}
 
 
 def keys_of_the_summary() -> set[str]:

@@ -73,7 +73,7 @@ def test_the_folder_holds_no_more_than_is_allowed(cache: Path, monkeypatch: pyte
         for library in cache.iterdir():
             os.utime(library, (0, 0))
         compiled(used)
-        monkeypatch.setattr(module, "MOST", sum(path.stat().st_size for path in cache.iterdir()))
+        monkeypatch.setattr(module, "MOST_BYTES", sum(path.stat().st_size for path in cache.iterdir()))
         compiled(new)
     assert [is_library(compiled(f)) for f in (used, unused, new)] == [True, False, True]
 

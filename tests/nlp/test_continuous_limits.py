@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hopopt.nlp.mesh import PhaseMesh, uniform
-from hopopt.nlp.refinement.continuous_limits import bernstein, bernstein_at, centres, held_between
+from hopopt.nlp.refinement.continuous_limits import bernstein, bernstein_at, centres, enforcing
 from hopopt.nlp.refinement.interval_errors import interval_errors
 from hopopt.nlp.refinement.tightening_cost import normalised_switch_times, tightening_cost, tightening_costs
 from hopopt.nlp.schemes import Scheme, radau
@@ -28,7 +28,7 @@ def bang_bang() -> Known:
 def held(before: NlpSolution) -> tuple[NlpSolution, NlpSolution]:
     """The solution with the force held in all intervals: of the program that holds it, and at the nodes."""
     everywhere = {"move": np.ones((before.transcription.mesh["move"].intervals, 1), dtype=bool)}
-    program = held_between(before.transcription, everywhere)
+    program = enforcing(before.transcription, everywhere)
     solution = NlpSolver(program.transcription)(before.transcription.guess_from(before.phases))
     assert solution.success
     return solution, program.at_nodes(solution)
@@ -81,7 +81,7 @@ def test_at_the_nodes_it_is_an_optimum_of_the_given_program(method: Scheme) -> N
 
 def test_nothing_chosen_changes_nothing() -> None:
     before = solve(bang_bang(), radau(3), uniform(5))
-    program = held_between(before.transcription, {"move": np.zeros((5, 1), dtype=bool)})
+    program = enforcing(before.transcription, {"move": np.zeros((5, 1), dtype=bool)})
     assert not program.touched.any()
     assert program.at_nodes(before).objective == before.objective
     assert tightening_cost(program.at_nodes(before)) == 0.0
@@ -113,7 +113,7 @@ def test_the_place_of_a_switch_is_told(share: float) -> None:
 def test_a_program_is_known_by_its_mesh_and_its_limits() -> None:
     before = solve(bang_bang(), radau(3), uniform(5))
     t, none = before.transcription, {"move": np.zeros((5, 1), dtype=bool)}
-    program = held_between(t, none)
+    program = enforcing(t, none)
     assert program.is_of(t, {"move": none["move"].copy()})
     assert not program.is_of(t, {"move": ~none["move"]})
     assert not program.is_of(solve(bang_bang(), radau(3), uniform(5)).transcription, none)

@@ -8,7 +8,7 @@ import pytest
 
 from hopopt.nlp.mesh import mesh_of_arcs, uniform
 from hopopt.nlp.refinement import mesh_refinement as refine
-from hopopt.nlp.refinement.continuous_limits import held_between
+from hopopt.nlp.refinement.continuous_limits import enforcing
 from hopopt.nlp.refinement.interval_errors import IntervalErrors, interval_errors, stage_values
 from hopopt.nlp.refinement.mesh_refinement import (
     MET,
@@ -32,7 +32,7 @@ from hopopt.ocp.problem import Objective, Problem
 from known_problems import SCHEMES, Known, brachistochrone, bryson_denham, moved, solve
 
 each_scheme = pytest.mark.parametrize("method", SCHEMES, ids=lambda s: s.name)
-ALLOWED, PRICE = 1e-4, 1e-5
+ALLOWED, TIGHTENING_COST = 1e-4, 1e-5
 
 
 def bang_bang() -> Known:
@@ -47,12 +47,12 @@ def bang_bang() -> Known:
 def test_bang_bang_is_neither_beaten_nor_missed(method: Scheme, intervals: int) -> None:
     """The double integrator has no error: what keeps the limits cannot be faster, and gives away the tightening cost at most."""
     known = bang_bang()
-    begin, aims = solve(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300)
+    begin, aims = solve(known, method, uniform(intervals)), Aims(1e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300)
     refinement = Refinement(begin, aims, between=True).run()
     end = refinement.history[-1]
     assert end.excess <= ALLOWED
-    assert known.optimum * (1 - ALLOWED) <= end.objective <= known.optimum * (1 + 2 * PRICE)
-    assert tightening_cost(refinement.solution) <= PRICE
+    assert known.optimum * (1 - ALLOWED) <= end.objective <= known.optimum * (1 + 2 * TIGHTENING_COST)
+    assert tightening_cost(refinement.solution) <= TIGHTENING_COST
 
 
 def test_unrefined_bang_bang_is_too_fast() -> None:
@@ -163,7 +163,9 @@ def test_bounds_are_drawn_in_by_what_is_given_interval_by_interval() -> None:
     "known", [brachistochrone(), bryson_denham(path=True)], ids=["brachistochrone", "bryson-denham"]
 )
 def test_aims_are_met_or_it_says_so(known: Known) -> None:
-    refinement = Refinement(solve(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)).run()
+    refinement = Refinement(
+        solve(known, radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300)
+    ).run()
     errors = [interval_errors(refinement.solution, name) for name in refinement.solution.phases]
     assert max(e.local.max() for e in errors) <= 1e-7
     assert max(e.excess.max() for e in errors) <= ALLOWED
@@ -172,11 +174,15 @@ def test_aims_are_met_or_it_says_so(known: Known) -> None:
 
 
 def test_without_meshes_nothing_is_reached() -> None:
-    refinement = Refinement(solve(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, PRICE, 0, 300)).run()
+    refinement = Refinement(
+        solve(bang_bang(), radau(3), uniform(7)), Aims(1e-6, 1e-4, ALLOWED, TIGHTENING_COST, 0, 300)
+    ).run()
     assert len(refinement.history) == 1
     assert refinement.change == float("inf")
     assert refinement.ended == NOT_ASKED
-    only = Refinement(solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, PRICE, 1, 300)).run()
+    only = Refinement(
+        solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-9, 1e-9, ALLOWED, TIGHTENING_COST, 1, 300)
+    ).run()
     assert only.ended == USED_UP
 
 
@@ -185,18 +191,20 @@ def test_a_mesh_that_is_not_solved_at_once_waits_for_restarts(method: Scheme, mo
     """With too little patience for carried multipliers: restarts end where patience does; without them, or where they
     have used up their iterations, it is said."""
     begin = solve(brachistochrone(), method, uniform(8))
-    known = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)).run()
-    monkeypatch.setattr(refine, "PATIENCE", 1)
+    known = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300)).run()
+    monkeypatch.setattr(refine, "CARRIED_ITERATIONS", 1)
     monkeypatch.setattr(refine, "LONGER", 1)
-    hasty = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=0)).run()
+    hasty = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300, restarts=0)).run()
     assert hasty.ended == UNSOLVED
     assert len(hasty.history) == 1
-    patient = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)).run()
+    patient = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300)).run()
     assert patient.ended == MET
     assert patient.solution.objective == pytest.approx(known.solution.objective, rel=1e-7)
     needed = patient.history[1].iterations
     for iterations, ended in ((needed - 1, UNSOLVED), (sum(step.iterations for step in patient.history), MET)):
-        limited = Refinement(begin, Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300, restarts=iterations / 300)).run()
+        limited = Refinement(
+            begin, Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300, restarts=iterations / 300)
+        ).run()
         assert limited.ended == ended
 
 
@@ -205,19 +213,19 @@ def test_a_first_mesh_that_claims_too_much_is_not_believed(monkeypatch: pytest.M
     known = bang_bang()
     coarse = solve(known, radau(3), mesh_of_arcs([0, 0.6, 1], [1, 1]))
     assert coarse.objective < known.optimum * (1 - 1e-4)
-    monkeypatch.setattr(refine, "LOST", 1e-5)
-    refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300)).run()
+    monkeypatch.setattr(refine, "MOST_LOST", 1e-5)
+    refinement = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300)).run()
     assert refinement.ended == MET
     assert refinement.solution.objective == pytest.approx(known.optimum, rel=2 * ALLOWED)
     monkeypatch.setattr(refine, "AGREED", -1.0)
-    doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, PRICE, 20, 300)).run()
+    doubting = Refinement(coarse, Aims(1e-6, 1e-4, ALLOWED, TIGHTENING_COST, 20, 300)).run()
     assert doubting.ended == WORSE
 
 
 def test_too_fine_a_mesh_is_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, "FINEST", 9)
     refinement = Refinement(
-        solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)
+        solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300)
     ).run()
     assert refinement.ended == TOO_FINE
     assert len(refinement.history) == 1
@@ -238,7 +246,7 @@ def test_where_not_all_cuts_fit_the_most_urgent_are_made() -> None:
 
 def test_a_mesh_that_would_be_too_fine_is_cut_where_it_matters_most(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the same optimum, within fewer intervals."""
-    known, aims = bang_bang(), Aims(1e-8, 1e-5, ALLOWED, PRICE, 20, 300)
+    known, aims = bang_bang(), Aims(1e-8, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300)
     free = Refinement(solve(known, radau(3), uniform(8)), aims).run()
     most = sum(free.history[-1].intervals.values())
     monkeypatch.setattr(refine, "FINEST", most - 1)
@@ -250,7 +258,7 @@ def test_a_mesh_that_would_be_too_fine_is_cut_where_it_matters_most(monkeypatch:
 
 def test_a_mesh_on_which_only_limits_move_is_not_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
-    monkeypatch.setattr(refine, "held_between", lambda *a: built.append(a) or held_between(*a))
+    monkeypatch.setattr(refine, "enforcing", lambda *a: built.append(a) or enforcing(*a))
     refinement = Refinement(solve(bryson_denham(), radau(3), uniform(5)), Aims(1e-6, 1e-4, 1e-6, 1e-5, 20, 300)).run()
     assert refinement.ended == MET
     solved = [(step.intervals, step.held) for step in refinement.history[1:]]
@@ -277,13 +285,13 @@ def test_one_that_goes_further_leaves_its_origin_as_it_was(between: bool) -> Non
 def test_meshes_that_bring_it_no_nearer_end_it(between: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """An error about the middle that no cut lessens, as that of an impulse."""
 
-    def stubborn(s: NlpSolution, name: str) -> IntervalErrors:
+    def unresponsive(s: NlpSolution, name: str) -> IntervalErrors:
         found, ends = interval_errors(s, name), np.cumsum(s.phases[name].lengths)
         middle = int(np.searchsorted(ends, ends[-1] / 2))
         return replace(found, local=np.where(np.arange(len(ends)) == middle, 1e-3, 0.0))
 
-    monkeypatch.setattr(refine, "interval_errors", stubborn)
-    begin, aims = solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, PRICE, 20, 300)
+    monkeypatch.setattr(refine, "interval_errors", unresponsive)
+    begin, aims = solve(brachistochrone(), radau(3), uniform(8)), Aims(1e-7, 1e-5, ALLOWED, TIGHTENING_COST, 20, 300)
     refinement = Refinement(begin, aims, between=between).run()
     assert refinement.ended == NO_NEARER
     assert len(refinement.history) == STUCK + 1

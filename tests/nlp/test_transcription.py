@@ -178,13 +178,13 @@ def test_maximize_changes_the_sign_only() -> None:
 def test_an_answer_as_a_guess_is_the_answer() -> None:
     """Its trajectories alone leave out the free parameters, the height among them."""
     import hopopt as ho
-    from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+    from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
     from hopopt.ocp.hop import Hop
     from hopopt.planner.search.multistart import first_transcription
 
     hop = Hop(ho.load("paper", ["solver.stance_intervals=16", "solver.flight_intervals=4"]))
     t = first_transcription(hop)
-    answer = NlpSolver(t)(make_guess(hop, NAMED[0]))
+    answer = NlpSolver(t)(make_guess(hop, NAMED_STARTS[0]))
     assert [q.name for q in t.free] == ["clearance"]
     again = t.pack(t.guess_from(answer.phases), t.free_from(answer.parameters))
     np.testing.assert_allclose(again, answer.z, atol=1e-6)

@@ -10,7 +10,7 @@ import pytest
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import foot_offset, tucked
 from hopopt.leg.robot import BASE, build_robot
-from hopopt.ocp.guesses.initial_guess import NAMED, make_guess, saturated_push, starts
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess, saturated_push, starts
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.problem.load import load
@@ -138,7 +138,7 @@ def test_names_differ_and_a_seed_repeats_its_starts() -> None:
     assert len(set(names)) == 20
     assert starts(20, seed=3) == starts(20, seed=3)
     assert starts(20, seed=3)[:12] == starts(12, seed=3)
-    assert starts(20, seed=4)[len(NAMED) :] != starts(20, seed=3)[len(NAMED) :]
+    assert starts(20, seed=4)[len(NAMED_STARTS) :] != starts(20, seed=3)[len(NAMED_STARTS) :]
 
 
 WEAK = {"leg.motor.max_torque": 0.2}  # the knee cannot lift the leg: no saturated push
@@ -148,7 +148,7 @@ WEAK = {"leg.motor.max_torque": 0.2}  # the knee cannot lift the leg: no saturat
 def test_no_two_named_starts_are_the_same_motion(overrides: dict[str, Any]) -> None:
     hop = Hop(load("paper", overrides))
     assert (saturated_push(hop) is None) == (overrides is WEAK)
-    guesses = [make_guess(hop, start)[STANCE] for start in NAMED]
+    guesses = [make_guess(hop, start)[STANCE] for start in NAMED_STARTS]
     for a, b in combinations(guesses, 2):
         if abs(a.duration / b.duration - 1) < 0.1:
             assert np.abs(a.sample(np.linspace(0, 1, 9))[0] - b.sample(np.linspace(0, 1, 9))[0]).max() > 0.1

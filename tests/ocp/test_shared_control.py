@@ -44,7 +44,7 @@ def test_alike_legs_hop_as_one_leg_does(design: Design) -> None:
     one, ones, start = Hop(design), np.ones(2), start_angles(design)
     found = shared_plan(true_legs(design, [(design, ones, start)], start), plan)
     first = first_transcription(one)
-    best = solution_of(max(run_starts(one, 1, Beside(one, 0), lambda text: None), key=lambda o: o.merit), first)
+    best = solution_of(max(run_starts(one, 1, Beside(one, 0), lambda text: None), key=lambda o: o.signed_value), first)
     assert found.clearance == pytest.approx(float(best.parameters[CLEARANCE].item()), abs=5e-4)
 
 

@@ -13,7 +13,7 @@ from hopopt.leg.kinematics import start_angles
 from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.problem import Component
-from hopopt.ocp.rules import HEIGHT
+from hopopt.ocp.rules import LEAST_HEIGHT
 from hopopt.optimality.certificate import Certificate, certify
 from hopopt.optimality.minimum_principle.arcs import Activity
 from hopopt.optimality.minimum_principle.switch_times import plan
@@ -205,7 +205,7 @@ def test_structure_in_words_and_what_may_move() -> None:
             Component(LimitId(Kind.REGION, "hip"), "a line"): lambda t: t < 0.3,
             Component(LimitId(Kind.REGION, "hip"), "b line"): lambda t: (t > 0.31) & (t < 0.7),
             Component(LimitId(Kind.REGION, "hip"), "c line"): lambda t: t > 0.7,
-            Component(HEIGHT, "knee"): lambda t: (t > 0.71) & (t < 0.8),
+            Component(LEAST_HEIGHT, "knee"): lambda t: (t > 0.71) & (t < 0.8),
         }
     )
     (words,) = [s for s in stretches(act, (0.0, 1.0)) if s.subject == "hip" and s.end == 1.0]
@@ -286,7 +286,7 @@ def test_free_switching_times_lead_to_the_same_optimum(name: str) -> None:
 
 
 def test_a_hop_without_switches_that_may_move_says_so(coarse: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hopopt.optimality.minimum_principle.switch_times.AWAY", 10.0)
+    monkeypatch.setattr("hopopt.optimality.minimum_principle.switch_times.DISTANCE_FROM_LIMITS", 10.0)
     s = solve(load("paper", COARSE), starts=1, structure=True)
     assert s.summary.structure.solved_again is False
     assert "no switch" in str(s.summary.structure.note)

@@ -33,7 +33,7 @@ from hopopt.optimality.directions.flat_directions import (
     longer_or_shorter,
     sensitivities,
 )
-from hopopt.optimality.directions.infeasibility import PUSHES, Conflict, Part, conflict
+from hopopt.optimality.directions.infeasibility import LEAST_CONFLICT_SHARE, Conflict, ConflictPart, conflict
 from known_problems import (
     PROBLEMS,
     Known,
@@ -61,7 +61,7 @@ def attempt(known: Known) -> NlpSolution:
     return NlpSolver(Transcription(known.problem, radau(3), meshes))(guesses(known))
 
 
-def found_conflict(known: Known) -> dict[tuple[str, str, bool], Part]:
+def found_conflict(known: Known) -> dict[tuple[str, str, bool], ConflictPart]:
     """The conflict's parts by kind, name and side."""
     solution = attempt(known)
     assert not solution.success
@@ -139,7 +139,7 @@ def test_a_conflict_of_many_alike_is_still_told() -> None:
     parts = found_conflict(replace(known, problem=problem))
     giving = [p for p in parts.values() if p.gives]
     assert giving
-    assert all(p.limit.constraint == "far" and p.share < PUSHES for p in giving)
+    assert all(p.limit.constraint == "far" and p.share < LEAST_CONFLICT_SHARE for p in giving)
     assert giving[0].gives == pytest.approx(0.75, abs=1e-3)
 
 

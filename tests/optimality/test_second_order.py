@@ -9,7 +9,7 @@ import pytest
 from hopopt.cli.screen.checks import second_order_line
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import HERMITE_SIMPSON, Scheme, radau
-from hopopt.nlp.solver.ipopt import LEAST, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import LEAST_MAGNITUDE, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import Control, Objective, Phase, Problem, State
 from hopopt.optimality import second_order
@@ -53,7 +53,7 @@ def stationary(known: Known, scheme: Scheme) -> NlpSolution:
 def test_a_planted_saddle_is_told_from_a_minimum(scheme: Scheme, k: float, better: int) -> None:
     counted = found(stationary(string(k), scheme))
     assert (counted.better, counted.flat) == (better, 0)
-    assert counted.lowest == pytest.approx((1 - k / np.pi**2) / LEAST, rel=1e-3)
+    assert counted.lowest == pytest.approx((1 - k / np.pi**2) / LEAST_MAGNITUDE, rel=1e-3)
 
 
 def test_the_count_is_the_inertia_of_the_kkt_matrix() -> None:
@@ -113,5 +113,5 @@ def test_a_direction_that_a_limit_forbids_is_no_saddle() -> None:
 
 
 def test_a_program_that_is_too_large_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(second_order, "MOST", 3)
+    monkeypatch.setattr(second_order, "MOST_VARIABLES", 3)
     assert curvature(stationary(string(5.0), radau(3))) is None

@@ -17,7 +17,7 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.paper.experiment import Experiment, Free, parse_free, present
 from hopopt.paper.fit import calibrate, identify
-from hopopt.paper.problem_file import MARK, replace_checked, with_motor, write_motor
+from hopopt.paper.problem_file import CALIBRATED_MARK, replace_checked, with_motor, write_motor
 from hopopt.paper.result import (
     EXPERIMENT,
     HEIGHT,
@@ -228,17 +228,17 @@ def test_only_the_motor_changes_and_every_comment_stays(file: Path) -> None:
         ["max_torque", "=", "1.751"], ["max_speed", "=", "1151.3"],
     ]  # fmt: skip
     assert [line for line in changed if line.startswith("#")] == [
-        f"{MARK}, standard error 0.012 N m", f"{MARK}, standard error 3.2 rad/s",
+        f"{CALIBRATED_MARK}, standard error 0.012 N m", f"{CALIBRATED_MARK}, standard error 3.2 rad/s",
     ]  # fmt: skip
     comments = [line.partition("#")[2] for line in before.splitlines()]
-    assert [line.partition("#")[2] for line in after.splitlines() if not line.startswith(MARK)] == comments
+    assert [line.partition("#")[2] for line in after.splitlines() if not line.startswith(CALIBRATED_MARK)] == comments
     assert list(file.parent.iterdir()) == [file]
 
 
 def test_writing_again_replaces_what_was_written() -> None:
     first = with_motor(template("mine"), {"max_torque": 1.0, "max_speed": 900.0}, ERRORS)
     assert with_motor(first, VALUES, ERRORS) == with_motor(template("mine"), VALUES, ERRORS)
-    assert with_motor(first, VALUES, ERRORS).count(MARK) == 2
+    assert with_motor(first, VALUES, ERRORS).count(CALIBRATED_MARK) == 2
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.planner.attempts import (
     CALMED,
     CALMER,
-    CLOSER,
+    CLOSER_AIM,
     CODESIGN,
     FURTHER,
     HOP,
@@ -19,23 +19,26 @@ from hopopt.planner.attempts import (
     SEVERAL_HOPS,
     TOLERANCE,
     Attempt,
-    Trial,
+    AttemptOutcome,
     tried_again,
     with_tighter_tolerances,
 )
 from hopopt.problem.load import changed, load
 
-SOUND, OPEN = Trial(True, True, MET, 0.5), Trial(True, False, MET, 0.5)  # certified, and not
-FAILED, STOPPED = Trial(False, False, MET, 0.5), Trial(False, False, UNSOLVED, 0.5)
+SOUND, OPEN = AttemptOutcome(True, True, MET, 0.5), AttemptOutcome(True, False, MET, 0.5)  # certified, and not
+FAILED, STOPPED = AttemptOutcome(False, False, MET, 0.5), AttemptOutcome(False, False, UNSOLVED, 0.5)
 
 
 def walked(
-    found: Trial, attempts: tuple[Attempt, ...], led_to: dict[str, Trial | None], until: Deadline = NEVER
-) -> tuple[Hop, Trial, list[str]]:
+    found: AttemptOutcome,
+    attempts: tuple[Attempt, ...],
+    led_to: dict[str, AttemptOutcome | None],
+    until: Deadline = NEVER,
+) -> tuple[Hop, AttemptOutcome, list[str]]:
     """Where attempts lead, from what each of them (by its sentence) comes to, and what was said."""
     said, problems = list[str](), list[Hop]()
 
-    def run(attempt: Attempt, other: Hop) -> Trial | None:
+    def run(attempt: Attempt, other: Hop) -> AttemptOutcome | None:
         problems.append(other)
         return led_to[attempt.said]
 
@@ -49,7 +52,7 @@ def walked(
     [
         (SOUND, REFINEMENT, []),
         (OPEN, REFINEMENT, [FURTHER]),
-        (FAILED, REFINEMENT, [CLOSER]),
+        (FAILED, REFINEMENT, [CLOSER_AIM]),
         (STOPPED, REFINEMENT, []),
         (OPEN, HOP, []),
         (FAILED, HOP, [CALMED]),
@@ -60,8 +63,10 @@ def walked(
         (FAILED, SEVERAL_HOPS, [SEVERAL_HOPS[0]]),
     ],
 )
-def test_what_may_help_is_tried_in_its_order(found: Trial, attempts: tuple[Attempt, ...], again: list[Attempt]) -> None:
-    nothing: dict[str, Trial | None] = {attempt.said: None for attempt in attempts}
+def test_what_may_help_is_tried_in_its_order(
+    found: AttemptOutcome, attempts: tuple[Attempt, ...], again: list[Attempt]
+) -> None:
+    nothing: dict[str, AttemptOutcome | None] = {attempt.said: None for attempt in attempts}
     hop, best, said = walked(found, attempts, nothing)
     assert best is found
     assert hop.design == load("paper")
@@ -77,16 +82,18 @@ def test_what_may_help_is_tried_in_its_order(found: Trial, attempts: tuple[Attem
         (OPEN, REFINEMENT, FAILED, False),
         (FAILED, REFINEMENT, OPEN, True),
         (FAILED, REFINEMENT, FAILED, False),
-        (FAILED, HOP, Trial(True, False, MET, 0.509), True),
-        (FAILED, HOP, Trial(True, True, MET, 0.52), False),  # another optimum
-        (FAILED, POINT, Trial(True, True, MET, 0.501), True),
-        (FAILED, POINT, Trial(True, True, MET, 0.509), False),
-        (FAILED, CODESIGN, Trial(True, True, MET, 0.6), True),
+        (FAILED, HOP, AttemptOutcome(True, False, MET, 0.509), True),
+        (FAILED, HOP, AttemptOutcome(True, True, MET, 0.52), False),  # another optimum
+        (FAILED, POINT, AttemptOutcome(True, True, MET, 0.501), True),
+        (FAILED, POINT, AttemptOutcome(True, True, MET, 0.509), False),
+        (FAILED, CODESIGN, AttemptOutcome(True, True, MET, 0.6), True),
         (FAILED, SEVERAL_HOPS, OPEN, True),
         (OPEN, SEVERAL_HOPS, OPEN, False),
     ],
 )
-def test_what_is_better_is_taken(found: Trial, attempts: tuple[Attempt, ...], again: Trial, taken: bool) -> None:
+def test_what_is_better_is_taken(
+    found: AttemptOutcome, attempts: tuple[Attempt, ...], again: AttemptOutcome, taken: bool
+) -> None:
     only = tuple(attempt for attempt in attempts if not attempt.anyhow)
     _, best, said = walked(found, only, {attempt.said: again for attempt in only})
     assert len(said) == 1
@@ -102,7 +109,7 @@ def test_restarts_are_the_last_word() -> None:
 
 
 def test_a_calmed_hop_comes_with_its_problem() -> None:
-    calm = Trial(True, True, MET, 0.5)
+    calm = AttemptOutcome(True, True, MET, 0.5)
     hop, best, _ = walked(STOPPED, HOP, {CALMED.said: calm})
     assert best is calm
     assert hop.design.solver.tie_break == CALMER * load("paper").solver.tie_break

@@ -7,7 +7,7 @@ from hopopt.ocp.guesses.initial_guess import starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.planner.refine_and_verify import aims_of
 from hopopt.planner.search.calm_first import CALM, calmest, uncalmed
-from hopopt.planner.search.multistart import SAME, first_transcription, run_chunk, solution_of
+from hopopt.planner.search.multistart import SAME_OPTIMUM, first_transcription, run_chunk, solution_of
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 
@@ -22,14 +22,14 @@ def test_what_the_first_mesh_tells_apart_is_one_hop_where_it_can_be_compared() -
     chosen = [names.index(name) for name in ("upright push", "lean forward, push")]
     t = first_transcription(hop)
     one, other = (solution_of(outcome, t) for outcome in run_chunk(hop, chosen))
-    assert abs(one.value - other.value) > 5 * SAME * one.value  # by the error of their mesh
+    assert abs(one.value - other.value) > 5 * SAME_OPTIMUM * one.value  # by the error of their mesh
     found: list[NlpSolution] = []
     for begun in ([one, other], [other, one]):
         best = calmest(hop, begun, aims_of(hop))
         assert best is not None
         assert best[0] == 0  # the other leads there too
         found.append(best[1])
-    assert found[0].value == pytest.approx(found[1].value, rel=SAME)
+    assert found[0].value == pytest.approx(found[1].value, rel=SAME_OPTIMUM)
     own = uncalmed(hop, found[0], aims_of(hop))
     assert own is not None
     assert own.value < found[0].value  # with gentle torques less preferred

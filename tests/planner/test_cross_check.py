@@ -91,7 +91,7 @@ def test_a_worse_hop_passed_off_as_the_answer_is_found_out(answer: Solution, mon
     limits = {name: answer.kkt[name] for name in ("low_z", "high_z", "low_g", "high_g")}
     told = replace(other.summary, verified=True, exit_code=0)
     tampered = replace(answer, phases=other.phases, kkt={**other.kkt, **limits}, summary=told)
-    monkeypatch.setattr(cross_check, "SCHEMES", ())
+    monkeypatch.setattr(cross_check, "OTHER_SCHEMES", ())
     seen = replace(told, **cross_check_entries(hop, tampered, told.notes))
     (uno,) = seen.second_opinions
     assert uno.contradicts
@@ -170,7 +170,7 @@ def test_it_goes_with_a_design_that_is_given(capsys: pytest.CaptureFixture[str])
 def test_on_the_command_line(
     answer: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cross_check, "SCHEMES", (radau(5),))
+    monkeypatch.setattr(cross_check, "OTHER_SCHEMES", (radau(5),))
     asked = ["solve", *UNREFINED, "--starts", "1", "--no-figures", "--results", str(tmp_path), "--cross-check"]
     assert cli.run([*asked, "--json"]) == 3
     out, err = capfd.readouterr()

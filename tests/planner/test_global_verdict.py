@@ -8,9 +8,9 @@ from hopopt.cli.screen.search import global_line, starts_lines
 from hopopt.global_search import Rollout, search
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
-from hopopt.planner.checks.global_verdict import COARSE, LESS, MAY_EXIST, NOTHING, followed, highest, verdict
+from hopopt.planner.checks.global_verdict import GRID_TOO_COARSE, LESS, MAY_EXIST, NOTHING, followed, highest, verdict
 from hopopt.planner.search.first_mesh import rollout_starts
-from hopopt.planner.search.multistart import STOPPED
+from hopopt.planner.search.multistart import STOPPED_NEAR_KNOWN
 from hopopt.planner.solve import solve_from
 from rarely import rarely
 from second_program import Leg, best_hop
@@ -36,10 +36,10 @@ SLOW = 3  # legs at the beginning of that list whose drives fold slowly
         (0.807, 0.7, 0.7, NOTHING),
         (0.7, 0.81, 0.8, MAY_EXIST),
         (0.7, None, 0.81, MAY_EXIST),
-        (0.81, 0.79, 0.8, COARSE),
-        (0.81, None, None, COARSE),
-        (0.7, 0.79, 0.79, COARSE),
-        (-0.2, None, None, COARSE),
+        (0.81, 0.79, 0.8, GRID_TOO_COARSE),
+        (0.81, None, None, GRID_TOO_COARSE),
+        (0.7, 0.79, 0.79, GRID_TOO_COARSE),
+        (-0.2, None, None, GRID_TOO_COARSE),
     ],
 )
 def test_three_verdicts(value: float, motion: float | None, solved: float | None, said: str) -> None:
@@ -49,7 +49,7 @@ def test_three_verdicts(value: float, motion: float | None, solved: float | None
 def test_an_answer_below_zero_is_compared_as_well() -> None:
     assert verdict(-0.3, -0.1, -0.1) == NOTHING
     assert verdict(-0.3, -0.05, -0.1) == MAY_EXIST
-    assert verdict(-0.3, -0.2, -0.1) == COARSE
+    assert verdict(-0.3, -0.2, -0.1) == GRID_TOO_COARSE
     assert verdict(None, None, 0.8) is None
 
 
@@ -92,7 +92,7 @@ def test_values_are_those_of_refined_hops_and_counts_add_up() -> None:
         == len(s.starts.each)
         == sum(len(f.found_by) + len(f.stopped) for f in s.families) + len(s.starts.failed)
     )
-    assert s.starts.stopped == tuple(e.name for e in s.starts.each if e.status == STOPPED)
+    assert s.starts.stopped == tuple(e.name for e in s.starts.each if e.status == STOPPED_NEAR_KNOWN)
     for shown, f in zip(starts_lines(s)[1].split("m (")[1:], s.families, strict=False):
         assert shown.startswith("by" if f.refined else "first mesh, by")
 
@@ -142,4 +142,4 @@ def test_a_second_program_finds_nothing_better(leg: int) -> None:
     said = s.summary.global_
     assert said is not None
     assert said.verdict != MAY_EXIST
-    assert said.verdict == COARSE or (highest(said.value_m, followed(said)) or 0.0) >= (1 - LESS) * s.clearance
+    assert said.verdict == GRID_TOO_COARSE or (highest(said.value_m, followed(said)) or 0.0) >= (1 - LESS) * s.clearance

@@ -10,8 +10,8 @@ from hopopt.design import Design
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.problem import Component, components
-from hopopt.ocp.rules import HEIGHT, NO_DESCENT
-from hopopt.optimality.directions.infeasibility import Conflict, Part
+from hopopt.ocp.rules import LEAST_HEIGHT, NO_DESCENT
+from hopopt.optimality.directions.infeasibility import Conflict, ConflictPart
 from hopopt.optimality.limits import Limit
 from hopopt.planner.answer.limit_names import conflict_words, path_value, words_of
 from hopopt.problem.load import load
@@ -88,8 +88,8 @@ def test_the_entry_behind_each_half_plane() -> None:
 
 def test_a_list_of_names_and_a_switch_in_a_conflict() -> None:
     parts = (
-        Part(limit("path", Component(HEIGHT, "foot"), "flight"), 0.1, 1.0, (0.1, 0.2)),
-        Part(limit("path", Component(NO_DESCENT), "stance"), 0.0, 1.0, (0.1, 0.2)),
+        ConflictPart(limit("path", Component(LEAST_HEIGHT, "foot"), "flight"), 0.1, 1.0, (0.1, 0.2)),
+        ConflictPart(limit("path", Component(NO_DESCENT), "stance"), 0.0, 1.0, (0.1, 0.2)),
     )
     said = " ".join(conflict_words(load("paper", SET), Conflict(parts, {}, np.zeros(0))))
     assert 'hop.above_ground = ["foot", "knee"]' in said

@@ -14,7 +14,7 @@ from hopopt.errors import ResultError
 from hopopt.evidence.diagnosis import diagnose
 from hopopt.optimality.directions.flat_directions import NotInvertible
 from hopopt.planner.answer.limit_use import IdleLimit, idle_limits
-from hopopt.planner.answer.motion_figures import FINE, active_limits
+from hopopt.planner.answer.motion_figures import SAMPLES_OF_INTERVAL, active_limits
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
 from hopopt.storage.solution import save
@@ -50,13 +50,13 @@ def test_shares_of_the_limits(plan: Solution) -> None:
 
 def of_entry(plan: Solution, entry: str) -> list[IdleLimit]:
     """The lines about one entry."""
-    fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
+    fine = {phase: plan.everywhere(phase, SAMPLES_OF_INTERVAL) for phase in plan.phases}
     return [limit for limit in idle_limits(plan, fine).values() if limit.entry == entry]
 
 
 def test_an_entry_that_joints_share_is_one_limit(plan: Solution) -> None:
     """The joint with more torque decides; a cap that only the other one leaves idle is not idle."""
-    tau = np.abs(np.concatenate([plan.everywhere(phase, FINE).tau for phase in plan.phases])).max(axis=0)
+    tau = np.abs(np.concatenate([plan.everywhere(phase, SAMPLES_OF_INTERVAL).tau for phase in plan.phases])).max(axis=0)
     assert len(tau) == 2
     for cap, lines in ((1.1 * tau.max(), 1), (tau.max(), 0)):
         gear = plan.design.leg.gear.model_copy(update={"torque_cap": cap})
@@ -120,7 +120,7 @@ def test_tightening_idle_limits_has_no_effect(plan: Solution) -> None:
 
 def test_a_friction_cone_says_what_it_needs(plan: Solution) -> None:
     """A push of 30 N along for every 100 N down needs a coefficient of 0.3; a foot that carries nothing does not count."""
-    fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
+    fine = {phase: plan.everywhere(phase, SAMPLES_OF_INTERVAL) for phase in plan.phases}
     f = np.tile([-30.0, 100.0], (len(fine["stance"].t), 1))
     f[::7] = [50.0, 0.0]
     fine["stance"] = replace(fine["stance"], f=f)
@@ -149,7 +149,9 @@ def test_diagnose_says_what_a_stored_hop_leaves_open(plan: Solution, tmp_path: P
     found = json.loads(capsys.readouterr().out)
     assert found["idle_limits"].keys() == plan.summary.idle_limits.keys()
     assert {(f["phase"], f["name"]) for f in found["flat"]} == {("flight", "a[hip]"), ("flight", "a[knee]")}
-    assert {str(f.name) for f in plan.summary.flat or ()} == {f["name"] for f in found["flat"]}  # the tie-break hides none
+    assert {str(f.name) for f in plan.summary.flat or ()} == {
+        f["name"] for f in found["flat"]
+    }  # the tie-break hides none
     assert found["durations"]["stance"]["longer"] is None  # at its longest
     assert found["durations"]["stance"]["shorter"] > 1e-3
     assert found["durations"]["flight"]["shorter"] > 1e-3

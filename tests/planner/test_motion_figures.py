@@ -8,7 +8,7 @@ import pytest
 from hopopt.comparison.compare import planned_trace
 from hopopt.leg.scales import force_range
 from hopopt.ocp.phases import STANCE
-from hopopt.planner.answer.motion_figures import FINE, leans_on
+from hopopt.planner.answer.motion_figures import SAMPLES_OF_INTERVAL, leans_on
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import changed
 from hopopt.sim.hop_metrics import HopFigures
@@ -29,7 +29,7 @@ def test_the_papers_hop_leans_on_ground_that_no_friction_is(hop: Solution) -> No
 
 @pytest.mark.parametrize("slope", [0.0, 0.6, -0.6])
 def test_friction_needed_is_the_steepest_force(hop: Solution, slope: float) -> None:
-    stance = hop.everywhere(STANCE, FINE)
+    stance = hop.everywhere(STANCE, SAMPLES_OF_INTERVAL)
     up = 100.0 + 50.0 * np.sin(stance.t)
     leaning = np.linspace(0.0, slope, len(up)) * up
     found = leans_on(hop, replace(stance, f=np.stack([leaning, up], axis=1)))
@@ -41,7 +41,7 @@ def test_a_hop_within_its_friction_needs_no_more_of_it(hop: Solution) -> None:
     """Two forces that are nearly nothing pass the cone by less than verification tells: their ratio is no need. Where a
     force passes it by more, the need is said. The figures of a simulated hop do the same."""
     rough = replace(hop, design=changed(hop.design, {"contact.friction": 0.8}))
-    stance, size = hop.everywhere(STANCE, FINE), force_range(hop.robot.model)
+    stance, size = hop.everywhere(STANCE, SAMPLES_OF_INTERVAL), force_range(hop.robot.model)
     for share, loaded, needed in ((0.9e-4, 1.1e-3, 0.8), (0.2, 1.0, 1.0)):
         up = np.full(len(stance.t), size)
         along = 0.8 * up

@@ -25,10 +25,10 @@ from hopopt.planner.attempts import (
     PRICE_TOLERANCE,
     REFINEMENT,
     TOLERANCE,
-    Trial,
+    AttemptOutcome,
     with_larger_tie_break,
 )
-from hopopt.planner.checks.global_verdict import COARSE
+from hopopt.planner.checks.global_verdict import GRID_TOO_COARSE
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search.beside import Beside
 from hopopt.planner.search.first_mesh import search_first_mesh
@@ -57,7 +57,7 @@ def test_a_refinement_that_needs_restarts_is_tried_calmer_first(
     tie_break: float, then: str, one_push: Solution, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Too little patience for carried multipliers: a larger tie-break or, where it is large already, restarts."""
-    monkeypatch.setattr(refine, "PATIENCE", 5)
+    monkeypatch.setattr(refine, "CARRIED_ITERATIONS", 5)
     said: list[str] = []
     design = load("paper", ONE_PUSH | {"solver.tie_break": tie_break})
     s = solve(design, starts=1, processes=1, progress=said.append)
@@ -146,7 +146,7 @@ def test_a_hop_that_meets_its_aims_and_fails_is_solved_with_smaller_tolerances_a
 def test_smaller_tolerances_are_for_hops_that_met_larger_ones(
     verified: bool, ended: str, entries: dict[str, float]
 ) -> None:
-    hop, found = Hop(load("paper", entries)), Trial(verified, verified, ended, 0.5)
+    hop, found = Hop(load("paper", entries)), AttemptOutcome(verified, verified, ended, 0.5)
     assert not any(attempt.may_help(found) and attempt.problem(hop) for attempt in REFINEMENT)
 
 
@@ -188,7 +188,7 @@ def test_one_start_is_no_search_and_the_first_line_says_so(one_push: Solution) -
 
 def test_a_result_that_states_no_verdict_is_judged_by_its_numbers(one_push: Solution) -> None:
     promised = GlobalMethod("some", (15,), 0.5 * one_push.clearance, False, motion_m=0.6 * one_push.clearance)
-    assert global_line(one_push.with_summary(global_=promised).summary)[0].endswith(COARSE)
+    assert global_line(one_push.with_summary(global_=promised).summary)[0].endswith(GRID_TOO_COARSE)
 
 
 @pytest.mark.slow
@@ -226,11 +226,11 @@ def test_a_larger_tie_break_does_not_lead_to_another_optimum() -> None:
     hop = Hop(load("paper", DRAWN), "clearance")
     larger, kept = with_larger_tie_break(hop), distinct(search_first_mesh(hop, 2, 1, silent).outcomes)
     assert larger is not None
-    assert kept[0].merit > kept[-1].merit + 0.01
+    assert kept[0].signed_value > kept[-1].signed_value + 0.01
     for outcome in kept:
         again = solved_from(larger, outcome)
         assert again.success
-        assert again.merit == pytest.approx(outcome.merit, abs=larger.tie_break_bias + 1e-5)
+        assert again.signed_value == pytest.approx(outcome.signed_value, abs=larger.tie_break_bias + 1e-5)
 
 
 def test_starts_end_alike_in_one_process_and_side_by_side() -> None:

@@ -13,7 +13,7 @@ from hopopt.cli import main as cli
 from hopopt.errors import ResultError, UsageError
 from hopopt.planner.solution import Solution
 from hopopt.plots import animation
-from hopopt.plots.animation import HOLD, RATE, animate, instants, moving_svg, poses
+from hopopt.plots.animation import HOLD, PICTURE_RATE, animate, instants, moving_svg, poses
 from hopopt.report.motion import ShownHop, planned
 from hopopt.storage.solution import save
 
@@ -41,7 +41,7 @@ def test_a_gif_has_a_picture_for_each_instant_and_loops(shown: ShownHop, tmp_pat
             picture.seek(k)
             lasts += picture.info["duration"]
         assert picture.info["loop"] == 0
-    assert lasts == pytest.approx(1000 * (FAST * shown.t[-1] + HOLD), abs=2 * 1000 / RATE)
+    assert lasts == pytest.approx(1000 * (FAST * shown.t[-1] + HOLD), abs=2 * 1000 / PICTURE_RATE)
     assert (tmp_path / "hop.gif").stat().st_size < 1_000_000
     assert [path.name for path in tmp_path.iterdir()] == ["hop.gif"]
 

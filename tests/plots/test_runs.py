@@ -20,11 +20,11 @@ from hopopt.control.strategies import BUILT_IN, find
 from hopopt.design import Design
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
-from hopopt.paper.stiffness import MARGIN, neutral, secant_stiffness
+from hopopt.paper.stiffness import HEIGHT_MARGIN, neutral, secant_stiffness
 from hopopt.plots.controllers.runs import FIGURES, save_all
 from hopopt.plots.controllers.runs_style import by_stance, last, looks
 from hopopt.plots.controllers.tracking import tracking
-from hopopt.plots.style import BLACK, SIZE
+from hopopt.plots.style import BLACK, FIGURE_SIZE
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
 from hopopt.sim.hop_metrics import HopFigures
@@ -194,7 +194,7 @@ def test_the_secant_stiffness_of_a_spring_is_the_springs(runs: Callable[[str], R
     y = trace.q[:, 1] - trace.points["foot"][:, 1]
     spring = np.column_stack([np.zeros(len(y)), k * (NEUTRAL - y) + foot])
     height, found = secant_stiffness(replace(run, trace=replace(trace, f=spring)))
-    low = height <= NEUTRAL - MARGIN
+    low = height <= NEUTRAL - HEIGHT_MARGIN
     assert 10 < low.sum() < len(low)
     np.testing.assert_allclose(found[low], k, rtol=1e-6)
     assert np.isnan(found[~low]).all()
@@ -230,7 +230,7 @@ def test_poses_are_to_scale_apart_and_in_columns(runs: Callable[[str], Runs], ca
     """Links have their lengths, no pose touches the next, poses as long after lift-off stand above each other, and the
     whole fits a slide."""
     figure = FIGURES["stick"](runs(case))
-    assert tuple(figure.get_size_inches()) == SIZE
+    assert tuple(figure.get_size_inches()) == FIGURE_SIZE
     ticks = figure.axes[-1].get_xticks()
     times = [float(label.get_text()) for label in figure.axes[-1].get_xticklabels()]
     columns = dict(zip(np.round(times, 2), ticks, strict=True))

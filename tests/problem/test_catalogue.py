@@ -14,7 +14,7 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import build_robot
 from hopopt.problem import catalogue as actuators
-from hopopt.problem.catalogue import MARKS, PARTS, catalogue, names
+from hopopt.problem.catalogue import CATALOGUE_PARTS, MARKS, catalogue, names
 from hopopt.problem.checking.mass_law import fit, mass_law, weighed
 from hopopt.problem.load import changed, design_hash, load, resolved_toml, template
 
@@ -151,7 +151,7 @@ FORMS = {
 def without_labels(design: Design) -> dict:
     tables = design.model_dump(exclude_none=True)
     for table in (tables["leg"], *(tables["leg"][joint] for joint in tables["leg"]["joints"])):
-        for part in PARTS:
+        for part in CATALOGUE_PARTS:
             table.get(part, {}).pop("catalogue", None)
     return tables
 
@@ -301,7 +301,7 @@ def test_the_list_names_everything(capsys):
 
 def test_a_mass_of_the_catalogue_changes_no_problem():
     """Whatever motor or gear is named, the leg weighs what it weighed."""
-    for part in PARTS:
+    for part in CATALOGUE_PARTS:
         for name in names(part):
             leg = load("paper", {f"leg.{part}": name}).leg
             assert leg.body.mass == load("paper").leg.body.mass
@@ -367,7 +367,7 @@ def test_two_entries_have_no_scatter_and_one_torque_no_law():
         fit([2, 2, 2], [1, 2, 3])
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", CATALOGUE_PARTS)
 def test_the_law_of_the_catalogue_is_of_what_its_entries_give(part):
     entries = {name: catalogue()[name] for name in names(part) if part in catalogue()[name].masses}
     pairs = weighed(part)
@@ -390,7 +390,7 @@ def test_the_fit_on_the_command_line(capsys):
     assert "unitree-go2" not in shown  # has no mass
     assert run(["actuators", "--fit", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    for part in PARTS:
+    for part in CATALOGUE_PARTS:
         law, said = mass_law(part), told[f"{part}s"]
         assert (said["coefficient"], said["exponent"], said["scatter"]) == (law.coefficient, law.exponent, law.scatter)
         assert said["entries"] == len(said["fitted_to"]) == len(weighed(part))

@@ -12,7 +12,7 @@ import pytest
 from jsonschema import Draft7Validator, Draft202012Validator
 
 from hopopt.cli.main import run
-from hopopt.ocp.custom import FIGURE
+from hopopt.ocp.custom import CUSTOM_FIGURE
 from hopopt.planner.solution import Solution
 from hopopt.problem.catalogue import problems_folder
 from hopopt.problem.load import load, resolved_toml, template
@@ -142,4 +142,4 @@ def _steps(where: str, data: Any) -> Iterator[str]:
 
 
 def test_a_summary_has_room_for_every_objective() -> None:
-    assert {f.name for f in fields(Measures)} == {"apex_m", *MEASURES, FIGURE}
+    assert {f.name for f in fields(Measures)} == {"apex_m", *MEASURES, CUSTOM_FIGURE}

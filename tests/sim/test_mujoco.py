@@ -17,7 +17,7 @@ from hopopt.planner.solution import Solution
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
 from hopopt.sim.machine import Machine
-from hopopt.sim.mujoco import GRIP, MujocoTrace, replay, simulate
+from hopopt.sim.mujoco import PIN_PULL, MujocoTrace, replay, simulate
 from once import solved_once
 
 G = 9.81
@@ -155,7 +155,7 @@ def test_ground_lets_go_when_it_would_have_to_pull(robot: Robot) -> None:
     run = simulate(robot, standing(robot), np.zeros(4), controller, 0.15)
     weight = Machine(robot).mass * G
     assert run.lift_off == pytest.approx(turn, abs=1e-12)
-    assert run.f[run.contact, 1].min() >= -GRIP * weight
+    assert run.f[run.contact, 1].min() >= -PIN_PULL * weight
     assert not run.f[~run.contact].any()
     assert not np.any(np.diff(run.contact.astype(int)) > 0)
     assert seen[:-1] == [True, *run.contact[:-2]]  # a controller learns of it at the next instant

@@ -21,7 +21,7 @@ from hopopt.leg.robot import BASE, build_robot
 from hopopt.problem.load import load
 from hopopt.sim.controller import Measurement
 from hopopt.sim.encoder import Encoder
-from hopopt.sim.hop_metrics import SLACK, HopFigures
+from hopopt.sim.hop_metrics import SIMULATED_SLACK, HopFigures
 from hopopt.sim.machine import Machine
 from hopopt.sim.plant import Plant
 from hopopt.sim.state import State, Timing
@@ -463,7 +463,7 @@ def test_a_joint_that_reaches_its_stop_cuts_the_clearance_short_and_is_named(smo
     knee = trace.q[free.flight.start : free.highest, 3]
     first = int(np.argmax(knee > knee[0] + 0.5))
     assert first > 0
-    cut = HopFigures(load("paper", wide | {"leg.knee.upper": float(knee[first]) - 2 * SLACK}), trace)
+    cut = HopFigures(load("paper", wide | {"leg.knee.upper": float(knee[first]) - 2 * SIMULATED_SLACK}), trace)
     assert cut.highest is not None
     assert cut.clearance < free.clearance
     at = cut.highest + 1

@@ -17,7 +17,7 @@ from hopopt.cli.main import run
 from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.solution import Solution
 from hopopt.storage.seal import recheck as recheck_module
-from hopopt.storage.seal.digests import DATA, OWN, digests
+from hopopt.storage.seal.digests import DATA, MANIFEST, digests
 from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
 
@@ -95,7 +95,7 @@ def altered_arrays(path: Path, rng: random.Random) -> str:
 
 
 WAYS: dict[str, Alter] = {
-    "summary.json": altered_json, OWN: altered_json, "problem.toml": altered_lines, "solution.nc": altered_arrays,
+    "summary.json": altered_json, MANIFEST: altered_json, "problem.toml": altered_lines, "solution.nc": altered_arrays,
 }  # fmt: skip
 WEIGHTS = (5, 2, 1, 4)
 
@@ -122,7 +122,7 @@ def nothing_else_notices(verdict: Verdict, monkeypatch: pytest.MonkeyPatch) -> N
 
 def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
     """Exit code of hopopt verify, and what it says; nothing is written."""
-    files = [*DATA, OWN]
+    files = [*DATA, MANIFEST]
     before = digests(folder, files)
     code = run(["verify", str(folder), "--json"])
     assert digests(folder, files) == before
@@ -177,7 +177,7 @@ def test_altered_entries_are_told_where_all_is_computed_again(
         ("summary.json", "mesh", lambda data: data["mesh"][0].update(objective=0.1)),
         ("summary.json", "exit_code", lambda data: data.update(exit_code=3)),
         ("summary.json", "wall_s", lambda data: data.update(wall_s=0.0)),
-        (OWN, "versions", lambda data: data["versions"].update(casadi="9")),
+        (MANIFEST, "versions", lambda data: data["versions"].update(casadi="9")),
     ],
 )
 @pytest.mark.usefixtures("nothing_else_notices")
@@ -195,5 +195,5 @@ def test_what_only_the_search_knew_is_named_when_it_was_altered(
     (copy / file).write_text(json.dumps(data))
     assert told(copy, capsys) == (
         3,
-        f"hopopt: {file} was changed after it was written: {entry} (its digest differs from {OWN})\n",
+        f"hopopt: {file} was changed after it was written: {entry} (its digest differs from {MANIFEST})\n",
     )

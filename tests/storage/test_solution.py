@@ -18,7 +18,7 @@ from hopopt.storage.folder import prepare
 from hopopt.storage.netcdf import Group, to_bytes
 from hopopt.storage.netcdf import read as read_netcdf
 from hopopt.storage.seal.recheck import recheck
-from hopopt.storage.solution import KINDS, read, save
+from hopopt.storage.solution import FOLDER_KINDS, read, save
 from once import solved_once
 
 QUICK = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
@@ -199,7 +199,7 @@ def test_the_folder_of_a_study_is_told_as_such(tmp_path: Path) -> None:
         read(tmp_path)
 
 
-@pytest.mark.parametrize(("file", "kind"), KINDS.items())
+@pytest.mark.parametrize(("file", "kind"), FOLDER_KINDS.items())
 def test_the_folder_of_another_command_is_told_as_what_it_is(file: str, kind: str, tmp_path: Path) -> None:
     (tmp_path / file).write_text("{}")
     with pytest.raises(ResultError, match=f"{kind}, not a single result.*: give a folder that `hopopt solve` wrote"):

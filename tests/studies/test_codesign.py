@@ -24,7 +24,7 @@ from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.free_parameters import Coupling, FreeParameters, parse_coupling, parse_free
 from hopopt.ocp.guesses.guess import Guess
-from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.problem import BoundaryConstraint, Control, Objective, PathConstraint, Phase, Problem, State
@@ -325,7 +325,7 @@ def test_ratio_at_its_bound_on_the_command_line(tmp_path: Path, capfd: pytest.Ca
 def test_the_design_that_came_out_is_solved_from_the_whole_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its height too, which the trajectories alone leave to the first guess."""
     hop = Hop(ho.load("paper", ["solver.stance_intervals=16", "solver.flight_intervals=4"]))
-    motion, asked = NlpSolver(first_transcription(hop))(make_guess(hop, NAMED[0])), []
+    motion, asked = NlpSolver(first_transcription(hop))(make_guess(hop, NAMED_STARTS[0])), []
 
     class Noting(NlpSolver):
         def __call__(self, guess: Any, parameters: Any = None, *more: Any) -> Any:
@@ -534,7 +534,7 @@ def test_an_attempt_is_kept_if_the_time_ends_before_another(monkeypatch: pytest.
 
     monkeypatch.setattr(codesign, "_confirmed", confirmed)
     monkeypatch.setattr(codesign, "_begun", lambda *given: [])
-    hop_found = SimpleNamespace(success=True, objective=0.8, merit=0.8)
+    hop_found = SimpleNamespace(success=True, objective=0.8, signed_value=0.8)
     monkeypatch.setattr(codesign, "search_first_mesh", lambda *given: SimpleNamespace(outcomes=(hop_found,)))
     monkeypatch.setattr(codesign, "solved_from", lambda *given: hop_found)
     found = codesign._found(Hop(ho.load("paper")), 1, 1, Stopwatch(), lambda text: None, NEVER)

@@ -18,8 +18,8 @@ from hopopt.planner.refine_and_verify import refine_and_verify
 from hopopt.planner.search.first_mesh import search_first_mesh
 from hopopt.planner.search.multistart import first_transcription, run_chunk
 from hopopt.problem.load import load
-from hopopt.studies import pareto
 from hopopt.studies.faults import Fault, guarded
+from hopopt.studies.pareto import trace as pareto
 from hopopt.studies.sweep import point
 from hopopt.studies.sweep.point_file import ENDED, VERIFIED
 
@@ -86,7 +86,7 @@ def test_a_solver_that_cannot_is_told_from_a_fault(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr(point, "refine_and_verify", cannot)
     study = sweep(load("paper", SMALL), {"leg.gear.ratio": [100.0]}, starts=1, processes=1, results=tmp_path)
-    assert (study.points[0].outcome, study.points[0].sentence) == ("not solved", point.STOPPED)
+    assert (study.points[0].outcome, study.points[0].sentence) == ("not solved", point.REFINEMENT_STOPPED)
     assert study.exit_code == 1
 
 
@@ -169,7 +169,7 @@ def test_a_value_that_no_solver_can_work_on_does_not_end_the_others(
     ("line", "where", "goes_on"),
     [
         ("sweep --vary leg.gear.ratio=100 --starts 1 --no-figures", "hopopt.studies.sweep.run.save_tables", "--resume"),
-        ("pareto --points 3 --starts 1 --no-figures", "hopopt.studies.pareto.Chain", "are kept there"),
+        ("pareto --points 3 --starts 1 --no-figures", "hopopt.studies.pareto.trace.Chain", "are kept there"),
         ("evidence --starts 1", "hopopt.cli.answer.evidence._gathered", "go on with: hopopt evidence --resume"),
         ("families --starts 1", "hopopt.cli.studies.families.find_families", "is kept in families.json"),
     ],

@@ -13,7 +13,7 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.multistart import first_transcription
 from hopopt.problem.load import load
-from hopopt.studies.sweep import point
+from hopopt.studies.sweep import first_program as programs
 from hopopt.studies.sweep.definition import Definition, define
 
 SMALL = {"solver.stance_intervals": 6, "solver.flight_intervals": 3, "solver.refine": False}
@@ -75,7 +75,7 @@ def test_families_have_a_program_for_every_problem(change: dict[str, object]) ->
 
 def first_program(definition: Definition, k: int) -> Transcription:
     hop = Hop(definition.design_at(k), definition.objective)
-    return point._first_program(definition, hop, definition.values(k), NEVER)[0]
+    return programs.first_program(definition, hop, definition.values(k), NEVER)[0]
 
 
 def test_no_points_program_depends_on_the_point_before_it() -> None:
@@ -83,7 +83,7 @@ def test_no_points_program_depends_on_the_point_before_it() -> None:
     vary = {"start.hip_height": [0.1], "leg.body.mass": [5.0, 20.0]}
     definition = define(load("paper", {**SLIDER, "start.hip_height": 0.4}), vary)
     alone = first_program(definition, 1).scale
-    point._compiled.clear()
+    programs._compiled.clear()
     first_program(definition, 0)
     np.testing.assert_array_equal(first_program(definition, 1).scale, alone)
     assert Hop(definition.design_at(1)).dependent != Hop(definition.design).dependent

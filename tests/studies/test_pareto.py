@@ -15,8 +15,8 @@ from hopopt.ocp.objectives.registry import find
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.problem.load import resolved_toml
 from hopopt.sim.machine import Machine
-from hopopt.studies import pareto
-from hopopt.studies.pareto import Front, FrontPoint
+from hopopt.studies.pareto import trace
+from hopopt.studies.pareto.front import Front, FrontPoint
 from once import solved_once
 from refusals import refusal
 
@@ -155,7 +155,7 @@ def test_stopping_keeps_what_is_finished(
             raise KeyboardInterrupt
         return real(*arguments, **more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(pareto, "refined_and_verified", stopped)
+    monkeypatch.setattr(trace, "refined_and_verified", stopped)
     asked = ["--against", "peak_force", "--points", "4", "--starts", "1", "--processes", "1", "--json", "--no-figures"]
     assert run(["pareto", *asked, "--results", str(tmp_path)]) == 130
     out, err = capfd.readouterr()

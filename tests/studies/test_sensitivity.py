@@ -14,7 +14,7 @@ import pytest
 
 import hopopt as ho
 from hopopt.cli.main import run
-from hopopt.cli.studies.sensitivity import ROWS, left_out, sentences
+from hopopt.cli.studies.sensitivity import TABLE_ROWS, left_out, sentences
 from hopopt.design import physical_parameters
 from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.mesh import PhaseMesh, mesh_of_arcs, uniform
@@ -374,8 +374,10 @@ def influence(name: str, value: float, slope: float, unit: str = "m", part_of: s
 
 
 def test_rows_that_are_left_out_are_counted() -> None:
-    assert left_out([influence(f"leg.{k}", 1.0, 1.0) for k in range(ROWS)]) == []
-    assert left_out([influence(f"leg.{k}", 1.0, 1.0) for k in range(ROWS + 3)]) == ["(3 more that matter less: --json)"]
+    assert left_out([influence(f"leg.{k}", 1.0, 1.0) for k in range(TABLE_ROWS)]) == []
+    assert left_out([influence(f"leg.{k}", 1.0, 1.0) for k in range(TABLE_ROWS + 3)]) == [
+        "(3 more that matter less: --json)"
+    ]
 
 
 def test_sentences() -> None:

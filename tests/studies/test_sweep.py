@@ -21,7 +21,7 @@ from hopopt.errors import SolverError
 from hopopt.planner.refine_and_verify import refine_and_verify
 from hopopt.studies.sweep import point as sweep_point
 from hopopt.studies.sweep.definition import define
-from hopopt.studies.sweep.point import Source, solve_again, solve_point
+from hopopt.studies.sweep.point import Neighbour, solve_again, solve_point
 from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED
 from waiting import beside_progress, wait_for
 
@@ -214,7 +214,7 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypa
     """Made to say that it ended lower than it did: from its neighbours the optimum is found again, and refined once."""
     definition = define(ho.load("paper", [SHORT, "solver.tolerance=1e-4"]), {"leg.gear.ratio": [115, 118]}, starts=1)
     first, begin = solve_point(definition, 0, [])
-    source = Source(0, 0, begin)
+    source = Neighbour(0, 0, begin)
     second, own = solve_point(definition, 1, [source])
     assert first.verified
     assert second.verified
@@ -227,7 +227,7 @@ def test_a_point_in_a_lower_optimum_is_solved_again_from_its_neighbours(monkeypa
     monkeypatch.setattr(
         sweep_point, "refine_and_verify", lambda *given, **more: refined.append(given[1].name) or refine(*given, **more)
     )
-    both = [source, Source(2, 0, begin)]
+    both = [source, Neighbour(2, 0, begin)]
     again, found = solve_again(definition, lower, {**own, "objective": np.array(0.5)}, both, 1)
     assert refined == ["point 0"]
     assert again.corrected
@@ -241,8 +241,8 @@ def test_a_neighbour_that_stops_leaves_the_others(monkeypatch: pytest.MonkeyPatc
     """Planted: the first refinement stops; the other neighbour, or else the starts, lead to the point's hop."""
     definition = define(ho.load("paper", [SHORT]), {"leg.gear.ratio": [115, 118]}, starts=1)
     _, begin = solve_point(definition, 0, [])
-    source, refine = Source(0, 0, begin), refine_and_verify
-    for sources, led in (([source, Source(2, 0, begin)], 2), ([source], None)):
+    source, refine = Neighbour(0, 0, begin), refine_and_verify
+    for sources, led in (([source, Neighbour(2, 0, begin)], 2), ([source], None)):
         calls = iter([True, False, False])
         monkeypatch.setattr(
             sweep_point,

@@ -68,6 +68,6 @@ def test_without_dask_it_is_said_in_a_sentence(monkeypatch: pytest.MonkeyPatch, 
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(importlib.import_module("hopopt.studies.sweep.workers.dask_workers"), "PATIENCE", 0.5)
+    monkeypatch.setattr(importlib.import_module("hopopt.studies.sweep.workers.dask_workers"), "SCHEDULER_TIMEOUT", 0.5)
     with pytest.raises(UsageError, match="no Dask scheduler answers"):
         ho.sweep(ho.load("paper", CHEAP), VARY, scheduler="tcp://127.0.0.1:9", results=tmp_path)

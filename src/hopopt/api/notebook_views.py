@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 INSTANTS = 201  # of a hop, if no times are given
-ROWS = 12  # of a table in a notebook
+NOTEBOOK_ROWS = 12  # of a table in a notebook
 
 
 def solution_dataset(solution: Solution, t: ArrayLike | None = None) -> "xr.Dataset":
@@ -129,11 +129,11 @@ def comparison_html(comparison: Comparison) -> str:
 def study_html(study: Study) -> str:
     """What a notebook shows of a study: its points, the last left out where there are many."""
     rows: dict[str, Any] = {}
-    for p in study.points[:ROWS]:
+    for p in study.points[:NOTEBOOK_ROWS]:
         where = ", ".join(f"{entry} = {value:.12g}" for entry, value in p.values.items())
         rows[where] = f"{p.clearance_m:.4f} m" if p.clearance_m is not None else p.outcome
-    if len(study.points) > ROWS:
-        rows[f"{len(study.points) - ROWS} more"] = "to_dataframe() has them"
+    if len(study.points) > NOTEBOOK_ROWS:
+        rows[f"{len(study.points) - NOTEBOOK_ROWS} more"] = "to_dataframe() has them"
     return html(repr(study).strip("<>"), rows)
 
 

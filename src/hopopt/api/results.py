@@ -9,7 +9,7 @@ from hopopt.api.solution import Solution
 from hopopt.comparison.hops import transition
 from hopopt.comparison.robust import robust
 from hopopt.control import closed_loop
-from hopopt.studies import pareto
+from hopopt.studies.pareto import front
 from hopopt.studies.sweep import run
 
 if TYPE_CHECKING:
@@ -51,14 +51,14 @@ class Study(run.Study):
 
 
 @dataclass
-class Front(pareto.Front):
+class Front(front.Front):
     """A Pareto front of the clearance against what it costs, point by point."""
 
     # the list below may be added to while the front is traced; this one is of a front that is
     solutions: list[Solution | None] = field(default_factory=list)  # pyright: ignore
 
     @classmethod
-    def with_methods(cls, found: pareto.Front) -> Self:
+    def with_methods(cls, found: front.Front) -> Self:
         """The front with its methods."""
         return as_class(
             cls, found, solutions=[None if s is None else Solution.with_methods(s) for s in found.solutions]

@@ -83,7 +83,7 @@ class Solution(solution.Solution):
     def compare_hops(
         self,
         *strategies: str,
-        hops: int = hop_after_hop.HOPS,
+        hops: int = hop_after_hop.MOST_HOPS,
         basins: bool = False,
         mujoco: bool = False,
         processes: int = 1,
@@ -136,21 +136,27 @@ class Ladder(ladder.Ladder):
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(compare.Comparison):
-    """The bound, the runs of every strategy by name, and the plan that ``track`` followed."""
+class _BesideABound:
+    """What both comparisons have: a bound, and the plan that was tracked."""
 
     solution: Solution
     plan: Solution | None
 
     @classmethod
-    def with_methods(cls, found: compare.Comparison) -> Self:
+    def with_methods(cls, found: compare.Comparison | hop_after_hop.HopsComparison) -> Self:
         """The comparison with its methods."""
-        return as_class(cls, found, solution=Solution.with_methods(found.solution), plan=_plan(found.plan))
+        plan = None if found.plan is None else Solution.with_methods(found.plan)
+        return as_class(cls, found, solution=Solution.with_methods(found.solution), plan=plan)
 
     @property
     def verified(self) -> bool:
         """Whether the bound is."""
         return self.solution.verified
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison(_BesideABound, compare.Comparison):
+    """The bound, the runs of every strategy by name, and the plan that ``track`` followed."""
 
     @overload
     def plot(self, name: None = None) -> "dict[str, Figure]": ...
@@ -191,21 +197,8 @@ class Comparison(compare.Comparison):
 
 
 @dataclass(frozen=True)
-class HopsComparison(hop_after_hop.HopsComparison):
+class HopsComparison(_BesideABound, hop_after_hop.HopsComparison):
     """The periodic bound, the plan that was tracked, and every strategy's hops by name."""
-
-    solution: Solution
-    plan: Solution | None
-
-    @classmethod
-    def with_methods(cls, found: hop_after_hop.HopsComparison) -> Self:
-        """The comparison with its methods."""
-        return as_class(cls, found, solution=Solution.with_methods(found.solution), plan=_plan(found.plan))
-
-    @property
-    def verified(self) -> bool:
-        """Whether the bound is."""
-        return self.solution.verified
 
     @overload
     def plot(self, name: None = None) -> "dict[str, Figure]": ...
@@ -226,7 +219,3 @@ class HopsComparison(hop_after_hop.HopsComparison):
     def why(self, *, orders: int = 3, progress: Progress = False) -> Ladder:
         """Why PD control keeps up less than the bound; as ``Comparison.why``."""
         return as_class(Ladder, ladder.ladder(self, told(progress), orders))
-
-
-def _plan(found: solution.Solution | None) -> Solution | None:
-    return None if found is None else Solution.with_methods(found)

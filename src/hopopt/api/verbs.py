@@ -28,7 +28,7 @@ from hopopt.planner.reserve import plan_to_track
 from hopopt.problem.load import as_design
 from hopopt.storage import solution as storage
 from hopopt.studies import codesign as studies_codesign
-from hopopt.studies import pareto as fronts
+from hopopt.studies.pareto import trace as fronts
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.run import run
 

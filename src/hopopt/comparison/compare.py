@@ -36,9 +36,9 @@ ALL = "all"  # in place of names: every strategy that suits the leg
 DEFAULT = ("track", "force", "force_tuck")  # and the better of these two:
 TUNED_PD = ("force_tuned", "position_tuned")
 BEATEN = 1e-4  # [m] on the paper's leg, by which a strategy may pass the bound: what verification allows
-EARLY = 0.9  # share of the planned stance, before which a foot should not leave
+EARLY_LIFT_OFF = 0.9  # share of the planned stance, before which a foot should not leave
 OPTIMUM = "optimum"
-OBJECTIVE = "clearance"  # by which strategies are compared
+COMPARED_OBJECTIVE = "clearance"  # by which strategies are compared
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class Comparison:
         left, planned = self.figures[name].lift_off["time_s"], self.plan.lift_off
         return (
             ""
-            if left > EARLY * planned
+            if left > EARLY_LIFT_OFF * planned
             else f"the foot left the ground at {left:.3f} s, not at {planned:.3f} s as planned"
         )
 
@@ -183,13 +183,13 @@ def compare(
         if mujoco:
             elsewhere[strategy.name] = clearance_in_mujoco(design, strategy, reference)
     if strategies is None and runs.keys() >= set(TUNED_PD):
-        worse = min(TUNED_PD, key=lambda name: _merit(runs[name].figures))
+        worse = min(TUNED_PD, key=lambda name: _ranked(runs[name].figures))
         notes.append(f"{worse}, the lesser of the tuned two, clears {runs.pop(worse).figures.clearance:.3f} m")
         elsewhere.pop(worse, None)
     return Comparison(solution, plan, runs, elsewhere, tuple(notes))
 
 
-def _merit(f: HopFigures) -> tuple[bool, float]:
+def _ranked(f: HopFigures) -> tuple[bool, float]:
     """By which one run is better than another: within every limit first, then by clearance."""
     return not f.limits_exceeded and not f.no_hop, f.clearance
 
@@ -216,7 +216,7 @@ def chosen_names(design: Design, names: Sequence[str] | None) -> tuple[list[str]
 def answering(design: Design, bound: Solution) -> Solution:
     """A bound for this problem's simulations: [reserve], [simulation], [solver], [control] and [uncertainty] may differ, which
     are no part of what is asked. UsageError if it answers another question."""
-    if bound.objective != OBJECTIVE:
+    if bound.objective != COMPARED_OBJECTIVE:
         raise UsageError(f"the bound given is of the objective {bound.objective}: strategies are compared by clearance")
     if bound.summary.functions.limits:
         raise UsageError("the bound given: it keeps limits of your own, which no strategy keeps: solve without them")

@@ -1,6 +1,6 @@
 """How high the paper's PD strategies hop with the best gains: tuned by differential evolution on the simulator.
 
-A hop counts with its clearance, less PRICE for every limit of the problem that it does not keep: an end stop that is
+A hop counts with its clearance, less LIMIT_PENALTY for every limit of the problem that it does not keep: an end stop that is
 hit softly is no reason to throw a hop away, but no reason to prefer it either. Among the first gains that are tried are
 those of the strategy untuned: the problem's [control], or the printed ones scaled to the leg. Each is tried with every
 kind of push and retraction, so the answer is never worse than they are.
@@ -27,31 +27,31 @@ from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
 from hopopt.sim.hop_metrics import HopFigures
 
-PRICE = 0.05  # [m] on the paper's leg that a hop counts less for every limit it does not keep
+LIMIT_PENALTY = 0.05  # [m] on the paper's leg that a hop counts less for every limit it does not keep
 GAINS = {
     "k_p": (100.0, 20000.0),
     "k_d": (1.0, 200.0),
     "k_s": (600.0, 6000.0),
 }  # bounds on the paper's leg, scaled alike
-KINDS = {  # what else each strategy may choose
+STRATEGY_CHOICES = {  # what else each strategy may choose
     "force": {"retraction": ("reference", "tuck"), "stance": ("reference", "step")},
     "position": {"retraction": ("reference", "tuck")},
 }
 POPULATION = 12  # trials in each generation
-NEARBY = 0.02  # motors so much weaker or stronger show whether a clearance is a lucky one
+NEARBY_MOTORS = 0.02  # motors so much weaker or stronger show whether a clearance is a lucky one
 
 
 @dataclass(frozen=True)
-class Trial:
-    """Options of a strategy and what its hop came to: clearance [m], limits not kept, and the price of each [m]."""
+class GainTrial:
+    """Options of a strategy and what its hop came to: clearance [m], limits not kept, and the penalty for each [m]."""
 
     options: dict[str, Any]
     clearance: float
     limits_exceeded: tuple[str, ...]
-    price: float = PRICE
+    price: float = LIMIT_PENALTY
 
     @property
-    def merit(self) -> float:
+    def penalised_clearance(self) -> float:
         """Clearance less a penalty for the limits that were not kept [m]."""
         return self.clearance - self.price * len(self.limits_exceeded)
 
@@ -60,13 +60,13 @@ class Trial:
 class Tuned:
     """A strategy's best trial beside that of its untuned gains, and how many hops were simulated to find it.
 
-    nearby is the clearance [m] of the best with motors NEARBY weaker and stronger than it believes: heights of these
+    nearby is the clearance [m] of the best with motors NEARBY_MOTORS weaker and stronger than it believes: heights of these
     strategies jump where the leg swings once more in flight, and a search finds such heights first.
     """
 
     strategy: str
-    best: Trial
-    untuned: Trial
+    best: GainTrial
+    untuned: GainTrial
     nearby: tuple[float, float]
     evaluations: int
 
@@ -74,7 +74,7 @@ class Tuned:
     def found(self) -> str:
         """What the search found, in a sentence."""
         start = f"untuned {self.untuned.clearance:.3f} m{_limits(self.untuned)}"
-        if self.best.merit <= self.untuned.merit:
+        if self.best.penalised_clearance <= self.untuned.penalised_clearance:
             return f"{self.strategy}: nothing better than the untuned gains in {self.evaluations} hops; {start}"
         gains = ", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in self.best.options.items())
         best = f"{self.best.clearance:.3f} m{_limits(self.best)} with {gains}"
@@ -97,7 +97,7 @@ def tune(
     """The best options of ``force`` or ``position`` among about ``evaluations`` simulated hops, the same for the same
     seed. Raises UsageError as ``check_search`` does."""
     check_search(design, [strategy], evaluations, seed)
-    search, say = Search(design.model_dump(exclude_none=True), strategy), progress or (lambda line: None)
+    search, say = GainSearch(design.model_dump(exclude_none=True), strategy), progress or (lambda line: None)
     with Parallel(n_jobs=processes or os.cpu_count() or 1, backend="loky") as run:
 
         def side_by_side(function: Any, places: Any) -> Any:
@@ -108,7 +108,7 @@ def tune(
             maxiter=evaluations // POPULATION - 1, tol=0.0, polish=False, updating="deferred", workers=side_by_side,  # type: ignore
             callback=lambda intermediate_result: say(f"{strategy}: best so far counts {-intermediate_result.fun:.3f} m"),
         )  # fmt: skip
-        gains = np.array([1 - NEARBY, 1 + NEARBY])
+        gains = np.array([1 - NEARBY_MOTORS, 1 + NEARBY_MOTORS])
         best, untuned = search.options(found.x), search.options(search.untuned()[0])
         jobs = [(best, 1.0), (untuned, 1.0), *((best, gain) for gain in gains)]
         hops: Any = run(delayed(search.trial)(*job) for job in jobs)
@@ -119,14 +119,14 @@ def check_search(design: Design, strategies: Sequence[str], evaluations: int, se
     """UsageError for no strategy or one without gains to tune, too few evaluations, or a leg that they do not suit."""
     refuse_landed(design, "tuning of gains")
     for strategy in strategies or [""]:
-        if strategy not in KINDS:
-            raise UsageError(f"strategy {strategy!r} has no gains to tune: choose {' or '.join(KINDS)}")
+        if strategy not in STRATEGY_CHOICES:
+            raise UsageError(f"strategy {strategy!r} has no gains to tune: choose {' or '.join(STRATEGY_CHOICES)}")
     if evaluations < 2 * POPULATION:
         raise UsageError(f"tuning takes at least {2 * POPULATION} evaluations")
     check("seed", seed, 0)
     for strategy in strategies:
         make_controller(design, BUILT_IN[strategy])
-        gains = Search(design.model_dump(exclude_none=True), strategy).gains
+        gains = GainSearch(design.model_dump(exclude_none=True), strategy).gains
         if nothing := [name for name, gain in gains.items() if gain <= 0]:
             raise UsageError(
                 f"control.{nothing[0]} = 0: gains are tuned by factors, so give more than 0, or leave it out"
@@ -134,7 +134,7 @@ def check_search(design: Design, strategies: Sequence[str], evaluations: int, se
 
 
 @dataclass(frozen=True)
-class Search:
+class GainSearch:
     """The search space of a strategy: logarithms of the gains, then a number for each kind of push and retraction."""
 
     problem: dict[str, Any]
@@ -143,7 +143,7 @@ class Search:
     @property
     def kinds(self) -> dict[str, tuple[str, ...]]:
         """Choices by option."""
-        return KINDS[self.strategy]
+        return STRATEGY_CHOICES[self.strategy]
 
     @cached_property
     def design(self) -> Design:
@@ -187,18 +187,18 @@ class Search:
         spread = qmc.LatinHypercube(len(lower), rng=seed).random(POPULATION - len(untuned))
         return np.vstack([untuned, lower + spread * (upper - lower)])
 
-    def trial(self, options: dict[str, Any], torque_gain: float = 1.0) -> Trial:
+    def trial(self, options: dict[str, Any], torque_gain: float = 1.0) -> GainTrial:
         """A hop with these options, its motors as strong as believed times torque_gain."""
         design = self.design
         gains = np.full(len(design.leg.joints), torque_gain)
         hop: HopFigures = simulate(
             design, BUILT_IN[self.strategy], options=options, torque_gain=gains, past_apex=True
         ).figures
-        return Trial(options, hop.clearance, tuple(hop.limits_exceeded), PRICE * hop.scale.length)
+        return GainTrial(options, hop.clearance, tuple(hop.limits_exceeded), LIMIT_PENALTY * hop.scale.length)
 
     def cost(self, x: np.ndarray) -> float:
-        """What the search makes small: minus the merit [m]."""
-        return -self.trial(self.options(x)).merit
+        """What the search makes small: minus the clearance less its penalties [m]."""
+        return -self.trial(self.options(x)).penalised_clearance
 
 
 def text(tuned: Sequence[Tuned]) -> str:
@@ -206,9 +206,9 @@ def text(tuned: Sequence[Tuned]) -> str:
     lines = []
     for t in tuned:
         around = f"{t.nearby[0]:.3f} and {t.nearby[1]:.3f} m"
-        lines += [t.found, f"  the best with motors {NEARBY:.0%} weaker and stronger: {around}"]
+        lines += [t.found, f"  the best with motors {NEARBY_MOTORS:.0%} weaker and stronger: {around}"]
     return "\n".join([*lines, f"every limit not kept counted as {tuned[0].best.price:g} m less"])
 
 
-def _limits(trial: Trial) -> str:
+def _limits(trial: GainTrial) -> str:
     return f" ({'; '.join(trial.limits_exceeded)})" if trial.limits_exceeded else ""

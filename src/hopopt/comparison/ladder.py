@@ -30,10 +30,10 @@ from hopopt.problem.load import changed
 from hopopt.sim.hop_metrics import HopFigures
 
 CONTROL = "best control of the same freedoms"
-SLACK = 1e-3  # of what PD uses: room for its own hop
+PD_SLACK = 1e-3  # of what PD uses: room for its own hop
 DESCENDS = 0.02  # [m/s] on the paper's leg of the body downwards in stance, below which it counts as not descending
 STRAYS = 0.02  # [m/s] on the paper's leg, by which PD's mean speed may differ from what is asked, and count as that
-STARTS = 2  # of every rung
+RUNG_STARTS = 2  # of every rung
 BELOW = 1e-5  # [m] by which a rung may be below another that has less
 
 
@@ -142,13 +142,13 @@ def withheld(f: HopFigures) -> Iterator[Freedom]:
     """The freedoms that a simulated hop did not use, each withheld as far as it did not."""
     trace, design, stance = f.trace, f.design, f.stance
     shortest, longest = design.hop.stance_duration
-    lasted = (1 + SLACK) * f.lift_off["time_s"]
+    lasted = (1 + PD_SLACK) * f.lift_off["time_s"]
     if shortest < lasted < longest:
         yield Freedom("a longer stance", {"hop.stance_duration": [shortest, lasted]})
     if design.hop.counter_movement and trace.v[stance, 1].min() > -DESCENDS * f.scale.time:
         yield Freedom("a counter-movement", {"hop.counter_movement": False})
     size, hip = reach(design.leg), design.leg.joints[0]
-    away = SLACK * size + float(np.abs(trace.points[hip] - trace.points["foot"])[stance, 0].max())
+    away = PD_SLACK * size + float(np.abs(trace.points[hip] - trace.points["foot"])[stance, 0].max())
     yield Freedom(
         "the body off the plumb line", constraints=(_limit("plumb line", _beside(hip), -away, away, "stance", size),)
     )
@@ -161,14 +161,14 @@ def withheld(f: HopFigures) -> Iterator[Freedom]:
     drawn_up = float(np.linalg.norm(trace.points[hip] - trace.points["foot"], axis=1)[flight].min())
     yield Freedom(
         "the leg drawn up fully",
-        constraints=(_limit("leg length", _length(hip), (1 - SLACK) * drawn_up, np.inf, "flight", size),),
+        constraints=(_limit("leg length", _length(hip), (1 - PD_SLACK) * drawn_up, np.inf, "flight", size),),
     )
 
 
 def _of_a_cycle(f: HopFigures) -> Iterator[Freedom]:
     """How hard PD lands, and how fast it moves along the ground hop after hop, which no rung but the last need do alike."""
     trace, hop = f.trace, f.design.hop
-    lost = (1 + SLACK) * float(sum(event.lost for event in trace.events))
+    lost = (1 + PD_SLACK) * float(sum(event.lost for event in trace.events))
     if lost < (hop.touchdown_loss or np.inf):
         yield Freedom("a harder landing", {"hop.touchdown_loss": lost})
     speed = float((trace.q[-1, 0] - trace.q[0, 0]) / (trace.t[-1] - trace.t[0]))
@@ -213,7 +213,7 @@ class _Rungs:
         if allowed not in self.known:
             self.say(f"ladder: {len(self.known) + 1} optima, now with {', '.join(sorted(allowed)) or CONTROL}")
             design, constraints = self._problem(allowed)
-            self.known[allowed] = solve(design, constraints=constraints, starts=STARTS)
+            self.known[allowed] = solve(design, constraints=constraints, starts=RUNG_STARTS)
         found = self.known[allowed]
         if below is not None and found.clearance < below.clearance - BELOW:
             self.say(f"ladder: once more from the hop below, {below.clearance:.4f} m")

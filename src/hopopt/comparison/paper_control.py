@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopopt.comparison.compare import OBJECTIVE, unbeaten
+from hopopt.comparison.compare import COMPARED_OBJECTIVE, unbeaten
 from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import find
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.planner.answer.extras import PaperStrategy
+from hopopt.planner.answer.extras import PaperControlResult
 from hopopt.planner.solution import Solution
 from hopopt.sim.plant import PAST_APEX
 
@@ -44,7 +44,7 @@ def paper_hop(design: Design) -> PaperHop | None:
     return PaperHop(f.clearance, "", run.overshoot)
 
 
-def paper_strategy(solution: Solution, hop: PaperHop | None = None) -> PaperStrategy | None:
+def paper_strategy(solution: Solution, hop: PaperHop | None = None) -> PaperControlResult | None:
     """The hop of the paper's control beside a verified optimum: what share of it, and whether it is ``beyond_bound``, which
     then is wrong.
 
@@ -52,7 +52,7 @@ def paper_strategy(solution: Solution, hop: PaperHop | None = None) -> PaperStra
 
     None where the optimum is no bound on clearance (another objective, user-defined constraints), and where there is no hop.
     """
-    if not solution.verified or solution.objective != OBJECTIVE or solution.summary.functions.limits:
+    if not solution.verified or solution.objective != COMPARED_OBJECTIVE or solution.summary.functions.limits:
         return None
     hop = hop or paper_hop(solution.design)
     if hop is None:
@@ -60,4 +60,4 @@ def paper_strategy(solution: Solution, hop: PaperHop | None = None) -> PaperStra
     reached = hop.clearance
     share = None if reached is None else reached / solution.clearance
     beyond = reached is not None and reached > unbeaten(solution)
-    return PaperStrategy(PAPERS, reached, share, hop.fault, beyond_bound=beyond, overshoot_m=hop.overshoot)
+    return PaperControlResult(PAPERS, reached, share, hop.fault, beyond_bound=beyond, overshoot_m=hop.overshoot)

@@ -29,9 +29,9 @@ from hopopt.sim.controller import Measurement
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.machine import StanceTerms
 
-RATE = 1e-5  # [m] on the paper's leg: step of the reference's own derivative
-MARGIN = 0.03  # [rad] that references keep from the joint limits
-SHORTEST = 1e-3  # [m] on the paper's leg, over which a landing brakes at least
+RATE_STEP = 1e-5  # [m] on the paper's leg: step of the reference's own derivative
+JOINT_MARGIN = 0.03  # [rad] that references keep from the joint limits
+SHORTEST_BRAKING = 1e-3  # [m] on the paper's leg, over which a landing brakes at least
 BRAKING = 0.5  # share of the drives' braking torque that a braked servo counts on: links are coupled
 
 
@@ -102,8 +102,8 @@ class PaperStrategy:
         self.lower, self.upper = (
             np.array([getattr(self.leg.joint[j], side) for j in self.leg.joints]) for side in ("lower", "upper")
         )
-        self.shortest, self.step = (length * Scale.of(self.leg).length for length in (SHORTEST, RATE))
-        self.tuck = tucked(self.leg, setting.design.hop.foot_window, MARGIN)
+        self.shortest, self.step = (length * Scale.of(self.leg).length for length in (SHORTEST_BRAKING, RATE_STEP))
+        self.tuck = tucked(self.leg, setting.design.hop.foot_window, JOINT_MARGIN)
         self.quick = setting.no_load_speed / 2
         self.settled = (setting.design.simulation.speed_window + 1) * setting.period
         self.lowest = float(-foot_offset(self.leg, setting.start)[1])

@@ -11,7 +11,7 @@ from hopopt.compiled.kernel import kernel
 from hopopt.leg.robot import BASE
 
 STANCE, FLIGHT, DESCENT = "stance", "flight", "descent"
-EDGE = 1e-9  # [s] as events are located: an edge this near has been reached
+EVENT_RESOLUTION = 1e-9  # [s] as events are located: an edge this near has been reached
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class PhaseReference:
         return np.append(self.t[:, 0], self.t[-1, -1])
 
     def at(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, v, tau (n) at t [s] since the phase began, clipped to it; at an edge (to EDGE), what follows."""
+        """q, v, tau (n) at t [s] since the phase began, clipped to it; at an edge (to EVENT_RESOLUTION), what follows."""
         found: np.ndarray = _interpolated(t, self.places, self.barycentric, self.t, self._stacked)
         return found[0], found[1], found[2]
 
@@ -79,7 +79,7 @@ def _interpolated(
     """
     m, N, K, n = values.shape
     t, k = min(max(t, 0.0), float(times[N - 1, K - 1])), 0
-    while k < N - 1 and times[k + 1, 0] <= t + EDGE:
+    while k < N - 1 and times[k + 1, 0] <= t + EVENT_RESOLUTION:
         k += 1
     place, weights, total = (t - times[k, 0]) / (times[k, K - 1] - times[k, 0]), np.zeros(K), 0.0
     for j in range(K):

@@ -22,7 +22,7 @@ BEST = {  # found by `hopopt tune --evaluations 60` (seed 0) on problems/paper.t
     "position": {"k_p": 2107.0, "k_d": 2.1, "k_s": 4403.0},
 }
 TUCK, BRAKED = {"retraction": "tuck"}, {"flight": "braked"}
-GROUP = "hopopt.strategies"  # entry points of other packages
+ENTRY_POINT_GROUP = "hopopt.strategies"  # entry points of other packages
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def find(name: str) -> Strategy:
         return BUILT_IN[name]
     if ":" in name:
         return _others(name, "your own strategy", _load(name))
-    others = {e.name: e for e in entry_points(group=GROUP)}
+    others = {e.name: e for e in entry_points(group=ENTRY_POINT_GROUP)}
     if name in others:
         return _others(name, f"from {others[name].value}", others[name].load())
     raise UsageError(

@@ -3,8 +3,8 @@
 A problem is data. These classes say what a file may contain and nothing about how it is solved; SI units throughout.
 """
 
-from hopopt.design.control import Control, Reserve
-from hopopt.design.hop import Contact, Hop, Obstacle, Start
+from hopopt.design.control import ControlSettings, Reserve
+from hopopt.design.hop import Contact, HopSettings, Obstacle, StartPose
 from hopopt.design.leg import (
     LEAST_INERTIA,
     Body,
@@ -21,6 +21,6 @@ from hopopt.design.simulation import Simulation, Uncertainty
 from hopopt.design.solver import Solver
 
 __all__ = [
-    "LEAST_INERTIA", "Body", "Contact", "Control", "Design", "Gear", "Hop", "Joint", "Leg", "Link", "Motor", "Obstacle",
-    "Reserve", "Simulation", "Solver", "Start", "Uncertainty", "as_changed", "physical_parameters", "refuse_landed", "unit",
+    "LEAST_INERTIA", "Body", "Contact", "ControlSettings", "Design", "Gear", "HopSettings", "Joint", "Leg", "Link", "Motor", "Obstacle",
+    "Reserve", "Simulation", "Solver", "StartPose", "Uncertainty", "as_changed", "physical_parameters", "refuse_landed", "unit",
 ]  # fmt: skip

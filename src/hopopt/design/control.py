@@ -16,7 +16,7 @@ class Reserve(Section):
     angle: float = quantity("distance from the joint limits", "rad", 0, 1, 0.02)
 
 
-class Control(Section):
+class ControlSettings(Section):
     """Gains of the paper's strategies; what is left out is scaled from the paper's leg."""
 
     k_p: float | None = quantity("stiffness of the joints' PD law (default: scaled)", "N m/rad", 1e-6, 1e7, None)

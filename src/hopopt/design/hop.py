@@ -16,7 +16,7 @@ Angle = Annotated[float, Field(ge=-7, le=7, allow_inf_nan=False)]  # rad
 Duration = Annotated[float, Field(ge=1e-3, le=10, allow_inf_nan=False)]  # s
 
 
-class Start(Section):
+class StartPose(Section):
     """At rest. Either the hip's height with the foot below it (two-joint legs), or all joint angles."""
 
     hip_height: float | None = quantity("height of the hip above the ground", "m", 0, 10, None)
@@ -30,7 +30,7 @@ class Obstacle(Section):
     width: float | None = quantity("width of the obstacle, along x", "m", 0, 20, None)
 
 
-class Hop(Section):
+class HopSettings(Section):
     kind: Literal["single", "landing", "periodic"] = choice(
         "one hop from rest to the apex, the same hop landed and brought to rest, or a hop that ends as it began and goes "
         "on for ever", "single",

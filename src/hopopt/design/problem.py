@@ -5,9 +5,9 @@ from typing import Any
 
 from pydantic import ValidationError, model_validator
 
-from hopopt.design.control import Control, Reserve
+from hopopt.design.control import ControlSettings, Reserve
 from hopopt.design.fields import Section, choice
-from hopopt.design.hop import Contact, Hop, Start
+from hopopt.design.hop import Contact, HopSettings, StartPose
 from hopopt.design.leg import Leg
 from hopopt.design.simulation import Simulation, Uncertainty
 from hopopt.design.solver import Solver
@@ -30,12 +30,12 @@ class Design(Section):
     )
     leg: Leg
     contact: Contact = Contact()
-    start: Start
-    hop: Hop = Hop()
+    start: StartPose
+    hop: HopSettings = HopSettings()
     solver: Solver = Solver()
     simulation: Simulation = Simulation()
     reserve: Reserve = Reserve()
-    control: Control = Control()
+    control: ControlSettings = ControlSettings()
     uncertainty: Uncertainty = Uncertainty()
 
     def __hash__(self) -> int:

@@ -19,7 +19,7 @@ from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import radau
 from hopopt.nlp.solver.ipopt import NlpSolver
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.guesses.initial_guess import NAMED, make_guess
+from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
 from hopopt.ocp.problem import Ends, Objective, Parameter, Problem
@@ -32,7 +32,7 @@ SHORTEST_STANCE = 1e-3  # s: a stance may be as short as it likes
 STUCK = -1.0  # m: value of a state from which the leg cannot go on
 MOST_ROWS = 2000  # rows of a grid: 4 million states
 TELLING = 40  # rows of a grid below which its height may be wrong by more than
-CONTRADICTED = 0.01  # relative: by so much more than the planner's, it speaks against the planner
+CONTRADICTING_HEIGHT = 0.01  # relative: by so much more than the planner's, it speaks against the planner
 
 
 def reduced(design: Design) -> Design:
@@ -103,7 +103,7 @@ def by_transcription(design: Design, intervals: int) -> float:
         design.name, (hop.problem.phase(STANCE),), Objective("rise", rise, maximize=True, unit="m"), fixed
     )
     program = Transcription(problem, radau(3), {STANCE: uniform(intervals)})
-    guess = {STANCE: make_guess(hop, NAMED[1])[STANCE]}
+    guess = {STANCE: make_guess(hop, NAMED_STARTS[1])[STANCE]}
     solution = NlpSolver(program)(guess)
     if not solution.success:
         raise NotSolvedError(

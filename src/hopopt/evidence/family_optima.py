@@ -22,7 +22,7 @@ from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search.families import motion, words
 from hopopt.planner.search.first_mesh import search_first_mesh
 from hopopt.planner.search.multistart import (
-    SAME,
+    SAME_OPTIMUM,
     StartOutcome,
     first_options,
     first_transcription,
@@ -72,7 +72,9 @@ class LocalOptimum:
         same lift-off, whatever they do long before."""
         differ = np.abs(self.shape[0] - other.shape[0])
         apart = abs(self.clearance - other.clearance) / max(abs(self.clearance), abs(other.clearance), 1e-3)
-        return (apart <= NEARLY_AS_HIGH and self.kin(other)) or bool(apart <= SAME and differ.max() < SAME_LIFT_OFF)
+        return (apart <= NEARLY_AS_HIGH and self.kin(other)) or bool(
+            apart <= SAME_OPTIMUM and differ.max() < SAME_LIFT_OFF
+        )
 
     def kin(self, other: "LocalOptimum") -> bool:
         """Whether the two do the same, also if they are of different problems."""
@@ -127,7 +129,7 @@ def searched(design: Design, count: int) -> list[LocalOptimum]:
         return []
     outcomes = search_first_mesh(p.hop, count, 1, _silent, until=NEVER.within(TIME_LIMIT)).outcomes
     found = list[LocalOptimum]()
-    for outcome in sorted((o for o in outcomes if o.success), key=lambda o: -o.merit):
+    for outcome in sorted((o for o in outcomes if o.success), key=lambda o: -o.signed_value):
         remember(found, _optimum(p, outcome))
     return found
 

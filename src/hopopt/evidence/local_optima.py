@@ -32,7 +32,7 @@ from hopopt.problem.load import design_hash, load, resolved_toml
 from hopopt.storage.folder import as_json, new_folder, write_json, writing
 from hopopt.studies.faults import Fault, side_by_side
 
-GO_ON = "what has ended is kept: make room, then --resume goes on"
+HOW_TO_RESUME = "what has ended is kept: make room, then --resume goes on"
 
 Say = Callable[[str], None]
 
@@ -122,14 +122,14 @@ def run_starts(folder: Path, count: int, processes: int, say: Say) -> list[Ended
     goal = find(objective)
     for k, ended in side_by_side(_ended, {k: (design, objective, k) for k in missing}, processes):
         if isinstance(ended, Fault):
-            with writing(f"{folder}: start {k + 1}", GO_ON):
+            with writing(f"{folder}: start {k + 1}", HOW_TO_RESUME):
                 ended.keep(folder / "starts", f"{k:04d}")
             say(f"start {k + 1}: {ended.sentence}")
             continue
         done[ended.index] = ended
-        with writing(f"{folder}: start {ended.index + 1}", GO_ON):
+        with writing(f"{folder}: start {ended.index + 1}", HOW_TO_RESUME):
             write_whole(folder / "starts" / f"{ended.index:04d}.json", as_json(asdict(ended)).encode())
-        best = max((e.objective for e in done.values() if e.success), key=goal.merit, default=None)
+        best = max((e.objective for e in done.values() if e.success), key=goal.signed_value, default=None)
         say(f"{len(done)} of {count} starts" + ("" if best is None else f", best {best:.4f}"))
     return [done[k] for k in sorted(done) if k < count]
 
@@ -153,5 +153,5 @@ def _ended(design: Design, objective: str, index: int) -> Ended:
 
 def families(ended: Sequence[Ended], goal: Directed) -> list[StartFamily]:
     """The local optima that were found, best first."""
-    ranked = sorted((e for e in ended if e.success), key=lambda e: goal.merit(e.objective), reverse=True)
+    ranked = sorted((e for e in ended if e.success), key=lambda e: goal.signed_value(e.objective), reverse=True)
     return [StartFamily(group[0], len(group), words(asdict(group[0]))) for group in grouped(ranked)]

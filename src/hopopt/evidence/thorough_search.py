@@ -9,7 +9,7 @@ from scipy.optimize import OptimizeResult, basinhopping
 
 from hopopt.global_search import search
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.ocp.guesses.initial_guess import Start
+from hopopt.ocp.guesses.initial_guess import StartGuess
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.first_mesh import rollout_starts
 from hopopt.planner.search.multistart import StartOutcome, first_solver, known_optima, run_start
@@ -21,7 +21,7 @@ LOW, HIGH = np.array([-0.5, -0.3, 0.0, 0.2]), np.array([0.6, 0.4, 0.4, 1.0])  # 
 LARGEST_MOVE = 0.3  # of that range, by which basin hopping moves at most
 LONGEST_GRID = 3600.0  # s of one grid
 TEMPERATURE = 0.01  # relative: by so much a worse hop is accepted now and then
-NO_HOP = 0.0  # merit of a start that leads to no hop
+NO_HOP = 0.0  # signed value of a start that leads to no hop
 
 
 def relaxed(hop: Hop, known: Sequence[StartOutcome], say: Say, until: Deadline = NEVER) -> list[StartOutcome]:
@@ -65,13 +65,13 @@ def hopped(
     """What so many steps of basin hopping over the starts lead to, or as many as there is time for; drawn by the problem's
     seed."""
     solver, outcomes = first_solver(hop, True, known_optima(hop, known), until), list[StartOutcome]()
-    best = max((o.merit for o in known if o.success), default=1.0)
+    best = max((o.signed_value for o in known if o.success), default=1.0)
 
     def height(x: np.ndarray) -> float:
-        start = Start(f"basin hopping {len(outcomes) + 1}", *map(float, x))
+        start = StartGuess(f"basin hopping {len(outcomes) + 1}", *map(float, x))
         say(f"basin hopping, {len(outcomes) + 1} of {count + 1}")
         outcomes.append(run_start(hop, solver, start, True))
-        return -outcomes[-1].merit if outcomes[-1].success else -NO_HOP
+        return -outcomes[-1].signed_value if outcomes[-1].success else -NO_HOP
 
     rng = np.random.default_rng(hop.design.solver.seed)
 

@@ -10,22 +10,22 @@ from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import weight
-from hopopt.ocp.objectives.objective import HEIGHTS
+from hopopt.ocp.objectives.objective import HEIGHT_FIGURES
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.phases import STANCE
-from hopopt.planner.answer.motion_figures import FINE
+from hopopt.planner.answer.motion_figures import SAMPLES_OF_INTERVAL
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import changed
 
-GRIP = 1.0  # coefficient of friction above which hardly any ground grips
+MOST_FRICTION = 1.0  # coefficient of friction above which hardly any ground grips
 UNLOADED = 0.2  # share of stance without load that is named
 LOAD = 0.1  # of the weight: the least ground force that is asked for instead
 SKIMS, CLEAR = 0.01, 0.05  # [m] above the ground: a joint that comes so near; the height that is asked for instead
 AT_STOP, AT_SPEED = 0.01, 2.0  # [rad, rad/s]: a joint this near its end stop, and this fast
-ROOM = 0.1  # [rad] by which it is kept off its end stop instead
-HALF = 0.5  # of the longest stance
-STARTS = 2
+STOP_DISTANCE = 0.1  # [rad] by which it is kept off its end stop instead
+HALF_STANCE = 0.5  # of the longest stance
+VARIANT_STARTS = 2
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def _shown(value: Any) -> str:
 
 def worths(solution: Solution, say: Callable[[str], None] = lambda text: None) -> list[Worth]:
     """Everything that an optimal height leans on, each solved again without it; nothing for other objectives."""
-    if solution.own != (None, ()) or find(solution.objective).figure not in HEIGHTS:
+    if solution.own != (None, ()) or find(solution.objective).figure not in HEIGHT_FIGURES:
         return []
     return [_without(solution, what, entries, say) for what, entries in leanings(solution)]
 
@@ -79,14 +79,14 @@ def leanings(solution: Solution) -> Iterator[tuple[str, dict[str, Any]]]:
     """What the hop leans on, in words, and the entries that take it away."""
     design, found = solution.design, solution.summary.leans_on
     friction, (shortest, longest) = design.contact.friction, design.hop.stance_duration
-    if found.friction_needed > GRIP and (friction is None or friction > GRIP):
-        yield "a friction above 1", {"contact.friction": GRIP}
+    if found.friction_needed > MOST_FRICTION and (friction is None or friction > MOST_FRICTION):
+        yield "a friction above 1", {"contact.friction": MOST_FRICTION}
     least = LOAD * weight(build_robot(design.leg).model)
     if found.load_free_share > UNLOADED and design.contact.least_force < least:
         yield f"a foot without load for {found.load_free_share:.0%} of stance", {"contact.least_force": least}
-    if found.stance_at_its_limit == "longest" and HALF * longest > shortest:
-        yield "a stance as long as it may last", {"hop.stance_duration": [shortest, HALF * longest]}
-    stance = solution.everywhere(STANCE, FINE)
+    if found.stance_at_its_limit == "longest" and HALF_STANCE * longest > shortest:
+        yield "a stance as long as it may last", {"hop.stance_duration": [shortest, HALF_STANCE * longest]}
+    stance = solution.everywhere(STANCE, SAMPLES_OF_INTERVAL)
     heights = {name: stance.points[name][:, 1] for name in design.hop.above_ground if name != "foot"}
     skimming = [name for name, z in heights.items() if z.min() < SKIMS and z[0] > CLEAR]
     if skimming and design.hop.least_height < CLEAR:
@@ -99,13 +99,13 @@ def _end_stops(solution: Solution) -> Iterator[tuple[str, dict[str, Any]]]:
     for k, (name, start) in enumerate(zip(solution.robot.joints, start_angles(solution.design), strict=True)):
         joint = solution.design.leg.joint[name]
         for side, stop, way in (("lower", joint.lower, 1.0), ("upper", joint.upper, -1.0)):
-            for samples in (solution.everywhere(phase, FINE) for phase in solution.phases):
+            for samples in (solution.everywhere(phase, SAMPLES_OF_INTERVAL) for phase in solution.phases):
                 q, v = samples.q[:, BASE + k], samples.v[:, BASE + k]
                 fastest = float(np.max(-way * v, initial=0.0, where=way * (q - stop) < AT_STOP))
-                if fastest > AT_SPEED and way * (start - stop) > ROOM:
+                if fastest > AT_SPEED and way * (start - stop) > STOP_DISTANCE:
                     yield (
                         f"the {name}, which meets its end stop at {fastest:.1f} rad/s",
-                        {f"leg.{name}.{side}": stop + way * ROOM},
+                        {f"leg.{name}.{side}": stop + way * STOP_DISTANCE},
                     )
                     break
 
@@ -114,9 +114,9 @@ def _without(solution: Solution, what: str, entries: dict[str, Any], say: Callab
     say(f"solving again without {what}")
     objective, before = solution.objective, solution.summary.objective_value
     try:
-        again = solve(changed(solution.design, entries), objective, starts=STARTS)
+        again = solve(changed(solution.design, entries), objective, starts=VARIANT_STARTS)
     except (NotSolvedError, ProblemFileError):  # such a hop there is none of, or no such problem
         return Worth(what, entries, None, None, 0.0, False)
     value, goal = again.summary.objective_value, find(objective)
     error = sum(s.summary.objective_error.either_way for s in (solution, again))
-    return Worth(what, entries, value, goal.merit(before) - goal.merit(value), error, again.verified)
+    return Worth(what, entries, value, goal.signed_value(before) - goal.signed_value(value), error, again.verified)

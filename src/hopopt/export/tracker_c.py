@@ -10,15 +10,15 @@ from importlib.resources import files
 
 import numpy as np
 
-from hopopt.control.reference import EDGE, FLIGHT, STANCE, PhaseReference
+from hopopt.control.reference import EVENT_RESOLUTION, FLIGHT, STANCE, PhaseReference
 from hopopt.control.tracking.regulator import Gains
-from hopopt.control.tracking.track import EARLY, Track
+from hopopt.control.tracking.track import EARLY_LIFT_OFF, Track
 from hopopt.design import refuse_landed
 from hopopt.export.plan import tracker_of
 from hopopt.planner.solution import Solution
 
-MARK = "/* @TABLES@ */\n"
-WIDTH = 8  # numbers on a line
+TABLES_MARK = "/* @TABLES@ */\n"
+NUMBERS_ON_A_LINE = 8  # numbers on a line
 
 
 def to_c(solution: Solution) -> str:
@@ -35,7 +35,7 @@ def header(tracker: Track, problem: str, joints: Sequence[str]) -> str:
         f"hopopt {version('hopopt')}.\n   Call hopopt_reset before a hop and hopopt_torque once in every control "
         "period. SI units. */\n"
     )
-    before, after = code.split(MARK)
+    before, after = code.split(TABLES_MARK)
     return title + before + tables(tracker) + after
 
 
@@ -49,8 +49,8 @@ def tables(tracker: Track) -> str:
         sizes |= {f"{name.upper()}_INTERVALS": len(phase.t), f"{name.upper()}_PERIODS": len(gains.K)}
     figures = {
         "PERIOD": tracker.period,
-        "EDGE": EDGE,
-        "EARLY": EARLY,
+        "EDGE": EVENT_RESOLUTION,
+        "EARLY": EARLY_LIFT_OFF,
         "STEP": tracker.step,
         "ENDS": tracker.ends,
         "K_P": o.k_p,
@@ -87,5 +87,5 @@ def _phases(tracker: Track) -> dict[str, PhaseReference]:
 
 def _array(name: str, values: Iterable[float]) -> str:
     numbers = [repr(float(x)) for x in np.ravel(np.asarray(values))]
-    rows = [", ".join(numbers[k : k + WIDTH]) for k in range(0, len(numbers), WIDTH)]
+    rows = [", ".join(numbers[k : k + NUMBERS_ON_A_LINE]) for k in range(0, len(numbers), NUMBERS_ON_A_LINE)]
     return f"static const double hopopt_{name}[] = {{\n" + ",\n".join(rows) + "};"

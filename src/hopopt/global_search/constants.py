@@ -17,7 +17,7 @@ from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.leg.robot import BASE, build_robot
 
 UNLIMITED = 1e9  # friction coefficient of ground on which the foot never slips
-LINES = 4  # that bound a torque on one side: two of a torque-speed law, two caps
+TORQUE_LINES = 4  # that bound a torque on one side: two of a torque-speed law, two caps
 NO_LINE = 1e9  # N m, rad/s: where nothing bounds it
 DEEP = -1e3  # m: least height of a joint that may pass through the ground
 
@@ -33,7 +33,7 @@ class StanceConstants(NamedTuple):
     thigh_x, thigh_z, shank_x, shank_z: ends of the links at zero angles [m]
     turn1, turn2: +1 where a positive joint angle swings the link forward, else -1
     most1, least1, most2, least2: lines of each drive, of which the strictest holds: the greatest (least) torque at
-        joint speed w is [i, 0] + [i, 1] w (LINES, 2) [N m, N m s/rad]
+        joint speed w is [i, 0] + [i, 1] w (TORQUE_LINES, 2) [N m, N m s/rad]
     fastest1, fastest2: speeds beyond which a drive gives no torque [rad/s]
     friction: coefficient [1]
     least_force: vertical ground force at least [N]
@@ -110,7 +110,7 @@ def stance_constants(design: Design) -> StanceConstants:
 def _drive(region: OperatingRegion) -> tuple[np.ndarray, np.ndarray, float]:
     """Lines of the greatest and of the least torque, and the fastest speed, as in ``StanceConstants``."""
     planes = [(float(h.a), float(h.b)) for h in region.planes]
-    most, least = np.tile([NO_LINE, 0.0], (LINES, 1)), np.tile([-NO_LINE, 0.0], (LINES, 1))
+    most, least = np.tile([NO_LINE, 0.0], (TORQUE_LINES, 1)), np.tile([-NO_LINE, 0.0], (TORQUE_LINES, 1))
     for lines, side in ((most, 1), (least, -1)):
         mine = [(1 / a, -b / a) for a, b in planes if a * side > 0]
         lines[: len(mine)] = mine

@@ -15,9 +15,9 @@ BEND, BEND_OF_MANY = (
     1.0,
     0.3,
 )  # by the fastest rate: 1 spaces nodes 4 times as densely at zero as at the end, 0.3 19 times
-POSES = 201  # of each joint, to find which link angles occur
-NOWHERE = -1e3  # value [m] of a state off the grid
-EDGE = 1e-6  # cells: by so much a state may lie off the grid
+POSES_OF_JOINT = 201  # of each joint, to find which link angles occur
+OFF_GRID_VALUE = -1e3  # value [m] of a state off the grid
+OFF_GRID_TOLERANCE = 1e-6  # cells: by so much a state may lie off the grid
 
 
 class Grid(NamedTuple):
@@ -69,7 +69,7 @@ def _rate_axis(n: int, least: float, most: float) -> tuple[int, float, float]:
 def ranges(c: StanceConstants, fastest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Link angles that joint limits and ground allow (2, 2) [rad], and rates (2, 2) [rad/s] for joint speeds up to
     ``fastest`` (2,) [rad/s]."""
-    share = np.linspace(0, 1, POSES)
+    share = np.linspace(0, 1, POSES_OF_JOINT)
     joints = np.meshgrid(c.lower1 + share * (c.upper1 - c.lower1), c.lower2 + share * (c.upper2 - c.lower2))
     phi = to_link_angles(c, np.stack(joints, axis=-1))
     knee, hip = joint_heights(c, phi[..., 0], phi[..., 1])
@@ -99,19 +99,30 @@ def on_grid(grid, phi1, phi2, r1, r2):
     """Whether a state lies on the grid."""
     p0, p1, p2, p3 = place(grid, phi1, phi2, r1, r2)
     n = grid.n
-    low = min(min(p0, p1), min(p2, p3)) >= -EDGE
-    return low and p0 <= n[0] - 1 + EDGE and p1 <= n[1] - 1 + EDGE and p2 <= n[2] - 1 + EDGE and p3 <= n[3] - 1 + EDGE
+    low = min(min(p0, p1), min(p2, p3)) >= -OFF_GRID_TOLERANCE
+    return (
+        low
+        and p0 <= n[0] - 1 + OFF_GRID_TOLERANCE
+        and p1 <= n[1] - 1 + OFF_GRID_TOLERANCE
+        and p2 <= n[2] - 1 + OFF_GRID_TOLERANCE
+        and p3 <= n[3] - 1 + OFF_GRID_TOLERANCE
+    )
 
 
 @kernel
 def interpolate(grid, values, bends, phi1, phi2, r1, r2):
-    """Value [m] at a state, NOWHERE off the grid; ``bends``: second differences (size, 4), or (0, 4) for none."""
+    """Value [m] at a state, OFF_GRID_VALUE off the grid; ``bends``: second differences (size, 4), or (0, 4) for none."""
     p0, p1, p2, p3 = place(grid, phi1, phi2, r1, r2)
     n = grid.n
-    if min(min(p0, p1), min(p2, p3)) < -EDGE:
-        return NOWHERE
-    if p0 > n[0] - 1 + EDGE or p1 > n[1] - 1 + EDGE or p2 > n[2] - 1 + EDGE or p3 > n[3] - 1 + EDGE:
-        return NOWHERE
+    if min(min(p0, p1), min(p2, p3)) < -OFF_GRID_TOLERANCE:
+        return OFF_GRID_VALUE
+    if (
+        p0 > n[0] - 1 + OFF_GRID_TOLERANCE
+        or p1 > n[1] - 1 + OFF_GRID_TOLERANCE
+        or p2 > n[2] - 1 + OFF_GRID_TOLERANCE
+        or p3 > n[3] - 1 + OFF_GRID_TOLERANCE
+    ):
+        return OFF_GRID_VALUE
     i0, i1 = min(max(int(p0), 0), n[0] - 2), min(max(int(p1), 0), n[1] - 2)
     i2, i3 = min(max(int(p2), 0), n[2] - 2), min(max(int(p3), 0), n[3] - 2)
     a, b, c, d = p0 - i0, p1 - i1, p2 - i2, p3 - i3

@@ -14,11 +14,11 @@ from hopopt.global_search.equations.dynamics import MARGINS, state_margins
 from hopopt.global_search.equations.flight import after_flight
 from hopopt.global_search.grid import on_grid
 
-HALVINGS = 8  # of an edge, to find where a state limit is just kept
+EDGE_HALVINGS = 8  # of an edge, to find where a state limit is just kept
 NONE, PASSES, KEEPS = 0, 1, 2  # what a motion is: the leg cannot go on; it passes a state limit; it keeps them all
 CUTS = 5  # halvings of the time of a motion that ends in lift-off within a step
-LOST = -1e3  # m: height of a motion that cannot begin
-KEPT = 1e-9  # rad, m, m/s: by which a state limit may be passed
+NO_MOTION = -1e3  # m: height of a motion that cannot begin
+LIMIT_TOLERANCE = 1e-9  # rad, m, m/s: by which a state limit may be passed
 
 
 class Workspace(NamedTuple):
@@ -63,7 +63,7 @@ def keeps_limits(c, w, phi1, phi2, r1, r2):
     """Whether a state keeps its limits, or comes no further beyond them than the state before it (``w.here``)."""
     state_margins(c, phi1, phi2, r1, r2, w.there)
     for k in range(MARGINS):  # noqa: SIM110  numba compiles no generators
-        if w.there[k] < min(0.0, w.here[k]) - KEPT:
+        if w.there[k] < min(0.0, w.here[k]) - LIMIT_TOLERANCE:
             return False
     return True
 
@@ -124,10 +124,10 @@ def extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps):
 
 @kernel
 def leaving(c, w, grid, loss, none, i, phi1, phi2, r1, r2, dt):
-    """Greatest clearance and tuck [m] if motion i, which passes a limit within dt [s], ends in lift-off just before; LOST
+    """Greatest clearance and tuck [m] if motion i, which passes a limit within dt [s], ends in lift-off just before; NO_MOTION
     if it cannot even begin. ``loss``: of the flight, at the nodes."""
     one, two = w.edge[i - 1 if i > 0 else w.corners[0] - 1], w.edge[i]
-    low, high, apex = 0.0, 1.0, LOST
+    low, high, apex = 0.0, 1.0, NO_MOTION
     for _ in range(CUTS):
         t = 0.5 * (low + high)
         kept = _move(c, w, i, one, two, phi1, phi2, r1, r2, t * dt, 1)
@@ -155,7 +155,7 @@ def last_kept(c, w, grid, i, j, phi1, phi2, r1, r2, dt):
     A share of the way: the largest that keeps them, stays on the grid and has accelerations possible halfway.
     """
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(EDGE_HALVINGS):
         t = 0.5 * (low + high)
         f1, f2, u1, u2 = between(w, i, j, t)
         kept = on_grid(grid, f1, f2, u1, u2) and keeps_limits(c, w, f1, f2, u1, u2)

@@ -18,11 +18,11 @@ from hopopt.global_search.result import Rollout, different
 from hopopt.global_search.value import ValueFunction
 from hopopt.nlp.deadline import Deadline
 
-STEPS = 48  # of the longest stance
-WIDTH = (
+STANCE_STEPS = 48  # of the longest stance
+BEAM_WIDTH = (
     4000  # states of each kind that are followed: with 1500 the long stance was lost on the paper's leg at friction 1.2
 )
-FINER = 2.0  # cells of the search in one of the grid, along each axis
+SEARCH_CELLS = 2.0  # cells of the search in one of the grid, along each axis
 SUCCESSORS = 16  # room for those of one state
 GROUNDED, DIPPING, SWAYING = 0.02, 0.03, 0.05  # share of the reach: knee's height, dip, sway that tell stances apart
 THIRDS = 3  # of the longest stance, for each of which every kind has a best
@@ -83,7 +83,7 @@ def _scores(c, grid, values, bends, states, apex, value, cells):
         cells[k, 0], cells[k, 1], cells[k, 2], cells[k, 3] = place(grid, phi1, phi2, r1, r2)
 
 
-class Search:
+class ForwardSearch:
     """The forward search from one start, step by step; ``fronts`` holds the states after each. TimeoutError if it has
     not ended by ``until``."""
 
@@ -97,13 +97,13 @@ class Search:
     ):
         self.c, self.value, self.start, self.duration = c, value, start, duration
         self.reach = abs(complex(c.thigh_x, c.thigh_z)) + abs(complex(c.shank_x, c.shank_z))
-        self.dt, self.packed, self.workspace = duration[1] / STEPS, packed(c), workspace()
+        self.dt, self.packed, self.workspace = duration[1] / STANCE_STEPS, packed(c), workspace()
         self.grid = packed(value.grid)
         knee, hip = joint_heights(c, start[0], start[1])
         self.height, one = float(hip), np.zeros(1)
         first = _Front(start[None], one.astype(int), np.zeros((1, 2)), one, one + hip, one + self._x(start), one + knee)
         self.fronts = [first]
-        for k in range(1, STEPS + 1):
+        for k in range(1, STANCE_STEPS + 1):
             if until.passed:
                 raise TimeoutError
             front = self._next(self.fronts[-1], k)
@@ -129,7 +129,7 @@ class Search:
             np.where(lower, hip, front.lowest[parent]), np.where(lower, self._x(ends), front.sway[parent]),
             np.minimum(knee, front.knee[parent]),
         )  # fmt: skip
-        return new.kept(_best_of_each(score, self.kinds(new), np.floor(cells * FINER).astype(np.int64)))
+        return new.kept(_best_of_each(score, self.kinds(new), np.floor(cells * SEARCH_CELLS).astype(np.int64)))
 
     def _x(self, states: np.ndarray) -> np.ndarray:
         """The body's place over the foot [m]."""
@@ -151,7 +151,7 @@ class Search:
                 continue
             kinds = self.kinds(front)
             for kind in np.unique(kinds):
-                mine, key = np.flatnonzero(kinds == kind), (int(kind), (k - 1) * THIRDS // STEPS)
+                mine, key = np.flatnonzero(kinds == kind), (int(kind), (k - 1) * THIRDS // STANCE_STEPS)
                 known = best[key][0] if key in best else -np.inf
                 clearance, index = highest(self.c, flight, front.states[mine], front.apex[mine], known)
                 if clearance > known:
@@ -171,7 +171,7 @@ class Search:
 
 
 def _best_of_each(score: np.ndarray, kinds: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Indices of the states to be followed: the best in each cell, and of each kind the WIDTH best."""
+    """Indices of the states to be followed: the best in each cell, and of each kind the BEAM_WIDTH best."""
     order = np.argsort(-score)
     order = order[np.argsort(kinds[order].astype(np.int8), kind="stable")]  # few kinds: counted, not compared
     order = order[score[order] > 0]
@@ -181,4 +181,4 @@ def _best_of_each(score: np.ndarray, kinds: np.ndarray, cells: np.ndarray) -> np
     _, first = np.unique(key, return_index=True)
     order = order[np.sort(first)]
     begins = np.searchsorted(kinds[order], kinds[order])
-    return order[np.arange(len(order)) - begins < WIDTH]
+    return order[np.arange(len(order)) - begins < BEAM_WIDTH]

@@ -8,9 +8,9 @@ from scipy.optimize import minimize
 
 from hopopt.global_search.constants import StanceConstants, to_link_angles
 
-POSES = 61  # of each joint, among which the tucked posture is looked for
+POSES_OF_JOINT = 61  # of each joint, among which the tucked posture is looked for
 REFINED = 3  # of the best of them that are refined
-OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
+WINDOW_PENALTY = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
 
 
 def tuck_height(c: StanceConstants, window: float) -> float:
@@ -21,12 +21,12 @@ def tuck_height(c: StanceConstants, window: float) -> float:
 def best_tuck(c: StanceConstants, window: float) -> tuple[float, np.ndarray]:
     """That height, and the joint angles (2,) [rad] of it: the best poses of a grid, refined by sequential quadratic
     programming."""
-    first, second = np.linspace(c.lower1, c.upper1, POSES), np.linspace(c.lower2, c.upper2, POSES)
+    first, second = np.linspace(c.lower1, c.upper1, POSES_OF_JOINT), np.linspace(c.lower2, c.upper2, POSES_OF_JOINT)
     poses = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     heights, offset = _above_points(c, poses)
-    merit = heights.max(axis=-1) + OUTSIDE * np.maximum(np.abs(offset) - window, 0.0)
-    best = poses[np.argsort(merit, kind="stable")[:REFINED]]
-    found = [(float(merit.min()), best[0]), *(_refined(c, window, q) for q in best)]
+    score = heights.max(axis=-1) + WINDOW_PENALTY * np.maximum(np.abs(offset) - window, 0.0)
+    best = poses[np.argsort(score, kind="stable")[:REFINED]]
+    found = [(float(score.min()), best[0]), *(_refined(c, window, q) for q in best)]
     return min(found, key=lambda height_and_pose: height_and_pose[0])
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-ALIKE = 0.15  # rad: two stances of about the same duration whose angles never differ by more are one
+SAME_STANCE_ANGLE = 0.15  # rad: two stances of about the same duration whose angles never differ by more are one
 SAME_TIME = 0.15  # relative difference of durations up to which stances may be alike
 INSTANTS = np.linspace(0, 1, 41)  # shares of the durations at which stances are compared
 
@@ -63,4 +63,4 @@ def alike(one: Rollout, other: Rollout) -> bool:
     if abs(one.t[-1] - other.t[-1]) > SAME_TIME * max(one.t[-1], other.t[-1]):
         return False
     paths = [np.stack([np.interp(INSTANTS * r.t[-1], r.t, column) for column in r.q.T]) for r in (one, other)]
-    return bool(np.abs(paths[0] - paths[1]).max() < ALIKE)
+    return bool(np.abs(paths[0] - paths[1]).max() < SAME_STANCE_ANGLE)

@@ -16,7 +16,7 @@ from hopopt.compiled.kernel import kept, kernel, packed
 from hopopt.global_search.constants import StanceConstants
 from hopopt.global_search.equations.dynamics import apex_height
 from hopopt.global_search.equations.flight import Flight, losses
-from hopopt.global_search.grid import NOWHERE, Grid, interpolate, joint_heights, second_differences
+from hopopt.global_search.grid import OFF_GRID_VALUE, Grid, interpolate, joint_heights, second_differences
 from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, leaving, workspace
 from hopopt.nlp.deadline import NEVER, Deadline
 
@@ -48,14 +48,14 @@ class ValueFunction:
 
 @kernel
 def best_successor(c, w, grid, values, bends, loss, phi1, phi2, r1, r2, dt, substeps, lift_off):
-    """Greatest value [m] one step ahead, NOWHERE if there is none: over the extreme motions, the ones halfway between two
+    """Greatest value [m] one step ahead, OFF_GRID_VALUE if there is none: over the extreme motions, the ones halfway between two
     neighbours or the last one before a state limit, and lift-off where a motion meets a limit within the step."""
     count = extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps)
-    top = NOWHERE
+    top = OFF_GRID_VALUE
     for i in range(count):
         if w.kind[i] == KEEPS:
             value = interpolate(grid, values, bends, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3])
-            w.kind[i] = KEEPS if value > NOWHERE else PASSES
+            w.kind[i] = KEEPS if value > OFF_GRID_VALUE else PASSES
             top = max(top, value)
     for i in range(count):
         j = i + 1 if i + 1 < count else 0

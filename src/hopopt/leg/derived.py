@@ -40,7 +40,7 @@ class JointFigures:
 
 
 @dataclass(frozen=True)
-class Derived:
+class LegFigures:
     """What follows from the entries of a problem.
 
     mass: of all that moves [kg]
@@ -60,7 +60,7 @@ class Derived:
     joints: tuple[JointFigures, ...]
 
 
-def derived(design: Design) -> Derived:
+def derived(design: Design) -> LegFigures:
     """What follows from a problem's entries; UsageError if it has no start pose."""
     robot, angles = build_robot(design.leg), start_angles(design)
     heavy, length = weight(robot.model), reach(design.leg)
@@ -74,7 +74,7 @@ def derived(design: Design) -> Derived:
         for name, rotor, link, torque in zip(robot.joints, rotors, links, held, strict=True)
     )
     pushes = [j.stall_torque / abs(by) for j, by in zip(joints, lifts, strict=True) if abs(by) > MOVED]
-    return Derived(
+    return LegFigures(
         mass=float(sum(i.mass for i in model.inertias)),
         weight=heavy,
         reach=length,

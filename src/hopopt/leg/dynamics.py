@@ -32,7 +32,7 @@ PLANE_ROWS = list(PLANE)
 
 
 @dataclass(frozen=True)
-class Motion:
+class LegMotion:
     """The whole leg at one instant: q, v, a (BASE + n), joint torques tau (n) [N m], contact force f [N]: x and z, or
     x, y and z where the leg leaves the plane."""
 
@@ -74,7 +74,7 @@ class LegDynamics:
         jacobian = ca.jacobian(foot, q_j)
         return ca.vertcat(-foot, q_j), ca.vertcat(-jacobian @ v_j, v_j), jacobian
 
-    def stance(self, q_j: ca.SX, v_j: ca.SX, a_j: ca.SX, loop_force: ca.SX | None = None) -> Motion:
+    def stance(self, q_j: ca.SX, v_j: ca.SX, a_j: ca.SX, loop_force: ca.SX | None = None) -> LegMotion:
         """Both equations with the foot pinned at the origin: f from the body rows, tau from the joint rows.
 
         q_j, v_j, a_j: symbols of joint angles, speeds and accelerations (n), on a closed loop such as ``closed`` gives
@@ -88,7 +88,7 @@ class LegDynamics:
         f |= {axis: loop_force[k] for k, axis in enumerate(self.loops) if loop_force is not None}
         force = ca.vertcat(*[f[axis] for axis in self.contact])
         whole = ca.jacobian(self.foot(q_j)[list(self.contact)], q_j)
-        return Motion(q, v, a, forces[BASE:] - whole.T @ force, force)
+        return LegMotion(q, v, a, forces[BASE:] - whole.T @ force, force)
 
     def closed(self, q_j: ca.SX, v_j: ca.SX, free: ca.SX, dependent: Sequence[int]) -> ca.SX:
         """Joint accelerations (n) under which the foot stays where it is along the loop's axes; ``free`` are those of
@@ -115,10 +115,10 @@ class LegDynamics:
         jacobian = ca.jacobian(offset, q_j)
         return ca.vertcat(com - offset, q_j), ca.vertcat(com_v - jacobian @ v_j, v_j), jacobian
 
-    def flight(self, com: ca.SX, com_v: ca.SX, q_j: ca.SX, v_j: ca.SX, a_j: ca.SX) -> Motion:
+    def flight(self, com: ca.SX, com_v: ca.SX, q_j: ca.SX, v_j: ca.SX, a_j: ca.SX) -> LegMotion:
         """The first equation with f = 0: the centre of mass falls freely where the guides carry no force; symbols as in
         stance."""
         q, v, jacobian = self.flight_pose(com, com_v, q_j, v_j)
         base_a = self.gravity - jacobian @ a_j + ca.jtimes(v[:BASE], q_j, v_j)
         a = ca.vertcat(base_a, a_j)
-        return Motion(q, v, a, self.inverse_dynamics(q, v, a)[BASE:], ca.SX.zeros(len(self.contact)))
+        return LegMotion(q, v, a, self.inverse_dynamics(q, v, a)[BASE:], ca.SX.zeros(len(self.contact)))

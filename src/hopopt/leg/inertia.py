@@ -8,7 +8,7 @@ import numpy as np
 from hopopt.design import LEAST_INERTIA
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # xx, yy, zz, xy, xz, yz
-SLACK = 1e-3  # by which moments may miss what they have to be: figures in files are rounded
+MOMENTS_SLACK = 1e-3  # by which moments may miss what they have to be: figures in files are rounded
 
 
 def tensor(inertia: Sequence[Any]) -> list[list[Any]]:
@@ -24,7 +24,7 @@ def principal_moments(inertia: Sequence[float]) -> np.ndarray:
 
 def obeys_triangle(low: float, middle: float, high: float) -> bool:
     """Whether the largest principal moment is at most the sum of the others, as for every body."""
-    return bool(high <= (low + middle) * (1 + SLACK))
+    return bool(high <= (low + middle) * (1 + MOMENTS_SLACK))
 
 
 def scaled(part: Mapping[str, Any], mass: float = 1.0, length: float = 1.0) -> dict[str, Any]:

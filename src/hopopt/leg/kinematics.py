@@ -16,8 +16,8 @@ from hopopt.errors import UsageError
 
 PLANE, SPACE = (0, 2), (0, 1, 2)  # world axes
 POSES, REFINED = 1024, 4  # among which the best is looked for, and of the best of them that are refined
-FLAT = 1e-9  # share of a link in the plane, below which it has no direction there
-OUTSIDE = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
+IN_PLANE_SHARE = 1e-9  # share of a link in the plane, below which it has no direction there
+WINDOW_PENALTY = 1e3  # height [m] that a pose is thought worse for each metre beyond the foot window
 
 
 def joint_positions(leg: Leg, q_j: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -63,7 +63,7 @@ def can_slip(leg: Leg) -> bool:
 def two_joints(leg: Leg) -> bool:
     """Whether the leg is one of two joints that moves, with both links, in the plane: what ``TwoJoints`` needs."""
     across = [np.hypot(*np.array(unit(leg.link[name].direction))[[0, 2]]) for name in leg.links]
-    return len(leg.joints) == 2 and planar(leg) and min(across) >= FLAT
+    return len(leg.joints) == 2 and planar(leg) and min(across) >= IN_PLANE_SHARE
 
 
 def contact_axes(leg: Leg) -> tuple[int, ...]:
@@ -208,9 +208,9 @@ def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
         offset = foot_offset(leg, q)
         return offset[..., 0], offset[..., 1]
 
-    def merit(q: np.ndarray) -> np.ndarray:
+    def score(q: np.ndarray) -> np.ndarray:
         x, z = foot(q)
-        return z - OUTSIDE * np.maximum(np.abs(x) - window, 0.0)
+        return z - WINDOW_PENALTY * np.maximum(np.abs(x) - window, 0.0)
 
     def room(q: np.ndarray) -> np.ndarray:
         x = foot(q)[0]
@@ -219,22 +219,22 @@ def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
     def refined(q: np.ndarray) -> np.ndarray:
         return minimize(lambda q: -foot(q)[1], q, method="SLSQP", constraints={"type": "ineq", "fun": room}).x
 
-    return best_pose(lower, upper, merit, refined)
+    return best_pose(lower, upper, score, refined)
 
 
 def best_pose(
-    lower: np.ndarray, upper: np.ndarray, merit: Callable[[np.ndarray], np.ndarray],
+    lower: np.ndarray, upper: np.ndarray, score: Callable[[np.ndarray], np.ndarray],
     refined: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:  # fmt: skip
     """The best pose (n,) [rad] within limits: the best of quasi-random ones, refined, whatever the number of joints.
 
-    merit: of poses (k, n) [rad], more is better, (k,)
+    score: of poses (k, n) [rad], more is better, (k,)
     refined: from a pose (n,) [rad] the nearest optimum
     """
     drawn = lower + (upper - lower) * spread(POSES, len(lower))
-    begun = drawn[np.argsort(-merit(drawn))[:REFINED]]
+    begun = drawn[np.argsort(-score(drawn))[:REFINED]]
     found = np.clip([*begun, *(refined(q) for q in begun)], lower, upper)
-    return found[np.argmax(merit(found))]
+    return found[np.argmax(score(found))]
 
 
 def spread(count: int, dimensions: int) -> np.ndarray:

@@ -89,13 +89,15 @@ HERMITE_SIMPSON = Scheme("hermite-simpson", (0.0, 0.5, 1.0), (0.0, 0.5, 1.0), 4)
 
 
 SCHEMES = {s.name: s for s in (TRAPEZOIDAL, HERMITE_SIMPSON)}  # and radau of every degree
-MOST = 12  # degree of a stored radau scheme
+HIGHEST_DEGREE = 12  # degree of a stored radau scheme
 
 
 def scheme(name: str, degree: int = 4) -> Scheme:
     """The scheme called ``radau``, ``hermite-simpson`` or ``trapezoidal`` (or as ``Scheme.name`` spells it)."""
     if name == "radau":
         return radau(degree)
-    if found := SCHEMES.get(name) or next((r for k in range(1, MOST + 1) if (r := radau(k)).name == name), None):
+    if found := SCHEMES.get(name) or next(
+        (r for k in range(1, HIGHEST_DEGREE + 1) if (r := radau(k)).name == name), None
+    ):
         return found
     raise ValueError(f"there is no scheme {name!r}: use radau, {' or '.join(reversed(SCHEMES))}")

@@ -19,8 +19,8 @@ from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
 from hopopt.user_code import last_line, load
 
-FIGURE = "user_objective"
-PHASES = ("stance", "flight")
+CUSTOM_FIGURE = "user_objective"
+CUSTOM_PHASES = ("stance", "flight")
 Function = TypeVar("Function", bound=Callable[..., Any])  # the user's
 
 
@@ -56,7 +56,7 @@ class Terms:
     lower: float = -INF
     upper: float = INF
     scale: float = 1.0
-    phases: tuple[str, ...] = PHASES
+    phases: tuple[str, ...] = CUSTOM_PHASES
 
 
 def objective(
@@ -75,7 +75,7 @@ def objective(
 
 def constraint(
     *, lower: float | None = None, upper: float | None = None, unit: str = "", scale: float = 1.0,
-    phases: tuple[str, ...] = PHASES,
+    phases: tuple[str, ...] = CUSTOM_PHASES,
 ) -> Callable[[Function], Function]:  # fmt: skip
     """Say of a function what path constraint it is. Without any bound, as without this, it must be at least 0.
 
@@ -162,7 +162,7 @@ def as_objective(function: Any) -> HopObjective:
         return c(end(hop, e), 1)
 
     return HopObjective(
-        c.name, f"a user-defined function, {c.name}", terms.unit, value, FIGURE, maximize=terms.maximize,
+        c.name, f"a user-defined function, {c.name}", terms.unit, value, CUSTOM_FIGURE, maximize=terms.maximize,
         scale=lambda hop: terms.scale, custom=c, **more,
     )  # fmt: skip
 
@@ -190,7 +190,7 @@ def moment(hop: MovingLeg, motion: MotionAt, s: Instant) -> Moment:
 
 def end(hop: MovingLeg, e: Ends) -> Moment:
     """The leg when flight ends."""
-    stance, flight = (e.final[phase] for phase in PHASES)
+    stance, flight = (e.final[phase] for phase in CUSTOM_PHASES)
     (q0, v0), (q1, v1) = hop.stance_pose(stance), hop.flight_pose(flight)
     lift_off = Moment(e.duration["stance"], "stance", q0, v0, *_points(hop, stance, q0, v0))
     whole = sum(e.duration.values(), ca.SX(0))
@@ -211,8 +211,8 @@ def checked(c: Custom, hop: MovingLeg, is_objective: bool) -> Custom:
     value = c(trial, 1 if is_objective else None)
     if not ca.symvar(value):
         raise UsageError(f"{c.name} does not depend on the hop: it returned {np.array(ca.DM(value)).ravel().tolist()}")
-    if not set(c.terms.phases) <= set(PHASES) or not c.terms.phases:
-        raise UsageError(f"{c.name}: phases must be some of {', '.join(PHASES)}")
+    if not set(c.terms.phases) <= set(CUSTOM_PHASES) or not c.terms.phases:
+        raise UsageError(f"{c.name}: phases must be some of {', '.join(CUSTOM_PHASES)}")
     if not is_objective and np.isinf([c.terms.lower, c.terms.upper]).all():
         raise UsageError(f"{c.name} limits nothing: mark it as hopopt.constraint, with a lower or an upper bound")
     if not c.terms.lower <= c.terms.upper or not c.terms.scale > 0:

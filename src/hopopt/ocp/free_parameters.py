@@ -13,10 +13,12 @@ from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.ocp.guesses.motion import MovingLeg
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Numbers, Parameter
 
-NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-TERM = re.compile(rf"\s*([+-]?)\s*(?:({NUMBER})\s*(?:\*\s*)?)?(?:([A-Za-z][\w.-]*[\w])(?:\s*\^\s*(-?{NUMBER}))?)?\s*")
+DECIMAL_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+TERM = re.compile(
+    rf"\s*([+-]?)\s*(?:({DECIMAL_NUMBER})\s*(?:\*\s*)?)?(?:([A-Za-z][\w.-]*[\w])(?:\s*\^\s*(-?{DECIMAL_NUMBER}))?)?\s*"
+)
 LARGEST, STEEPEST = 1e12, 8.0  # factors and constants, and powers, of couplings: what they give stays finite
-HOW = (
+HOW_TO_FREE = (
     'write a sum of numbers times entries, such as "leg.thigh.length + leg.shank.length = 0.741"; '
     'an entry may have a power: "leg.motor.max_torque^0.8"'
 )
@@ -130,7 +132,7 @@ def parse_free(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     """{"leg.gear.ratio": (50.0, 200.0)} from "leg.gear.ratio=50:200"; UsageError in a sentence if it is not that."""
     bounds: dict[str, tuple[float, float]] = {}
     for text in texts:
-        found = re.fullmatch(rf"\s*([\w.-]+)\s*=\s*({NUMBER})\s*:\s*({NUMBER})\s*", text)
+        found = re.fullmatch(rf"\s*([\w.-]+)\s*=\s*({DECIMAL_NUMBER})\s*:\s*({DECIMAL_NUMBER})\s*", text)
         if not found or not float(found[2]) < float(found[3]):
             raise UsageError(f"--free {text}: write lower:upper, the lower first, such as leg.gear.ratio=50:200")
         if found[1] in bounds:
@@ -143,20 +145,20 @@ def parse_coupling(text: str) -> Coupling:
     """A coupling from "2*a.b + c.d^0.5 = 3", also with <= or >=; UsageError in a sentence if it is not that."""
     sides = re.split(r"(<=|>=|=)", text)
     if len(sides) != 3:
-        raise UsageError(f"--couple {text}: {HOW}")
+        raise UsageError(f"--couple {text}: {HOW_TO_FREE}")
     found: dict[tuple[str, float], float] = {}
     constant = _add(text, sides[0], 1.0, found) + _add(text, sides[2], -1.0, found)
     if not found:
-        raise UsageError(f"--couple {text}: no entry is in it; {HOW}")
+        raise UsageError(f"--couple {text}: no entry is in it; {HOW_TO_FREE}")
     for (entry, exponent), factor in found.items():
         if not 0 < abs(factor) <= LARGEST:
             why = "cancels out" if factor == 0 else f"has a factor that is not finite or beyond {LARGEST:g}"
-            raise UsageError(f"--couple {text}: {entry} {why}; {HOW}")
+            raise UsageError(f"--couple {text}: {entry} {why}; {HOW_TO_FREE}")
         if not 0 < abs(exponent) <= STEEPEST:
             words = f"has the power {exponent:g}: powers reach to {STEEPEST:g} and none is 0"
-            raise UsageError(f"--couple {text}: {entry} {words}; {HOW}")
+            raise UsageError(f"--couple {text}: {entry} {words}; {HOW_TO_FREE}")
     if not abs(constant) <= LARGEST:
-        raise UsageError(f"--couple {text}: its constant is not finite or beyond {LARGEST:g}; {HOW}")
+        raise UsageError(f"--couple {text}: its constant is not finite or beyond {LARGEST:g}; {HOW_TO_FREE}")
     lower, upper = {"=": (-constant, -constant), "<=": (-INF, -constant), ">=": (-constant, INF)}[sides[1]]
     factors = {entry: factor for (entry, exponent), factor in found.items() if exponent == 1}
     powers = {key: factor for key, factor in found.items() if key[1] != 1}
@@ -170,7 +172,7 @@ def _add(text: str, side: str, sign: float, found: dict[tuple[str, float], float
     while at < len(side) or first:
         term = TERM.match(side, at)
         if not term or not (term[2] or term[3]) or (not first and not term[1]):
-            raise UsageError(f"--couple {text}: {side[at:] or 'nothing'!r} is not understood; {HOW}")
+            raise UsageError(f"--couple {text}: {side[at:] or 'nothing'!r} is not understood; {HOW_TO_FREE}")
         value = sign * (-1.0 if term[1] == "-" else 1.0) * float(term[2] or 1.0)
         if term[3]:
             key = term[3], float(term[4] or 1.0)

@@ -15,7 +15,7 @@ from hopopt.ocp.guesses.motion import FLIGHT as FLIGHT
 from hopopt.ocp.guesses.motion import STANCE as STANCE
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.problem import INF, Control, Ends, Instant, Numbers, PathConstraint, Phase, State
-from hopopt.ocp.rules import HEIGHT, path_constraints
+from hopopt.ocp.rules import LEAST_HEIGHT, path_constraints
 
 DESCENT, LANDING = "descent", "landing"  # flight ends at the apex, descent at touchdown, a landing at rest
 ON_GROUND = (STANCE, LANDING)  # phases in which the foot stands
@@ -126,7 +126,7 @@ def descent(leg: MovingLeg) -> LegPhase:
 
 def _grazing(c: PathConstraint, by: float) -> PathConstraint:
     """A limit of heights, the foot's lower by that much [m]; any other as it is."""
-    if c.name != HEIGHT:
+    if c.name != LEAST_HEIGHT:
         return c
     low = np.array(c.lower, dtype=float)
     low[[label == "foot" for label in c.labels]] -= by

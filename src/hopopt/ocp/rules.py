@@ -23,7 +23,7 @@ Rule = Callable[[MovingLeg, str], tuple[PathConstraint, ...]]
 LEFT, RIGHT = "left", "right"
 GROUND_FORCE = LimitId(Kind.GROUND_FORCE, key="contact.least_force", unit="N")
 FRICTION = LimitId(Kind.FRICTION, key="contact.friction", unit="N")
-HEIGHT = LimitId(Kind.HEIGHT, key="hop.least_height", unit="m")
+LEAST_HEIGHT = LimitId(Kind.HEIGHT, key="hop.least_height", unit="m")
 NO_DESCENT = LimitId(Kind.DESCENT, key="hop.counter_movement", unit="m/s")
 
 
@@ -84,7 +84,7 @@ def heights(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
         return ca.vertcat(*[points[name][1] for name in names])
 
     lower = [0.0 if name == "foot" else hop.least_height for name in names]
-    return (PathConstraint(HEIGHT, value, lower, scale=leg.reach, unit="m", labels=names),)
+    return (PathConstraint(LEAST_HEIGHT, value, lower, scale=leg.reach, unit="m", labels=names),)
 
 
 def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:

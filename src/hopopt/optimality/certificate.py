@@ -15,7 +15,7 @@ from hopopt.optimality.bounds import duration_bounds_residual, free_parameters_r
 from hopopt.optimality.minimum_principle.arcs import activity, arcs
 from hopopt.optimality.minimum_principle.costates import phase_multipliers, sign
 from hopopt.optimality.minimum_principle.phase_functions import Along, PhaseFunctions
-from hopopt.optimality.minimum_principle.pontryagin import FINE, PhaseCertificate, missed
+from hopopt.optimality.minimum_principle.pontryagin import FINE_SCHEME, PhaseCertificate, missed
 from hopopt.optimality.minimum_principle.transversality import TransversalityConditions, transversality_conditions
 from hopopt.verify.check import Check, Condition
 
@@ -56,9 +56,9 @@ def certify(solution: NlpSolution) -> Certificate:
     fine, nodes, integrals = dict[str, Along](), dict[str, Along](), dict[str, np.ndarray]()
     for name, layout in solution.transcription.layouts.items():
         functions = PhaseFunctions(layout, solution.transcription.problem.parameters)
-        fine[name] = functions.along(solution, name, np.array(FINE.c))
+        fine[name] = functions.along(solution, name, np.array(FINE_SCHEME.c))
         nodes[name] = functions.along(solution, name, np.array(layout.scheme.c))
-        integrals[name] = np.einsum("i,k,ikl->l", solution.phases[name].lengths, FINE.b, fine[name].l)
+        integrals[name] = np.einsum("i,k,ikl->l", solution.phases[name].lengths, FINE_SCHEME.b, fine[name].l)
     ends, phases = transversality_conditions(solution, integrals), {}
     for name in fine:
         m = phase_multipliers(solution, name)

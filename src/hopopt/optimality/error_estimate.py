@@ -27,8 +27,8 @@ from hopopt.verify.check import Check
 STATED = 1e-4  # relative: the largest error a verified claim may have; figures are printed to about that
 PANELS, POINTS = 4, 4  # of an interval, and Gauss points of each: controls have kinks where a limit takes over
 PASSED = 1e-8  # scaled: an excess for which controls are brought back; less than that counts by its multiplier
-STEP = 1e-6  # of a control's scale, for differences of limits, which are all but linear in the controls
-ROUNDS = 60  # of bringing controls back to the limit that they pass most
+CONTROL_STEP = 1e-6  # of a control's scale, for differences of limits, which are all but linear in the controls
+MOST_ROUNDS = 60  # of bringing controls back to the limit that they pass most
 ROUNDING = 1e-12  # relative
 CURVATURE = 20.0  # of the objective, by the share of its scale that a limit of the states moves: a tenth makes a fifth
 
@@ -190,10 +190,10 @@ class _Limits:
         found = np.zeros((count, len(self.scale), nu))
         for k in range(nu):
             moved = u.copy()
-            moved[:, k] += STEP * self.control_scale[k]
+            moved[:, k] += CONTROL_STEP * self.control_scale[k]
             found[:, : path.shape[1], k] = (
                 solution.right_hand_sides(self.layout.phase.name, t, x, moved)[1] - path
-            ) / STEP
+            ) / CONTROL_STEP
             found[:, path.shape[1] + x.shape[1] + k, k] = self.control_scale[k]
         return found / self.scale[:, None]
 
@@ -201,14 +201,14 @@ class _Limits:
         """Steps w (k, nu) for which value + A w passes no limit that w can change: to the worst, again and again."""
         low, high, size = self.lower / self.scale, self.upper / self.scale, (A**2).sum(axis=2)
         w, rows = np.zeros((len(A), A.shape[2])), np.arange(len(A))
-        for _ in range(ROUNDS):
+        for _ in range(MOST_ROUNDS):
             now = value + np.einsum("kmu,ku->km", A, w)
-            missing = np.where(size > STEP**2, np.clip(now, low, high) - now, 0.0)
+            missing = np.where(size > CONTROL_STEP**2, np.clip(now, low, high) - now, 0.0)
             worst = np.abs(missing).argmax(axis=1)
             gap = missing[rows, worst]
             if np.abs(gap).max() <= PASSED:
                 break
-            w += (gap / np.maximum(size[rows, worst], STEP**2))[:, None] * A[rows, worst]
+            w += (gap / np.maximum(size[rows, worst], CONTROL_STEP**2))[:, None] * A[rows, worst]
         return w
 
 

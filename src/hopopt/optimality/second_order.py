@@ -26,13 +26,13 @@ from scipy.sparse.linalg import splu
 
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.terms import Matrix, csc
-from hopopt.optimality.directions.flat_directions import ACTS, STILL
+from hopopt.optimality.directions.flat_directions import LEAST_ACTING_MULTIPLIER, UNUSED_CONTROL
 from hopopt.record import Strict, stated
 
-FLAT = 1e-6  # of the objective, by a move of size 1
-ON = 1e-4  # scaled: a solution that is nearer to a limit lies on it, as verification has it
+FLAT_CURVATURE = 1e-6  # of the objective, by a move of size 1
+ON_LIMIT = 1e-4  # scaled: a solution that is nearer to a limit lies on it, as verification has it
 DEPENDENT = 1e-9  # of the largest: what is left of a row that follows from the others
-MOST = 4000  # controls, durations, initial states and parameters: dense matrices of more take too long
+MOST_VARIABLES = 4000  # controls, durations, initial states and parameters: dense matrices of more take too long
 
 
 @dataclass(frozen=True)
@@ -49,16 +49,16 @@ class Curvature(Strict):
 def curvature(solution: NlpSolution) -> Curvature | None:
     """The second derivatives of a program at its optimum, counted; None of a program that is too large."""
     b, size = solution.bounds, solution.magnitude
-    held_z = (b.low_z == b.high_z) | (np.abs(solution.lam_x) > ACTS * size)
-    held_g = (b.low_g == b.high_g) | (np.abs(solution.lam_g) > ACTS * size)
-    if int((~_states(solution)[0] & ~held_z).sum()) > MOST:
+    held_z = (b.low_z == b.high_z) | (np.abs(solution.lam_x) > LEAST_ACTING_MULTIPLIER * size)
+    held_g = (b.low_g == b.high_g) | (np.abs(solution.lam_g) > LEAST_ACTING_MULTIPLIER * size)
+    if int((~_states(solution)[0] & ~held_z).sum()) > MOST_VARIABLES:
         return None
     found = _curvatures(solution, held_z, held_g)
-    better, flat, saddle = int((found < -FLAT).sum()), int((np.abs(found) <= FLAT).sum()), 0
+    better, flat, saddle = int((found < -FLAT_CURVATURE).sum()), int((np.abs(found) <= FLAT_CURVATURE).sum()), 0
     if better:
-        on_z = np.minimum(solution.z - b.low_z, b.high_z - solution.z) < ON
-        on_g = np.minimum(solution.g - b.low_g, b.high_g - solution.g) < ON
-        saddle = int((_curvatures(solution, held_z | on_z, held_g | on_g) < -FLAT).sum())
+        on_z = np.minimum(solution.z - b.low_z, b.high_z - solution.z) < ON_LIMIT
+        on_g = np.minimum(solution.g - b.low_g, b.high_g - solution.g) < ON_LIMIT
+        saddle = int((_curvatures(solution, held_z | on_z, held_g | on_g) < -FLAT_CURVATURE).sum())
     return Curvature(len(found) - better - flat, flat, better, float(found.min(initial=np.inf)), saddle)
 
 
@@ -105,7 +105,7 @@ def _metric(solution: NlpSolution) -> np.ndarray:
         found[where.durations] = 1 / solution.z[where.durations] ** 2
         for at, weights in _controls(solution, name):
             largest = float(np.abs(solution.z[at]).max(initial=0.0))
-            found[at] = weights / (largest if largest > STILL else 1.0) ** 2
+            found[at] = weights / (largest if largest > UNUSED_CONTROL else 1.0) ** 2
     return found
 
 

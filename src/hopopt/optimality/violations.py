@@ -6,7 +6,7 @@ from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Rows
 from hopopt.ocp.problem import Component
 
-FEASIBLE = 1e-6  # scaled violation below which a row counts as met
+MET_VIOLATION = 1e-6  # scaled violation below which a row counts as met
 
 
 def violations(solution: NlpSolution, most: int = 3) -> list[str]:
@@ -17,7 +17,7 @@ def violations(solution: NlpSolution, most: int = 3) -> list[str]:
         block = over[rows.start : rows.stop].reshape(-1, len(rows.labels))
         for k, label in enumerate(rows.labels):
             worst = int(block[:, k].argmax())
-            if block[worst, k] > FEASIBLE:
+            if block[worst, k] > MET_VIOLATION:
                 found.append((float(block[worst, k]), _sentence(solution, rows, label, k, worst, block[worst, k])))
     return [sentence for _, sentence in sorted(found, key=lambda pair: -pair[0])[:most]]
 

@@ -18,7 +18,7 @@ PAPER = {  # the paper's printed figures: simulation, experiment
     "position": {"foot_height_m": (0.32, 0.24), "knee_saturation": (0.5, 0.7)},
     "position_soft": {"foot_height_m": (0.32, 0.24), "knee_saturation": (0.5, 0.7)},
 }
-NEAR = 0.1  # relative: the paper's figures have two digits and come from a model it does not give in full
+NEAR_PRINTED = 0.1  # relative: the paper's figures have two digits and come from a model it does not give in full
 SATURATED = 0.95  # a ratio "close to 1"
 MATCHES = {True: "match", False: "mismatch", None: "-"}
 
@@ -71,7 +71,7 @@ def paper_results(force: HopFigures, position: HopFigures) -> list[PaperFigure]:
 
 
 def _number(statement: str, paper: float, found: float) -> PaperFigure:
-    return PaperFigure(statement, f"{paper:.2f}", _shown(found), abs(found - paper) <= NEAR * abs(paper))
+    return PaperFigure(statement, f"{paper:.2f}", _shown(found), abs(found - paper) <= NEAR_PRINTED * abs(paper))
 
 
 def _shown(value: float, digits: int = 2) -> str:
@@ -104,7 +104,7 @@ def _pegged(force: HopFigures) -> PaperFigure:
     t = force.trace.t[force.stance]
     share = _mean((force.saturation(1) > SATURATED).astype(float), t)
     statement = "force control: the speed-torque curve coincides with the AOR, share of stance"
-    return PaperFigure(statement, "all", _shown(share), share > 1 - NEAR)
+    return PaperFigure(statement, "all", _shown(share), share > 1 - NEAR_PRINTED)
 
 
 def _mean(values: np.ndarray, t: np.ndarray) -> float:
@@ -123,7 +123,7 @@ def _energy(force: HopFigures) -> PaperFigure:
         "eq. 15, force control: m g (h_max - h_init) = work of the joints [J]",
         "equal",
         f"{lifted:.1f} against {work:.1f}",
-        abs(lifted - work) <= NEAR * work,
+        abs(lifted - work) <= NEAR_PRINTED * work,
     )
 
 

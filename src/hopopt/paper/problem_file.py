@@ -12,8 +12,8 @@ from hopopt.paper.result import Calibration
 from hopopt.problem.load import load
 from hopopt.problem.render import toml_value
 
-MARK = "# calibrated with `hopopt calibrate`"
-TABLE = "leg.motor"
+CALIBRATED_MARK = "# calibrated with `hopopt calibrate`"
+MOTOR_TABLE = "leg.motor"
 ENTRIES = {"max_torque": "N m", "max_speed": "rad/s"}
 
 
@@ -24,12 +24,12 @@ def write_motor(path: Path, found: Calibration) -> None:
     value is not determined or the file would not come out as the same problem with another motor.
     """
     p = {x.path: x for x in found.parameters}
-    values = {entry: p[f"{TABLE}.{entry}"].rounded for entry in ENTRIES if f"{TABLE}.{entry}" in p}
+    values = {entry: p[f"{MOTOR_TABLE}.{entry}"].rounded for entry in ENTRIES if f"{MOTOR_TABLE}.{entry}" in p}
     if not found.determined or not found.matched or not values:
         raise UsageError(
             f"{path} was not changed: the paper's figures do not determine the motor, or no motor matches them"
         )
-    errors = {entry: p[f"{TABLE}.{entry}"].standard_error or 0.0 for entry in values}
+    errors = {entry: p[f"{MOTOR_TABLE}.{entry}"].standard_error or 0.0 for entry in values}
     try:
         before = path.read_bytes().decode("utf-8")
         replace_checked(path, with_motor(before, values, errors), values)
@@ -41,7 +41,9 @@ def with_motor(text: str, values: Mapping[str, float], errors: Mapping[str, floa
     """The text of a problem file with values of [leg.motor] by entry, all else as it was; a line above each names its
     standard error, in place of the line of an earlier calibration."""
     for entry, value in values.items():
-        text = _with_entry(text, entry, value, f"{MARK}, standard error {errors[entry]:.2g} {ENTRIES[entry]}")
+        text = _with_entry(
+            text, entry, value, f"{CALIBRATED_MARK}, standard error {errors[entry]:.2g} {ENTRIES[entry]}"
+        )
     return text
 
 
@@ -58,7 +60,9 @@ def replace_checked(path: Path, text: str, values: Mapping[str, float]) -> None:
         motor = before.leg.motor.model_copy(update=dict(values))
         leg = before.leg.model_copy(update={"motor": motor})
         if load(trial) != before.model_copy(update={"leg": leg}):
-            raise UsageError(f"{path} was not changed: its [{TABLE}] is written in a way that cannot be edited safely")
+            raise UsageError(
+                f"{path} was not changed: its [{MOTOR_TABLE}] is written in a way that cannot be edited safely"
+            )
         shutil.copymode(path, trial)
         os.replace(trial, path)
     except ProblemFileError as error:
@@ -69,15 +73,13 @@ def replace_checked(path: Path, text: str, values: Mapping[str, float]) -> None:
 
 def _with_entry(text: str, entry: str, value: float, note: str) -> str:
     newline = "\r\n" if "\r\n" in text else "\n"
-    header = re.search(rf"^[ \t]*\[[ \t]*{re.escape(TABLE)}[ \t]*\][^\n]*(?:\n|\Z)", text, re.MULTILINE)
+    header = re.search(rf"^[ \t]*\[[ \t]*{re.escape(MOTOR_TABLE)}[ \t]*\][^\n]*(?:\n|\Z)", text, re.MULTILINE)
     if header is None:
-        return (
-            f"{text.rstrip()}{newline}{newline}[{TABLE}]{newline}{note}{newline}{entry} = {toml_value(value)}{newline}"
-        )
+        return f"{text.rstrip()}{newline}{newline}[{MOTOR_TABLE}]{newline}{note}{newline}{entry} = {toml_value(value)}{newline}"
     following = re.search(r"^[ \t]*\[", text[header.end() :], re.MULTILINE)
     end = header.end() + following.start() if following else len(text)
     table, assignment = text[header.end() : end], f"{entry} = {toml_value(value)}"
-    present = rf"^(?:{re.escape(MARK)}[^\n]*\n)?([ \t]*{entry}[ \t]*=[ \t]*[^\s#]+[ \t]*)"
+    present = rf"^(?:{re.escape(CALIBRATED_MARK)}[^\n]*\n)?([ \t]*{entry}[ \t]*=[ \t]*[^\s#]+[ \t]*)"
 
     def line(found: re.Match[str]) -> str:
         before = found[1]  # up to a comment, which stays in its column

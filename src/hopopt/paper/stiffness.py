@@ -8,7 +8,7 @@ from hopopt.design import Design
 from hopopt.leg.scales import weight
 from hopopt.sim.hop_metrics import HopFigures
 
-MARGIN = 0.03  # [m] on the paper's leg, below the neutral height, where the secant stiffness diverges
+HEIGHT_MARGIN = 0.03  # [m] on the paper's leg, below the neutral height, where the secant stiffness diverges
 PAPER_RANGE = (0.28, 0.40)  # [m] heights of the body over which the paper compares it (fig. exp_sitff_clearance)
 
 
@@ -27,7 +27,7 @@ def secant_stiffness(run: HopFigures) -> tuple[np.ndarray, np.ndarray]:
     trace, leg, span = run.trace, run.design.leg, run.stance
     y = trace.q[span, 1] - trace.points["foot"][span, 1]
     foot = leg.link[leg.links[-1]].mass * float(np.linalg.norm(trace.robot.model.gravity.linear))
-    y_neu, margin = neutral(run.design), MARGIN * factors(Size.of(run.design))["C_amp"]
+    y_neu, margin = neutral(run.design), HEIGHT_MARGIN * factors(Size.of(run.design))["C_amp"]
     valid = (y <= y_neu - margin) & (trace.f[span, 1] >= -0.01 * weight(trace.robot.model))
     return y, np.where(valid, trace.f[span, 1] - foot, np.nan) / np.where(valid, y_neu - y, 1.0)
 

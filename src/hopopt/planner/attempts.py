@@ -19,12 +19,12 @@ from hopopt.ocp.hop import Hop
 
 TOLERANCE, PRICE_TOLERANCE = 1e-6, 1e-5  # a tenth and a fifth of the defaults
 AT_MOST = {"tolerance": TOLERANCE, "price_tolerance": PRICE_TOLERANCE}  # entries of [solver]
-MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
+EXCESS_MARGIN = 0.5  # refinement aims at this share of the excess that verification allows
 CALMER, LARGEST_TIE_BREAK = 10.0, 1e-5  # times as large; from which weight on not even larger
 T = TypeVar("T")
 
 
-class Trial(NamedTuple):
+class AttemptOutcome(NamedTuple):
     """What attempts look at of an answer: its verdict, how its refinement ended, its objective [its unit]."""
 
     verified: bool
@@ -56,13 +56,13 @@ class Attempt:
     ended: str | None = None
     tolerances: bool = False
     tie_break: float = 1.0
-    margin: float = MARGIN
+    margin: float = EXCESS_MARGIN
     further: bool = False
     restarts: bool = False
     within: float = inf
     anyhow: bool = False
 
-    def may_help(self, found: Trial) -> bool:
+    def may_help(self, found: AttemptOutcome) -> bool:
         """Whether it is for such an answer."""
         sound = found.verified and found.certified
         return not sound and self.verified in (None, found.verified) and self.ended in (None, found.ended)
@@ -74,7 +74,7 @@ class Attempt:
             return None if tighter == hop.design else hop.with_solver_of(tighter)
         return hop if self.tie_break == 1 else with_larger_tie_break(hop, self.tie_break)
 
-    def is_better(self, again: Trial, found: Trial) -> bool:
+    def is_better(self, again: AttemptOutcome, found: AttemptOutcome) -> bool:
         """Whether what it led to is to be taken."""
         better = again.verified and (again.certified or not found.verified)
         return self.anyhow or (better and relative(again.objective, found.objective) < self.within)
@@ -85,7 +85,7 @@ FURTHER = Attempt(
     "verified, but not certified: refining further, with tighter tolerances",
     verified=True, ended=MET, tolerances=True, further=True,
 )  # fmt: skip
-CLOSER = Attempt(
+CLOSER_AIM = Attempt(
     "all aims were met and checks still fail: with all drives at their limits excess adds up, so less of it is allowed",
     "not verified: refining again, with tighter tolerances",
     ended=MET, tolerances=True, margin=0.1,
@@ -101,7 +101,7 @@ RESTARTED = Attempt(
     ended=UNSOLVED, restarts=True, anyhow=True,
 )  # fmt: skip
 
-REFINEMENT = (FURTHER, CLOSER)
+REFINEMENT = (FURTHER, CLOSER_AIM)
 HOP = (CALMED, RESTARTED)
 POINT = (replace(CALMED, within=3e-3), RESTARTED)  # neighbours are compared: a point may not change to another optimum
 CODESIGN = (  # the answer is the hop of the leg that comes out: how the co-design's own refinement ended is not known
@@ -112,7 +112,7 @@ SEVERAL_HOPS = (replace(FURTHER, verified=None, said="refining further, with tig
 
 def tried_again(
     hop: Hop, found: T, attempts: Sequence[Attempt], run: Callable[[Attempt, Hop], T | None],
-    seen: Callable[[T], Trial], say: Callable[[str], None], until: Deadline,
+    seen: Callable[[T], AttemptOutcome], say: Callable[[str], None], until: Deadline,
 ) -> tuple[Hop, T]:  # fmt: skip
     """An answer with its problem or, of the attempts that may help it, what the first leads to that is better.
 

@@ -23,7 +23,7 @@ from hopopt.ocp.problem import Instant, stack, symbols
 from hopopt.verify.measures import MEASURES
 from hopopt.verify.table import NORMALISED_TIMES, Table
 
-OUTSIDE = 1e-9  # s: what rounding may put a time outside the hop
+TIME_ROUNDING = 1e-9  # s: what rounding may put a time outside the hop
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class Motion:
         """The whole leg at times t [s] since stance began; at lift-off and apex, flight; at touchdown, the descent.
         UsageError for times outside the hop."""
         t = np.atleast_1d(np.asarray(t, dtype=float))
-        outside = ~((t >= -OUTSIDE) & (t <= self.end + OUTSIDE))  # not-a-number too
+        outside = ~((t >= -TIME_ROUNDING) & (t <= self.end + TIME_ROUNDING))  # not-a-number too
         if outside.any():
             words = "give times in seconds since stance began"
             raise UsageError(f"t = {t[outside][0]:g} s is outside the hop, 0 to {self.end:.6g} s: {words}")

@@ -9,9 +9,9 @@ from hopopt.nlp.refinement.next_mesh import Aims
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.objectives.objective import HEIGHTS
+from hopopt.ocp.objectives.objective import HEIGHT_FIGURES
 from hopopt.optimality.minimum_principle.free_switches import Resolved
-from hopopt.planner.attempts import MARGIN, REFINEMENT, Attempt, Trial, tried_again
+from hopopt.planner.attempts import EXCESS_MARGIN, REFINEMENT, Attempt, AttemptOutcome, tried_again
 from hopopt.planner.checks.judge import judge
 from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.motion import Motion
@@ -47,9 +47,9 @@ class Answer:
         return self.verdict.verified
 
     @property
-    def trial(self) -> Trial:
+    def trial(self) -> AttemptOutcome:
         """What attempts look at."""
-        return Trial(self.verified, self.verdict.certified, self.refined.ended, self.objective_value)
+        return AttemptOutcome(self.verified, self.verdict.certified, self.refined.ended, self.objective_value)
 
     @property
     def objective_value(self) -> float:
@@ -80,7 +80,7 @@ def refine_and_verify(
     first: Transcription | None = None,
     restarts: bool = True,
     clock: Stopwatch | None = None,
-    margin: float = MARGIN,
+    margin: float = EXCESS_MARGIN,
     until: Deadline = NEVER,
     calmed: NlpSolution | None = None,
 ) -> Answer:
@@ -120,7 +120,7 @@ def summed_up(answer: Answer, outcomes: Sequence[StartOutcome], outcome: StartOu
 def stated_figure(hop: Hop, solution: NlpSolution) -> dict[str, float]:
     """Name and value [its unit] of what was optimised, without the tie-break, where no table of the plan tells it."""
     goal = hop.objective
-    if goal.figure in HEIGHTS:
+    if goal.figure in HEIGHT_FIGURES:
         return {}
     return {goal.figure: solution.value}
 
@@ -131,7 +131,7 @@ def refine_outcome(
     say: Progress,
     first: Transcription | None = None,
     restarts: bool = True,
-    margin: float = MARGIN,
+    margin: float = EXCESS_MARGIN,
     until: Deadline = NEVER,
     calmed: NlpSolution | None = None,
 ) -> Refinement:
@@ -160,7 +160,13 @@ def aims_of(hop: Hop, until: Deadline = NEVER) -> Aims:
     s = hop.design.solver
     meshes = s.max_refinements if s.refine else 0
     return Aims(
-        s.tolerance, s.objective_tolerance, MARGIN * LIMIT, s.price_tolerance, meshes, s.max_iterations, until=until
+        s.tolerance,
+        s.objective_tolerance,
+        EXCESS_MARGIN * LIMIT,
+        s.price_tolerance,
+        meshes,
+        s.max_iterations,
+        until=until,
     )
 
 

@@ -10,7 +10,7 @@ from hopopt.leg.scales import Scale, reserve_of
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 
-SMOOTH = 1e-4  # [m/s] on the paper's leg, tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
+TRACKED_TIE_BREAK = 1e-4  # [m/s] on the paper's leg, tie-break of a plan to track: torques that quiver where it hardly matters are hard to follow
 
 
 def plan_to_track(design: Design, say: Callable[[str], None]) -> Solution:
@@ -33,7 +33,7 @@ def reserved(design: Design) -> Design:
         joint["upper"] = min(joint["upper"], max(joint["upper"] - r.angle, float(angle) + 1e-6))
         _hold_back(joint, r, passed)
     _hold_back(data["leg"], r, passed)
-    data["solver"]["tie_break"] = max(design.solver.tie_break, SMOOTH * Scale.of(design.leg).time)
+    data["solver"]["tie_break"] = max(design.solver.tie_break, TRACKED_TIE_BREAK * Scale.of(design.leg).time)
     remedy = "hold less back, or leave out the strategies that track a plan"
     return as_changed(data, "[reserve] leaves", remedy)
 

@@ -18,12 +18,12 @@ from hopopt.nlp.trajectory import FromTrajectory, PhaseTrajectory
 from hopopt.nlp.transcription import Guess, Transcription
 from hopopt.ocp.guesses.initial_guess import make_guess, starts_of
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.hops.several_hops import PHASES, JointState, in_words, numbered, several_hops
+from hopopt.ocp.hops.several_hops import HOP_PHASES, JointState, in_words, numbered, several_hops
 from hopopt.ocp.objectives.tie_break import EFFORT
 from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.violations import violations
-from hopopt.planner.attempts import SEVERAL_HOPS, Attempt, Trial, tried_again
+from hopopt.planner.attempts import SEVERAL_HOPS, Attempt, AttemptOutcome, tried_again
 from hopopt.planner.checks.judge import numerical_checks
 from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.motion import Motion
@@ -32,8 +32,8 @@ from hopopt.planner.search.multistart import infeasibility
 from hopopt.planner.solution import Solution
 from hopopt.verify.hops.several_hops import several_hops_checks
 
-PUSHES = 2  # first pushes from rest that are tried as a guess
-ITERATIONS = 600  # of Ipopt on the first mesh: programs that are solved take fewer
+FIRST_PUSHES = 2  # first pushes from rest that are tried as a guess
+FIRST_MESH_ITERATIONS = 600  # of Ipopt on the first mesh: programs that are solved take fewer
 
 
 @dataclass(frozen=True)
@@ -88,10 +88,10 @@ def plan_hops(
     hop, s, count = Hop(design), design.solver, len(clearances)
     first, last = at_rest(design) if begin is None else state_of(begin), state_of(orbit)
     problem = several_hops(hop, first, last, clearances)
-    intervals = dict(zip(PHASES, (s.stance_intervals, s.flight_intervals, s.flight_intervals), strict=True))
-    mesh = {numbered(phase, k): uniform(intervals[phase]) for k in range(1, count + 1) for phase in PHASES}
+    intervals = dict(zip(HOP_PHASES, (s.stance_intervals, s.flight_intervals, s.flight_intervals), strict=True))
+    mesh = {numbered(phase, k): uniform(intervals[phase]) for k in range(1, count + 1) for phase in HOP_PHASES}
     program = Transcription(problem, scheme(s.scheme, s.degree), mesh)
-    solver = NlpSolver(program, {"ipopt.max_iter": min(s.max_iterations, ITERATIONS)}, until=until)
+    solver = NlpSolver(program, {"ipopt.max_iter": min(s.max_iterations, FIRST_MESH_ITERATIONS)}, until=until)
     words, tried = in_words(count), list[NlpSolution]()
     for guess in _guesses(design, begin, orbit, count):
         if tried and until.passed:
@@ -115,12 +115,12 @@ def _guesses(
 ) -> list[dict[str, FromTrajectory | Guess]]:
     """Every hop as that of the orbit; the first as that of the orbit where all begins, or with a push from rest."""
     every: dict[str, FromTrajectory | Guess] = {
-        numbered(phase, k): FromTrajectory(orbit.phases[phase]) for k in range(1, count + 1) for phase in PHASES
+        numbered(phase, k): FromTrajectory(orbit.phases[phase]) for k in range(1, count + 1) for phase in HOP_PHASES
     }
     if begin is not None:
-        return [every | {numbered(phase, 1): FromTrajectory(begin.phases[phase]) for phase in PHASES}, every]
+        return [every | {numbered(phase, 1): FromTrajectory(begin.phases[phase]) for phase in HOP_PHASES}, every]
     single = Hop(design.of_kind("single"))
-    pushes = starts_of(single, PUSHES)
+    pushes = starts_of(single, FIRST_PUSHES)
     return [every | {numbered(STANCE, 1): make_guess(single, start)[STANCE]} for start in pushes]
 
 
@@ -138,8 +138,8 @@ def _refined(
     def again(attempt: Attempt, closer: Hop) -> HopsPlan:
         return _judged(closer, refinement.further(aims_of(closer, until)), count, begin, end)
 
-    def seen(plan: HopsPlan) -> Trial:
-        return Trial(plan.verdict.verified, plan.verdict.certified, refinement.ended, plan.effort)
+    def seen(plan: HopsPlan) -> AttemptOutcome:
+        return AttemptOutcome(plan.verdict.verified, plan.verdict.certified, refinement.ended, plan.effort)
 
     plan = _judged(hop, refinement, count, begin, end)
     return tried_again(hop, plan, SEVERAL_HOPS, again, seen, say, until)[1]
@@ -159,4 +159,4 @@ def _judged(hop: Hop, refinement: Refinement, count: int, begin: JointState, end
 
 def _phases_of(phases: Mapping[str, PhaseTrajectory], hop: int) -> dict[str, PhaseTrajectory]:
     """The phases of one hop, by their usual names."""
-    return {phase: phases[numbered(phase, hop)] for phase in PHASES}
+    return {phase: phases[numbered(phase, hop)] for phase in HOP_PHASES}

@@ -22,7 +22,7 @@ from hopopt.ocp.problem import Problem
 from hopopt.ocp.rules import added_rules
 from hopopt.optimality.minimum_principle.free_switches import Resolved
 from hopopt.planner.answer.extras import Functions
-from hopopt.planner.answer.program_figures import Source, figures
+from hopopt.planner.answer.program_figures import FigureSource, figures
 from hopopt.planner.answer.starts import start_figures
 from hopopt.planner.answer.summary import VERSION, Summary
 from hopopt.planner.checks.verdict import Multipliers, Verdict
@@ -107,7 +107,7 @@ def summarize(
     summary = Summary(
         version=VERSION,
         functions=Functions(goal.name if goal.custom else None, names, rules=hop.added_rules),
-        **figures(Source(hop, plan, solution, verdict)),
+        **figures(FigureSource(hop, plan, solution, verdict)),
         mesh=tuple(refinement.history),
         refinement_ended=refinement.ended,
         starts=start_figures(outcomes, chosen),

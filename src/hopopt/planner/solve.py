@@ -20,7 +20,7 @@ from hopopt.planner.answer.limit_names import flat_words
 from hopopt.planner.answer.notes import flat_directions, notes_on, saddle_note, second_order
 from hopopt.planner.answer.starts import start_figures
 from hopopt.planner.answer.summary import LATE
-from hopopt.planner.attempts import HOP, Attempt, Trial, tried_again, with_tighter_tolerances
+from hopopt.planner.attempts import HOP, Attempt, AttemptOutcome, tried_again, with_tighter_tolerances
 from hopopt.planner.checks.cross_check import cross_check_entries
 from hopopt.planner.checks.global_verdict import NOTHING, alarm_note, global_figures
 from hopopt.planner.refine_and_verify import (
@@ -200,7 +200,7 @@ def solve_from(
 
 def best_of(goal: HopObjective, finished: Sequence[Solution]) -> Solution:
     """The best of the verified solutions, or of all if none is."""
-    return max(finished, key=lambda s: (s.verified, goal.merit(s.summary.objective_value)))
+    return max(finished, key=lambda s: (s.verified, goal.signed_value(s.summary.objective_value)))
 
 
 def settled(
@@ -210,20 +210,20 @@ def settled(
     """The best hop with its problem, and a better one that is not verified, if any, after those that claim more than the
     best of the verified were solved again."""
 
-    def merit(s: Solution) -> float:
-        return hop.objective.merit(s.summary.objective_value)
+    def signed_value(s: Solution) -> float:
+        return hop.objective.signed_value(s.summary.objective_value)
 
     chosen, best, better = hop, best_of(hop.objective, finished), None
-    for doubtful in sorted((s for s in finished if not s.verified), key=merit, reverse=True):
-        if until.passed or (best.verified and merit(doubtful) <= merit(best)):
+    for doubtful in sorted((s for s in finished if not s.verified), key=signed_value, reverse=True):
+        if until.passed or (best.verified and signed_value(doubtful) <= signed_value(best)):
             break
         where, again = once_more(hop, doubtful, outcomes, say, clock, until)
-        if again.verified and (not best.verified or merit(again) > merit(best)):
+        if again.verified and (not best.verified or signed_value(again) > signed_value(best)):
             chosen, best = where, again
         elif not again.verified:
             nearer = min(again, doubtful, key=lambda s: len(s.summary.failed_checks))  # it may have run out of time
             best, better = nearer if doubtful is best else best, better or nearer
-    return chosen, best, better if best.verified and better and merit(better) > merit(best) else None
+    return chosen, best, better if best.verified and better and signed_value(better) > signed_value(best) else None
 
 
 def once_more(
@@ -241,9 +241,9 @@ def once_more(
     return tried_again(hop, doubtful, HOP, again, trial_of, say, until)
 
 
-def trial_of(s: Solution) -> Trial:
+def trial_of(s: Solution) -> AttemptOutcome:
     """What attempts look at of a solution."""
-    return Trial(s.verified, s.summary.certified, s.summary.refinement_ended, s.summary.objective_value)
+    return AttemptOutcome(s.verified, s.summary.certified, s.summary.refinement_ended, s.summary.objective_value)
 
 
 def _chosen(found: Solution, outcomes: Sequence[StartOutcome]) -> int:

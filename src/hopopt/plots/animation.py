@@ -17,10 +17,10 @@ from hopopt.report.motion import ShownHop
 from hopopt.report.page import COLORS
 from hopopt.storage.folder import reason_of
 
-RATE = 25  # pictures per second
+PICTURE_RATE = 25  # pictures per second
 HOLD = 1.0  # [s] that the last picture stands before it begins anew
 SIZE, DPI = (6.4, 5.2), 80  # [in], pixels to the inch: small enough to mail
-HEIGHT = 420  # pixels of the SVG
+PICTURE_HEIGHT = 420  # pixels of the SVG
 SUFFIXES = (".gif", ".mp4", ".svg")
 
 
@@ -64,15 +64,15 @@ def _write(hops: Sequence[ShownHop], title: str, work: Path, slower: float) -> N
     if work.suffix == ".svg":
         work.write_text(moving_svg(hops, title, slower), encoding="utf-8")
         return
-    writer = PillowWriter(fps=RATE) if work.suffix == ".gif" else FFMpegWriter(fps=RATE)
+    writer = PillowWriter(fps=PICTURE_RATE) if work.suffix == ".gif" else FFMpegWriter(fps=PICTURE_RATE)
     _drawn(hops, title, slower).save(work, writer=writer, dpi=DPI)
 
 
 def instants(hops: Sequence[ShownHop], slower: float) -> np.ndarray:
     """Times [s] of the pictures: even until the last hop ends, which then stands still for ``HOLD``."""
     end = max(float(h.t[-1]) for h in hops)
-    moving = np.linspace(0.0, end, max(2, round(end * slower * RATE)))
-    return np.append(moving, np.full(round(HOLD * RATE), end))
+    moving = np.linspace(0.0, end, max(2, round(end * slower * PICTURE_RATE)))
+    return np.append(moving, np.full(round(HOLD * PICTURE_RATE), end))
 
 
 def poses(hop: ShownHop, times: np.ndarray) -> np.ndarray:
@@ -114,31 +114,31 @@ def _drawn(hops: Sequence[ShownHop], title: str, slower: float) -> FuncAnimation
         clock.set_text(f"{times[k]:.3f} s")
         return [clock]
 
-    return FuncAnimation(figure, draw, frames=len(times), interval=1000 / RATE)
+    return FuncAnimation(figure, draw, frames=len(times), interval=1000 / PICTURE_RATE)
 
 
 def moving_svg(hops: Sequence[ShownHop], title: str, slower: float) -> str:
     """An SVG without a script: its legs move by SMIL, in a browser or a page that shows the file as a picture."""
     (x, y), times = _bounds(hops), instants(hops, slower)
-    width = round(LEFT + RIGHT + (x[1] - x[0]) * (HEIGHT - 56) / (y[1] - y[0]))
-    chart, last = Chart(x, y, width, HEIGHT, "along [m]", "height [m]"), len(times) / RATE
+    width = round(LEFT + RIGHT + (x[1] - x[0]) * (PICTURE_HEIGHT - 56) / (y[1] - y[0]))
+    chart, last = Chart(x, y, width, PICTURE_HEIGHT, "along [m]", "height [m]"), len(times) / PICTURE_RATE
     left, right, _, bottom = chart.frame
     timing = f'dur="{last:.2f}s" repeatCount="indefinite"'
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {HEIGHT + 22 * len(hops)}" width="{width}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {PICTURE_HEIGHT + 22 * len(hops)}" width="{width}" '
         f'font-family="sans-serif" font-size="13" role="img"><title>{escape(title)}</title>',
         '<rect width="100%" height="100%" fill="#fff"/>',
         *(f'<text x="{at:.1f}" y="{bottom + 16}" text-anchor="middle">{text}</text>' for at, text in chart.ticks("x")),
         *(f'<text x="{left - 6}" y="{at + 4:.1f}" text-anchor="end">{text}</text>' for at, text in chart.ticks("y")),
-        f'<text x="{(left + right) / 2}" y="{HEIGHT - 8}" text-anchor="middle">{chart.x_label}</text>',
-        f'<text transform="rotate(-90)" x="{-HEIGHT / 2}" y="14" text-anchor="middle">{chart.y_label}</text>',
+        f'<text x="{(left + right) / 2}" y="{PICTURE_HEIGHT - 8}" text-anchor="middle">{chart.x_label}</text>',
+        f'<text transform="rotate(-90)" x="{-PICTURE_HEIGHT / 2}" y="14" text-anchor="middle">{chart.y_label}</text>',
         f'<path d="M{left} {chart.y_zero:.1f}H{right}" stroke="{GREY}" stroke-width="3"/>',
     ]
     for k, (hop, color) in enumerate(zip(hops, COLORS, strict=False)):
         shown = [chart.line(*chain.T) for chain in poses(hop, times)]
         cx, cy = zip(*(text.partition(" ")[0].split(",") for text in shown), strict=True)
         places = (f'<animate attributeName="c{n}" values="{";".join(v)}" {timing}/>' for n, v in (("x", cx), ("y", cy)))
-        row = HEIGHT + 22 * k + 10
+        row = PICTURE_HEIGHT + 22 * k + 10
         lines += [
             f'<polyline points="{chart.line(*hop.chain[:, -1].T)}" fill="none" stroke="{color}" opacity=".5"/>',
             f'<polyline points="{shown[0]}" fill="none" stroke="{color}" stroke-width="6" stroke-linejoin="round">'

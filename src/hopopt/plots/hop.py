@@ -22,6 +22,7 @@ from hopopt.plots.style import (
     BLACK,
     COLOR,
     DPI,
+    FIGURE_SIZE,
     GREEN,
     GREY,
     JOINT_COLORS,
@@ -29,7 +30,6 @@ from hopopt.plots.style import (
     LIMIT,
     NORMALISED_TIMES,
     PALE,
-    SIZE,
     TEXT,
     PhaseSamples,
     by_phase,
@@ -96,7 +96,7 @@ def _annotate_height(ax: Axes, solution: Solution) -> None:
 def joints(solution: Solution) -> Figure:
     """Angle [rad], speed [rad/s] and torque [N m] of every joint over time [s], with what they may be."""
     names, motion = solution.robot.joints, motion_of(solution)
-    figure = solution_figure(solution, "joint angles, speeds and torques", (max(SIZE[0], 3.4 * len(names)), 7.2))
+    figure = solution_figure(solution, "joint angles, speeds and torques", (max(FIGURE_SIZE[0], 3.4 * len(names)), 7.2))
     grid = figure.subplots(3, len(names), squeeze=False, sharex=True)
     for k, name in enumerate(names):
         _angle(grid[0, k], solution, motion, k)
@@ -139,7 +139,9 @@ def operating_region(solution: Solution) -> Figure:
     names, motion = solution.robot.joints, motion_of(solution)
     columns = min(len(names), 4)
     rows = math.ceil(len(names) / columns)
-    figure = solution_figure(solution, "operating regions", (max(SIZE[0], 3.8 * columns), max(SIZE[1], 4.2 * rows)))
+    figure = solution_figure(
+        solution, "operating regions", (max(FIGURE_SIZE[0], 3.8 * columns), max(FIGURE_SIZE[1], 4.2 * rows))
+    )
     for k, name in enumerate(names):
         ax = figure.add_subplot(rows, columns, k + 1)
         ax.fill(*solution.region(name).corners().T, fc=PALE, ec=GREY, lw=1.2, label="what the drive can give")

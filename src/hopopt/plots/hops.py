@@ -12,7 +12,7 @@ from hopopt.leg.robot import BASE
 from hopopt.plots.controllers.ladder import staircase
 from hopopt.plots.controllers.runs_style import looks
 from hopopt.plots.hop import save_figures
-from hopopt.plots.style import BLACK, GREEN, GREY, PALE, SIZE, SMALL, called_after, describe, legend, new_figure
+from hopopt.plots.style import BLACK, FIGURE_SIZE, GREEN, GREY, PALE, SMALL, called_after, describe, legend, new_figure
 
 MOST_ORBITS = 5  # orbits in a figure; with more it cannot be read
 
@@ -37,7 +37,9 @@ def orbit(found: HopsComparison) -> Figure:
     """Speed [rad/s] over angle [rad] of every joint: the optimum's cycle, and the hop on which each strategy settles."""
     runs = dict(list(found.shown.items())[:MOST_ORBITS])
     joints = found.solution.robot.joints
-    figure = new_figure(f"{called_after(found.solution.design)}: the cycle of every joint", (SIZE[0], SIZE[1]))
+    figure = new_figure(
+        f"{called_after(found.solution.design)}: the cycle of every joint", (FIGURE_SIZE[0], FIGURE_SIZE[1])
+    )
     look = looks(found.shown)
     for k, ax in enumerate(figure.subplots(1, len(joints), squeeze=False)[0]):
         for name, run in runs.items():
@@ -56,7 +58,9 @@ def orbit(found: HopsComparison) -> Figure:
 def basin(found: HopsComparison) -> Figure:
     """From where at its apex each strategy comes back to its orbit: higher [m] and faster forward [m/s]."""
     maps = found.basins
-    figure = new_figure(f"{called_after(found.solution.design)}: starts from which the orbit is reached again", SIZE)
+    figure = new_figure(
+        f"{called_after(found.solution.design)}: starts from which the orbit is reached again", FIGURE_SIZE
+    )
     for ax, (name, area) in zip(
         figure.subplots(1, len(maps), squeeze=False, sharey=True)[0], maps.items(), strict=True
     ):

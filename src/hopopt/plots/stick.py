@@ -13,9 +13,9 @@ from hopopt.planner.solution import Solution
 from hopopt.plots.style import (
     BLACK,
     COLOR,
+    FIGURE_SIZE,
     GREEN,
     GREY,
-    SIZE,
     TEXT,
     describe,
     headline,
@@ -76,8 +76,8 @@ class _HopPoses:
         left, right = np.minimum(left, body - margin), np.maximum(right, body + margin)
         widths = right - left + 0.1 * self.reach
         widths[self.apex] += 0.8 * self.reach  # the height stands to the right of the apex
-        count = max(1, round(math.sqrt(widths.sum() / self.height * SIZE[1] / SIZE[0])))
-        room = max(widths.sum() / count, WIDE * count * self.height * SIZE[0] / SIZE[1])  # of a row
+        count = max(1, round(math.sqrt(widths.sum() / self.height * FIGURE_SIZE[1] / FIGURE_SIZE[0])))
+        room = max(widths.sum() / count, WIDE * count * self.height * FIGURE_SIZE[0] / FIGURE_SIZE[1])  # of a row
         widths = np.maximum(widths, LABEL * room)
         widths[self.apex] = max(widths[self.apex], right[self.apex] - left[self.apex] + CAPTION * room)
         spread = max(room * count - widths.sum(), 0.0) / len(widths)  # where poses would not fill the row

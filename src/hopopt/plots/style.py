@@ -20,7 +20,7 @@ from hopopt.planner.motion import Samples
 from hopopt.planner.solution import Solution
 
 DPI = 150  # 1650 pixels across
-SIZE = (11.0, 6.2)  # [in], the shape of a slide
+FIGURE_SIZE = (11.0, 6.2)  # [in], the shape of a slide
 NORMALISED_TIMES = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # of every interval: close to both ends, across none
 JUMP, AT_ONCE = 0.02, 1e-3  # a jump changes more than this share of the range within this share of the time
 
@@ -44,7 +44,7 @@ class Picture(Figure):
         return buffer.getvalue()
 
 
-def new_figure(title: str, size: tuple[float, float] = SIZE) -> Picture:
+def new_figure(title: str, size: tuple[float, float] = FIGURE_SIZE) -> Picture:
     """An empty figure of a size [in] with its title."""
     figure = Picture(figsize=size, dpi=DPI, layout="constrained")
     figure.suptitle(textwrap.fill(title, int(8 * size[0])), fontsize=TITLE)
@@ -56,7 +56,7 @@ def called_after(design: Design) -> str:
     return design.title or design.name
 
 
-def solution_figure(solution: Solution, title: str, size: tuple[float, float] = SIZE) -> Picture:
+def solution_figure(solution: Solution, title: str, size: tuple[float, float] = FIGURE_SIZE) -> Picture:
     """An empty figure that says which problem it shows, and whether its checks failed."""
     warning = "" if solution.verified else " (NOT verified)"
     return new_figure(f"{called_after(solution.design)}: {title}{warning}", size)

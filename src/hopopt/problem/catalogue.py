@@ -16,9 +16,9 @@ from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import did_you_mean, is_number
 from hopopt.problem.render import shown
 
-PARTS = ("motor", "gear")
+CATALOGUE_PARTS = ("motor", "gear")
 MASSES = (1e-3, 100.0)  # kg: what a motor or gear may weigh
-KEPT = ("laws",)  # how a motor is modelled is the problem's choice and outlives a change of motor
+KEPT_ENTRIES = ("laws",)  # how a motor is modelled is the problem's choice and outlives a change of motor
 MARKED = re.compile(r"^([a-z_]+) = .*?\[([SDU])\]", re.MULTILINE | re.DOTALL)  # an entry and the mark that follows it
 MARKS = {"S": "public source", "D": "derived from a public source", "U": "unverified"}
 
@@ -63,7 +63,7 @@ def names(part: str) -> list[str]:
 
 def named(layer: Mapping[str, Any]) -> bool:
     """Whether a layer of a problem names a motor or a gear."""
-    return any(_name(table.get(part)) is not None for _, table in _holders(layer) for part in PARTS)
+    return any(_name(table.get(part)) is not None for _, table in _holders(layer) for part in CATALOGUE_PARTS)
 
 
 def with_numbers(layer: Mapping[str, Any], base: Mapping[str, Any], label: str, report: Report) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def with_numbers(layer: Mapping[str, Any], base: Mapping[str, Any], label: str, 
     before, result = dict(_holders(base)), dict(layer)
     for path, table in _holders(layer):
         found = {}
-        for part in PARTS:
+        for part in CATALOGUE_PARTS:
             name = _name(table.get(part))
             if name is None:
                 continue
@@ -83,7 +83,7 @@ def with_numbers(layer: Mapping[str, Any], base: Mapping[str, Any], label: str, 
                 _report(f"leg.{path}{part}", name, part, table, label, report)
                 continue
             old, own = before.get(path, {}).get(part), table[part] if isinstance(table[part], Mapping) else {}
-            gone = dict.fromkeys(set(old) - set(KEPT)) if isinstance(old, Mapping) else {}
+            gone = dict.fromkeys(set(old) - set(KEPT_ENTRIES)) if isinstance(old, Mapping) else {}
             stated = {key: value for key, value in own.items() if key != "model"}
             found[part] = {**gone, **catalogue()[name].parts[part], "catalogue": name, **stated}
         if found and path:
@@ -96,7 +96,7 @@ def with_numbers(layer: Mapping[str, Any], base: Mapping[str, Any], label: str, 
 def _entry(path: Path) -> Entry:
     text = path.read_text(encoding="utf-8")
     data = tomllib.loads(text)
-    parts = {part: dict(data[part]) for part in PARTS if part in data}
+    parts = {part: dict(data[part]) for part in CATALOGUE_PARTS if part in data}
     masses = {part: _mass(path, part, table.pop("mass")) for part, table in parts.items() if "mass" in table}
     tables = re.split(r"^\[(motor|gear)\]$", text, flags=re.MULTILINE)[1:]
     marks = {part: dict(MARKED.findall(table)) for part, table in zip(tables[::2], tables[1::2], strict=True)}
@@ -112,7 +112,7 @@ def _mass(path: Path, part: str, given: Any) -> float:
     return float(given)
 
 
-OWN = {  # how a part that is not in the catalogue is given
+HOW_TO_GIVE_OWN = {  # how a part that is not in the catalogue is given
     "motor": "for another write [leg.motor] with max_torque, max_speed and rotor_inertia in front of its gear (docs/actuators.md)",
     "gear": "for another write [leg.gear] with its ratio (docs/actuators.md)",
 }
@@ -124,7 +124,7 @@ def _holders(layer: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]
     if isinstance(leg, Mapping):
         yield "", leg
         for key, table in leg.items():
-            if isinstance(table, Mapping) and key not in PARTS:
+            if isinstance(table, Mapping) and key not in CATALOGUE_PARTS:
                 yield f"{key}.", table
 
 
@@ -140,6 +140,7 @@ def _report(path: str, name: Any, part: str, table: Mapping[str, Any], label: st
     report.origins[path] = label
     close = did_you_mean(name, names(part)) if isinstance(name, str) else ""
     report.add(
-        path, f"= {shown(name)} is not in the catalogue{close}: its {part}s are {', '.join(names(part))}; {OWN[part]}"
+        path,
+        f"= {shown(name)} is not in the catalogue{close}: its {part}s are {', '.join(names(part))}; {HOW_TO_GIVE_OWN[part]}",
     )
     report.unreadable = True

@@ -8,18 +8,18 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hopopt.design import Design, Leg
-from hopopt.problem.catalogue import PARTS, names
+from hopopt.problem.catalogue import CATALOGUE_PARTS, names
 from hopopt.problem.checking.entries import raw_schema
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
-OWN = ("unit", "physical", "allowed", "title", "default", "description")  # keywords that are written anew
+WRITTEN_ANEW = ("unit", "physical", "allowed", "title", "default", "description")  # keywords that are written anew
 EXTENDS = "a built-in problem, or a file in the same folder, whose entries count where this file has none"
 URDF_ENTRIES = {
     "urdf": "robot description that the leg is read from: beside this file or below, or example-robot-data/...",
     "foot_frame": "link of the URDF whose origin touches the ground",
 }
 LOCKED = "joints of the URDF that do not move, each at its angle [rad]"
-TABLE = "a joint or a link of the leg, by its name"
+NAMED_PART = "a joint or a link of the leg, by its name"
 Schema = dict[str, Any]
 
 
@@ -29,7 +29,7 @@ def problem_schema() -> Schema:
     tables: dict[str, Schema] = found["definitions"]
     for table in (found, *tables.values()):
         table.pop("required", None)
-    for part in PARTS:
+    for part in CATALOGUE_PARTS:
         for table in (part.capitalize(), f"{part.capitalize()}Overrides"):
             tables[table]["properties"]["model"] = _catalogue(part)
     _open(tables["Leg"])
@@ -58,7 +58,7 @@ def _keywords(value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield words.get(key, key), {name: _plain(schema) for name, schema in inner.items()}
         elif key == "$ref":
             yield key, inner.replace("#/$defs/", "#/definitions/")
-        elif key not in OWN:
+        elif key not in WRITTEN_ANEW:
             yield words.get(key, key), _plain(inner)
 
 
@@ -69,7 +69,7 @@ def _catalogue(part: str) -> Schema:
 def _named_parts(tables: dict[str, Schema]) -> None:
     """``motor = "name"`` in place of a table."""
     for owner in ("Leg", "Joint"):
-        for part in PARTS:
+        for part in CATALOGUE_PARTS:
             table = tables[owner]["properties"][part]
             tables[owner]["properties"][part] = {"anyOf": [_catalogue(part), {"$ref": table["$ref"]}]}
 
@@ -83,7 +83,7 @@ def _open(leg: Schema) -> None:
         "type": "object", "additionalProperties": {"type": "number"}, "description": LOCKED,
     }  # fmt: skip
     either = [{"$ref": "#/definitions/Joint"}, {"$ref": "#/definitions/Link"}]
-    leg["additionalProperties"] = {"anyOf": either, "description": TABLE}
+    leg["additionalProperties"] = {"anyOf": either, "description": NAMED_PART}
 
 
 def _complete() -> Schema:

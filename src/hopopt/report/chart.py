@@ -7,7 +7,7 @@ from math import ceil, floor, log10
 import numpy as np
 
 LEFT, RIGHT, TOP, BOTTOM = 68, 12, 12, 44  # pixels beside the axes
-ROUND = (1, 2, 5, 10)
+ROUND_STEPS = (1, 2, 5, 10)
 ROOM = 48, 20  # pixels between two ticks of x and of y
 
 
@@ -72,7 +72,7 @@ class Chart:
 def round_numbers(low: float, high: float, most: int = 6) -> list[float]:
     """At most so many multiples of 1, 2 or 5 times a power of ten within a range."""
     power = 10.0 ** floor(log10((high - low) / most))
-    step = next(power * digit for digit in (*ROUND, 20, 50) if (high - low) / (power * digit) <= most - 1)
+    step = next(power * digit for digit in (*ROUND_STEPS, 20, 50) if (high - low) / (power * digit) <= most - 1)
     return [round(k * step, 12) for k in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
 
 

@@ -12,8 +12,8 @@ from hopopt.report.html import render
 from hopopt.storage.runs import read_data
 
 COLORS = ("#0072B2", "#D55E00", "#009E73")  # of who tracks and of PD strategies, in turn
-WAYS = {"reserve": "a reserve tuned on them", "program": "one program for several legs"}  # how a plan is found
-UNITS = {"k_p": "N m/rad", "k_d": "N m s/rad"}  # of its feedback
+PLAN_WAYS = {"reserve": "a reserve tuned on them", "program": "one program for several legs"}  # how a plan is found
+GAIN_UNITS = {"k_p": "N m/rad", "k_d": "N m s/rad"}  # of its feedback
 WIDTH, ROW = 640, 64  # pixels: of the figure, and of each kind of control in it
 
 
@@ -52,7 +52,7 @@ def robust_page(folder: Path) -> str:
         "robust.html", design, of="robust hop", kind=_kind(design.name, data), answer=answer(data), provenance=found,
         data=data, share=f"{100 * data['share']:g} %", chart=chart,
         legs=_legs(chart, data, drawn) if chart else [],
-        way=WAYS[data["way"]], units=UNITS, uncertain={k: v for k, v in design.uncertainty.model_dump().items() if v},
+        way=PLAN_WAYS[data["way"]], units=GAIN_UNITS, uncertain={k: v for k, v in design.uncertainty.model_dump().items() if v},
     )  # fmt: skip
 
 

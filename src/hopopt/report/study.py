@@ -21,7 +21,7 @@ from hopopt.studies.sweep.store import FILES, load_points, read_definition
 
 MARKS = {NOT_VERIFIED: "×", NOT_SOLVED: "✕", IMPOSSIBLE: "+", ENDED: "!"}  # of points without a verified hop
 LISTED, DRAWN, TITLED = 500, 5000, 1000  # points in the table, marks in figures, marks with words: pages stay small
-WRITTEN = 60  # cells of a map that have room for their values
+MOST_WRITTEN_CELLS = 60  # cells of a map that have room for their values
 WIDTH, HEIGHT = 640, 400  # pixels of a figure with one chart
 NARROW = 420  # pixels of one of several charts
 STRIP = 0.2  # of the range of heights, below them: where marks of points without one stand
@@ -112,7 +112,9 @@ def _kind(study: Study) -> str:
 def _best_first(study: Study) -> list[Point]:
     """Verified points from the best to the last, then those without a hop in the study's order."""
     goal = find(study.definition.objective)
-    return sorted(study.points, key=lambda p: (not p.verified, -goal.merit(p.objective_value or 0.0) * p.verified))
+    return sorted(
+        study.points, key=lambda p: (not p.verified, -goal.signed_value(p.objective_value or 0.0) * p.verified)
+    )
 
 
 def _varied(study: Study) -> dict[str, str]:
@@ -228,7 +230,7 @@ def _map(study: Study, by_limit: Mapping[str, str]) -> dict[str, Any]:
     ranges = [(float(e[0]), float(e[-1])) for e in edges] or [_wide(x), _wide(y)]
     along, up = (entry_label(study.definition.design, axis.entry) for axis in (first, second))
     chart = Chart(ranges[0], ranges[1], WIDTH, HEIGHT, along, up, first.values, second.values)
-    written = len(points) <= WRITTEN
+    written = len(points) <= MOST_WRITTEN_CELLS
     marks = []
     for p, a, b in zip(points, x, y, strict=True):
         text = f"{value(study, p):#.4g}" if p.verified and written else ""

@@ -16,10 +16,10 @@ from scipy import linalg, optimize
 from hopopt.errors import ResultError
 from hopopt.robot_data.identification_rows import LogRows, Noise
 
-ROUNDS = 12  # of weighted least squares at most
+FIT_ROUNDS = 12  # of weighted least squares at most
 WEIGHED = 2  # rounds after which what the sensors' noise does to the rows is computed anew
 SETTLED = 0.02  # of a standard error by which the last round still changes a parameter
-SLIGHT = 0.01  # of a sensor's variance as first guessed that the fit leaves at least
+LEAST_VARIANCE = 0.01  # of a sensor's variance as first guessed that the fit leaves at least
 ENOUGH = 3  # rows for each parameter
 FEWEST_FREE = 4.0  # degrees of freedom of a variance at least
 MOST_LEVERAGE = 0.99  # of a row on its own residual that is corrected for
@@ -83,7 +83,7 @@ class Regression:
                 raise ResultError(NOT_THIS_LEG if number else TOO_LITTLE) from None
             number, theta = number + 1, fit.theta
             settled = np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(fit.covariance)))
-            if number == ROUNDS or (number > WEIGHED + 1 and settled):
+            if number == FIT_ROUNDS or (number > WEIGHED + 1 and settled):
                 return fit
             self.variances = fit.variances
             if number == WEIGHED:
@@ -145,7 +145,7 @@ class Regression:
         loops = np.einsum("aij,bji->ab", inside, inside)
         information = between - 2 * crossed + loops
         factor, _ = optimize.nnls(information, shown)
-        least = np.array([SLIGHT * self.guessed[name] / self.variances[name] for name in names])
+        least = np.array([LEAST_VARIANCE * self.guessed[name] / self.variances[name] for name in names])
         sure = factor > least
         slopes = np.einsum("ij,ajk,ik->ia", half, inside[sure], half)
         spread = np.sum(slopes * (slopes @ linalg.pinvh(information[np.ix_(sure, sure)])), axis=1)

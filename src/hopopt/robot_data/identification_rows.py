@@ -41,7 +41,7 @@ from scipy import sparse
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
 from hopopt.robot_data.leg_momenta import LegMomenta
-from hopopt.robot_data.log_windows import WINDOW, LogSamples, samples_of, windows
+from hopopt.robot_data.log_windows import WINDOW_LENGTH, LogSamples, samples_of, windows
 from hopopt.robot_data.robot_log import RobotLog
 
 CLEAR_OF_STOPS = 0.01  # [rad] from an end stop that no window touches
@@ -256,7 +256,7 @@ def coarseness(s: LogSamples) -> np.ndarray:
     period = float(np.median(np.diff(s.t)))
     steps = np.array([step(x) for x in s.q.T])
     alike = steps / np.maximum(np.abs(s.v) * period, 1e-12)
-    return np.sqrt(np.clip(alike, 1.0, max(1.0, WINDOW / 2 / period)))
+    return np.sqrt(np.clip(alike, 1.0, max(1.0, WINDOW_LENGTH / 2 / period)))
 
 
 def step(x: np.ndarray) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 from hopopt.errors import MissingExtraError, ResultError
 
 NANO = 1e-9  # [s]
-LARGEST = 1 << 16  # bytes of a message with numbers of a leg
+LARGEST_MESSAGE = 1 << 16  # bytes of a message with numbers of a leg
 DEEPEST = 6  # of messages within messages
 WIDEST = 64  # numbers of a list that become columns
 STATE = (("position", "q_"), ("velocity", "v_"), ("effort", "tau_"))
@@ -138,7 +138,7 @@ def _messages(file: Path) -> Iterator[tuple[str, float, Row]]:
 
 def _decoded(factory: Any, schema: Any, channel: Any, message: Any) -> Any:
     """A message as an object with attributes or as a dictionary; None of another encoding, or of a large one."""
-    if len(message.data) > LARGEST:
+    if len(message.data) > LARGEST_MESSAGE:
         return None
     if channel.message_encoding == "json":
         return json.loads(message.data)

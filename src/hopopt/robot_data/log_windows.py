@@ -12,12 +12,12 @@ from scipy import sparse
 from hopopt.robot_data.robot_log import RobotLog
 from hopopt.sim.state import BOUNCE
 
-WINDOW = 0.03  # [s] of a window: long beside the encoders' noise, short beside a push
+WINDOW_LENGTH = 0.03  # [s] of a window: long beside the encoders' noise, short beside a push
 SPACING = 0.0075  # [s] between windows
-SHORTEST = 0.02  # [s] of a stretch that still holds a window
-EDGE = 0.003  # [s] next to a change of contact that no window touches
+SHORTEST_STRETCH = 0.02  # [s] of a stretch that still holds a window
+CONTACT_CHANGE_MARGIN = 0.003  # [s] next to a change of contact that no window touches
 MOVING = 0.5  # [rad/s] above which the sign of a speed is known
-NEAR = 0.002  # [s] on either side within which angles give a speed
+SPEED_HALF_WIDTH = 0.002  # [s] on either side within which angles give a speed
 FEWEST_NEAR = 5  # angles that give one
 
 
@@ -44,8 +44,8 @@ def samples_of(log: RobotLog) -> LogSamples:
     phase, blocks = np.full(k, -1), []
     for number, (a, b) in enumerate(pairwise([0, *(np.flatnonzero(np.diff(log.contact)) + 1), k])):
         blocks.append(slopes(t[a:b]))
-        settled = BOUNCE if log.contact[a] else EDGE  # a foot that has landed may bounce
-        inside = (t[a:b] >= t[a] + settled * bool(number)) & (t[a:b] <= t[b - 1] - EDGE * (b < k))
+        settled = BOUNCE if log.contact[a] else CONTACT_CHANGE_MARGIN  # a foot that has landed may bounce
+        inside = (t[a:b] >= t[a] + settled * bool(number)) & (t[a:b] <= t[b - 1] - CONTACT_CHANGE_MARGIN * (b < k))
         phase[a:b][inside] = number
     D = sparse.csr_array(sparse.block_diag(blocks))
     v = D @ log.q
@@ -56,14 +56,14 @@ def samples_of(log: RobotLog) -> LogSamples:
 
 def slopes(t: np.ndarray) -> sparse.csr_array:
     """The matrix that differentiates a signal at times t (k,) [s], (k, k) [1/s]: slopes of cubics through neighbours within
-    NEAR, at least five samples (Savitzky and Golay, 1964); nothing for fewer."""
+    SPEED_HALF_WIDTH, at least five samples (Savitzky and Golay, 1964); nothing for fewer."""
     k = len(t)
     if k < FEWEST_NEAR:
         return sparse.csr_array((k, k))
-    reach = min(max(2, round(NEAR / float(np.median(np.diff(t))))), (k - 1) // 2)
+    reach = min(max(2, round(SPEED_HALF_WIDTH / float(np.median(np.diff(t))))), (k - 1) // 2)
     columns = np.clip(np.arange(k) - reach, 0, k - 2 * reach - 1)[:, None] + np.arange(2 * reach + 1)
-    x = (t[columns] - t[:, None]) / NEAR
-    slope = np.linalg.pinv(np.stack([x**p for p in range(4)], axis=2))[:, 1] / NEAR
+    x = (t[columns] - t[:, None]) / SPEED_HALF_WIDTH
+    slope = np.linalg.pinv(np.stack([x**p for p in range(4)], axis=2))[:, 1] / SPEED_HALF_WIDTH
     rows = np.repeat(np.arange(k), 2 * reach + 1)
     return sparse.csr_array((slope.ravel(), (rows, columns.ravel())), shape=(k, k))
 
@@ -97,9 +97,9 @@ def windows(t: np.ndarray, stretch: np.ndarray) -> Windows:
     steps, count = np.gradient(t), 0
     for a, b in pairwise([0, *(np.flatnonzero(np.diff(stretch)) + 1), len(t)]):
         span = t[b - 1] - t[a]
-        if stretch[a] < 0 or span < SHORTEST:
+        if stretch[a] < 0 or span < SHORTEST_STRETCH:
             continue
-        half = 0.5 * min(WINDOW, span)
+        half = 0.5 * min(WINDOW_LENGTH, span)
         for middle in np.linspace(t[a] + half, t[b - 1] - half, 1 + int((span - 2 * half) / SPACING)):
             at = np.flatnonzero(np.abs(t[a:b] - middle) < half) + a
             x = (t[at] - middle) / half

@@ -18,7 +18,7 @@ from hopopt.leg.scales import weight
 from hopopt.robot_data.log_mcap import mcap_table
 from hopopt.sim.state import BOUNCE
 
-UNITS = {  # of a column by the beginning of its name: unit -> factor to SI
+COLUMN_UNITS = {  # of a column by the beginning of its name: unit -> factor to SI
     "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
     "q_": {"rad": 1.0, "deg": np.pi / 180},
     "v_": {"rad/s": 1.0, "deg/s": np.pi / 180, "rpm": np.pi / 30},
@@ -30,12 +30,12 @@ UNITS = {  # of a column by the beginning of its name: unit -> factor to SI
 PRESSED = 0.05  # of the weight: a foot with more vertical force stands
 SEPARATORS = ",;\t"  # of the cells of a table: the first of those that a header has most of
 FEWEST = 50  # rows of a log
-GAP = 3.0  # usual periods between two rows that follow each other
+LONGEST_PERIOD = 3.0  # usual periods between two rows that follow each other
 SLOWEST = 0.02  # [s] period of a log that shows a hop
 HUGE = 1e20  # in any unit: more than every sensor and clock gives
-BEYOND = 0.5  # [rad] by which no joint passes its limits
-RATE = 0.5  # correlation of a speed column with the rate of its angle, below which it is another's
-STILL = 0.5  # [rad/s] standard deviation below which a joint's rate says nothing
+MOST_BEYOND_LIMIT = 0.5  # [rad] by which no joint passes its limits
+RATE_CORRELATION = 0.5  # correlation of a speed column with the rate of its angle, below which it is another's
+STILL_SPREAD = 0.5  # [rad/s] standard deviation below which a joint's rate says nothing
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def _in_si(file: Path, table: Table, name: str, column: str) -> np.ndarray:
         raise ResultError(f"{file}: there is no column {column}{other}: name it so, or give its name in a --map file")
     unit, cells = table[column]
     units = next(
-        known for start, known in UNITS.items() if name == start or (start[-1] == "_" and name.startswith(start))
+        known for start, known in COLUMN_UNITS.items() if name == start or (start[-1] == "_" and name.startswith(start))
     )
     if unit and unit not in units:
         raise ResultError(f"{file}: {column} is in {unit!r}: {', '.join(u for u in units if u)} are known")
@@ -209,21 +209,23 @@ def _sensible(file: Path, design: Design, log: RobotLog) -> None:
         raise ResultError(
             f"{file}: rows are {usual:g} s apart, too few for a hop: is t in ms? write t [ms] in the header"
         )
-    if steps.max() > GAP * usual:
+    if steps.max() > LONGEST_PERIOD * usual:
         at = int(np.argmax(steps))
         raise ResultError(
             f"{file}: nothing was logged from {log.t[at]:.4f} to {log.t[at + 1]:.4f} s: cut the log there, or log again"
         )
     for k, joint in enumerate(design.leg.joints):
         limits, angle, speed = design.leg.joint[joint], log.q[:, k], log.v[:, k]
-        if max(float(limits.lower - angle.min()), float(angle.max() - limits.upper)) > BEYOND:
+        if max(float(limits.lower - angle.min()), float(angle.max() - limits.upper)) > MOST_BEYOND_LIMIT:
             raise ResultError(
                 f"{file}: q_{joint} runs from {angle.min():.2f} to {angle.max():.2f} rad, its limits are {limits.lower:g} and "
                 f"{limits.upper:g}: is it in degrees (write q_{joint} [deg]), another joint's, or counted from elsewhere?"
             )
         rate = np.gradient(angle, log.t)
         alike = np.mean((rate - rate.mean()) * (speed - speed.mean()))
-        if rate.std() > STILL and alike <= RATE * rate.std() * speed.std():  # a speed that never changes is none
+        if (
+            rate.std() > STILL_SPREAD and alike <= RATE_CORRELATION * rate.std() * speed.std()
+        ):  # a speed that never changes is none
             raise ResultError(
                 f"{file}: v_{joint} is not the rate of q_{joint}: are columns swapped, or is its sign the other way round?"
             )

@@ -12,9 +12,9 @@ from hopopt.leg.scales import Scale, friction_needed, weight
 from hopopt.sim.state import BOUNCE
 from hopopt.sim.trace import Trace
 
-LOADED = 0.1  # of the weight: a foot that carries less slips unseen, and for a moment only
+LOADED_WEIGHT = 0.1  # of the weight: a foot that carries less slips unseen, and for a moment only
 PULL = 1.0  # [N] on the paper's leg, by which the ground may have to pull: a foot is kept that its own sideways grip presses down
-SLACK = 1e-3  # rad or share by which a limit may be missed in a simulation, and m, s, m/s on the paper's leg
+SIMULATED_SLACK = 1e-3  # rad or share by which a limit may be missed in a simulation, and m, s, m/s on the paper's leg
 
 
 def past_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
@@ -26,7 +26,7 @@ def past_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
 
 def beyond_limits(design: Design, q_j: np.ndarray) -> np.ndarray:
     """Whether any joint is beyond its limits at joint angles q_j (k, n) [rad], (k,)."""
-    return np.any(past_limits(design, q_j) > SLACK, axis=1)
+    return np.any(past_limits(design, q_j) > SIMULATED_SLACK, axis=1)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class HopFigures:
     def cut_short(self) -> str:
         """When which joint came to its end stop, if the leg went higher after it, which does not count; else empty."""
         height = float(self.trace.lowest[self.flight][self._in_window & self._stopped].max(initial=0.0))
-        if height <= self.clearance + SLACK * self.scale.length:
+        if height <= self.clearance + SIMULATED_SLACK * self.scale.length:
             return ""
         k = self.flight.start + int(np.argmax(self._stopped))
         joint = self.design.leg.joints[int(np.argmax(past_limits(self.design, self.trace.q[k, BASE:])))]
@@ -105,13 +105,15 @@ class HopFigures:
         lift = self.lift_off
         if not self.flies:
             return f"the foot never leaves the ground ({self.trace.outcome})"
-        if lift["vertical_m_s"] <= SLACK * self.scale.time:
+        if lift["vertical_m_s"] <= SIMULATED_SLACK * self.scale.time:
             return f"the leg folds at {lift['time_s']:.3f} s without a push"
         if not self._in_window.any():
             return f"the foot is never within {self.design.hop.foot_window:g} m of the hip's plumb line in flight"
         if self.highest is None:
             return "a joint is at its end stop before the foot is in its window"
-        return "" if self.clearance > SLACK * self.scale.length else "the leg's lowest point stays on the ground"
+        return (
+            "" if self.clearance > SIMULATED_SLACK * self.scale.length else "the leg's lowest point stays on the ground"
+        )
 
     @property
     def clearance(self) -> float:
@@ -202,12 +204,12 @@ class HopFigures:
 
     @property
     def slip_ratio(self) -> float:
-        """Largest |f_x| / f_z in stance where at least LOADED of the weight presses on the foot: the friction
+        """Largest |f_x| / f_z in stance where at least LOADED_WEIGHT of the weight presses on the foot: the friction
         coefficient that the hop needs there; 0 if there is none."""
         f, heavy = self.trace.f[self.stance], weight(self.trace.robot.model)
         along, up = np.abs(f[:, 0]), f[:, 1]
-        pressed = up > LOADED * heavy
-        allowed = SLACK * np.maximum(heavy, up[pressed])
+        pressed = up > LOADED_WEIGHT * heavy
+        allowed = SIMULATED_SLACK * np.maximum(heavy, up[pressed])
         return friction_needed(along[pressed], up[pressed], self.design.contact.friction, allowed)
 
     @property
@@ -224,35 +226,35 @@ class HopFigures:
         span = slice(0, (self.highest if self.highest is not None else len(trace.t) - 1) + 1)
         past = past_limits(self.design, trace.q[span, BASE:]).max(axis=0)
         for k, (joint, excess) in enumerate(zip(trace.robot.joints, past, strict=True)):
-            if excess > SLACK:
+            if excess > SIMULATED_SLACK:
                 found.append(f"{joint} {excess:.3f} rad into its end stop")
             region, w = operating_region(self.design.leg, joint, trace.robot.parameters), trace.v[span, BASE + k]
             use = np.max(region.use(w, region.clamp(w, trace.motor[span, k])), axis=0)  # above 1 by speed alone
-            if use.max() > 1 + SLACK:
+            if use.max() > 1 + SIMULATED_SLACK:
                 found.append(f"{joint} at {np.abs(w[use.argmax()]):.1f} rad/s, faster than its drive may turn")
         found += self._wrong_durations()
         friction = self.design.contact.friction
         if friction is not None and self.slip_ratio > friction:
             found.append(f"needs friction {self.slip_ratio:.4g}, the ground has {friction:g}")
-        if self.slip_distance > SLACK * scale.length:
+        if self.slip_distance > SIMULATED_SLACK * scale.length:
             found.append(f"the foot slips {1e3 * self.slip_distance:.0f} mm in stance")
         if (pull := -float(trace.f[self.stance, 1].min())) > PULL * scale.mass:
             found.append(f"the ground would have to pull with {pull:.0f} N")
         least, lowest = self.design.contact.least_force, float(self.trace.f[self.stance, 1][:-1].min(initial=np.inf))
         if least and least - lowest > PULL * scale.mass:
             found.append(f"{least - lowest:.0f} N less than the least ground force")
-        deepest = hop.least_height - SLACK * scale.length
+        deepest = hop.least_height - SIMULATED_SLACK * scale.length
         for name in (joint for joint in hop.above_ground if joint != "foot"):
             if hop.least_height and (z := float(trace.points[name][span, 1].min())) < deepest:
                 found.append(f"{name} down to {z:.3f} m")
-        if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SLACK * scale.time:
+        if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SIMULATED_SLACK * scale.time:
             found.append("the body descends in stance")
         return found
 
     def _wrong_durations(self) -> list[str]:
         """Phases that last shorter or longer than they may; flight counts up to the clearance."""
         left = self.lift_off["time_s"]
-        lasted, slack = {"stance": left}, SLACK * self.scale.time
+        lasted, slack = {"stance": left}, SIMULATED_SLACK * self.scale.time
         if self.highest is not None:
             lasted["flight"] = float(self.trace.t[self.highest]) - left
         ranges = {phase: getattr(self.design.hop, f"{phase}_duration") for phase in lasted}

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from hopopt.leg.scales import Scale
-from hopopt.sim.trace import SAME, Event, Trace
+from hopopt.sim.trace import SAME_INSTANT, Event, Trace
 
 BOUNCED = 0.1  # [s] on the paper's leg; off the ground for less is no hop among several: free fall from 1 cm
 
@@ -24,7 +24,7 @@ def landings(trace: Trace, least: float = BOUNCED) -> list[float]:
 
 def before_landing(trace: Trace, t: float) -> int:
     """The last sample in the flight that ends with the landing at t [s]."""
-    last = int(np.searchsorted(trace.t, t + SAME, side="right")) - 1
+    last = int(np.searchsorted(trace.t, t + SAME_INSTANT, side="right")) - 1
     return int(np.flatnonzero(~trace.contact[: last + 1])[-1])
 
 
@@ -41,7 +41,9 @@ def part(trace: Trace, begin: int, end: int) -> Trace:
     t, q, origin = trace.t[span], trace.q[span].copy(), trace.t[begin]
     if trace.contact[begin]:
         q[:, 0] -= trace.machine.points(trace.q[begin])["foot"][0]
-    events = [Event(e.kind, e.t - origin, e.lost) for e in trace.events if origin + SAME < e.t <= t[-1] + SAME]
+    events = [
+        Event(e.kind, e.t - origin, e.lost) for e in trace.events if origin + SAME_INSTANT < e.t <= t[-1] + SAME_INSTANT
+    ]
     same = {name: getattr(trace, name)[span] for name in ("v", "command", "motor", "tau", "f", "contact")}
     work, outcome = trace.work[span] - trace.work[begin], "the next landing"
     return replace(trace, t=t - origin, q=q, work=work, events=tuple(events), outcome=outcome, **same)

@@ -22,7 +22,7 @@ from hopopt.leg.scales import Scale
 from hopopt.sim.state import BOUNCE, SENSELESS
 
 Controller = Callable[[float, np.ndarray, np.ndarray, bool], np.ndarray]  # (t, q, v, contact) -> tau (n) [N m]
-GRIP = 0.02  # of the weight: what the pin may pull before it lets go; a plan without load is at zero give or take
+PIN_PULL = 0.02  # of the weight: what the pin may pull before it lets go; a plan without load is at zero give or take
 SETTLING = 8  # time steps: time constant of the pin. MuJoCo's least, 2, disturbs the contact force by 5e-4, 8 by 2e-6
 GRIPS = 100.0  # how much harder friction is than the contact's normal, so that a foot within the cone hardly creeps
 TOUCHES = 1e-5  # m: below which a foot on frictional ground is on it; MuJoCo's contact is soft by less
@@ -93,7 +93,7 @@ def simulate(
     return MujocoTrace(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-class Plan(Protocol):
+class ReplayedPlan(Protocol):
     """What of a solution a replay needs; hopopt.Solution is one."""
 
     @property
@@ -105,7 +105,7 @@ class Plan(Protocol):
 
 def replay(
     robot: Robot,
-    plan: Plan,
+    plan: ReplayedPlan,
     *,
     stiffness: float = 2000.0,
     damping: float = 40.0,
@@ -132,7 +132,7 @@ def replay(
     return simulate(robot, q0, v0, controller, duration, time_step=time_step, control_period=control_period)
 
 
-def _means(plan: Plan, instants: np.ndarray, period: float, places: int = 8) -> np.ndarray:
+def _means(plan: ReplayedPlan, instants: np.ndarray, period: float, places: int = 8) -> np.ndarray:
     """Mean torque of the plan over the period after each instant (k, n): switches lie anywhere."""
     times = instants[:, None] + (np.arange(places) + 0.5) / places * period
     return plan.sample(np.minimum(times.ravel(), plan.duration)).tau.reshape(len(instants), places, -1).mean(axis=1)
@@ -159,7 +159,7 @@ class _Scene:
         self.model.eq_solref[0] = SETTLING * time_step, 1.0  # critically damped
         self.model.eq_solimp[0] = IMPEDANCE
         self.fastest = SENSELESS / Scale.of(robot.leg).time
-        self.grip = GRIP * float(np.linalg.norm(option.gravity)) * float(self.model.body_mass.sum())
+        self.grip = PIN_PULL * float(np.linalg.norm(option.gravity)) * float(self.model.body_mass.sum())
 
     def begin(self, q: np.ndarray, v: np.ndarray, contact: bool) -> None:
         self.data.qpos[:], self.data.qvel[:], self.data.eq_active[0] = q, v, contact and self.pinned

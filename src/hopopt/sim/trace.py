@@ -10,7 +10,7 @@ import numpy as np
 from hopopt.leg.robot import Robot
 from hopopt.sim.machine import Machine
 
-SAME = 1e-8  # [s] samples and events nearer than this are at one instant
+SAME_INSTANT = 1e-8  # [s] samples and events nearer than this are at one instant
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,9 @@ class Trace:
     def energy_error(self) -> float:
         """Largest error of motors' work = gain in energy + losses, relative to the largest energy turned over."""
         spent = self.work[:, 0] - self.work[:, 1:].sum(axis=1) - (self.energy - self.energy[0])
-        before, after = (self._impacts(self.t + gap) for gap in (-SAME, SAME))  # both at an impact's own instant
+        before, after = (
+            self._impacts(self.t + gap) for gap in (-SAME_INSTANT, SAME_INSTANT)
+        )  # both at an impact's own instant
         wrong = np.minimum(np.abs(spent - before), np.abs(spent - after))
         return float(wrong.max()) / max(float(np.abs(self.work[:, 0]).max()), float(np.ptp(self.energy)), 1e-9)
 

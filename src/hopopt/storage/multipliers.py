@@ -11,8 +11,8 @@ from hopopt.planner.checks.verdict import Multipliers
 from hopopt.storage.netcdf import Group
 from hopopt.verify.check import Check
 
-GROUP = "certificate"
-SAME = 1e-9  # stored costates against those of the stored multipliers, relative
+CERTIFICATE_GROUP = "certificate"
+SAME_COSTATES = 1e-9  # stored costates against those of the stored multipliers, relative
 LAYOUT = {  # dimensions, unit and meaning of every array
     "costate": (("edge", "state"), "objective/state", "derivative of the objective by the state, at the interval edges"),
     "hamiltonian": (("interval",), "objective/s", "Hamiltonian, mean of each interval"),
@@ -27,7 +27,7 @@ LABELS = {"state": "states of the program", "limit": "limits of the phase", "con
 
 def groups(kept: Mapping[str, Multipliers]) -> dict[str, Group]:
     """A group for each phase and for the ends, by its path in the file."""
-    return {f"{GROUP}/{name}": _group(arrays) for name, arrays in kept.items()}
+    return {f"{CERTIFICATE_GROUP}/{name}": _group(arrays) for name, arrays in kept.items()}
 
 
 def _group(arrays: Multipliers) -> Group:
@@ -42,7 +42,11 @@ def _group(arrays: Multipliers) -> Group:
 
 def multipliers(stored: Mapping[str, Group]) -> dict[str, Multipliers]:
     """What ``groups`` wrote; nothing if the file has no such groups."""
-    own = {path.removeprefix(f"{GROUP}/"): group for path, group in stored.items() if path.startswith(f"{GROUP}/")}
+    own = {
+        path.removeprefix(f"{CERTIFICATE_GROUP}/"): group
+        for path, group in stored.items()
+        if path.startswith(f"{CERTIFICATE_GROUP}/")
+    }
     return {path: {name: group[name] for name in group.variables} for path, group in own.items()}
 
 
@@ -54,4 +58,4 @@ def agreement(computed: Mapping[str, Multipliers], kept: Mapping[str, Multiplier
             if values.dtype.kind == "f" and values.size:
                 miss = float(np.abs(kept[name][part] - values).max())
                 wrong = max(wrong, miss / max(1.0, float(np.abs(values).max())))
-    return Check("stored costates", wrong, SAME, "relative")
+    return Check("stored costates", wrong, SAME_COSTATES, "relative")

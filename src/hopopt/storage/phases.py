@@ -11,7 +11,7 @@ from hopopt.planner.solution import Solution
 from hopopt.storage.netcdf import Group
 from hopopt.verify.table import Table
 
-TABLE = {  # of every array of a table: its last dimension, unit and meaning
+TABLE_ARRAYS = {  # of every array of a table: its last dimension, unit and meaning
     "t": (None, "s", "time since the phase began, at nine instants of every interval"),
     "q": ("coordinate", "m or rad", "place of the body (x, z) and joint angles"),
     "v": ("coordinate", "m/s or rad/s", "velocity of the body and joint speeds"),
@@ -28,7 +28,7 @@ def phase_group(solution: Solution, table: Table, trajectory: PhaseTrajectory) -
     joints, of_interval = list(solution.robot.joints), ("interval", "place")
     found = {
         name: (of_interval if last is None else (*of_interval, last), getattr(table, name), _described(unit, text))
-        for name, (last, unit, text) in TABLE.items()
+        for name, (last, unit, text) in TABLE_ARRAYS.items()
         if name in table.parts
     }
     states, steps = "states of the program", ("interval", "abscissa")

@@ -23,7 +23,7 @@ from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import ResultError
-from hopopt.ocp.custom import FIGURE
+from hopopt.ocp.custom import CUSTOM_FIGURE
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.solution import Solution
 from hopopt.problem.load import design_hash, load, resolved_toml
@@ -42,9 +42,9 @@ PROGRAM = {  # vectors of the nonlinear program, all scaled
     "lam_x": "multipliers of the variables' bounds", "low_z": "lower bounds of the variables",
     "high_z": "upper bounds of the variables", "low_g": "lower bounds of the rows", "high_g": "upper bounds of the rows",
 }  # fmt: skip
-PACKAGES = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
+STORED_VERSIONS = ("hopopt", "casadi", "pin", "numpy", "scipy", "matplotlib", "xarray", "h5netcdf")
 FORMAT = 2  # of the folder's contents
-KINDS = {  # what a folder is that another command wrote, by a file in it
+FOLDER_KINDS = {  # what a folder is that another command wrote, by a file in it
     "front.json": "a Pareto front", "sweep.json": "a study", "table.csv": "a study", "comparison.json": "a comparison",
     "hops.json": "a comparison hop after hop", "robust.json": "a robust plan", "transition.json": "a transition",
     "simulation.json": "a simulation", "sensitivity.json": "a study of what to change first",
@@ -140,7 +140,7 @@ def with_more(solution: Solution, **entries: Any) -> Solution:
 
 
 def _manifest(solution: Solution) -> dict[str, Any]:
-    versions = {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
+    versions = {"python": platform.python_version()} | {name: version(name) for name in STORED_VERSIONS}
     stated = as_data(solution.summary)
     figures = {name: stated[name] for name in ("seed", "scheme", "mesh", "timings_s")}
     return {"format": FORMAT, "objective": solution.objective, "versions": versions, **figures}
@@ -172,7 +172,7 @@ def read(folder: str | Path) -> Solution:
     with _readable(folder):
         if not (folder / "solution.nc").is_file():
             what = "no results folder (solution.nc is missing)" if folder.exists() else "there is no such folder"
-            if kind := next((words for name, words in KINDS.items() if (folder / name).exists()), None):
+            if kind := next((words for name, words in FOLDER_KINDS.items() if (folder / name).exists()), None):
                 what = f"{kind}, not a single result"
             if (folder / "table.csv").exists():
                 what += " (its table is table.csv, its figures are in figures/)"
@@ -195,7 +195,7 @@ def read(folder: str | Path) -> Solution:
         raise ResultError(
             f"{problem}: it was changed after this result was written: undo that, and change a copy elsewhere instead"
         )
-    figures = {name: x for name in (*MEASURES, FIGURE) if (x := summary.figure(name)) is not None}
+    figures = {name: x for name in (*MEASURES, CUSTOM_FIGURE) if (x := summary.figure(name)) is not None}
     doubts = (*changed(folder), *(f"summary.json contradicts itself: {words}" for words in contradictions))
     solution = Solution(load(problem), objective, phases, summary, kkt, folder, kept, doubts=doubts, stated=figures)
     solution.__dict__["tables"] = tables

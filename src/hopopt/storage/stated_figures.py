@@ -13,26 +13,30 @@ from hopopt.nlp.refinement.mesh_refinement import change_of
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.hop import Hop
 from hopopt.planner.answer.motion_figures import MotionFigures, Sampled
-from hopopt.planner.answer.program_figures import Source, figures
+from hopopt.planner.answer.program_figures import FigureSource, figures
 from hopopt.planner.answer.summary import FORMER, VERSION
 from hopopt.planner.checks.verdict import Verdict, Verification
 from hopopt.planner.solution import Solution
 from hopopt.record import as_data, computed
 from hopopt.verify.check import Check
 
-FIGURES = 1e-6  # relative, of figures
-LEAST = 1e-3  # what figures that are smaller are relative to [their unit]: some are zero but for rounding
+FIGURES_AGREE = 1e-6  # relative, of figures
+LEAST_FIGURE = 1e-3  # what figures that are smaller are relative to [their unit]: some are zero but for rounding
 RESIDUALS = 0.01  # relative, of what is measured: faults of 1e-8 are known to few digits
 ROUNDING = 1e-3  # share of what is allowed, that smaller residuals are relative to
 OF_THE_OBJECTIVE = 1e-8  # relative to the objective: the same for its error
-MOST = 4  # figures that are named
+MOST_FIGURES_NAMED = 4  # figures that are named
 REDEFINED = (
     "objective_value",
     "tie_break_weighs",
     "leans_on",
 )  # version 1 counted the tie-break, and friction of no force
 
-APART = ("objective_error", "certificate", *(f.name for f in fields(Verification)))  # compared as residuals are
+COMPARED_AS_RESIDUALS = (
+    "objective_error",
+    "certificate",
+    *(f.name for f in fields(Verification)),
+)  # compared as residuals are
 
 Pair = tuple[str, Any, Any]  # path of an entry, what is stated, what was computed
 
@@ -46,9 +50,9 @@ def stated_checks(
     errors: local errors of every interval, by phase
     found: the verdict, computed again
     """
-    entries = figures(Source(hop, solution, nlp, found))
+    entries = figures(FigureSource(hop, solution, nlp, found))
     s, again = as_data(solution.summary), as_data(replace(solution.summary, **entries))
-    fresh = {name: again.get(name) for name in entries if name not in APART}
+    fresh = {name: again.get(name) for name in entries if name not in COMPARED_AS_RESIDUALS}
     error = again["objective_error"]
     fresh["structure"] = {**s["structure"], **fresh["structure"]}  # of free switches it says more
     fresh["mesh"] = [*s["mesh"][:-1], s["mesh"][-1] | _last_mesh(nlp)]
@@ -78,10 +82,10 @@ def _figures_check(solution: Solution, fresh: Mapping[str, Any]) -> Check:
     pairs = _pairs(_only(s, fresh), fresh)
     wrong = [(name, difference(a, b)) for name, a, b in pairs]
     wrong += [(words, float("inf")) for words in solution.summary.contradictions()]
-    return _check("figures of the summary as computed", wrong, FIGURES)
+    return _check("figures of the summary as computed", wrong, FIGURES_AGREE)
 
 
-def difference(stated: Any, computed: Any, least: float = LEAST) -> float:
+def difference(stated: Any, computed: Any, least: float = LEAST_FIGURE) -> float:
     """Difference of two pieces of JSON data, of numbers relative to the computed one, or to ``least`` if that is larger;
     infinite if anything else differs."""
     numbers = [isinstance(x, int | float) and not isinstance(x, bool) for x in (stated, computed)]
@@ -120,7 +124,7 @@ def _residuals(
             yield name, difference(a, b, ROUNDING * fresh[check]["tolerance"] if check in fresh else 0.0)
     for name, part in (("local_error", "local"), ("excess", "excess")):
         worst = max(float(getattr(e, part).max()) for e in errors.values())
-        yield f"mesh.{name}", difference(s["mesh"][-1][name], worst, ROUNDING * LEAST)
+        yield f"mesh.{name}", difference(s["mesh"][-1][name], worst, ROUNDING * LEAST_FIGURE)
 
 
 def _pairs(stated: Any, computed: Any, path: str = "") -> Iterator[Pair]:
@@ -144,5 +148,5 @@ def _only(stated: Mapping[str, Any], computed: Mapping[str, Any]) -> dict[str, A
 def _check(name: str, wrong: Sequence[tuple[str, float]], allowed: float) -> Check:
     """A check that names what is wrong, the worst first."""
     ranked = sorted(wrong, key=lambda pair: -pair[1])
-    named = [path for path, amount in ranked if amount > allowed][:MOST] or [ranked[0][0]]
+    named = [path for path, amount in ranked if amount > allowed][:MOST_FIGURES_NAMED] or [ranked[0][0]]
     return Check(name, ranked[0][1], allowed, "relative", ", ".join(named))

@@ -118,7 +118,7 @@ def _confirmed(
     ]
     if not refined or until.passed:
         raise not_solved(hop, outcomes, until=until)
-    best = max(refined, key=lambda s: hop.objective.merit(s.objective))
+    best = max(refined, key=lambda s: hop.objective.signed_value(s.objective))
     clock.mark("co-design")
     fixed = Hop(changed(hop.design, optimal(hop.free_parameters, best)), hop.asked, constraints=hop.constraints)
     say("solving the design that came out")

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hopopt.nlp.solver.ipopt import NEAR, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import NEAR_OPTIONS, Bounds, NlpSolution, NlpSolver
 from hopopt.ocp.hop import Hop
 from hopopt.optimality.directions.kinks import DIFFERS, kink
 from hopopt.optimality.directions.parametric_sensitivity import gradient_by_parameters, slopes
@@ -36,14 +36,14 @@ def between(hop: Hop, best: NlpSolution, entry: str) -> Between | None:
     groups: dict[Hashable, list[Limit]] = {}
     for limit in at.limits():
         groups.setdefault(limit.name.label or limit.name.of, []).append(limit)
-    without = sorted(_without(hop, best, entry, groups), key=lambda w: hop.objective.merit(w.objective_value))
+    without = sorted(_without(hop, best, entry, groups), key=lambda w: hop.objective.signed_value(w.objective_value))
     return Between(more, less, tuple(str(name) for name in groups), tuple(without))
 
 
 def _without(hop: Hop, best: NlpSolution, entry: str, groups: dict[Hashable, list[Limit]]) -> Iterator[WithoutLimit]:
     """The optimum on the same mesh without each of the limits, from the optimum with it; none that was not solved."""
     t, b = best.transcription, best.bounds
-    solver = NlpSolver(t, NEAR | {"ipopt.mu_init": 1e-4, "ipopt.max_iter": hop.design.solver.max_iterations})
+    solver = NlpSolver(t, NEAR_OPTIONS | {"ipopt.mu_init": 1e-4, "ipopt.max_iter": hop.design.solver.max_iterations})
     for name, limits in groups.items():
         low, high = b.low_g.copy(), b.high_g.copy()
         rows = np.concatenate([limit.places for limit in limits])

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-CONTRADICTED = 1e-4  # relative: a point with tighter limits that is so much better shows that another is not the best
+CONTRADICTING_GAIN = (
+    1e-4  # relative: a point with tighter limits that is so much better shows that another is not the best
+)
 # Which way an entry relaxes the problem, by the end of its name; joints' and motors' own entries end alike. Speeds and
 # torques of drives count for all laws; a gear's ratio, masses and lengths do both.
 RELAXING = {
@@ -23,20 +25,22 @@ def direction(entry: str, objective: str = "clearance") -> int:
 
 
 def contradicted(
-    entries: Sequence[str], points: np.ndarray, merit: np.ndarray, objective: str = "clearance"
+    entries: Sequence[str], points: np.ndarray, signed_value: np.ndarray, objective: str = "clearance"
 ) -> dict[int, list[int]]:
     """Rows that are worse than a row of tighter or equal limits, and those rows, the best first.
 
-    entries: names of the columns; points (n, d): their values; merit (n,): more is better, nan where there is none.
+    entries: names of the columns; points (n, d): their values; signed_value (n,): more is better, nan where there is none.
     """
     signs = np.array([direction(entry, objective) for entry in entries])
     found: dict[int, list[int]] = {}
     for k, row in enumerate(points):
         ahead = (row - points) * signs  # how far this row's limits are wider
         wider = np.all(np.where(signs == 0, points == row, ahead >= 0), axis=1) & np.any(points != row, axis=1)
-        own = merit[k] if np.isfinite(merit[k]) else -np.inf
-        better = wider & (merit > own + CONTRADICTED * np.abs(np.where(np.isfinite(merit), merit, 0.0)))
+        own = signed_value[k] if np.isfinite(signed_value[k]) else -np.inf
+        better = wider & (
+            signed_value > own + CONTRADICTING_GAIN * np.abs(np.where(np.isfinite(signed_value), signed_value, 0.0))
+        )
         if better.any():
             where = np.flatnonzero(better)
-            found[k] = [int(g) for g in where[np.argsort(-merit[where], kind="stable")]]
+            found[k] = [int(g) for g in where[np.argsort(-signed_value[where], kind="stable")]]
     return found

@@ -10,7 +10,7 @@ from typing import Any
 from hopopt.errors import HopoptError, SolverError, one_line
 from hopopt.files import write_whole
 
-KEPT = "its traceback lies in the folder, in *.traceback.txt: please report it"
+TRACEBACK_KEPT = "its traceback lies in the folder, in *.traceback.txt: please report it"
 
 
 @dataclass(frozen=True)
@@ -79,4 +79,4 @@ def kept(folder: Path | None, finished: str) -> Iterator[None]:
 
 def _fault(error: Exception) -> Fault:
     words = f"{type(error).__name__}: {one_line(error)}" if str(error).strip() else type(error).__name__
-    return Fault(f"a fault of hopopt ended it ({words}); {KEPT}", "".join(format_exception(error)))
+    return Fault(f"a fault of hopopt ended it ({words}); {TRACEBACK_KEPT}", "".join(format_exception(error)))

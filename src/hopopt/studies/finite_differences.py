@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from hopopt.design import Design
 from hopopt.errors import SolverError, UsageError, one_line
-from hopopt.nlp.refinement.continuous_limits import held_between, held_in, holds
+from hopopt.nlp.refinement.continuous_limits import enforced_in, enforcing, holds
 from hopopt.nlp.solver.ipopt import WARM, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
@@ -123,7 +123,7 @@ def solve_again(old: NlpSolution, design: Design, objective: str) -> NlpSolution
     tightened by as much."""
     before, b = old.transcription, old.bounds
     t, guess = Transcription(Hop(design, objective).problem, before.scheme, before.mesh), before.guess_from(old.phases)
-    enforced, given = held_between(t, held_in(old)), (*before.bounds(guess), before.lbg, before.ubg)
+    enforced, given = enforcing(t, enforced_in(old)), (*before.bounds(guess), before.lbg, before.ubg)
     rows = given[2:] if holds(before) else (b.low_g, b.high_g)  # those enforced between the nodes are not tightened
     bounds = Bounds(*map(_moved, (*t.bounds(guess), t.lbg, t.ubg), (b.low_z, b.high_z, *rows), given))
     program, lam_g = enforced.transcription, enforced.multipliers(old.lam_g)

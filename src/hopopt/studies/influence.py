@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-AGREE = 0.01  # relative difference, beyond the noise, at which derivative and difference still agree
-KINK = 0.1  # relative difference of the slopes to both sides, beyond the noise, that no smooth optimum has
+SLOPES_AGREE = 0.01  # relative difference, beyond the noise, at which derivative and difference still agree
+LEAST_KINK = 0.1  # relative difference of the slopes to both sides, beyond the noise, that no smooth optimum has
 
 
 @dataclass(frozen=True)
@@ -27,15 +27,19 @@ class Difference:
     @property
     def one_sided(self) -> bool:
         """Whether more and less of the entry tell different slopes: it is where the active limits change."""
-        return abs(self.forward - self.backward) > KINK * max(abs(self.forward), abs(self.backward)) + 2 * self.noise
+        return (
+            abs(self.forward - self.backward) > LEAST_KINK * max(abs(self.forward), abs(self.backward)) + 2 * self.noise
+        )
 
     def agrees(self, slope: float, less: float | None = None) -> bool:
         """Whether a derivative [m per unit] is confirmed; ``less``: the one towards less, where it is another."""
         if less is not None:
             pairs = (self.forward, slope), (self.backward, less)
             known = [(found, told) for found, told in pairs if np.isfinite(found)]  # an entry at its end has one side
-            return bool(known) and all(abs(found - told) <= AGREE * abs(told) + 2 * self.noise for found, told in known)
-        return not self.one_sided and bool(abs(self.central - slope) <= AGREE * abs(slope) + self.noise)
+            return bool(known) and all(
+                abs(found - told) <= SLOPES_AGREE * abs(told) + 2 * self.noise for found, told in known
+            )
+        return not self.one_sided and bool(abs(self.central - slope) <= SLOPES_AGREE * abs(slope) + self.noise)
 
     def verdict(self, slope: float, less: float | None = None) -> str:
         """In words, what solving again says of a derivative [m per unit], and of the one towards less."""

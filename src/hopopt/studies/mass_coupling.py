@@ -14,11 +14,11 @@ import numpy as np
 from hopopt.design import Leg, physical_parameters
 from hopopt.errors import UsageError
 from hopopt.ocp.free_parameters import Coupling, FreeParameters
-from hopopt.problem.checking.mass_law import TORQUES, MassLaw, mass_law
+from hopopt.problem.checking.mass_law import PART_TORQUES, MassLaw, mass_law
 from hopopt.problem.checking.wording import did_you_mean
 
 ASKED = re.compile(r"\s*catalogue\s*:\s*([\w.-]+)\s+by\s+([\w.-]+(?:\s+and\s+[\w.-]+)*)\s*")
-HOW = 'write "catalogue: leg.body.mass by leg.motor.max_torque", further torques after "and"'
+HOW_TO_COUPLE = 'write "catalogue: leg.body.mass by leg.motor.max_torque", further torques after "and"'
 
 
 def asks_catalogue(text: str) -> bool:
@@ -79,7 +79,7 @@ def _asked(text: str, leg: Leg) -> tuple[str, list[str]]:
     """The mass and the torques that a coupling names, all of them set in the leg."""
     found, known = ASKED.fullmatch(text), physical_parameters(leg)
     if not found:
-        raise UsageError(f"--couple {text}: {HOW}")
+        raise UsageError(f"--couple {text}: {HOW_TO_COUPLE}")
     mass, torques = found[1], re.split(r"\s+and\s+", found[2])
     for entry in (mass, *torques):
         if entry not in known:
@@ -96,7 +96,7 @@ def _asked(text: str, leg: Leg) -> tuple[str, list[str]]:
 def _part(text: str, entry: str) -> Literal["motor", "gear"]:
     """Whether an entry is a motor's or a gear's torque."""
     *_, part, key = entry.split(".")
-    if part not in TORQUES or key not in TORQUES[part]:
+    if part not in PART_TORQUES or key not in PART_TORQUES[part]:
         raise UsageError(
             f"--couple {text}: the catalogue has no law of mass by {entry}: "
             "name a motor's max_torque or torque_cap, or a gear's torque_cap"
@@ -122,7 +122,7 @@ def _driven(text: str, entry: str, leg: Leg) -> list[str]:
     if not joints:
         raise UsageError(f"--couple {text}: no joint has {entry}: every joint has its own {part}")
     for joint in joints:
-        for other in TORQUES[part]:
+        for other in PART_TORQUES[part]:
             path, value = leg.drive(joint, part, other)
             if value is not None and value < leg.drive(joint, part, key)[1]:
                 raise UsageError(

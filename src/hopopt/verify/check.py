@@ -8,8 +8,8 @@ from pydantic import computed_field
 from hopopt.record import Derived, Real, stated
 
 STATE, LIMIT, BALANCE, EXACT, KKT = 1e-5, 1e-4, 1e-6, 1e-7, 1e-6  # tolerances: SI, share of the range, relative
-TINY = 1e-300  # what a tolerance of nothing counts as, where checks are compared
-FIGURE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
+LEAST_TOLERANCE = 1e-300  # what a tolerance of nothing counts as, where checks are compared
+FIGURE_TOLERANCE = 1e-4  # relative: a claimed work or peak, which has kinks between the nodes
 
 
 @dataclass(frozen=True)
@@ -44,4 +44,4 @@ class Check(Condition, Named):
 def failed(checks: list[Check]) -> list[Check]:
     """The checks that did not pass, worst first."""
     bad = [c for c in checks if not c.passed]
-    return sorted(bad, key=lambda c: -c.residual / max(c.tolerance, TINY))
+    return sorted(bad, key=lambda c: -c.residual / max(c.tolerance, LEAST_TOLERANCE))

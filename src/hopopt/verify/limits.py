@@ -9,9 +9,9 @@ from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import DESCENT_RANGE, force_range
 from hopopt.sim.machine import Machine
-from hopopt.verify.table import DESCENT, ON_GROUND, STANCE
+from hopopt.verify.table import DESCENT, STANCE, STANDING
 
-KINDS = (  # kinds of limits of a phase that are looked at here
+LIMIT_KINDS = (  # kinds of limits of a phase that are looked at here
     Kind.REGION, Kind.ANGLE, Kind.HEIGHT, Kind.SLIDER, Kind.FOOT, Kind.GROUND_FORCE, Kind.FRICTION, Kind.DESCENT,
     Kind.WINDOW,
 )  # fmt: skip
@@ -33,7 +33,7 @@ def limits_of(
     """By how much each limit of a phase is passed, as shares of its range (negative: kept), at k instants of a motion
     q, v (k, 2 + n), tau (k, n) that the motors are asked for, f (k, 2); one value for those of its end;
     ``window``: the foot's window is one."""
-    (q, v, tau, f), contact = motion, phase in ON_GROUND
+    (q, v, tau, f), contact = motion, phase in STANDING
     found: dict[LimitId, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
         use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k]))
@@ -50,7 +50,7 @@ def limits_of(
 def _ground(
     machine: Machine, design: Design, phase: str, q: np.ndarray, v: np.ndarray, f: np.ndarray
 ) -> dict[LimitId, np.ndarray]:
-    size_of_leg, contact = reach(design.leg), phase in ON_GROUND
+    size_of_leg, contact = reach(design.leg), phase in STANDING
     paths, found = machine.paths(q), dict[LimitId, np.ndarray]()
     for name in design.hop.above_ground:
         if not contact or name != "foot":

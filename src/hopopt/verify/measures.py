@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from hopopt.design import Hop
+from hopopt.design import HopSettings
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, if_any
@@ -19,7 +19,9 @@ from hopopt.sim.machine import Machine
 from hopopt.verify.hops.obstacle import highest_box
 from hopopt.verify.table import NORMALISED_TIMES, Table, dense
 
-FINE = np.linspace(0.0, 1.0, 201)  # normalised times of an interval; trapezoids are good to about 1e-5 of it
+SAMPLES_OF_INTERVAL = np.linspace(
+    0.0, 1.0, 201
+)  # normalised times of an interval; trapezoids are good to about 1e-5 of it
 Tables = Mapping[str, Table]
 
 
@@ -48,14 +50,14 @@ def normalised_times_of(table: Table) -> np.ndarray:
 
 
 def finely(table: Table, values: np.ndarray) -> np.ndarray:
-    """Values (N, K, ...) of a table interpolated at FINE, (N, 201, ...)."""
-    return dense(normalised_times_of(table), values, FINE)
+    """Values (N, K, ...) of a table interpolated at SAMPLES_OF_INTERVAL, (N, 201, ...)."""
+    return dense(normalised_times_of(table), values, SAMPLES_OF_INTERVAL)
 
 
 def integral(table: Table, values: np.ndarray) -> float:
     """Integral over time of values (N, 201) at FINE."""
     h = table.t[:, -1] - table.t[:, 0]
-    return float(h @ np.trapezoid(values, FINE, axis=1))
+    return float(h @ np.trapezoid(values, SAMPLES_OF_INTERVAL, axis=1))
 
 
 def _over_phases(tables: Tables, rate: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> float:
@@ -67,17 +69,17 @@ def _over_phases(tables: Tables, rate: Callable[[np.ndarray, np.ndarray], np.nda
     return total
 
 
-def positive_work(robot: Robot, tables: Tables, hop: Hop) -> float:
+def positive_work(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Positive mechanical work of the joints [J]."""
     return _over_phases(tables, lambda tau, w: np.maximum(tau * w, 0.0))
 
 
-def absolute_work(robot: Robot, tables: Tables, hop: Hop) -> float:
+def absolute_work(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Mechanical work of the joints [J], braking counted like driving."""
     return _over_phases(tables, lambda tau, w: np.abs(tau * w))
 
 
-def electrical_energy(robot: Robot, tables: Tables, hop: Hop) -> float:
+def electrical_energy(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Electrical energy drawn by the motors [J], Joule heat with it, nothing fed back."""
 
     def of_drives(part: Literal["motor", "gear"], entry: str) -> np.ndarray:
@@ -103,20 +105,20 @@ def quadrature() -> np.ndarray:
     return np.linalg.solve(np.vander(NORMALISED_TIMES, increasing=True).T, moments)
 
 
-def impact(robot: Robot, tables: Tables, hop: Hop) -> float:
+def impact(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Kinetic energy lost at the end of the descent, where the foot lands and stays [J]."""
     machine, descent = Machine(robot), tables["descent"]
     q, v = descent.q[-1, -1], descent.v[-1, -1]
     return machine.energy(q, v) - machine.energy(q, machine.touch_down(q, v))
 
 
-def duration(robot: Robot, tables: Tables, hop: Hop) -> float:
+def duration(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """From the start of the first phase to the end of the last [s]."""
     phases = list(tables.values())
     return float(phases[-1].t[-1, -1] - phases[0].t[0, 0])
 
 
-def region_share(robot: Robot, tables: Tables, hop: Hop) -> float:
+def region_share(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Largest share of its operating region that any joint uses."""
     worst = 0.0
     for table in tables.values():
@@ -127,22 +129,22 @@ def region_share(robot: Robot, tables: Tables, hop: Hop) -> float:
     return worst
 
 
-def peak_torque(robot: Robot, tables: Tables, hop: Hop) -> float:
+def peak_torque(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Largest torque of any joint [N m]."""
     return max(float(np.abs(finely(table, table.tau)).max()) for table in tables.values())
 
 
-def peak_force(robot: Robot, tables: Tables, hop: Hop) -> float:
+def peak_force(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Largest ground force [N]."""
     return max(float(np.linalg.norm(finely(table, table.f), axis=-1).max()) for table in tables.values())
 
 
-def obstacle(robot: Robot, tables: Tables, hop: Hop) -> float:
+def obstacle(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     """Height of the highest box of the given width that the leg clears [m]."""
     return highest_box(Machine(robot), hop, tables)[0]
 
 
-MEASURES: dict[str, Callable[[Robot, Tables, Hop], float]] = {
+MEASURES: dict[str, Callable[[Robot, Tables, HopSettings], float]] = {
     "energy_J": positive_work,
     "absolute_work_J": absolute_work,
     "electrical_energy_J": electrical_energy,

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from hopopt.design import Design, Hop
+from hopopt.design import Design, HopSettings
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
-from hopopt.verify.check import BALANCE, EXACT, FIGURE, LIMIT, Check
+from hopopt.verify.check import BALANCE, EXACT, FIGURE_TOLERANCE, LIMIT, Check
 from hopopt.verify.drives import drive_checks
 from hopopt.verify.hops.landing import landed_checks, landing, lift_off
 from hopopt.verify.hops.periodic import periodic_checks
@@ -120,12 +120,16 @@ def _clearance(machine: Machine, design: Design, flight: Table, claims: Mapping[
     return Check("claimed height", largest(wrong), EXACT, "m")
 
 
-def _measured(robot: Robot, hop: Hop, tables: Mapping[str, Table], claims: Mapping[str, float]) -> Iterator[Check]:
+def _measured(
+    robot: Robot, hop: HopSettings, tables: Mapping[str, Table], claims: Mapping[str, float]
+) -> Iterator[Check]:
     """Work, time or peaks of the table against the claim, relative to it."""
     for name in claims.keys() & MEASURES.keys():
         value, claim = MEASURES[name](robot, tables, hop), claims[name]
         wrong = max(claim - value, 0.0) if name in MAY_BE_MORE else abs(value - claim)
-        yield Check(f"claimed {name}", wrong / max(abs(claim), SMALLEST_SCALE.get(name, 1e-9)), FIGURE, "relative")
+        yield Check(
+            f"claimed {name}", wrong / max(abs(claim), SMALLEST_SCALE.get(name, 1e-9)), FIGURE_TOLERANCE, "relative"
+        )
 
 
 def _continuity(phase: str, table: Table) -> Check:

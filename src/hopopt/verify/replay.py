@@ -7,14 +7,14 @@ from scipy.integrate import solve_ivp
 
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import STATE, Check
-from hopopt.verify.table import ON_GROUND, POWERS, TO_POWERS, Table
+from hopopt.verify.table import POWERS, STANDING, TO_POWERS, Table
 
 
 def replay(machine: Machine, phase: str, table: Table) -> Check:
     """The plan's torques played into Pinocchio, interval by interval, from the plan's own state."""
     worst, at = 0.0, 0.0
     for k in range(len(table.t)):
-        wrong = _replay_interval(machine, phase in ON_GROUND, *(getattr(table, s)[k] for s in ("t", "q", "v", "tau")))
+        wrong = _replay_interval(machine, phase in STANDING, *(getattr(table, s)[k] for s in ("t", "q", "v", "tau")))
         if not wrong <= worst:  # also if it is not a number
             worst, at = wrong, float(table.t[k, 0])
     return Check(f"{phase} replay", worst, STATE, "SI", f"interval from {at:.4f} s")

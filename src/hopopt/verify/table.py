@@ -10,7 +10,7 @@ POWERS = np.arange(len(NORMALISED_TIMES))
 # Values at NORMALISED_TIMES to coefficients of (2 s - 1)^k:
 TO_POWERS = np.linalg.inv((2 * NORMALISED_TIMES[:, None] - 1) ** POWERS)
 STANCE, FLIGHT, DESCENT, LANDING = "stance", "flight", "descent", "landing"  # the last two only of hops that land
-ON_GROUND = (STANCE, LANDING)  # in both the foot is the origin
+STANDING = (STANCE, LANDING)  # in both the foot is the origin
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hopopt.design import Design, Hop, physical_parameters
+from hopopt.design import Design, HopSettings, physical_parameters
 from hopopt.drivetrain.clamp import torque_lines, within
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.half_planes import OperatingRegion
@@ -27,13 +27,13 @@ from hopopt.verify.check import LIMIT, Check
 from hopopt.verify.hops.periodic import closure, joints_at
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import MEASURES, Measures
-from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, ON_GROUND, POWERS, STANCE, TO_POWERS, Table
+from hopopt.verify.table import FLIGHT, LANDING, NORMALISED_TIMES, POWERS, STANCE, STANDING, TO_POWERS, Table
 
 FEEDBACK_RATE = 100.0  # [1/s] of the critically damped feedback, well above the leg's own motions; of the paper's leg
-SHORT = 1e-4  # relative: what the simulated hop may fall short of the claim
+MOST_SHORT_OF_CLAIM = 1e-4  # relative: what the simulated hop may fall short of the claim
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it slow
 FOLLOWED = 1e-2  # rad, m, rad/s, m/s: a hop that strayed further is another one and says nothing about the plan's value
-VALUE = Check("simulated in one piece", float("nan"), SHORT, "relative")  # of nothing as yet
+VALUE = Check("simulated in one piece", float("nan"), MOST_SHORT_OF_CLAIM, "relative")  # of nothing as yet
 LIMITS = Check("limits when simulated in one piece", float("nan"), 2 * LIMIT, "of its range")
 
 LegState = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
@@ -158,7 +158,9 @@ def whole_hop_rollout(
     return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit)
 
 
-def _values(machine: Machine, robot: Robot, hop: Hop, tables: Mapping[str, Table], figure: str) -> dict[str, float]:
+def _values(
+    machine: Machine, robot: Robot, hop: HopSettings, tables: Mapping[str, Table], figure: str
+) -> dict[str, float]:
     """Clearance and height of the body [m] when flight ends, and the measure asked for."""
     end = tables[FLIGHT].q[-1, -1]
     heights = machine.points(end)
@@ -174,7 +176,7 @@ def simulated_hop(
     for name, table in tables.items():
         if name == LANDING:
             state = state[0], machine.touch_down(*state)
-        found[name], state = _simulated(machine, clamp, table, state, name in ON_GROUND)
+        found[name], state = _simulated(machine, clamp, table, state, name in STANDING)
     return found, state
 
 

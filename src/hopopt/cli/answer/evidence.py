@@ -9,15 +9,16 @@ from cyclopts import Parameter
 from rich.table import Column
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Overrides, Results, ended, sizes
 from hopopt.cli.screen.answer import bound_line
-from hopopt.cli.screen.console import Part, Shown, marked, progress, table
+from hopopt.cli.screen.console import NamedLines, Shown, marked, progress, table
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.evidence import dynamic_programming as upright
 from hopopt.evidence import local_optima as study
 from hopopt.evidence import thorough_search as thorough
-from hopopt.evidence.dynamic_programming import CONTRADICTED, TELLING
+from hopopt.evidence.dynamic_programming import CONTRADICTING_HEIGHT, TELLING
 from hopopt.global_search import applies
 from hopopt.global_search.search import check_size
 from hopopt.nlp.deadline import NEVER
@@ -35,7 +36,7 @@ from hopopt.verify.upper_bound import upper_bound
 
 MOST_STARTS, MOST_ROWS = 100_000, 2000
 FEWEST_NODES, MOST_NODES = 9, 81
-HOPS = 20  # steps of basin hopping
+BASIN_HOPS = 20  # steps of basin hopping
 Say = Callable[[str], None]
 
 Sizes = Annotated[tuple[int, ...], sizes("--grids", "Grids of the dynamic programming, growing: N for N x N states.")]
@@ -99,7 +100,9 @@ def evidence(
         folder, (design, objective) = resume, study.reopen_study(resume)
     go_on = f"go on with: hopopt evidence --resume {folder}"
     try:
-        with progress(quiet=json_) as say, kept(folder, go_on):
+        grid = float(len(nodes) * global_ + len(grids))
+        expected = ExpectedTime("evidence", design, {"first-mesh start": float(starts), "grid": grid, "solve": 1.0})
+        with progress(json_, expected) as say, kept(folder, go_on):
             tried = study.run_starts(folder, starts, processes or os.cpu_count() or 1, say)
             data = _gathered(design, objective, tried, grids, nodes if global_ else (), say)
     except KeyboardInterrupt:
@@ -126,7 +129,7 @@ def _gathered(
     bound = upper_bound(design)
     passed, simple = best.clearance > bound.clearance_m, _reduced(design, grids, say)
     finest = (simple.get("grids") or [{"size": 0}])[-1]
-    contradicted = finest["size"] >= TELLING and finest["difference"] > CONTRADICTED
+    contradicted = finest["size"] >= TELLING and finest["difference"] > CONTRADICTING_HEIGHT
     known_as = families(hop, outcomes, [best])
     on_finest = (overall.get("grids") or [{"value_m": None, "rollout_m": None}])[-1]
     said = verdict(on_finest["value_m"], highest(on_finest["rollout_m"], led_to(known_as)), best.clearance)
@@ -150,7 +153,7 @@ def _searched(hop: Hop, known: Any, nodes: tuple[int, ...], say: Say) -> tuple[l
     """Hops from relaxed problems and, on grids or by basin hopping, from all over; and the grids' account."""
     more = thorough.relaxed(hop, known, say, NEVER.within(TIME_LIMIT))
     if reason := applies(hop.design):
-        hops = thorough.hopped(hop, HOPS, [*known, *more], say, NEVER.within(TIME_LIMIT))
+        hops = thorough.hopped(hop, BASIN_HOPS, [*known, *more], say, NEVER.within(TIME_LIMIT))
         return more + hops, {"reason": reason, "basin_hopping": len(hops)}
     if not nodes:
         return more, {"reason": "not asked for (--global)"}
@@ -181,13 +184,13 @@ def shown(data: Mapping[str, Any]) -> Iterator[Shown]:
     yield marked(
         f"[bold]{data['problem']}[/bold]: best of {starts['count']} starts {best['clearance_m']:.4f} m, {state}"
     )
-    yield Part("bound", bound_line(data["upper_bound"]["clearance_m"], data["objective"]))
+    yield NamedLines("bound", bound_line(data["upper_bound"]["clearance_m"], data["objective"]))
     if data["contradicted"]:
         yield marked(
             "[bold red]the global method finds more than the planner in the reduced hop[/bold red]: neither is to be trusted"
         )
-    yield Part("global", _global_lines(data["global"], best["clearance_m"]))
-    yield Part("reduced", _reduced_lines(data["reduced"]))
+    yield NamedLines("global", _global_lines(data["global"], best["clearance_m"]))
+    yield NamedLines("reduced", _reduced_lines(data["reduced"]))
     rows = [
         (f"{f['objective_value']:.4f}", str(_count(data, f)), f["words"], f["found_by"][0]) for f in data["families"]
     ]

@@ -14,14 +14,14 @@ from hopopt.cli.screen.details import answer
 from hopopt.cli.screen.studies import of_front, of_sweep
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.leg.derived import Derived, derived
+from hopopt.leg.derived import LegFigures, derived
 from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.load import as_json, load, rows
 from hopopt.report.study import is_study, study_in
 from hopopt.storage.folder import fitting
 from hopopt.storage.runs import read_data
 from hopopt.storage.solution import read, stated
-from hopopt.studies.pareto import read_front
+from hopopt.studies.pareto.front import read_front
 
 
 def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) -> int:
@@ -75,7 +75,7 @@ def _problem(design: Design) -> Iterator[Shown]:
     yield table(columns, cells, design.title or design.name)
 
 
-def _derived(found: Derived, far: Sequence[str]) -> Iterator[Shown]:
+def _derived(found: LegFigures, far: Sequence[str]) -> Iterator[Shown]:
     """What follows from the entries, a row for each joint, and what is far outside what legs have."""
     push = "no joint lifts the foot" if found.push is None else f"{found.push:.2f} weights"
     yield "\nWhat follows from them"

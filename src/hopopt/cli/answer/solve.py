@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import (
     AsJson,
     Constraints,
@@ -40,7 +41,7 @@ from hopopt.studies.faults import Fault, guarded
 if TYPE_CHECKING:
     from hopopt.comparison.paper_control import PaperHop
 
-MORE = 5.0  # s that figures and a simulation take, which are not begun with less time left
+LEAST_TIME_LEFT = 5.0  # s that figures and a simulation take, which are not begun with less time left
 
 Free = Annotated[
     list[str] | None,
@@ -133,13 +134,22 @@ def solve(
     # beside a search, if it is sure that it will be asked for, and of this leg
     sure = control and objective == "clearance" and not (constraint or free) and (starts or design.solver.starts) > 1
     simulated = _paper_hop(design, processes) if sure else None
-    with progress(quiet=json_) as say:
+    searched = (starts or design.solver.starts) > 1
+    parts = {
+        "solve": float(searched),
+        "start alone": float(not searched),
+        "co-design": float(bool(free)),
+        "cross-check": float(cross_check),
+        "free switches": float(structure),
+        "simulated hop": 3.0 * control + draws,
+    }
+    with progress(json_, ExpectedTime("solve", design, parts, time_limit)) as say:
         more = {"constraints": constraint or (), "starts": starts, "processes": processes}
         more |= {"time_limit": time_limit, "progress": say}
         once = {"structure": structure, "cross_check": cross_check}
         end = NEVER.within(time_limit or planning.TIME_LIMIT)
         solution = _solved(design, objective, free, couple, once, more)
-        if end.seconds_left < MORE and (figures or control or draws or report):
+        if end.seconds_left < LEAST_TIME_LEFT and (figures or control or draws or report):
             figures = control = report = False
             draws = 0
             note("the answer alone: the time limit leaves no time for more")

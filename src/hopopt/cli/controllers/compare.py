@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figures, Flag, Overrides, Results, ended, repeated
 from hopopt.cli.screen.console import progress
 from hopopt.cli.screen.hops import hops as shown_hops
@@ -125,7 +126,16 @@ def compare(
         raise UsageError("--basin is for the hop that repeats itself: give --hop periodic, or leave it out")
     if periodic:
         amounts.check("hops", hops, 2)
-    with progress(quiet=json_) as say:
+    chosen_ones = len(names or ()) or 4
+    parts = {
+        "solve": 0.0 if given else 1.0,
+        "hops of a strategy" if periodic else "controllers": float(chosen_ones if periodic else 1),
+        "simulated hop": 2.0 * tune + 0.5 * draws * chosen_ones,
+        "rung of the ladder": 12.0 * why,
+        "least reserve": float(reserve),
+        "basin": float(chosen_ones * basin),
+    }
+    with progress(json_, ExpectedTime("compare", design, parts)) as say:
         if periodic:
             legs = drawn(design, design.uncertainty, draws, seed)
             found = compare_hops(

@@ -9,6 +9,7 @@ from typing import Any
 
 from rich.table import Column
 
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figure, Overrides, Problem, Results, ended
 from hopopt.cli.screen.console import Shown, progress, table
 from hopopt.cli.screen.runs import results as where_it_lies
@@ -16,7 +17,7 @@ from hopopt.comparison.compare import planned_trace
 from hopopt.comparison.robust import robust as studying
 from hopopt.plots.controllers.robust import save_all
 from hopopt.problem.load import load
-from hopopt.report.robust import UNITS, WAYS
+from hopopt.report.robust import GAIN_UNITS, PLAN_WAYS
 from hopopt.storage.folder import prepare
 from hopopt.storage.runs import save_runs
 
@@ -66,7 +67,8 @@ def robust(
     began = time.perf_counter()
     design = load(problem, set_ or ())
     prepare(results)
-    with progress(quiet=json_) as say:
+    parts = {"solve": 2.0, "plan for drawn legs": float(evaluations), "simulated hop": 0.5 * draws}
+    with progress(json_, ExpectedTime("robust", design, parts)) as say:
         found = studying.robust(
             design, share=share, confidence=confidence, draws=draws, evaluations=evaluations, seed=seed, starts=starts,
             seconds=seconds, processes=os.cpu_count() or 1, progress=say,
@@ -97,10 +99,10 @@ def shown(found: Mapping[str, Any]) -> Iterator[Shown]:
     doubt = "" if found["plan_verified"] else "; it was NOT verified"
     yield f"the plan clears {found['plan_m']:.4f} m, best of {found['evaluations']} that were tried{doubt}"
     lowest = found["lowest_by_way_m"]
-    each = [f"{words} {lowest[way]:.4f} m" for way, words in WAYS.items() if lowest.get(way) is not None]
+    each = [f"{words} {lowest[way]:.4f} m" for way, words in PLAN_WAYS.items() if lowest.get(way) is not None]
     yield f"lowest of the legs that it was chosen on, by way: {', '.join(each) or 'no way led to a verified plan'}"
     for name, gains in (found["feedback"] or {}).items():
-        yield f"its feedback {name} = {', '.join(f'{gain:.4g}' for gain in gains)} {UNITS[name]}, joint by joint"
+        yield f"its feedback {name} = {', '.join(f'{gain:.4g}' for gain in gains)} {GAIN_UNITS[name]}, joint by joint"
     if (best := found["pd_best"]) and found["pd"][best] > found["clearance_m"]:
         yield f"{best} reaches more than any plan that was tracked: of those that were tried, none suits these legs"
     yield "[reserve]\n" + "\n".join(f"{name} = {value:.6g}" for name, value in found["reserve"].items())

@@ -1,6 +1,7 @@
 """The command that finds the best gains of the paper's strategies: tune."""
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Overrides, Problem, ended
 from hopopt.cli.screen.console import as_is, progress
 from hopopt.comparison import gain_tuning
@@ -37,7 +38,8 @@ def tune(
     amounts.check_processes(processes)
     names = list(dict.fromkeys(name.strip() for name in strategy.split(",") if name.strip()))
     gain_tuning.check_search(design, names, evaluations, seed)  # all of them, before the first
-    with progress(quiet=json_) as say:
+    expected = ExpectedTime("tune", design, {"simulated hop": float(evaluations * len(names))})
+    with progress(json_, expected) as say:
         asked = {"evaluations": evaluations, "seed": seed, "processes": processes}
         found = [gain_tuning.tune(design, name, **asked, progress=say) for name in names]
     data = {"problem": design.name, "seed": seed, "strategies": {t.strategy: t.as_dict() for t in found}}

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figure, Overrides, Results, ended, repeated
 from hopopt.cli.screen.console import Shown, progress, table
 from hopopt.cli.screen.console import figures as columns
@@ -66,7 +67,8 @@ def transition(
     words = ["hop.kind=periodic", *(set_ or ())]
     design = load(problem or "paper", words) if orbit is None or problem or set_ else orbit.design
     prepare(results)
-    with progress(quiet=json_) as say:
+    parts = {"solve": float(orbit is None), "transition": 1.0}
+    with progress(json_, ExpectedTime("transition", design, parts)) as say:
         found = studying.transition(
             design, begin=begin, orbit=orbit, clearances=clearance or (), most=most, starts=starts,
             processes=os.cpu_count() or 1, progress=say,

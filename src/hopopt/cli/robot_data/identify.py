@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from rich.table import Column
 
 from hopopt.cli.options import AsJson, LogNames, ended, repeated, write_new
-from hopopt.cli.screen.console import Part, Shown, figures, table
+from hopopt.cli.screen.console import NamedLines, Shown, figures, table
 from hopopt.errors import ResultError, UsageError
 from hopopt.problem.load import load
 from hopopt.robot_data.identification import identify as identification
@@ -70,6 +70,6 @@ def shown(data: Mapping[str, Any]) -> Iterator[Shown]:
     columns = [Column("parameter", no_wrap=True), *numbers, Column("unit", no_wrap=True)]
     yield table(columns, rows, f"{data['problem']}: {', '.join(data['logs'])}")
     lines = [f"the data cannot tell {key}: {p['why']}" for key, p in parameters.items() if not p["identified"]]
-    yield Part("not told", lines)
+    yield NamedLines("not told", lines)
     if data["output"]:
         yield f"{data['output']} written; to see it: hopopt show {data['output']}"

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from hopopt.cli.options import AsJson, LogNames, ended, write_new
-from hopopt.cli.screen.console import Part
+from hopopt.cli.screen.console import NamedLines
 from hopopt.errors import UsageError
 from hopopt.problem.load import load
 from hopopt.report.motion import planned, simulated
@@ -55,4 +55,4 @@ def log(
         hops = [simulated(trace, run.name, data["clearance_m"]), *([planned(best, "the bound")] if best else [])]
         where = {"log": str(run), "bound": str(bound)}
         write_new(report, page(Content(design, hops, words=[first, *others], provenance=where)))
-    return ended({**data, "exit_code": 0}, json_, [f"{run}: {first}", Part("hop", others)])
+    return ended({**data, "exit_code": 0}, json_, [f"{run}: {first}", NamedLines("hop", others)])

@@ -10,7 +10,8 @@ from pathlib import Path
 from rich.markup import escape
 
 from hopopt.cli.screen.checks import certified_words, structure_lines
-from hopopt.cli.screen.console import Part, Shown, marked
+from hopopt.cli.screen.console import NamedLines, Shown, marked
+from hopopt.cli.screen.motion import hop_lines
 from hopopt.cli.screen.runs import OVERSHOOT
 from hopopt.cli.screen.search import global_line, measure, measured, starts_lines
 from hopopt.design import Design, Leg
@@ -18,14 +19,10 @@ from hopopt.leg.kinematics import reach
 from hopopt.ocp.objectives.direction import sign
 from hopopt.planner.answer.limit_names import AS_GOOD, INSENSITIVE
 from hopopt.planner.answer.summary import Summary
-from hopopt.planner.answer.touchdown import Impact
-from hopopt.planner.motion import at_apex
 from hopopt.planner.solution import Solution
 
-MOST = 4  # limits that are named
-LITTLE = 0.005  # share of stance that is no word worth
-GRAVITY = 9.81  # m/s^2
-SWUNG = 1.5  # clearances: a foot that lands as from a higher fall did not only fall
+MOST_LIMITS_NAMED = 4  # limits that are named
+LITTLE_LOAD_FREE = 0.005  # share of stance that is no word worth
 HARDLY = 0.01  # of the leg's length: a ballistic rise that is no hop
 
 
@@ -54,7 +51,7 @@ def headed(s: Summary, **parts: Sequence[str]) -> Iterator[Shown]:
     which += f", limited by {' and '.join(limits)} too" if (limits := s.functions.limits) else ""
     yield marked(f"[bold]{escape(s.title or s.problem)}[/bold]  ({escape(which)})")
     yield marked(_headline(s))
-    yield from (Part(name.replace("_", " "), lines) for name, lines in parts.items())
+    yield from (NamedLines(name.replace("_", " "), lines) for name, lines in parts.items())
 
 
 def _headline(s: Summary) -> str:
@@ -100,7 +97,7 @@ def in_short(s: Summary, design: Design) -> list[str]:
     free = f"{found.load_free_share:.0%} of stance without load on the foot"
     rise = s.parts.ballistic_rise_m
     grounded = [f"the leg does not leave the ground in any useful sense (ballistic rise {rise:.4f} m): it is drawn up"]
-    needs = [grip, *([free] if found.load_free_share > LITTLE else [])]
+    needs = [grip, *([free] if found.load_free_share > LITTLE_LOAD_FREE else [])]
     cleared = f"the {s.lowest_point} clears {lengths:.2f} leg lengths; this motion needs {'; '.join(needs)}"
     costs = {
         name: s.gains[name]
@@ -137,72 +134,6 @@ def assumed(leg: Leg) -> str:
 def loss(s: Summary, amount: float) -> str:
     """What is lost of the objective: lengths in cm."""
     return f"{100 * amount:.2g} cm" if s.objective_unit == "m" else measure(s, amount, ".2g")
-
-
-def hop_lines(s: Summary) -> list[str]:
-    """Where the clearance comes from; durations, speeds at lift-off and the greatest ground force."""
-    p, stance, flight, lift = s.parts, s.phases["stance"], s.phases["flight"], s.lift_off
-    lands = "".join(
-        f", {name} {s.phases[name].duration_s:.3f} s" for name in ("descent", "landing") if name in s.phases
-    )
-    end, flown = s.vertical_at_end_of_flight_m_s, f"{flight.duration_s:.3f} s"
-    way = "rising" if end > 0 else "falling"
-    flown = f"to the apex {flown}" if at_apex(end) else f"{flown} (then {way} at {abs(end):.2f} m/s)"
-    box = (
-        [f"clears a box {o.width_m:g} m wide and {o.height_m:.4f} m high, {o.begins_m:.3f} m ahead"]
-        if (o := s.obstacle)
-        else []
-    )
-    parts = (
-        f"clearance = COM height at lift-off {p.com_height_at_lift_off_m:.4f} + ballistic rise "
-        f"{p.ballistic_rise_m:.4f} - COM height over the {s.lowest_point} {-p.com_height_over_lowest_point_m:.4f} m"
-    )
-    return [
-        *([parts] if s.verified else []),
-        f"stance {stance.duration_s:.3f} s, flight {flown}{lands}, lift-off at "
-        f"{lift.vertical_m_s:.2f} m/s up and {lift.horizontal_m_s:+.2f} m/s along, peak ground force "
-        f"{s.peak_ground_force_N:.0f} N",
-        *box,
-        *orbit_lines(s),
-    ]
-
-
-def orbit_lines(s: Summary) -> list[str]:
-    """The cycle of a periodic hop, or how a hop comes to rest, and the impact."""
-    if (end := s.landing) is not None:
-        return [
-            f"at rest after {end.rest_s:.3f} s in the pose of the start, {end.step_m:+.3f} m along; the ground pushes with at "
-            f"most {end.peak_ground_force_N:.0f} N meanwhile, and the body is no lower than {end.deepest_m:.3f} m",
-            _impact_line(end),
-            *hard(end, s.clearance_m),
-        ]
-    if (o := s.orbit) is None:
-        return []
-    way = "in place" if abs(o.step_m) < 1e-6 else f"{o.step_m:+.3f} m along in each"
-    return [
-        f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}",
-        _impact_line(o),
-        *hard(o, s.clearance_m),
-    ]
-
-
-def _impact_line(o: Impact) -> str:
-    """What an impact takes."""
-    return (
-        f"touchdown: foot at {o.foot_speed_m_s:.2f} m/s, impulse {o.impulse_Ns:.2f} N s, {o.impact_loss_J:.2f} J lost, "
-        f"gear impulse {o.gear_impulse_Nms:.3f} N m s ({o.gear_impact_torque_Nm:.0f} N m over hop.touchdown_time)"
-    )
-
-
-def hard(o: Impact, clearance: float) -> list[str]:
-    """What a foot means that lands much faster than it would fall, and which entries limit that."""
-    fall = o.foot_speed_m_s**2 / (2 * GRAVITY)
-    if fall < SWUNG * clearance:
-        return []
-    return [
-        f"a hard landing: the foot is swung down as fast as by a fall from {fall:.2f} m; hop.touchdown_speed limits that, "
-        "hop.touchdown_loss the energy, hop.touchdown_impulse the blow (docs/periodic.md)"
-    ]
 
 
 def control_lines(s: Summary) -> list[str]:
@@ -245,7 +176,7 @@ def _paper_lines(s: Summary) -> list[str]:
 
 def gains(s: Summary) -> dict[str, str]:
     """What 1 % more of a limit's range would give, the greatest gain first."""
-    return {name: _gain(s, gain) for name, gain in list(s.gains.items())[:MOST]}
+    return {name: _gain(s, gain) for name, gain in list(s.gains.items())[:MOST_LIMITS_NAMED]}
 
 
 def _limits(s: Summary) -> list[str]:

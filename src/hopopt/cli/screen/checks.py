@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Column
 
-from hopopt.cli.screen.console import ROOM, Shown, console, table
+from hopopt.cli.screen.console import WIDE_SCREEN, Shown, console, table
 from hopopt.optimality.certificate import COSTATES, entry
 from hopopt.optimality.minimum_principle.switching_structure import THEN, by_subject
 from hopopt.optimality.second_order import Curvature
@@ -27,7 +27,7 @@ def checks(title: str, made: Sequence[Check]) -> Iterator[Shown]:
 
 def residuals(title: str, kind: str, made: Sequence[Check]) -> Iterator[Shown]:
     """A table of checks; where the worst is stands in it where there is room, else below it of those that failed."""
-    room = console().width >= ROOM
+    room = console().width >= WIDE_SCREEN
     heads = (kind, "residual", "allowed", "unit", "", *(["worst"] if room else []))
     columns, rows = [Column(head, no_wrap=head == kind) for head in heads], list[list[str]]()
     for c in made:

@@ -7,26 +7,29 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from threading import Event, Thread
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from rich.console import Console
 from rich.table import Column, Table
 from rich.text import Text
 
-ROOM = 100  # columns of a screen on which tables have all their columns
+if TYPE_CHECKING:
+    from hopopt.cli.expected_time import ExpectedTime
+
+WIDE_SCREEN = 100  # columns of a screen on which tables have all their columns
 PIPED = 180  # columns of a table that no screen shows
-EVERY = 10.0  # s between two lines of progress that is piped
+PROGRESS_PERIOD = 10.0  # s between two lines of progress that is piped
 
 
 @dataclass(frozen=True)
-class Part:
+class NamedLines:
     """Lines under one name."""
 
     name: str
     lines: Sequence[str]
 
 
-Shown = str | Text | Table | Part  # what one output is made of, in order
+Shown = str | Text | Table | NamedLines  # what one output is made of, in order
 
 
 def console() -> Console:
@@ -39,7 +42,7 @@ def show(shown: Iterable[Shown]) -> None:
     """Print all of it; a table is as wide as the screen."""
     out = console()
     for what in shown:
-        if isinstance(what, Part):
+        if isinstance(what, NamedLines):
             _print_part(out, what)
         else:
             out.print(what, soft_wrap=False if isinstance(what, Table) else None)
@@ -81,7 +84,7 @@ def figures(*heads: str) -> list[Column]:
     return [Column(head, justify="right", no_wrap=True) for head in heads]
 
 
-def _print_part(out: Console, part: Part) -> None:
+def _print_part(out: Console, part: NamedLines) -> None:
     """Its lines broken on a screen, where each goes on below its own beginning, but not when piped."""
     for k, line in enumerate(part.lines):
         head = f"  {part.name if k == 0 else '':9s} "
@@ -96,9 +99,23 @@ def _print_part(out: Console, part: Part) -> None:
 
 
 @contextmanager
-def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A function that shows one line of progress on standard error, which when piped is a new line every EVERY seconds;
-    silent if ``quiet``."""
+def progress(quiet: bool, expected: "ExpectedTime | None" = None) -> Iterator[Callable[[str], None]]:
+    """A function that shows one line of progress on standard error, which when piped is a new line every PROGRESS_PERIOD seconds;
+    silent if ``quiet``. What is ``expected`` is said first and counted down, and how long it took is kept."""
+    began = time.monotonic()
+    if expected is not None and expected.first and not quiet:
+        print(f"hopopt: {expected.first}", file=sys.stderr, flush=True)
+    with _one_line(quiet) as say:
+        if expected is None:
+            yield say
+        else:
+            yield lambda text: say(f"{expected.left(time.monotonic() - began)}{text}")
+    if expected is not None:
+        expected.keep(time.monotonic() - began)
+
+
+@contextmanager
+def _one_line(quiet: bool) -> Iterator[Callable[[str], None]]:
     if quiet:
         yield lambda text: None
         return
@@ -113,11 +130,11 @@ def progress(quiet: bool) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def _now_and_then(out: TextIO) -> Iterator[Callable[[str], None]]:
-    """A function that is told of progress, the last of which is written every EVERY seconds, also if there is no more."""
+    """A function that is told of progress, the last of which is written every PROGRESS_PERIOD seconds, also if there is no more."""
     began, last, ended = time.monotonic(), "starting", Event()
 
     def write() -> None:
-        while not ended.wait(EVERY):
+        while not ended.wait(PROGRESS_PERIOD):
             with suppress(OSError, ValueError):  # nobody reads it any more
                 print(f"hopopt: after {time.monotonic() - began:.0f} s: {last}", file=out, flush=True)
 

@@ -9,16 +9,16 @@ from hopopt.cli.screen.answer import (
     error_line,
     gains,
     headed,
-    hop_lines,
     in_short,
     notes,
     short,
     upwards,
 )
 from hopopt.cli.screen.checks import certificate_line, cross_check_lines, second_order_line, structure_lines
-from hopopt.cli.screen.codesign import codesign
-from hopopt.cli.screen.console import Part, Shown
+from hopopt.cli.screen.console import NamedLines, Shown
+from hopopt.cli.screen.motion import hop_lines
 from hopopt.cli.screen.search import global_line, measure, starts_lines
+from hopopt.cli.screen.studies import codesign
 from hopopt.planner.answer.limit_use import IdleLimit
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.solution import Solution
@@ -30,7 +30,7 @@ def answer(solution: Solution, all_of_it: bool = False) -> Iterator[Shown]:
     yield from short(solution) if not all_of_it and (s.verified or s.late) else whole(solution)
     if s.codesign:
         yield from codesign(s.codesign)
-    yield Part("cross-check", cross_check_lines(s))
+    yield NamedLines("cross-check", cross_check_lines(s))
 
 
 def whole(solution: Solution) -> Iterator[Shown]:

@@ -8,9 +8,11 @@ from rich.table import Table
 from hopopt.cli.screen.console import Shown, figures, named, table
 from hopopt.cli.screen.runs import cm, ladder, not_kept, results
 
-SPEED = 0.05  # [m/s] by which a mean speed may differ from what is asked without a word
-GAPS = ("push_m", "timing_m", "retraction_m")
-ROOM = "a softer landing (hop.touchdown_loss) or a larger reserve.ground_force leaves it room (docs/periodic.md)"
+SPEED_DIFFERENCE = 0.05  # [m/s] by which a mean speed may differ from what is asked without a word
+LOSS_FIGURES = ("push_m", "timing_m", "retraction_m")
+LANDING_ADVICE = (
+    "a softer landing (hop.touchdown_loss) or a larger reserve.ground_force leaves it room (docs/periodic.md)"
+)
 
 
 def hops(found: Mapping[str, Any]) -> Iterator[Shown]:
@@ -24,7 +26,7 @@ def hops(found: Mapping[str, Any]) -> Iterator[Shown]:
     )
     for name, row in rows.items():
         if row["fell"]:
-            hint = f"; {ROOM}" if name.startswith("track") else ""
+            hint = f"; {LANDING_ADVICE}" if name.startswith("track") else ""
             yield f"{name} fell after {row['hops']} hops: {row['fell']}{hint}"
         yield from not_kept(name, row)
     for name, row in rows.items():
@@ -35,7 +37,7 @@ def hops(found: Mapping[str, Any]) -> Iterator[Shown]:
         if row["mujoco_clearances_m"] is not None:
             yield _elsewhere(name, row["mujoco_clearances_m"])
         speed, asked = row["drift_m_per_hop"] / row["period_s"] if row["period_s"] else None, found["speed_m_s"]
-        if speed is not None and abs(speed - asked) > SPEED:
+        if speed is not None and abs(speed - asked) > SPEED_DIFFERENCE:
             yield f"{name} moves at {speed:+.2f} m/s on average; the bound is for {asked:g} m/s"
     yield from ladder(found)
     if found["tracked_plan_m"]:
@@ -68,7 +70,7 @@ def hops_table(rows: Mapping[str, Any], asked: int) -> Table:
             continue
         share, stable = r["share_of_bound"], r["stability"]
         cells.append([
-            name, done, f"{r['kept_m']:.3f}", "-" if share is None else f"{share:.0%}", *(cm(gap[key]) for key in GAPS),
+            name, done, f"{r['kept_m']:.3f}", "-" if share is None else f"{share:.0%}", *(cm(gap[key]) for key in LOSS_FIGURES),
             f"{r['period_s']:.3f}", cm(r["drift_m_per_hop"]), f"{r['touchdown_loss_J']:.1f}",
             "-" if stable is None else f"{stable['largest_multiplier']:.2g}",
         ])  # fmt: skip

@@ -9,13 +9,13 @@ from rich.table import Column, Table
 
 from hopopt.cli.screen.console import Shown, figures, marked, named, table
 
-ROOM = "; a larger [reserve], of speed above all, leaves it room (docs/robust.md)"
+RESERVE_ADVICE = "; a larger [reserve], of speed above all, leaves it room (docs/robust.md)"
 RESTLESS = 0.05  # of stall torque from one sample to the next, above which a line says so
-HALF = 0.5  # of the bound, below which a line says what is in the way
+LOW_SHARE = 0.5  # of the bound, below which a line says what is in the way
 OVERSHOOT = 0.01  # of the clearance, from which on it is worth a line
 BRAKED = "force_braked"
-GAPS = {"push": "push_m", "timing": "timing_m", "fold": "retraction_m"}
-PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
+LOSS_FIGURES = {"push": "push_m", "timing": "timing_m", "fold": "retraction_m"}
+HEIGHT_PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
 
 
 def comparison(found: Mapping[str, Any]) -> Iterator[Shown]:
@@ -37,7 +37,7 @@ def comparison(found: Mapping[str, Any]) -> Iterator[Shown]:
         if words := _restless(row["feedback_moves"]):
             yield f"{name}: {words}"
         if row["cut_short"]:
-            yield f"{name}: {row['cut_short']}{ROOM if name.startswith('track') else ''}"
+            yield f"{name}: {row['cut_short']}{RESERVE_ADVICE if name.startswith('track') else ''}"
     yield from (_spread(name, spread) for name, spread in found.get("mismatch", {}).items())
     if "four_numbers" in found:
         yield _four(found["four_numbers"])
@@ -72,8 +72,8 @@ def run(row: Mapping[str, Any]) -> Iterator[Shown]:
         yield f"  the foot never left the ground; the run ended: {row['outcome']}\n  results {row['result_dir']}"
         return
     yield (
-        f"  clearance {row['clearance_m']:.4f} m = COM height at lift-off {p[PARTS[0]]:.4f} + ballistic rise {p[PARTS[1]]:.4f} "
-        f"- COM height over the lowest point {-p[PARTS[2]]:.4f} m; foot at most {row['foot_height_m']:.3f} m"
+        f"  clearance {row['clearance_m']:.4f} m = COM height at lift-off {p[HEIGHT_PARTS[0]]:.4f} + ballistic rise {p[HEIGHT_PARTS[1]]:.4f} "
+        f"- COM height over the lowest point {-p[HEIGHT_PARTS[2]]:.4f} m; foot at most {row['foot_height_m']:.3f} m"
     )
     yield (
         f"  lift-off at {lift['time_s']:.4f} s, body at {lift['body_height_m']:.3f} m, {lift['vertical_m_s']:.2f} m/s up and "
@@ -120,8 +120,8 @@ def _in_the_way(name: str, row: Mapping[str, Any]) -> Iterator[Shown]:
     """Why a strategy does not hop, or clears little; and by how much its servo overshoots."""
     if row["no_hop"]:
         yield f"{name} does not hop: {row['no_hop']}"
-    elif row["share_of_bound"] is not None and row["share_of_bound"] < HALF:
-        part, key = max(GAPS.items(), key=lambda item: row["gap"][item[1]])
+    elif row["share_of_bound"] is not None and row["share_of_bound"] < LOW_SHARE:
+        part, key = max(LOSS_FIGURES.items(), key=lambda item: row["gap"][item[1]])
         yield f"{name} clears less than half of the bound: it loses most by {part}, {100 * row['gap'][key]:.1f} cm"
     if (short := row["overshoot_m"]) is not None and short > OVERSHOOT * row["clearance_m"]:
         yield f"{name}: {_overshoot(short)}; {BRAKED} follows it without"
@@ -129,7 +129,15 @@ def _in_the_way(name: str, row: Mapping[str, Any]) -> Iterator[Shown]:
 
 def run_table(rows: Mapping[str, Any]) -> Table:
     """A row for each strategy: its clearance, what it misses of the bound and by what, and how it pushed."""
-    heads = ("clears\nm", "of\nbound", *(f"{part}\ncm" for part in GAPS), "C_avg", "left\ns", "at\nm/s", "ground\nN")
+    heads = (
+        "clears\nm",
+        "of\nbound",
+        *(f"{part}\ncm" for part in LOSS_FIGURES),
+        "C_avg",
+        "left\ns",
+        "at\nm/s",
+        "ground\nN",
+    )
     cells = []
     for name, r in rows.items():
         lift, share = None if r["no_hop"] else r["lift_off"], r["share_of_bound"]
@@ -137,7 +145,7 @@ def run_table(rows: Mapping[str, Any]) -> Table:
             name,
             f"{r['clearance_m']:.3f}",
             "-" if share is None else f"{share:.0%}",
-            *(cm(r["gap"][key]) if lift else "-" for key in GAPS.values()),
+            *(cm(r["gap"][key]) if lift else "-" for key in LOSS_FIGURES.values()),
             " ".join(f"{mean:.2f}" for mean in r["saturation_mean"].values()),
             f"{lift['time_s']:.3f}" if lift else "-",
             f"{lift['vertical_m_s']:.2f}" if lift else "-",
@@ -208,5 +216,5 @@ def _paper(name: str, r: Mapping[str, Any]) -> str:
 def _spread(name: str, s: Mapping[str, Any]) -> str:
     return (
         f"{name}, {s['draws']} legs with masses within {s['mass']:.0%} and torque constants within {s['torque']:.0%}: "
-        f"clearance {s['median_m']:.3f} m median, {s['lowest_m']:.3f} to {s['highest_m']:.3f}; {s['failed']} failed{ROOM if s['failed'] else ''}"
+        f"clearance {s['median_m']:.3f} m median, {s['lowest_m']:.3f} to {s['highest_m']:.3f}; {s['failed']} failed{RESERVE_ADVICE if s['failed'] else ''}"
     )

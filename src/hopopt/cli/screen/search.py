@@ -3,7 +3,7 @@
 from hopopt.planner.answer.extras import HopFamily
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.checks.global_verdict import followed, highest, verdict
-from hopopt.planner.search.multistart import STOPPED
+from hopopt.planner.search.multistart import STOPPED_NEAR_KNOWN
 
 FAMILIES = 3  # different hops that are listed
 
@@ -24,7 +24,7 @@ def starts_lines(s: Summary, more: str = "") -> list[str]:
     if s.families is None:  # a result of one start
         ends = ", ".join(f"{o.count} at {measured(s, o.objective, 3)}" for o in starts.optima)
         return [f"{starts.count} start{'' if starts.count == 1 else 's'} on the first mesh: {ends}{more}"]
-    stopped = sum(o.status == STOPPED for o in starts.each)
+    stopped = sum(o.status == STOPPED_NEAR_KNOWN for o in starts.each)
     ended, asked = starts.count - stopped - len(starts.failed), starts.count if starts.asked is None else starts.asked
     tried = f"{starts.count} tried" + (f", {asked} of them starts" if asked < starts.count else "")
     ends = f"{ended} ended at a hop, {stopped} stopped near one, {len(starts.failed)} failed"

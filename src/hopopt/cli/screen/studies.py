@@ -1,4 +1,4 @@
-"""What the command line shows of studies: the table of a sweep, and that of a front."""
+"""What the command line shows of studies: the table of a sweep, that of a front, and that of a co-design's free numbers."""
 
 from collections.abc import Iterator
 
@@ -6,8 +6,9 @@ from rich.table import Column
 
 from hopopt.cli.screen.console import Shown, table
 from hopopt.ocp.objectives.registry import find
+from hopopt.planner.answer.extras import CoDesign, FreeEntry
 from hopopt.planner.stopwatch import duration
-from hopopt.studies.pareto import Front
+from hopopt.studies.pareto.front import Front
 from hopopt.studies.sweep.run import Study
 
 SHOWN = 60  # points; the rest is in the table's file
@@ -47,3 +48,37 @@ def of_front(found: Front) -> Iterator[Shown]:
     yield table([Column(head, no_wrap=True) for head in heads], rows, title)
     whole = "" if found.complete else ", not complete"
     yield f"{len(found.verified_points)} of {len(found.points)} points verified{whole}; {found.folder}"
+
+
+def codesign(found: CoDesign) -> Iterator[Shown]:
+    """A line for each free entry, and the couplings."""
+    heads = ("entry", "was", "optimal", "lowest", "highest", "unit", "")
+    rows = []
+    for p in found.parameters:
+        numbers = [f"{x:.5g}" for x in (p.was, p.optimal, p.lower, p.upper)]
+        rows.append([p.entry, *numbers, p.unit, f"at its {p.at_bound} bound" if p.at_bound else ""])
+    yield table([Column(head, no_wrap=True) for head in heads], rows, "free design parameters")
+    for p in found.parameters:
+        yield from _between(p)
+    for c in found.couplings:
+        yield f"{c.coupling}   ({'active' if c.active else 'not active'})"
+        if c.coupling.startswith("catalogue"):
+            yield f"  that is {c.equation}"
+    for part, law in found.mass_laws.items():
+        yield (
+            f"  law of {law.entries} {part}s from {law.lowest:.3g} to {law.highest:.3g} N m, "
+            f"typically off by a factor of {law.scatter:.2g}: hopopt actuators --fit"
+        )
+
+
+def _between(p: FreeEntry) -> list[str]:
+    """The limits that an entry sits between, and what it would be without each."""
+    if (at := p.between) is None:
+        return []
+    lines = [f"{p.entry} = {p.optimal:.5g} sits where limits trade places: {' and '.join(at.limits)}"]
+    for k, w in enumerate(at.without):
+        which = " (the lesser)" if k == 0 and len(at.without) > 1 else ""
+        lines.append(
+            f"  without the {w.limit}{which}: {w.objective_value:.5g} at {w.optimal:.5g} {p.unit}".removesuffix(" 1")
+        )
+    return lines

@@ -6,12 +6,12 @@ from typing import Annotated, Any
 from rich.table import Column, Table
 
 from hopopt.cli.options import AsJson, Flag, ended
-from hopopt.cli.screen.console import ROOM, Shown, console, named, table
+from hopopt.cli.screen.console import WIDE_SCREEN, Shown, console, named, table
 from hopopt.problem.catalogue import MARKS, catalogue, names
 from hopopt.problem.checking.entries import entry_at, unit_of
 from hopopt.problem.checking.mass_law import as_json as law_of
 
-FIGURES = {  # columns of the two tables: entry -> heading
+COLUMN_HEADINGS = {  # columns of the two tables: entry -> heading
     "motor": {
         "max_torque": "at standstill\nN m",
         "torque_cap": "drive's cap\nN m",
@@ -42,8 +42,8 @@ def actuators(*, fit: Annotated[bool, Flag] = False, json_: AsJson = False) -> i
         Show what torque weighs instead: power laws of mass against torque, fitted over motors and over gears, which
         co-design takes as --couple "catalogue: leg.body.mass by leg.motor.max_torque" (docs/codesign.md).
     """
-    laws = {part: law_of(part) for part in FIGURES} if fit else {}
-    data = {f"{part}s": laws.get(part) or _entries(part) for part in FIGURES}
+    laws = {part: law_of(part) for part in COLUMN_HEADINGS} if fit else {}
+    data = {f"{part}s": laws.get(part) or _entries(part) for part in COLUMN_HEADINGS}
     return ended(data, json_, _laws(laws) if fit else _tables())
 
 
@@ -62,7 +62,7 @@ def _entries(part: str) -> dict[str, Any]:
 
 def _tables() -> Iterator[Shown]:
     """Motors, and gears, with their figures."""
-    for part, heads in FIGURES.items():
+    for part, heads in COLUMN_HEADINGS.items():
         rows = dict[str, list[str]]()
         for name in names(part):
             values, marks = catalogue()[name].stated(part), catalogue()[name].marks[part]
@@ -94,7 +94,7 @@ def _laws(laws: Mapping[str, Mapping[str, Any]]) -> Iterator[Shown]:
 
 def _table(title: str, heads: Mapping[str, str], rows: Mapping[str, list[str]]) -> Table:
     """A row for each name; the last column, what an entry is called in full, only where the screen has room for it."""
-    room = console().width >= ROOM
+    room = console().width >= WIDE_SCREEN
     columns = [named(title), *(Column(head, justify="right") for head in heads.values())]
     cells = [[name, *row, *([catalogue()[name].title] if room else [])] for name, row in rows.items()]
     return table([*columns, *([""] if room else [])], cells)

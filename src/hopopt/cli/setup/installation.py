@@ -31,9 +31,9 @@ EXTRAS = {
     "dask": "dask", "distributed": "dask", "example-robot-data": "robots", "jupyterlab": "notebooks", "mcap": "mcap",
     "mcap-ros2-support": "mcap", "mujoco": "mujoco", "pycollada": "view", "viser": "view",
 }  # fmt: skip
-PACKAGES = ("hopopt", *(name for name in TESTED if name not in EXTRAS))
-COARSE = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
-AGREE = 1e-9  # relative: within which two ways of computing the same number agree
+SHOWN_VERSIONS = ("hopopt", *(name for name in TESTED if name not in EXTRAS))
+COARSE_MESH = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 6}
+WAYS_AGREE = 1e-9  # relative: within which two ways of computing the same number agree
 LEAST_EFFORT = 12.0  # closed form: 1 m in 1 s from rest to rest, u = 6 - 12 t, integral of u^2
 
 
@@ -60,7 +60,7 @@ class Finding:
 def findings() -> Iterator[Finding]:
     """Everything that is looked at, one by one; the self-test comes last and takes some seconds."""
     yield Finding("versions", "system", f"{platform.system()} {platform.machine()}")
-    yield from (_version(name) for name in ("python", *PACKAGES))
+    yield from (_version(name) for name in ("python", *SHOWN_VERSIONS))
     yield from (_version(package, extra) for package, extra in EXTRAS.items())
     yield from (_solver(name, needed) for name, needed in SOLVERS.items())
     yield _compiler()
@@ -134,7 +134,7 @@ def dynamics() -> tuple[float, float, float]:
     planned = np.array(ca.DM(LegDynamics(robot, robot.parameters).inverse_dynamics(ca.DM(q), ca.DM(v), ca.DM(a))))
     known = pin.rnea(robot.model, robot.model.createData(), q, v, a)
     worst = int(np.abs(planned.ravel() - known).argmax())
-    return float(planned.ravel()[worst]), float(known[worst]), AGREE * float(np.abs(known).max())
+    return float(planned.ravel()[worst]), float(known[worst]), WAYS_AGREE * float(np.abs(known).max())
 
 
 def simulation() -> tuple[float, float, float]:
@@ -145,12 +145,12 @@ def simulation() -> tuple[float, float, float]:
 
 def planning() -> tuple[float, float, float]:
     """A hop on a coarse mesh: its clearance [m] by the planner's kinematics, and by Pinocchio's at its joint angles."""
-    solution = solve(load("paper", COARSE), starts=1, processes=1)
+    solution = solve(load("paper", COARSE_MESH), starts=1, processes=1)
     robot, apex = solution.robot, solution.apex
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, apex.q[0])
     heights = [data.oMi[joint].act(np.array(offset, dtype=float))[2] for joint, offset in robot.points.values()]
-    return solution.clearance, float(min(heights)), AGREE
+    return solution.clearance, float(min(heights)), WAYS_AGREE
 
 
 SELF_TESTS: dict[str, Callable[[], tuple[float, float, float]]] = {

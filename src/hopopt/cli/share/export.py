@@ -27,7 +27,7 @@ class Format(StrEnum):
     C = "c"
 
 
-WAYS = {  # suffix of the file, and what makes its text
+EXPORTS = {  # suffix of the file, and what makes its text
     Format.CSV: ("csv", plan.to_csv),
     Format.JSON: ("json", plan.to_json),
     Format.ROS2: ("yaml", plan.to_ros2),
@@ -75,7 +75,7 @@ def export(
     if format_ is not None:
         if set_:
             raise UsageError("--set changes an entry of a problem: a planned hop is exported as it was solved")
-        suffix, write = WAYS[format_]
+        suffix, write = EXPORTS[format_]
         made.append(output or Path(f"{Path(what).resolve().name}.{suffix}"))
         write_new(made[-1], write(_verified_plan(Path(what))))
     if urdf is not None or mjcf is not None:

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 from rich.table import Column
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Overrides, Problem, Results, drawn, ended, repeated
-from hopopt.cli.screen.console import ROOM, Part, Shown, console, figures, progress, table
+from hopopt.cli.screen.console import WIDE_SCREEN, NamedLines, Shown, console, figures, progress, table
 from hopopt.errors import NotSolvedError
 from hopopt.evidence.families import one_entry, open_folder, save
 from hopopt.evidence.family_search import find_families
@@ -21,7 +22,7 @@ from hopopt.studies.faults import kept
 from hopopt.studies.sweep.definition import Definition, define, parse
 
 EVERY, FEW = 6, 3  # values that all have a column, where there is room and where there is not
-ROWS = 8  # families; the rest is in the file
+FAMILY_ROWS = 8  # families; the rest is in the file
 Cell = Callable[[Mapping[str, Any]], str]
 Vary = Annotated[
     list[str] | None,
@@ -63,7 +64,11 @@ def families(
     prepare(results)
     folder = open_folder(definition, results)
     try:
-        with progress(quiet=json_) as say, kept(folder, "what is known is kept in families.json"):
+        parts = {"point of families": float(max(len(definition.points), 1))}
+        with (
+            progress(json_, ExpectedTime("families", definition.design, parts)) as say,
+            kept(folder, "what is known is kept in families.json"),
+        ):
             study = find_families(
                 definition, processes or os.cpu_count() or 1, verify, say, lambda known: save(known, folder, False)
             )
@@ -90,7 +95,7 @@ def _definition(problem: str, vary: list[str] | None, set_: list[str] | None, st
 
 def shown(data: Mapping[str, Any]) -> Iterator[Shown]:
     """A row for each family, where the best changes, what is contradicted, where it all lies."""
-    most, rows = EVERY if console().width >= ROOM else FEW, data["families"][:ROWS]
+    most, rows = EVERY if console().width >= WIDE_SCREEN else FEW, data["families"][:FAMILY_ROWS]
     columns = _every(data) if len(data["best"]) <= most else _three(data)
     over = f" over {data['entry']}" if data["entry"] else ""
     heads = ["", Column("what the leg does", max_width=60), *figures(*(head for head, _ in columns))]
@@ -102,8 +107,8 @@ def shown(data: Mapping[str, Any]) -> Iterator[Shown]:
     for f in rows:
         names = f["found_by"]
         others = f"; and {len(names) - 3} more" if len(names) > 3 else ""
-        yield Part(f"{f['name']} from", [f"{'; '.join(names[:3])}{others}"])
-    yield Part("best", [*_crossings(data), *_faults(data)])
+        yield NamedLines(f"{f['name']} from", [f"{'; '.join(names[:3])}{others}"])
+    yield NamedLines("best", [*_crossings(data), *_faults(data)])
     yield f"results {data['result_dir']}"
 
 

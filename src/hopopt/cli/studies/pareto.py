@@ -6,13 +6,15 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figure, Overrides, Problem, drawn, ended, note
 from hopopt.cli.screen.console import progress
 from hopopt.cli.screen.studies import of_front
 from hopopt.errors import UsageError
 from hopopt.plots.studies.pareto import save
 from hopopt.problem.load import load
-from hopopt.studies.pareto import Front, front
+from hopopt.studies.pareto.front import Front
+from hopopt.studies.pareto.trace import front
 
 
 def pareto(
@@ -57,7 +59,8 @@ def pareto(
         raise UsageError(f"--from {lowest}: a clearance from 0 to 20 m is needed")
     design, begun, stopped = load(problem, set_ or ()), list[Front](), False
     try:
-        with progress(quiet=json_) as say:
+        parts = {"solve": 2.0, "point of a front": float(points)}
+        with progress(json_, ExpectedTime("pareto", design, parts)) as say:
             front(
                 design, against, points=points, lowest=lowest, starts=starts, processes=processes, results=results,
                 progress=say, begun=begun.append,

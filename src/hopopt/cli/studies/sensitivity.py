@@ -9,11 +9,12 @@ from cyclopts import Parameter
 from rich.table import Column, Table
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figure, Overrides, Results, Starts, ended
 from hopopt.cli.screen.console import Shown, named, progress, table
 from hopopt.cli.screen.console import figures as columns
 from hopopt.errors import UsageError
-from hopopt.ocp.objectives.objective import HEIGHTS
+from hopopt.ocp.objectives.objective import HEIGHT_FIGURES
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner import solve as planning
 from hopopt.planner.solution import Solution
@@ -27,8 +28,8 @@ from hopopt.studies import sensitivity as study
 from hopopt.studies.finite_differences import LEADING, chosen, confirmed
 from hopopt.studies.influence import Influence
 
-ROWS = 16  # of the table
-LEAST = 5e-4  # [cm] per per cent, below which an entry is left out of it
+TABLE_ROWS = 16  # of the table
+LEAST_SHOWN = 5e-4  # [cm] per per cent, below which an entry is left out of it
 Confirm = Annotated[
     list[str] | None,
     Parameter(
@@ -72,7 +73,11 @@ def sensitivity(
         raise UsageError(f"{problem} is a result, not a problem: hopopt sensitivity --result {problem}")
     amounts.check("starts", starts)
     prepare(results)
-    with fitting(result) if result else nullcontext(), progress(quiet=json_) as say:
+    expected = None
+    if result is None:
+        parts = {"solve": 1.0, "difference": 2.0 * len(confirm or ())}
+        expected = ExpectedTime("sensitivity", load(problem or "paper", set_ or ()), parts)
+    with fitting(result) if result else nullcontext(), progress(json_, expected) as say:
         solution, failed = _optimum(problem or "paper", result, objective, set_ or [], starts, say)
         influences = [] if failed else _confirmed(solution, study.sensitivity(solution), confirm, say)
         data: dict[str, Any] = study.as_dict(solution, influences, failed)
@@ -95,7 +100,7 @@ def _optimum(
         say("verifying")
         solution = read(folder)
         return solution, [*solution.doubts, *recheck(solution).failed_checks]
-    if find(objective).figure not in HEIGHTS:
+    if find(objective).figure not in HEIGHT_FIGURES:
         raise UsageError(
             f"what to change first is reported for heights, not for {objective}: --objective clearance or apex"
         )
@@ -164,19 +169,19 @@ def _table(influences: Sequence[Influence], rows: Sequence[Influence]) -> Table:
 
 
 def _in_the_table(influences: Sequence[Influence]) -> list[Influence]:
-    return [i for k, i in enumerate(influences) if (k < ROWS and i.most_cm >= LEAST) or i.difference]
+    return [i for k, i in enumerate(influences) if (k < TABLE_ROWS and i.most_cm >= LEAST_SHOWN) or i.difference]
 
 
 def left_out(influences: Sequence[Influence]) -> list[str]:
     """How many entries that matter have no row."""
     shown = _in_the_table(influences)
-    count = sum(i.most_cm >= LEAST and i not in shown for i in influences)
+    count = sum(i.most_cm >= LEAST_SHOWN and i not in shown for i in influences)
     return [f"({count} more that matter less: --json)"] if count > 0 else []
 
 
 def sentences(influences: Sequence[Influence]) -> list[str]:
     """What to change first: of the leg, of the joints apart, and of what the hop is asked to be."""
-    gains = [i for i in influences if i.best_cm >= LEAST]
+    gains = [i for i in influences if i.best_cm >= LEAST_SHOWN]
     if any(i.kinked for i in influences):  # they are ranked by their larger side, which may be a loss
         gains.sort(key=lambda i: -i.best_cm)
     first = next((i for i in gains if i.of_leg), None)

@@ -1,10 +1,12 @@
 """The command that runs design studies: sweep."""
 
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
 from hopopt import amounts
+from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figures, Overrides, drawn, ended, note, repeated
 from hopopt.cli.screen.console import Shown, progress
 from hopopt.cli.screen.studies import of_sweep
@@ -71,7 +73,7 @@ def sweep(
     amounts.check_processes(processes)
     folders = [] if resume is None else [resume]
     try:
-        with progress(quiet=json_) as say:
+        with progress(json_, _expected(definition, processes, resume)) as say:
             study = run(
                 definition, processes=processes, scheduler=scheduler, results=results, resume=resume, progress=say,
                 opened=folders.append,
@@ -86,6 +88,14 @@ def sweep(
         kept = f"interrupted; what is finished is kept: hopopt sweep --resume {folders[-1]}"
         raise KeyboardInterrupt(kept) from None
     return ended(study.as_dict(), json_, of_sweep(study), study.exit_code)
+
+
+def _expected(definition: Definition, processes: int | None, folder: Path | None) -> ExpectedTime:
+    """How long the points take that are not finished."""
+    finished = 0 if folder is None else len(list((folder / "points").glob("*.json")))
+    side_by_side = min(processes or os.cpu_count() or 1, os.cpu_count() or 1)
+    left = max(len(definition.points) - finished, 0)
+    return ExpectedTime("sweep", definition.design, {"point": 2.0 * left / side_by_side})  # measured on two cores
 
 
 def verify_study(folder: Path, json_: bool) -> int:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.comparison.hops.trials import Hops, Trial, moved, reached_apex
+from hopopt.comparison.hops.trials import Hops, HopsTrial, moved, reached_apex
 from hopopt.control.closed_loop import make_controller
 from hopopt.control.strategies import find
 from hopopt.leg.scales import Scale
@@ -31,7 +31,7 @@ class Basin:
         return {"higher_m": self.higher.tolist(), "faster_m_s": self.faster.tolist(), "hops": self.hops.tolist()}
 
 
-def back(trial: Trial, kept: float, begin: Sequence[State]) -> list[bool]:
+def back(trial: HopsTrial, kept: float, begin: Sequence[State]) -> list[bool]:
     """For each start whether the hops come back to the clearance that is kept up [m]."""
     fresh, found = make_controller(trial.design, find(trial.strategy), trial.reference), []
     for start in begin:
@@ -40,7 +40,7 @@ def back(trial: Trial, kept: float, begin: Sequence[State]) -> list[bool]:
     return found
 
 
-def basin(trial: Trial, found: Hops, processes: int) -> Basin | None:
+def basin(trial: HopsTrial, found: Hops, processes: int) -> Basin | None:
     """From where a strategy comes back to what it settled on; None if it fell."""
     if found.typical is None:
         return None

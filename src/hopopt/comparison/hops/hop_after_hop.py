@@ -15,9 +15,9 @@ from hopopt.comparison.compare import BEATEN, OPTIMUM, answering, chosen_names, 
 from hopopt.comparison.hops.basin import Basin, basin, side_by_side
 from hopopt.comparison.hops.trials import (
     DRAWN_HOPS,
-    HOPS,
+    MOST_HOPS,
     Hops,
-    Trial,
+    HopsTrial,
     apex_of,
     hop_on,
     hops_in_mujoco,
@@ -160,7 +160,7 @@ def compare_hops(
     design: Design,
     strategies: Sequence[str] | None = None,
     *,
-    hops: int = HOPS,
+    hops: int = MOST_HOPS,
     offset: float | None = None,
     bound: Solution | None = None,
     draws: Sequence[Draw] = (),
@@ -197,7 +197,9 @@ def compare_hops(
             chosen = [s for s in chosen if not s.needs_plan]
             notes.append(f"nothing is tracked, as no plan keeps the problem's [reserve] back: {error}")
     trials = [
-        Trial(design, s.name, reference_of(plan), apex_of(plan)) if plan and s.needs_plan else Trial(design, s.name)
+        HopsTrial(design, s.name, reference_of(plan), apex_of(plan))
+        if plan and s.needs_plan
+        else HopsTrial(design, s.name)
         for s in chosen
     ]
     say(f"{hops} hops of {', '.join(t.strategy for t in trials)}")

@@ -20,8 +20,8 @@ from hopopt.sim.hop_sequence import before_landing, landings
 from hopopt.sim.state import State, Timing
 from hopopt.sim.trace import Trace
 
-STEP = 2e-3  # rad, m/s or rad/s: of the differences, above what the control period leaves unsmooth
-SPEEDS = 10.0  # how much larger steps of speeds are
+STATE_STEP = 2e-3  # rad, m/s or rad/s: of the differences, above what the control period leaves unsmooth
+SPEED_STEP_FACTOR = 10.0  # how much larger steps of speeds are
 BOUNCES = 4  # after a landing that are waited for
 SETTLE = 5  # hops by which the leg comes nearer to its own orbit first
 
@@ -93,7 +93,7 @@ def state_at_landing(trace: Trace) -> np.ndarray:
     return np.concatenate([trace.q[k, BASE:], trace.v[k]])
 
 
-def multipliers(hop: ReturnMap, z: np.ndarray, settle: int = SETTLE, step: float = STEP) -> Multipliers:
+def multipliers(hop: ReturnMap, z: np.ndarray, settle: int = SETTLE, step: float = STATE_STEP) -> Multipliers:
     """Of a return map about its fixed point near z, by central differences; Fallen if the leg does not hop there."""
     for _ in range(settle):
         z = hop(z)
@@ -104,7 +104,7 @@ def multipliers(hop: ReturnMap, z: np.ndarray, settle: int = SETTLE, step: float
 
 def _largest(hop: ReturnMap, z: np.ndarray, step: float) -> tuple[float, tuple[complex, ...]]:
     n = (len(z) - BASE) // 2
-    steps = step * np.concatenate([np.ones(n), np.full(len(z) - n, SPEEDS)])
+    steps = step * np.concatenate([np.ones(n), np.full(len(z) - n, SPEED_STEP_FACTOR)])
     columns = [(hop(z + d) - hop(z - d)) / (2 * d.sum()) for d in np.diag(steps)]
     values = sorted(np.linalg.eigvals(np.array(columns).T), key=abs, reverse=True)
     return float(abs(values[0])), tuple(complex(x) for x in values)

@@ -30,7 +30,7 @@ from hopopt.sim.hop_sequence import BOUNCED, hops_of, landings
 from hopopt.sim.mujoco import library
 from hopopt.sim.state import State
 
-HOPS = 50  # of a run
+MOST_HOPS = 50  # of a run
 DRAWN_HOPS = 20  # on drawn legs
 
 
@@ -113,7 +113,7 @@ def _lost(hop: HopFigures) -> float:
 
 
 @dataclass(frozen=True)
-class Trial:
+class HopsTrial:
     """A strategy and what it is tried on.
 
     design: the believed leg
@@ -174,7 +174,7 @@ def moved(apex: State, higher: float = 0.0, faster: float = 0.0) -> State:
     return replace(apex, q=q, v=v)
 
 
-def hop_on(trial: Trial, hops: int, offset: float) -> Hops:
+def hop_on(trial: HopsTrial, hops: int, offset: float) -> Hops:
     """So many hops of a strategy that begins too high by so much [m], and the multipliers of what it settles on."""
     start = moved(trial.start, offset) if trial.apex else trial.start
     found = Hops(trial.hop(hops, start), hops)
@@ -196,7 +196,7 @@ def in_another_plant(design: Design) -> None:
         raise UsageError("runs in MuJoCo have no delay: leave out --mujoco, or set simulation.torque_delay=0")
 
 
-def hops_in_mujoco(trial: Trial, hops: int) -> list[float]:
+def hops_in_mujoco(trial: HopsTrial, hops: int) -> list[float]:
     """Clearances [m] of so many hops of a strategy in MuJoCo, from the same start; fewer if the leg falls."""
     fresh = make_controller(trial.design, find(trial.strategy), trial.reference)
     run = in_mujoco(trial.design, fresh, trial.start, hops + (trial.apex is not None), BOUNCED)
@@ -208,7 +208,7 @@ def hops_in_mujoco(trial: Trial, hops: int) -> list[float]:
     return [highest_in(trial.design, run, (each >= a) & (each < b)) for a, b in whole]
 
 
-def hops_on_draws(trial: Trial, draws: Sequence[Draw], hops: int = DRAWN_HOPS) -> list[tuple[int, float]]:
+def hops_on_draws(trial: HopsTrial, draws: Sequence[Draw], hops: int = DRAWN_HOPS) -> list[tuple[int, float]]:
     """For each drawn leg: how many hops of so many it does, and the clearance [m] that it keeps up."""
     fresh, found = make_controller(trial.design, find(trial.strategy), trial.reference), []
     for draw in draws:

@@ -11,7 +11,7 @@ import numpy as np
 
 from hopopt.comparison.compare import reference_of
 from hopopt.comparison.robust.robust_search import TRACKER, TUNING_DRAWS, stands_against
-from hopopt.comparison.robust.robustness import FAILED, drawn, reached
+from hopopt.comparison.robust.robustness import FAILED_SHARE, drawn, reached
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.robot import build_robot
@@ -22,8 +22,8 @@ from hopopt.planner.reserve import reserved
 from hopopt.planner.search.from_known import solved_from_known
 from hopopt.planner.solution import Solution
 
-SHARES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)  # of the leg's weight, tried in turn
-SECONDS = 300.0  # [s] for all plans
+WEIGHT_SHARES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)  # of the leg's weight, tried in turn
+SECONDS_OF_PLANS = 300.0  # [s] for all plans
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def least_reserve(
     *,
     draws: int = TUNING_DRAWS,
     seed: int = 0,
-    seconds: float = SECONDS,
+    seconds: float = SECONDS_OF_PLANS,
     processes: int = 1,
     progress: Callable[[str], None] | None = None,
 ) -> LeastReserve:
@@ -64,7 +64,7 @@ def least_reserve(
     say, asked, until = progress or (lambda text: None), bound.design, NEVER.within(seconds)
     legs, heavy = drawn(asked, asked.uncertainty, draws, seed), weight(build_robot(asked.leg).model)
     known, against = bound, "the time was up"
-    for share in SHARES:
+    for share in WEIGHT_SHARES:
         if until.passed:
             break
         reserve = asked.reserve.model_copy(update={"ground_force": share * heavy})
@@ -75,7 +75,7 @@ def least_reserve(
             against = f"with {share:.0%} of the weight held back: {stands_against(error)}"
             continue
         found = reached(design, TRACKER, reference_of(plan), legs, processes).clearances
-        fell = int(np.sum(found < FAILED * plan.clearance))
+        fell = int(np.sum(found < FAILED_SHARE * plan.clearance))
         say(f"{share:.0%} of the weight held back: {fell} of {draws} drawn legs fall")
         if not fell and plan.verified:
             return LeastReserve(design, plan, share, draws, bound.clearance - plan.clearance)

@@ -12,7 +12,7 @@ import numpy as np
 
 from hopopt.amounts import check
 from hopopt.comparison.compare import on_ideal_ground
-from hopopt.comparison.robust.robust_search import BY_PROGRAM, BY_RESERVE, TRACKER, TUNING_DRAWS, Search, Trial
+from hopopt.comparison.robust.robust_search import BY_PROGRAM, BY_RESERVE, TRACKER, TUNING_DRAWS, PlanSearch, PlanTrial
 from hopopt.comparison.robust.robustness import OTHER_LEGS, Reached, drawn, rank, reached, surest
 from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design, refuse_landed
@@ -22,7 +22,7 @@ from hopopt.nlp.deadline import NEVER
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 
-SECONDS = 900.0  # [s] for bounds and plans; the runs on fresh legs come on top
+SECONDS_OF_SEARCH = 900.0  # [s] for bounds and plans; the runs on fresh legs come on top
 PD = ("force_tuck", "position_tuck")  # the paper's strategies where they clear most
 
 
@@ -36,7 +36,7 @@ class RobustHop:
     draws of the search; None without PD.
     """
 
-    best: Trial
+    best: PlanTrial
     lowest: dict[str, float | None]
     bound: Solution
     ideal_bound: Solution
@@ -105,7 +105,7 @@ def robust(
     evaluations: int = 8,
     seed: int = 0,
     starts: int | None = None,
-    seconds: float = SECONDS,
+    seconds: float = SECONDS_OF_SEARCH,
     processes: int = 1,
     bound: Solution | None = None,
     progress: Callable[[str], None] | None = None,
@@ -137,7 +137,7 @@ def robust(
         bound = solve(design, **how)  # type: ignore[arg-type]
     ideal_bound = on_ideal_ground(bound, say, **how)
     draw = partial(drawn, design, design.uncertainty)
-    search = Search(bound, draw(TUNING_DRAWS, seed), draw(TUNING_DRAWS, seed, corners=True), processes, say, until)
+    search = PlanSearch(bound, draw(TUNING_DRAWS, seed), draw(TUNING_DRAWS, seed, corners=True), processes, say, until)
     search.by_program(evaluations)
     search.by_reserve(evaluations)
     best, lowest = search.best, {way: search.best_by(way) for way in (BY_RESERVE, BY_PROGRAM)}

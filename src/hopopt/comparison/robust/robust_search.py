@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from hopopt.comparison.compare import reference_of
-from hopopt.comparison.robust.robustness import FAILED, Draw, extremes, reached
+from hopopt.comparison.robust.robustness import FAILED_SHARE, Draw, extremes, reached
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design, Reserve
 from hopopt.errors import NotSolvedError, UsageError, one_line
@@ -36,15 +36,15 @@ TUNING_DRAWS = 16  # legs that every plan is judged on
 # angle [rad], torque, speed [shares], ground force [of the weight], height [m on the paper's leg]: where the search begins, its first steps, its ends
 FIRST, STEPS = np.array([0.02, 0.0, 0.03, 0.6, 0.005]), np.array([0.08, 0.03, 0.03, -0.1, 0.003])
 LOWEST, HIGHEST = np.zeros(5), np.array([0.3, 0.4, 0.3, 2.0, 0.05])
-SHARES = (0.3, 0.45, 0.6, 0.8)  # of the spreads, by which the program's legs are apart
+SPREAD_SHARES = (0.3, 0.45, 0.6, 0.8)  # of the spreads, by which the program's legs are apart
 FORCE, HEIGHT = 0.3, 0.004  # what the program keeps back: ground force [of the weight], height [of the reach]
-LONGEST = {BY_RESERVE: 60.0, BY_PROGRAM: 150.0}  # [s] of a plan's solves: of one reserve, of all programs
+LONGEST_SOLVES = {BY_RESERVE: 60.0, BY_PROGRAM: 150.0}  # [s] of a plan's solves: of one reserve, of all programs
 FALLS = 0.01  # of the lowest clearance that counts for a plan under which legs at the ends of the spreads fall
 AGREES = 0.02  # share of the planned clearance by which a leg of the program may stay below it when simulated
 
 
 @dataclass(frozen=True)
-class Trial:
+class PlanTrial:
     """A plan that was tried.
 
     way: how it was found.
@@ -65,7 +65,7 @@ class Trial:
 
 
 @dataclass
-class Search:
+class PlanSearch:
     """What both ways share: every trial is kept, and the best verified plan wins.
 
     bound: the hop that every plan begins from. draws: legs whose lowest clearance counts. corners: legs at the ends of all
@@ -78,11 +78,11 @@ class Search:
     processes: int
     say: Callable[[str], None]
     until: Deadline = NEVER
-    trials: list[Trial | None] = field(default_factory=list)
+    trials: list[PlanTrial | None] = field(default_factory=list)
     against: str = ""  # why the last plan was not found, in a sentence
 
     @property
-    def best(self) -> Trial:
+    def best(self) -> PlanTrial:
         """The plan with the best score, a verified one first; NotSolvedError if none was found."""
         found = [trial for trial in self.trials if trial is not None]
         if not found:
@@ -104,10 +104,10 @@ class Search:
         score = lowest = float(clearances_of(self.draws).min()) if verified else 0.0
         if score > max((t.score for t in self.trials if t is not None), default=0.0):
             ends = clearances_of(self.corners)
-            held = float(np.mean(ends > FAILED * reference.clearance))
+            held = float(np.mean(ends > FAILED_SHARE * reference.clearance))
             if held < 1:  # where legs at the ends fall under all plans, that wins under which the fewest do
                 score = min(lowest, float(ends.min()) + FALLS * held * lowest)
-        self.trials.append(Trial(way, design, plan, reference, verified, lowest, score))
+        self.trials.append(PlanTrial(way, design, plan, reference, verified, lowest, score))
         return score
 
     # ---- by reserve ------------------------------------------------------------------------------------------------
@@ -138,7 +138,7 @@ class Search:
         reserve = Reserve(torque=torque, speed=speed, ground_force=newtons, height=height, angle=angle)
         design = asked.model_copy(update={"reserve": reserve})
         try:
-            until = self.until.within(LONGEST[BY_RESERVE])
+            until = self.until.within(LONGEST_SOLVES[BY_RESERVE])
             plan = solved_from_known(Hop(reserved(design)), self.bound, until=until)
         except (NotSolvedError, UsageError) as error:
             self.trials.append(None)
@@ -168,9 +168,9 @@ class Search:
 
     def _programs(self, design: Design) -> Iterator[tuple[list[Draw], SharedPlan]]:
         """Legs ever further apart, and their plan, within the time that all programs may take."""
-        until = self.until.within(LONGEST[BY_PROGRAM])
+        until = self.until.within(LONGEST_SOLVES[BY_PROGRAM])
         begin: Solution | SharedPlan = solved_from_known(Hop(reserved(design)), self.bound, until=until)
-        for share in SHARES:
+        for share in SPREAD_SHARES:
             apart = extremes(design, design.uncertainty, share)
             others = [(reserved(draw.leg), draw.torque_gain, draw.start) for draw in apart]
             begin = shared_plan(true_legs(reserved(design), others, start_angles(design)), begin, until)

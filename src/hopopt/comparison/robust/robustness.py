@@ -21,7 +21,7 @@ from hopopt.planner.answer.extras import Attained, CanBeHad
 from hopopt.planner.solution import Solution
 from hopopt.sim.plant import PAST_APEX
 
-FAILED = 0.5  # of the clearance on the believed leg, below which a leg has failed
+FAILED_SHARE = 0.5  # of the clearance on the believed leg, below which a leg has failed
 CHOOSING_DRAWS = 16  # legs on which one of several strategies is chosen: a promise is made on others
 OTHER_LEGS = 1_000_003  # added to a seed for legs that have nothing in common with its own
 SHARE, SURE = 0.95, 0.95  # of the legs that a comparison speaks of, and how surely if the draws are enough
@@ -212,7 +212,7 @@ def spread(
             "mass": uncertainty.mass,
             "torque": uncertainty.torque_constant,
             "seed": seed,
-            "failed": int(np.sum(heights < FAILED * usual)),
+            "failed": int(np.sum(heights < FAILED_SHARE * usual)),
             **{key: float(np.percentile(heights, level)) for key, level in levels.items()},
             "share": SHARE,
             "confidence": confidence,

@@ -15,14 +15,14 @@ import numpy as np
 
 from hopopt.control.reference import PhaseReference
 from hopopt.control.setting import Setting
-from hopopt.control.tracking.regulator import STEP, Gains
+from hopopt.control.tracking.regulator import LINEARISATION_STEP, Gains
 from hopopt.control.tracking.track import Track, TrackingOptions
 from hopopt.drivetrain.half_planes import OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine
 
-PENALTY = (1e4, 1e3)  # linear and quadratic cost of an excess, in shares of a limit: beyond the price of any limit
+PENALTY = (1e4, 1e3)  # linear and quadratic cost of an excess, in shares of a limit: beyond the cost of any limit
 MOST_BLOCKS, LONGEST_BLOCK = 100, 10_000  # memory of a program grows with the square of the blocks, time with both
 SOLVER = "daqp"  # CasADi's interface to it; an active-set method, exact and quick for programs this small
 
@@ -47,7 +47,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Program:
+class HorizonProgram:
     """One control instant's program, condensed to the added torques U (blocks n) and one excess s: minimise
     (U' H U)/2 + (F x)' U + cost of s, subject to G U + E x - s <= w."""
 
@@ -103,7 +103,9 @@ class PlanLimits:
             return self.machine.stance_terms(z[:n], z[n : 2 * n]).contact_force(z[2 * n :])
 
         z = np.concatenate([q, v, tau])
-        slopes = np.array([(force(z + d) - force(z - d)) / (2 * STEP) for d in STEP * np.eye(3 * n)]).T
+        slopes = np.array(
+            [(force(z + d) - force(z - d)) / (2 * LINEARISATION_STEP) for d in LINEARISATION_STEP * np.eye(3 * n)]
+        ).T
         ways = np.array([[0.0, -1.0]])
         if self.friction is not None:
             ways = np.vstack([ways, [[1.0, -self.friction], [-1.0, -self.friction]]])
@@ -148,7 +150,7 @@ class Horizon:
             A, B = move @ A, move @ B + push
         return Block(A, B, Q, S, R, self.limits.rows(first, self.options.block))
 
-    def _condensed(self, k: int) -> Program:
+    def _condensed(self, k: int) -> HorizonProgram:
         """Control period k's program, the errors of all blocks eliminated: x = Phi x_0 + Gamma U."""
         o, n = self.options, self.gains.B.shape[-1]
         size = o.blocks * n
@@ -170,7 +172,7 @@ class Horizon:
         P = self.gains.cost_to_go(k + o.blocks * o.block)
         H, F = H + Gamma.T @ P @ Gamma, F + Gamma.T @ P @ Phi
         G, E, w = (np.concatenate(parts) for parts in zip(*rows, strict=True))
-        return Program(0.5 * (H + H.T), F, G, E, w)
+        return HorizonProgram(0.5 * (H + H.T), F, G, E, w)
 
 
 class TrackWithinLimits(Track):
@@ -211,7 +213,7 @@ class TrackWithinLimits(Track):
         return torque
 
 
-def solved(p: Program, error: np.ndarray) -> np.ndarray | None:
+def solved(p: HorizonProgram, error: np.ndarray) -> np.ndarray | None:
     """The added torques (blocks n) [N m] that solve a program from an error (2 n); None if the solver fails."""
     size, rows = len(p.H), len(p.w)
     slack = -np.ones((rows, 1))

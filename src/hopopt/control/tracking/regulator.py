@@ -18,7 +18,7 @@ from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 
 GRID = 1e-3  # [s] on the paper's leg: between times where the dynamics are linearised; in between they change linearly
-STEP = 1e-5  # of the central differences that linearise the dynamics
+LINEARISATION_STEP = 1e-5  # of the central differences that linearise the dynamics
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,9 @@ def linearised(machine: Machine, phase: PhaseReference, period: float, contact: 
 def slopes_at(machine: Machine, z: np.ndarray, contact: bool) -> np.ndarray:
     """How joint accelerations (n) change with z = (q, v, tau) of the joints, (n, 3 n)."""
     columns = [
-        (joint_acceleration(machine, z + step, contact) - joint_acceleration(machine, z - step, contact)) / (2 * STEP)
-        for step in STEP * np.eye(len(z))
+        (joint_acceleration(machine, z + step, contact) - joint_acceleration(machine, z - step, contact))
+        / (2 * LINEARISATION_STEP)
+        for step in LINEARISATION_STEP * np.eye(len(z))
     ]
     return np.array(columns).T
 

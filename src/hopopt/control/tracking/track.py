@@ -18,7 +18,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.scales import Scale, standstill_torques
 from hopopt.sim.controller import Measurement
 
-EARLY = 0.9  # of the planned stance: a foot that comes off before is taken to bounce
+EARLY_LIFT_OFF = 0.9  # of the planned stance: a foot that comes off before is taken to bounce
 USUAL = 2.5e-4  # [s] on the paper's leg: the control period whose errors and torques the options weigh
 LET_GO = 0.05  # of stall torque: what the filter takes the torque to be off by as the ground lets go; at 0.25 weak legs lost 7 cm
 
@@ -102,7 +102,7 @@ class Track:
             return True
         lasted, planned = now.t - self.began, self.plan.stance.duration
         if not self.lost:  # just left the ground
-            self.lost, self.early = True, lasted < EARLY * planned
+            self.lost, self.early = True, lasted < EARLY_LIFT_OFF * planned
         return self.early and lasted < planned
 
     def reference(self, contact: bool) -> PhaseReference:

@@ -11,8 +11,8 @@ from hopopt.global_search.equations.dynamics import stance_terms, torque_range
 
 HIP_LEAST, HIP_MOST, KNEE_LEAST, KNEE_MOST, FORCE, SLIP_FORWARD, SLIP_BACKWARD = range(7)
 VERTICES = 12  # room for those of a polygon: four torques, cut by three lines
-SLACK = 1e-3  # share of its range by which a torque or a ground force may leave its limits within a step
-PARALLEL = 1e-12  # relative determinant below which two limits do not meet
+STEP_SLACK = 1e-3  # share of its range by which a torque or a ground force may leave its limits within a step
+PARALLEL_LIMITS = 1e-12  # relative determinant below which two limits do not meet
 
 
 @kernel
@@ -68,7 +68,7 @@ def with_limits(c, phi1, phi2, r1, r2, one, two):
     ax, ay, a0 = _line(one, hip, knee, least1, most1, least2, most2, c.least_force, c.friction, x1, z1, x2, z2, fx, fz)
     bx, by, b0 = _line(two, hip, knee, least1, most1, least2, most2, c.least_force, c.friction, x1, z1, x2, z2, fx, fz)
     det = ax * by - bx * ay
-    if abs(det) < PARALLEL * (abs(ax) + abs(ay)) * (abs(bx) + abs(by)):
+    if abs(det) < PARALLEL_LIMITS * (abs(ax) + abs(ay)) * (abs(bx) + abs(by)):
         return 0.0, 0.0, False
     x, y = (ay * b0 - a0 * by) / det, (bx * a0 - ax * b0) / det
     return x, y, possible(c, phi1, phi2, r1, r2, x, y)
@@ -82,10 +82,10 @@ def possible(c, phi1, phi2, r1, r2, alpha1, alpha2):
     least2, most2 = torque_range(c.most2, c.least2, c.fastest2, c.turn2 * (r2 - r1))
     tau2 = c.turn2 * (m12 * alpha1 + c.m22 * alpha2 + h2)
     tau1 = c.turn1 * (c.m11 * alpha1 + m12 * alpha2 + h1 + c.turn2 * tau2)
-    slack1, slack2 = SLACK * (most1 - least1) + 1e-6, SLACK * (most2 - least2) + 1e-6
+    slack1, slack2 = STEP_SLACK * (most1 - least1) + 1e-6, STEP_SLACK * (most2 - least2) + 1e-6
     if tau1 < least1 - slack1 or tau1 > most1 + slack1 or tau2 < least2 - slack2 or tau2 > most2 + slack2:
         return False
-    slack, up = SLACK * c.mass * c.gravity, fz + x1 * alpha1 + x2 * alpha2
+    slack, up = STEP_SLACK * c.mass * c.gravity, fz + x1 * alpha1 + x2 * alpha2
     if up < c.least_force - slack:
         return False
     return c.friction >= UNLIMITED or abs(fx - z1 * alpha1 - z2 * alpha2) <= c.friction * up + slack

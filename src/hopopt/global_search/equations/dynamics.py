@@ -8,7 +8,7 @@ depend on one difference and leave no Coriolis terms but centrifugal ones.
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.global_search.constants import LINES
+from hopopt.global_search.constants import TORQUE_LINES
 
 MARGINS = 7  # state limits: two of each joint, the heights of knee and hip, the body's descent
 RELATIVE = 1e-9  # by so much a speed may exceed the fastest
@@ -59,7 +59,7 @@ def torque_range(most, least, fastest, w):
     if abs(w) > fastest * (1 + RELATIVE):
         return 1.0, -1.0
     low, high = least[0, 0] + least[0, 1] * w, most[0, 0] + most[0, 1] * w
-    for k in range(1, LINES):
+    for k in range(1, TORQUE_LINES):
         low, high = max(low, least[k, 0] + least[k, 1] * w), min(high, most[k, 0] + most[k, 1] * w)
     if high < low < high + TOUCHING:
         low = high

@@ -11,10 +11,10 @@ import numpy as np
 from hopopt.compiled.kernel import kernel, packed
 from hopopt.global_search.constants import StanceConstants
 from hopopt.global_search.equations.dynamics import apex_height, torque_range
-from hopopt.global_search.grid import NOWHERE, Grid, interpolate
+from hopopt.global_search.grid import OFF_GRID_VALUE, Grid, interpolate
 from hopopt.global_search.posture import best_tuck
 
-STEPS = 32  # of time in a flight
+FLIGHT_STEPS = 32  # of time in a flight
 LATER = 1.5  # times the time to the ballistic apex: a leg that folds slowly clears most after it
 ARRIVED = 1e-9  # rad from the tucked pose
 
@@ -105,8 +105,8 @@ def fold_loss(c, f, phi1, phi2, r1, r2):
     apex = apex_height(c, phi1, phi2, r1, r2)
     height = apex_height(c, phi1, phi2, 0.0, 0.0)
     time = np.sqrt(2 * max(apex - height, 0.0) / c.gravity)
-    least, dt = apex - f.tuck, LATER * time / STEPS  # with the foot still on the ground
-    for k in range(1, STEPS + 1):
+    least, dt = apex - f.tuck, LATER * time / FLIGHT_STEPS  # with the foot still on the ground
+    for k in range(1, FLIGHT_STEPS + 1):
         way1, way2 = np.sign(f.target1 - q1), np.sign(f.target2 - q2)
         a1, a2 = _accelerations(c, f, q1, q2, w1, w2, way1, way2)
         q1, w1 = _turned(q1, w1, a1, dt, f.fastest1, c.lower1, c.upper1, f.target1, way1)
@@ -158,6 +158,6 @@ def highest(c: StanceConstants, f: Flight, states: np.ndarray, apex: np.ndarray,
 
 @kernel
 def after_flight(c, grid, loss, none, phi1, phi2, r1, r2):
-    """Clearance and tuck [m] of a hop that leaves the ground now, by the losses at the nodes; NOWHERE off the grid."""
+    """Clearance and tuck [m] of a hop that leaves the ground now, by the losses at the nodes; OFF_GRID_VALUE off the grid."""
     lost = interpolate(grid, loss, none, phi1, phi2, r1, r2)
-    return NOWHERE if lost <= NOWHERE else apex_height(c, phi1, phi2, r1, r2) - lost
+    return OFF_GRID_VALUE if lost <= OFF_GRID_VALUE else apex_height(c, phi1, phi2, r1, r2) - lost

@@ -9,7 +9,7 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.global_search.constants import stance_constants, start_state
 from hopopt.global_search.equations.flight import flight_of
 from hopopt.global_search.grid import MANY, make_grid, ranges
-from hopopt.global_search.paths import Search
+from hopopt.global_search.paths import ForwardSearch
 from hopopt.global_search.result import GlobalSearch
 from hopopt.global_search.value import is_compiled, value_function
 from hopopt.leg.robot import build_robot
@@ -32,7 +32,7 @@ def search_stance(
     flight, grid = flight_of(c, design.hop.foot_window, fastest), make_grid((size,) * 4, *ranges(c, fastest))
     duration, steps = design.hop.stance_duration, STEPS_OF_MANY if size >= MANY else STEPS
     value = value_function(c, flight, grid, duration, steps, SUBSTEPS, threads, progress, until=until)
-    found = Search(c, value, start, duration, until).rollouts(flight, rollouts)
+    found = ForwardSearch(c, value, start, duration, until).rollouts(flight, rollouts)
     return GlobalSearch(METHOD, (size,) * 4, steps, value.at(start, steps) - flight.tuck, found, 0.0)
 
 

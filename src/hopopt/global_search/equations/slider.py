@@ -16,11 +16,11 @@ from hopopt.leg.kinematics import start_place
 from hopopt.leg.robot import build_robot
 from hopopt.nlp.deadline import Deadline
 
-FINER = 6  # nodes on an axis for each that is asked for: two states cost less than four
+NODES_FACTOR = 6  # nodes on an axis for each that is asked for: two states cost less than four
 ACCELERATIONS = 9  # tried between the least and the largest
 PACE = 1.0  # steps in the time of a fast rise, for each node to the power 2/3: they err with dt, cells with their size
-NOWHERE = -1e3  # m: value of a state from which the leg cannot go on
-SHARES = (1.0, 0.75, 0.5, 0.35, 0.25)  # of the longest stance, for which rollouts are made
+STUCK_VALUE = -1e3  # m: value of a state from which the leg cannot go on
+STANCE_SHARES = (1.0, 0.75, 0.5, 0.35, 0.25)  # of the longest stance, for which rollouts are made
 METHOD = "dynamic programming over height and speed"
 
 
@@ -28,10 +28,10 @@ def search_slider(
     design: Design, size: int, rollouts: int, threads: int, progress: Callable[[str], None] | None, until: Deadline
 ) -> GlobalSearch:
     """Value and rollouts; ``threads`` changes nothing here. TimeoutError if that has not ended by ``until``."""
-    found = _Slider.of(design, FINER * size)
+    found = _Slider.of(design, NODES_FACTOR * size)
     layers = found.layers(progress, until)
     start = start_place(design)[1]
-    made = [found.rollout(layers, start, share) for share in SHARES]
+    made = [found.rollout(layers, start, share) for share in STANCE_SHARES]
     best = different(sorted((r for r in made if r is not None), key=lambda r: -r.clearance))
     value = float(found.look_up(np.array(start), np.array(0.0))(layers[-1])) - found.tuck
     return GlobalSearch(METHOD, found.apex.shape, len(layers) - 1, value, tuple(best[:rollouts]), 0.0)
@@ -90,7 +90,7 @@ class _Slider:
             if until.passed:
                 raise TimeoutError
             ahead = look_up(layers[-1]).max(axis=-1)
-            layers.append(np.maximum(ahead, self.apex) if self._may_leave(k) else np.maximum(ahead, NOWHERE))
+            layers.append(np.maximum(ahead, self.apex) if self._may_leave(k) else np.maximum(ahead, STUCK_VALUE))
         if progress:
             progress(f"global search: {len(layers) - 1} steps")
         return layers
@@ -108,7 +108,7 @@ class _Slider:
 
     def look_up(self, y: np.ndarray, v: np.ndarray) -> Bilinear:
         """What reads a layer at heights [m] and speeds [m/s]."""
-        return Bilinear(self.leg.y, self.share, y, v / np.interp(y, self.leg.y, self.fastest), NOWHERE)
+        return Bilinear(self.leg.y, self.share, y, v / np.interp(y, self.leg.y, self.fastest), STUCK_VALUE)
 
     def rollout(self, layers: list[np.ndarray], start: float, share: float) -> Rollout | None:
         """Greedy by value within a share of the longest stance; None if it leads nowhere."""
@@ -121,7 +121,7 @@ class _Slider:
             values = self.look_up(*ends)(layers[k - 1])
             best = int(np.argmax(values))
             may_leave = (left - k) * self.dt >= self.duration[0] and len(path) > 1
-            if values[best] <= NOWHERE or (may_leave and here(self.apex) >= values[best] - 1e-9):
+            if values[best] <= STUCK_VALUE or (may_leave and here(self.apex) >= values[best] - 1e-9):
                 break
             path.append((y, v, float(a[best])))
             y, v = float(ends[0][best]), float(ends[1][best])

@@ -14,9 +14,9 @@ from hopopt.leg.kinematics import TwoJoints, joint_positions, reach, start_angle
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim.machine import Machine
 
-HEIGHTS = 50  # steps within the leg's reach in which the ends of the body's range are looked for
-HALVINGS = 24  # of these steps
-TOUCH = 1e-9  # m, rad: by which a pose may pass a limit
+RANGE_STEPS = 50  # steps within the leg's reach in which the ends of the body's range are looked for
+RANGE_HALVINGS = 24  # of these steps
+POSE_TOLERANCE = 1e-9  # m, rad: by which a pose may pass a limit
 ROUNDING = 1e-9  # relative: by which a corner of the polygon may pass the other lines
 
 
@@ -74,15 +74,17 @@ def _range(design: Design, geometry: TwoJoints) -> tuple[float, float]:
             return False
         q = _pose(design, geometry, height)
         places = joint_positions(design.leg, q)[:, 2]
-        return within_limits(design.leg, q, TOUCH) and bool(np.all(places[:-1] - places[-1] >= least - TOUCH))
+        return within_limits(design.leg, q, POSE_TOLERANCE) and bool(
+            np.all(places[:-1] - places[-1] >= least - POSE_TOLERANCE)
+        )
 
-    step = reach(design.leg) / HEIGHTS
+    step = reach(design.leg) / RANGE_STEPS
     return _last_allowed(allowed, start, -step), _last_allowed(allowed, start, step)
 
 
 def _last_allowed(allowed: Callable[[float], bool], height: float, step: float) -> float:
     """The last height [m] from ``height`` on before one is not allowed, in steps that are then halved."""
-    for _ in range(HALVINGS):
+    for _ in range(RANGE_HALVINGS):
         while allowed(height + step):
             height += step
         step /= 2

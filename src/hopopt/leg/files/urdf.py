@@ -14,7 +14,7 @@ import pinocchio as pin
 from hopopt.leg.files.urdf_xml import Tree, UrdfError, numbers, quoted, root_of
 from hopopt.leg.inertia import PAIRS, obeys_triangle, principal_moments
 
-ROUND = 1e-10  # what rotations by a rounded half turn leave of a zero
+ROTATION_ROUNDING = 1e-10  # what rotations by a rounded half turn leave of a zero
 
 
 @dataclass(frozen=True)
@@ -120,6 +120,6 @@ def _moving_link(
 def _clean(values: Iterator[float] | Sequence[float] | np.ndarray) -> tuple[float, ...]:
     """Floats, without what rotations leave of zeros and ones."""
     array = np.array(list(values), dtype=float)
-    array[np.abs(array) < ROUND * max(1.0, float(np.abs(array).max()))] = 0.0
+    array[np.abs(array) < ROTATION_ROUNDING * max(1.0, float(np.abs(array).max()))] = 0.0
     whole = np.round(array)
-    return tuple(float(x) for x in np.where(np.abs(array - whole) < ROUND, whole + 0.0, array))
+    return tuple(float(x) for x in np.where(np.abs(array - whole) < ROTATION_ROUNDING, whole + 0.0, array))

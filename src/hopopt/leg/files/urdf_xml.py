@@ -8,17 +8,17 @@ from difflib import get_close_matches
 from xml.parsers import expat
 
 MAX_BYTES = 5_000_000  # the largest public robots have a tenth of it
-MOST = 1000  # links and joints; a humanoid with hands has 200
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() takes more than URDF parsers do
+MOST_ELEMENTS = 1000  # links and joints; a humanoid with hands has 200
+URDF_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() takes more than URDF parsers do
 BLANKS = re.compile(r"[ \t\r\n]+")
-LARGEST = {
+LARGEST_VALUES = {
     "origin": 1e3,
     "axis": 1e3,
     "mass": 1e6,
     "inertia": 1e6,
     "limit": math.inf,
 }  # SI; squares stay far from overflow
-KEPT = {  # of what matters to the motion: an element's attributes
+KEPT_ATTRIBUTES = {  # of what matters to the motion: an element's attributes
     "parent": ("link",), "child": ("link",), "origin": ("xyz", "rpy"), "axis": ("xyz",), "mass": ("value",),
     "inertia": ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "limit": ("lower", "upper", "effort", "velocity"),
 }  # fmt: skip
@@ -60,9 +60,9 @@ class Tree:
         self.joints = _by_name(root, "joint")
         if not self.links:
             raise UrdfError("has no links")
-        if len(self.links) + len(self.joints) > MOST:
+        if len(self.links) + len(self.joints) > MOST_ELEMENTS:
             raise UrdfError(
-                f"has {len(self.links)} links and {len(self.joints)} joints: hopopt reads up to {MOST} in all"
+                f"has {len(self.links)} links and {len(self.joints)} joints: hopopt reads up to {MOST_ELEMENTS} in all"
             )
         self.above: dict[str, str] = {}  # link -> the joint that carries it
         for name, joint in self.joints.items():
@@ -103,7 +103,7 @@ class Tree:
         axis = numbers(joint, "axis", "xyz", 3, f"joint {quoted(name)}")
         if axis and math.hypot(*axis) < 1e-6 and kind != "fixed":
             raise UrdfError(f"joint {quoted(name)} has no axis: <axis xyz> is zero")
-        for entry in KEPT["limit"]:
+        for entry in KEPT_ATTRIBUTES["limit"]:
             numbers(joint, "limit", entry, 1, f"joint {quoted(name)}")
 
     def _path(self, link: str) -> list[str]:
@@ -178,12 +178,14 @@ def numbers(element: ET.Element, tag: str, entry: str, count: int, where: str) -
     if text is None:
         return []
     words = BLANKS.split(text.strip(" \t\r\n"))
-    values = [float(word) for word in words if NUMBER.fullmatch(word)]
+    values = [float(word) for word in words if URDF_NUMBER.fullmatch(word)]
     if len(values) != len(words) or len(values) != count or not all(map(math.isfinite, values)):
         wanted = "a number such as 0.25 or 1e-3" if count == 1 else f"{count} numbers with blanks between"
         raise UrdfError(f"{where} has <{tag} {entry}={quoted(text)}>: {wanted} is needed")
-    if max(map(abs, values)) > LARGEST[tag]:
-        raise UrdfError(f"{where} has <{tag} {entry}={quoted(text)}>: {LARGEST[tag]:g} at most is allowed, in SI units")
+    if max(map(abs, values)) > LARGEST_VALUES[tag]:
+        raise UrdfError(
+            f"{where} has <{tag} {entry}={quoted(text)}>: {LARGEST_VALUES[tag]:g} at most is allowed, in SI units"
+        )
     return values
 
 
@@ -196,17 +198,21 @@ def _copy(element: ET.Element, into: ET.Element, tags: Sequence[str]) -> None:
 
 def _attributes(child: ET.Element | None) -> dict[str, str]:
     """What is kept of a checked element, numbers as every parser reads them."""
-    given = {} if child is None else {name: child.get(name, "") for name in KEPT[child.tag] if name in child.attrib}
+    given = (
+        {}
+        if child is None
+        else {name: child.get(name, "") for name in KEPT_ATTRIBUTES[child.tag] if name in child.attrib}
+    )
     return {
         k: v if k == "link" else " ".join(repr(float(x)) for x in BLANKS.split(v.strip())) for k, v in given.items()
     }
 
 
 def _check_origin(element: ET.Element, where: str) -> None:
-    for entry in KEPT["origin"]:
+    for entry in KEPT_ATTRIBUTES["origin"]:
         numbers(element, "origin", entry, 3, where)
     origin = element.find("origin")
-    if origin is not None and (others := sorted(origin.attrib.keys() - set(KEPT["origin"]))):
+    if origin is not None and (others := sorted(origin.attrib.keys() - set(KEPT_ATTRIBUTES["origin"]))):
         raise UrdfError(f"{where} has <origin {others[0][:40]}=...>: hopopt reads xyz and rpy")
 
 
@@ -218,7 +224,7 @@ def _check_inertial(name: str, link: ET.Element) -> None:
     if not mass or mass[0] < 0:
         raise UrdfError(f"{where} has an <inertial> {'with a negative' if mass else 'without a'} mass")
     _check_origin(inertial, where)
-    moments = [numbers(inertial, "inertia", entry, 1, where) for entry in KEPT["inertia"]]
+    moments = [numbers(inertial, "inertia", entry, 1, where) for entry in KEPT_ATTRIBUTES["inertia"]]
     if not all(moments):
         raise UrdfError(f"{where} has a mass but no complete <inertia>: ixx, iyy, izz, ixy, ixz and iyz are needed")
 

@@ -21,10 +21,10 @@ from hopopt.nlp.solver.ipopt import Bounds, NlpSolution
 from hopopt.nlp.terms import Matrix, csc
 from hopopt.nlp.transcription import Transcription
 
-CLOSE = 0.3  # share of its range by which a limit may be missed and be held too, where another is passed
+ENFORCED_BESIDE = 0.3  # share of its range by which a limit may be missed and be enforced too, where another is passed
 LOOKED_AT = np.linspace(0.0, 1.0, 9)  # normalised times where limits may come close
 NOISE = 1e-10  # multipliers below this are none
-Chosen = Mapping[str, np.ndarray]  # for each phase, which path limits are held in which intervals, (N, path limits)
+Chosen = Mapping[str, np.ndarray]  # for each phase, which path limits are enforced in which intervals, (N, path limits)
 
 
 def bernstein(c: Sequence[float]) -> np.ndarray:
@@ -52,7 +52,7 @@ def holds(t: Transcription) -> bool:
     return not (least or bounding or t.scheme.starts_at_node)
 
 
-def nothing_held(t: Transcription) -> dict[str, np.ndarray]:
+def nothing_enforced(t: Transcription) -> dict[str, np.ndarray]:
     """No path limit in any interval."""
     sizes = {name: len(layout.stage.path_column("scale")) for name, layout in t.layouts.items()}
     return {name: np.zeros((layout.mesh.intervals, sizes[name]), dtype=bool) for name, layout in t.layouts.items()}
@@ -61,21 +61,21 @@ def nothing_held(t: Transcription) -> dict[str, np.ndarray]:
 def coming_close(solution: NlpSolution, errors: Mapping[str, IntervalErrors], allowed: float) -> Chosen:
     """If some limit is passed by more than ``allowed``: the path limits that come close in an interval or beside it.
 
-    Held only where one is passed, a torque that hardly matters goes on chattering in the next interval.
+    Enforced only where one is passed, a torque that hardly matters goes on chattering in the next interval.
     """
     chosen = {}
     for name, e in errors.items():
         stage = solution.transcription.layouts[name].stage
         path = stage_values(solution, name, LOOKED_AT)[2]
         lower, upper, scale = (stage.path_column(side) for side in ("lower", "upper", "scale"))
-        close = ((path > upper - CLOSE * scale) | (path < lower + CLOSE * scale)).any(axis=1)
+        close = ((path > upper - ENFORCED_BESIDE * scale) | (path < lower + ENFORCED_BESIDE * scale)).any(axis=1)
         beside = np.pad(close, ((1, 1), (0, 0)))
         chosen[name] = (close | beside[:-2] | beside[2:]) & bool((e.excess > allowed).any()) & stage.smooth
     return chosen
 
 
 @dataclass(frozen=True)
-class Held:
+class Enforced:
     """A program in which the ``chosen`` limits are enforced between the nodes: its rows are M times those of ``given``, the
     one with limits at the nodes alone; ``touched``: which rows that changes."""
 
@@ -87,7 +87,7 @@ class Held:
     touched: np.ndarray
 
     def is_of(self, t: Transcription, chosen: Chosen) -> bool:
-        """Whether it is the program of ``t`` in which these limits are held."""
+        """Whether it is the program of ``t`` in which these limits are enforced."""
         return self.given is t and all(np.array_equal(self.chosen[name], on) for name, on in chosen.items())
 
     def multipliers(self, lam_g: np.ndarray) -> np.ndarray:
@@ -95,7 +95,7 @@ class Held:
         return self.inverse.T @ lam_g
 
     def at_nodes(self, s: NlpSolution) -> NlpSolution:
-        """A solution as one of the given program, its limits tightened at the nodes to where the held ones keep it."""
+        """A solution as one of the given program, its limits tightened at the nodes to where the enforced ones keep it."""
         lam, g, b = self.M.T @ s.lam_g, self.inverse @ s.g, s.bounds
         low, high = (np.where(self.touched, *pair) for pair in ((self.given.lbg, b.low_g), (self.given.ubg, b.high_g)))
         up, down = self.touched & (lam > NOISE), self.touched & (lam < -NOISE)
@@ -103,23 +103,23 @@ class Held:
         return replace(s, transcription=self.given, lam_g=lam, g=g, bounds=Bounds(b.low_z, b.high_z, low, high))
 
 
-def held_in(s: NlpSolution) -> Chosen:
+def enforced_in(s: NlpSolution) -> Chosen:
     """Which path limits a solution enforces between the nodes, seen from its bounds: those that are tightened, if enforcing pays."""
     t, b = s.transcription, s.bounds
-    drawn, found = ((b.low_g != t.lbg) | (b.high_g != t.ubg)) & holds(t), nothing_held(t)
-    for name, held in found.items():
-        for column, nodes in zip(held.T, limit_nodes(t, name), strict=False):  # path limits come first
+    drawn, found = ((b.low_g != t.lbg) | (b.high_g != t.ubg)) & holds(t), nothing_enforced(t)
+    for name, enforced in found.items():
+        for column, nodes in zip(enforced.T, limit_nodes(t, name), strict=False):  # path limits come first
             column[:] = drawn[nodes - len(t.scale)].any(axis=1)
     return found
 
 
 def of_limits(s: NlpSolution) -> np.ndarray:
-    """Multipliers by the side of their limit: of the hull where a limit is held, for its nodes' have both signs."""
-    groups, touched = _touching(s.transcription, held_in(s))
+    """Multipliers by the side of their limit: of the hull where a limit is enforced, for its nodes' have both signs."""
+    groups, touched = _touching(s.transcription, enforced_in(s))
     return _by_blocks(groups, np.flatnonzero(~touched), invert=False).T @ s.lam_g
 
 
-def held_between(t: Transcription, chosen: Chosen) -> Held:
+def enforcing(t: Transcription, chosen: Chosen) -> Enforced:
     """The program of ``t`` with the chosen limits enforced between the nodes."""
     groups, touched = _touching(t, chosen)
     inverse, M = (_by_blocks(groups, np.flatnonzero(~touched), invert) for invert in (False, True))
@@ -127,7 +127,7 @@ def held_between(t: Transcription, chosen: Chosen) -> Held:
     if groups:
         terms = (replace(term, scatter=_on_rows(M, term.scatter)) for term in p.phases)
         other.program = replace(p, linear=csc(M @ p.linear), phases=tuple(terms))
-    return Held(t, chosen, other, inverse, M, touched)
+    return Enforced(t, chosen, other, inverse, M, touched)
 
 
 def _touching(t: Transcription, chosen: Chosen) -> tuple[list[tuple[PhaseLayout, np.ndarray]], np.ndarray]:
@@ -139,9 +139,9 @@ def _touching(t: Transcription, chosen: Chosen) -> tuple[list[tuple[PhaseLayout,
 
 
 def _groups(t: Transcription, chosen: Chosen) -> Iterator[tuple[PhaseLayout, np.ndarray]]:
-    """Layout of a phase and rows, (intervals, nodes), of each limit that is held somewhere."""
-    for name, held in chosen.items():
-        for nodes, at in zip(limit_nodes(t, name), held.T, strict=False):  # path limits come first
+    """Layout of a phase and rows, (intervals, nodes), of each limit that is enforced somewhere."""
+    for name, enforced in chosen.items():
+        for nodes, at in zip(limit_nodes(t, name), enforced.T, strict=False):  # path limits come first
             if at.any():
                 yield t.layouts[name], nodes[at] - len(t.scale)
 

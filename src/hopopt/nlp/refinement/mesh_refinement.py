@@ -3,7 +3,7 @@
 The loop; where intervals are cut says nlp/refinement/next_mesh.py. Where limits are passed, they are enforced between
 the nodes on the next mesh (nlp/refinement/continuous_limits.py). What still passes them is tightened. Programs with
 kinks of their own have accurate states first and limits tightened on the settled mesh. Where a control or a least
-number only bounds something from above, hulls make such kinks dearer. Schemes that collocate both ends of an interval,
+number only bounds something from above, hulls make such kinks cost more. Schemes that collocate both ends of an interval,
 whose controls oscillate, hardly converge within them.
 """
 
@@ -16,7 +16,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from hopopt.nlp.refinement.continuous_limits import Chosen, Held, coming_close, held_between, holds, nothing_held
+from hopopt.nlp.refinement.continuous_limits import Chosen, Enforced, coming_close, enforcing, holds, nothing_enforced
 from hopopt.nlp.refinement.interval_errors import interval_errors
 from hopopt.nlp.refinement.next_mesh import (
     Aims,
@@ -33,19 +33,22 @@ from hopopt.nlp.refinement.next_mesh import (
 )
 from hopopt.nlp.refinement.tightening import passed, tightened, tightened_by_excess
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
-from hopopt.nlp.solver.ipopt import CARRIED, GENTLE, NEAR, Bounds, Multipliers, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import CARRIED, GENTLE_OPTIONS, NEAR_OPTIONS, Bounds, Multipliers, NlpSolution, NlpSolver
 from hopopt.nlp.solver.warm_start import carried
 from hopopt.nlp.transcription import Transcription
 from hopopt.record import Real, Strict, stated
 
 FINEST = 500  # intervals: a solution that needs more has torques that hardly matter and chatter; a larger tie-break calms them
-LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
+MOST_LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
 AGREED = 1e-4  # relative
-PATIENCE, LONGER = 60, 5  # iterations from carried multipliers, and how many times as many before starting without
+CARRIED_ITERATIONS, LONGER = (
+    60,
+    5,
+)  # iterations from carried multipliers, and how many times as many before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
-NEARBY = 4.0  # times its aim: an error within that is not called stuck, for wandering it will meet it
-ROUNDS = 10  # of tightening the limits on one mesh
+NEARBY_AIM = 4.0  # times its aim: an error within that is not called stuck, for wandering it will meet it
+TIGHTENING_ROUNDS = 10  # of tightening the limits on one mesh
 STALLED = 0.8  # share of the excess two rounds ago, above which another round will not help
 # How a refinement ends:
 MET, NOT_ASKED, USED_UP = "its aims are met", "none was asked for", "all its meshes are used up"
@@ -88,15 +91,15 @@ class Refinement:
         solution: NlpSolution,
         aims: Aims,
         report: Report = lambda step: None,
-        held: Chosen | None = None,
+        enforced: Chosen | None = None,
         between: bool | None = None,
     ):
-        """``held``: limits that ``solution`` holds between the nodes already; ``between``: None: what suits it."""
+        """``enforced``: limits that ``solution`` holds between the nodes already; ``between``: None: what suits it."""
         self.aims, self.report, self.history = aims, report, list[MeshStep]()
         self.clock, self.ended = time.perf_counter(), USED_UP if aims.meshes else NOT_ASKED
         self.between = holds(solution.transcription) if between is None else between
-        self._held = held or nothing_held(solution.transcription)
-        self._program: Held | None = None  # of the last mesh
+        self._enforced = enforced or nothing_enforced(solution.transcription)
+        self._program: Enforced | None = None  # of the last mesh
         self._restarts_left = round(aims.restarts * aims.iterations)
         self._accept(solution, 0.0, 0.0)
         # how far lower and upper limits are tightened, (2, N, limits), and the excess that was answered to, (N,)
@@ -167,50 +170,50 @@ class Refinement:
         optimum is an impulse."""
         aims = self.aims
         far = [max(s.local_error / aims.local_error, self.between * s.excess / aims.excess) for s in self.history]
-        return len(far) > STUCK and min(far[-STUCK:]) > max(NEARBY, NEARER * min(far[:-STUCK]))
+        return len(far) > STUCK and min(far[-STUCK:]) > max(NEARBY_AIM, NEARER * min(far[:-STUCK]))
 
     # ---- the next mesh's program ---------------------------------------------------------------------------
 
     def _solve_on(self, cuts: Cuts) -> str:
-        """Solve on the next mesh, which may be the same, with limits held and tightened; why not, if that fails."""
+        """Solve on the next mesh, which may be the same, with limits enforced and tightened; why not, if that fails."""
         if (fewer := fitting(cuts, self._measured.urgency(self.aims), FINEST)) is None:
             return TOO_FINE
         cuts, old, finer, began = fewer, self.solution, any_cut(fewer), time.perf_counter()
         if self.between:
-            self._hold_and_tighten(cuts)
+            self._enforce_and_tighten(cuts)
         if self.aims.until.passed:
             return OUT_OF_TIME
         t = old.transcription
         if finer:
             t = Transcription(t.problem, t.scheme, {name: cut(old, name, times) for name, times in cuts.items()})
-        if self._program is None or not self._program.is_of(t, self._held):
-            self._program = held_between(t, self._held)
-        held = self._program
+        if self._program is None or not self._program.is_of(t, self._enforced):
+            self._program = enforcing(t, self._enforced)
+        enforced = self._program
         guess, free = t.guess_from(old.phases), t.free_from(old.parameters)
         bounds = tightened(Bounds(*t.bounds(guess), t.lbg, t.ubg), t, self._tightened)
         lam_g, lam_x = carried(old, t) if finer else (old.lam_g, old.lam_x)
-        solver = self._solver(held.transcription, CARRIED if finer else NEAR)
+        solver = self._solver(enforced.transcription, CARRIED if finer else NEAR_OPTIONS)
         built = time.perf_counter()
-        solved = self._solved(solver, guess, free, (held.multipliers(lam_g), lam_x), bounds)
+        solved = self._solved(solver, guess, free, (enforced.multipliers(lam_g), lam_x), bounds)
         if (found := self._believable(solved)) is None:
             return OUT_OF_TIME if self.aims.until.passed else WORSE if solved else UNSOLVED
-        self._accept(held.at_nodes(found), built - began, time.perf_counter() - built)
+        self._accept(enforced.at_nodes(found), built - began, time.perf_counter() - built)
         return ""
 
-    def _hold_and_tighten(self, cuts: Cuts) -> None:
-        """What is held and tightened on the next mesh, and the excess it answers to."""
+    def _enforce_and_tighten(self, cuts: Cuts) -> None:
+        """What is enforced and tightened on the next mesh, and the excess it answers to."""
         close, finer = coming_close(self.solution, self.errors, self.aims.excess), any_cut(cuts)
         for name, e in self.errors.items():
-            n, held, over = pieces_of(cuts[name]), self._held[name], passed(e, self.aims.excess)
-            free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not held yet
-            free[:, : held.shape[1]] = ~held & self.solution.transcription.layouts[name].stage.smooth
+            n, enforced, over = pieces_of(cuts[name]), self._enforced[name], passed(e, self.aims.excess)
+            free = np.zeros(e.below.shape, dtype=bool)  # path limits that are not enforced yet
+            free[:, : enforced.shape[1]] = ~enforced & self.solution.transcription.layouts[name].stage.smooth
             whole = (n == 1)[:, None] & ~free
             drawn_in = np.repeat(np.where(whole, self._tightened[name] + over, 0.0), n, axis=1)
             answers = (e.excess > self.aims.excess) & ~(free & over.any(axis=0)).any(axis=1)
             answers &= not finer  # on a finer mesh the excess is another
             answered = np.repeat(np.where(answers, e.excess, np.inf), n)
             self._tightened, self._answered = self._tightened | {name: drawn_in}, self._answered | {name: answered}
-            self._held = {**self._held, name: np.repeat(held | close[name], n, axis=0)}
+            self._enforced = {**self._enforced, name: np.repeat(enforced | close[name], n, axis=0)}
 
     def _solved(
         self,
@@ -229,7 +232,7 @@ class Refinement:
                 most = min(most, self._restarts_left)
             if most == 0 or self.aims.until.passed or (tried[-1].success and not self._worse(tried[-1])):
                 break
-            options = GENTLE | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
+            options = GENTLE_OPTIONS | {"ipopt.max_iter": most, "ipopt.mu_strategy": strategy}
             tried.append(NlpSolver(warm.transcription, options, until=self.aims.until)(guess, free, None, bounds))
             self._restarts_left = max(0, self._restarts_left - tried[-1].iterations)
         return [s for s in tried if s.success]
@@ -247,12 +250,12 @@ class Refinement:
     def _worse(self, solution: NlpSolution) -> bool:
         """Whether it may be another, worse optimum than the last mesh's."""
         loss = solution.transcription.problem.objective.cost(solution.objective - self.solution.objective)
-        return loss > LOST * self.solution.magnitude
+        return loss > MOST_LOST * self.solution.magnitude
 
     def _tighten(self) -> None:
         """Tighten the limits on the last mesh until they hold, or that costs too much or no longer helps."""
-        solver = self._solver(self.solution.transcription, NEAR)
-        for k in range(ROUNDS):
+        solver = self._solver(self.solution.transcription, NEAR_OPTIONS)
+        for k in range(TIGHTENING_ROUNDS):
             last, began = [step.excess for step in self.history[-3:]], time.perf_counter()
             if self._kept or (k > 2 and last[-1] > STALLED * last[0]) or self.aims.until.passed:
                 return
@@ -262,7 +265,7 @@ class Refinement:
             self._accept(found, 0.0, time.perf_counter() - began, k + 1)
 
     def _solver(self, t: Transcription, known: Mapping[str, Any]) -> NlpSolver:
-        patience = PATIENCE * (LONGER if self.aims.restarts else 1)  # from the point alone it takes hundreds
+        patience = CARRIED_ITERATIONS * (LONGER if self.aims.restarts else 1)  # from the point alone it takes hundreds
         most = {"ipopt.max_iter": min(patience, self.aims.iterations)}
         return NlpSolver(t, {**known, **most}, until=self.aims.until)
 
@@ -270,11 +273,11 @@ class Refinement:
         self.solution, self.errors = s, {name: interval_errors(s, name) for name in s.phases}
         self._measured = Measured(s, self.errors)
         sizes = {name: m.intervals for name, m in s.transcription.mesh.items()}
-        held = sum(int(on.any(axis=1).sum()) for on in self._held.values())
+        enforced = sum(int(on.any(axis=1).sum()) for on in self._enforced.values())
         local, excess = (max(float(getattr(e, w).max()) for e in self.errors.values()) for w in ("local", "excess"))
         began, self.clock = self.clock, time.perf_counter()
         seconds = build_seconds, solve_seconds, self.clock - began
-        self.history.append(MeshStep(sizes, held, s.objective, local, excess, s.iterations, *seconds, drawn_in))
+        self.history.append(MeshStep(sizes, enforced, s.objective, local, excess, s.iterations, *seconds, drawn_in))
         self.report(self.history[-1])
 
 

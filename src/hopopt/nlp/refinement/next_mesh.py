@@ -2,7 +2,7 @@
 
 Where limits are enforced between the nodes (``next_cuts``), an interval is cut at once into as many pieces as its
 local error and its tightening cost ask for by their orders. The local error falls with the interval's length to the
-power of the nodes and one, the cost of a switch with its square. An interval that does not answer to holding its
+power of the nodes and one, the cost of a switch with its square. An interval that does not answer to enforcing its
 limits is cut too. Where limits are tightened at the end (``cuts_before_tightening``), all that is wrong is cut into as
 many pieces.
 """
@@ -21,17 +21,17 @@ from hopopt.nlp.solver.ipopt import NlpSolution
 
 BUDGET = 0.5  # share of the allowed tightening cost that a refinement is content with
 AIM = 0.3  # share of the allowed local error, and of the tightening cost, that a cut aims at
-NEARLY = 0.3  # share of what is allowed, above which an interval is cut where others must be
+CUT_SHARE = 0.3  # share of what is allowed, above which an interval is cut where others must be
 PIECES = 8  # into which an interval is cut at most
-STUBBORN = 4  # pieces for an interval that does not answer
-ANSWERS = 0.5  # share of its last excess, above which an interval does not answer to holding its limits
-SLOW = 2  # order to which an error falls that is still there on the second mesh
+UNRESPONSIVE_PIECES = 4  # pieces for an interval that does not answer
+ANSWERS = 0.5  # share of its last excess, above which an interval does not answer to enforcing its limits
+SLOW_ORDER = 2  # order to which an error falls that is still there on the second mesh
 GRADED = 4.0  # times shorter: intervals of switches that should be that are cut about them
-EARLY = 2  # meshes before an error that wanders is suspected
-COARSE = 0.01  # share of the phase: longer intervals may harbour one
-AT_ONCE, LATER = 4, 4  # where limits are tightened at the end: pieces of all that is cut; as EARLY
+EARLY_MESHES = 2  # meshes before an error that wanders is suspected
+LONGEST_INTERVAL = 0.01  # share of the phase: longer intervals may harbour one
+AT_ONCE, LATER = 4, 4  # where limits are tightened at the end: pieces of all that is cut; as EARLY_MESHES
 GROWTH = 1.5  # times the intervals of a mesh: how fine the next may be where not all cuts fit
-LITTLE = 0.1  # share of them: room for fewer is not worth a mesh
+LITTLE_ROOM = 0.1  # share of them: room for fewer is not worth a mesh
 Cuts = Mapping[
     str, list[np.ndarray]
 ]  # for each phase, the normalised times (0 to 1) at which each interval is to be cut
@@ -94,21 +94,21 @@ class Measured:
 def next_cuts(m: Measured, aims: Aims, solves: int, answered: Mapping[str, np.ndarray]) -> Cuts:
     """Where each interval is to be cut: if something asks for it, what nearly does is cut too.
 
-    solves: so far; answered: excess (N,) of each phase's intervals to which the limits held since then answer.
+    solves: so far; answered: excess (N,) of each phase's intervals to which the limits enforced since then answer.
     """
-    stubborn = {n: (e.excess > aims.excess) & (e.excess > ANSWERS * answered[n]) for n, e in m.errors.items()}
-    asked = any(on.any() for on in stubborn.values()) or any(
+    unresponsive = {n: (e.excess > aims.excess) & (e.excess > ANSWERS * answered[n]) for n, e in m.errors.items()}
+    asked = any(on.any() for on in unresponsive.values()) or any(
         (e.local > aims.local_error).any() for e in m.errors.values()
     )
     if not asked and sum(cost.sum() for cost in m.costs.values()) <= m.budget(aims):
-        return {name: equal(np.ones(len(on), dtype=int)) for name, on in stubborn.items()}
-    order = len(m.solution.transcription.scheme.c) + 1 if solves == 1 else SLOW
+        return {name: equal(np.ones(len(on), dtype=int)) for name, on in unresponsive.items()}
+    order = len(m.solution.transcription.scheme.c) + 1 if solves == 1 else SLOW_ORDER
     pieces = {}
     for name, e in m.errors.items():
         by_order = np.clip(np.ceil((e.local / (AIM * aims.local_error)) ** (1 / order)), 2, PIECES)
-        inaccurate = _inaccurate(m, name, NEARLY * aims.local_error, by_order, solves > EARLY)
-        pieces[name] = np.maximum(inaccurate, np.where(stubborn[name], STUBBORN, 1))
-    return _dearest_too(m, aims, pieces, solves)
+        inaccurate = _inaccurate(m, name, CUT_SHARE * aims.local_error, by_order, solves > EARLY_MESHES)
+        pieces[name] = np.maximum(inaccurate, np.where(unresponsive[name], UNRESPONSIVE_PIECES, 1))
+    return _costliest_too(m, aims, pieces, solves)
 
 
 def _inaccurate(m: Measured, name: str, allowed: float, asked: np.ndarray | int, late: bool) -> np.ndarray:
@@ -121,21 +121,21 @@ def _inaccurate(m: Measured, name: str, allowed: float, asked: np.ndarray | int,
 def moves_to(over: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Where errors of the intervals that are ``over`` may move to: those of a switch to its neighbours, those that
     live on coarse intervals to any other of them, (N,)."""
-    coarse = lengths > max(0.5 * lengths.max(), COARSE * lengths.sum())
+    coarse = lengths > max(0.5 * lengths.max(), LONGEST_INTERVAL * lengths.sum())
     return (np.convolve(over, [1, 1, 1])[1:-1] > 0) | (coarse & (over & coarse).any())
 
 
-def _dearest(costs: Mapping[str, np.ndarray], budget: float) -> np.ndarray:
+def _costliest(costs: Mapping[str, np.ndarray], budget: float) -> np.ndarray:
     """Costs of the intervals that are to be cut for the rest to be within the budget, cheapest first."""
     total = np.sort(np.concatenate(list(costs.values())))
     return total[np.searchsorted(np.cumsum(total), budget, side="right") :]
 
 
-def _dearest_too(m: Measured, aims: Aims, others: Mapping[str, np.ndarray], solves: int) -> Cuts:
-    """The dearest intervals cut until the rest is well within the budget, about their switch if that is known well
+def _costliest_too(m: Measured, aims: Aims, others: Mapping[str, np.ndarray], solves: int) -> Cuts:
+    """The costliest intervals cut until the rest is well within the budget, about their switch if that is known well
     enough (not on the first mesh); the others into so many pieces."""
-    dear = _dearest(m.costs, NEARLY * m.budget(aims))
-    share, least = AIM * m.budget(aims) / max(1, len(dear)), dear.min(initial=np.inf)
+    costly = _costliest(m.costs, CUT_SHARE * m.budget(aims))
+    share, least = AIM * m.budget(aims) / max(1, len(costly)), costly.min(initial=np.inf)
     switch, found = normalised_switch_times(m.solution) if solves > 1 else {}, {}
     for name, each in m.costs.items():
         shorter = np.where(each >= least, np.sqrt(each / share), 1.0)  # by which share they should be
@@ -147,9 +147,9 @@ def _dearest_too(m: Measured, aims: Aims, others: Mapping[str, np.ndarray], solv
 
 
 def cuts_before_tightening(m: Measured, aims: Aims, solves: int) -> Cuts:
-    """Where limits are tightened at the end: inaccurate intervals cut, and the dearest until the rest is within what
+    """Where limits are tightened at the end: inaccurate intervals cut, and the costliest until the rest is within what
     tightening may cost; ``solves``: so far."""
-    least = _dearest(m.excess_costs, aims.tightening_cost * m.solution.magnitude).min(initial=np.inf)
+    least = _costliest(m.excess_costs, aims.tightening_cost * m.solution.magnitude).min(initial=np.inf)
     found = {}
     for name in m.errors:
         inaccurate = _inaccurate(m, name, aims.local_error, AT_ONCE, solves > LATER)
@@ -204,7 +204,7 @@ def fitting(cuts: Cuts, urgency: Mapping[str, np.ndarray], most: int) -> Cuts | 
     room, chosen = min(most, int(GROWTH * now)) - now, np.zeros(now, dtype=bool)
     first = np.argsort(-np.concatenate([urgency[name] for name in cuts]) * (more > 0), kind="stable")
     chosen[first] = (np.cumsum(more[first]) <= room) & (more[first] > 0)
-    if room < LITTLE * now or not chosen.any():
+    if room < LITTLE_ROOM * now or not chosen.any():
         return None
     kept = iter(chosen)
     return {name: [own if next(kept) else own[:0] for own in each] for name, each in cuts.items()}

@@ -16,8 +16,8 @@ from hopopt.nlp.refinement.tightening import Errors, limit_nodes
 from hopopt.nlp.schemes import lagrange
 from hopopt.nlp.solver.ipopt import OPTIONS, NlpSolution
 
-SLIGHT = 0.02  # share of its range: a limit that is missed by less beside an interval was not left in it
-LEFT = 0.3  # share of the slack on the other side, above which a limit was not met at all
+SLIGHT_MISS = 0.02  # share of its range: a limit that is missed by less beside an interval was not left in it
+UNMET_SLACK = 0.3  # share of the slack on the other side, above which a limit was not met at all
 SPREAD = 0.1  # of the places that several limits tell
 BARRIER = 10 * OPTIONS["ipopt.tol"]  # of the objective's scale: a smaller multiplier times slack is Ipopt's own
 
@@ -50,10 +50,12 @@ def normalised_switch_times(solution: NlpSolution) -> dict[str, np.ndarray]:
                 before, after = (np.pad(slack, ((1, 1), (0, 0)))[k : k + len(slack), -(k == 0)] for k in (0, 2))
                 large, small = np.maximum(before, after), np.minimum(before, after)
                 share = (
-                    (slack @ p.scheme.b) / np.maximum(large, SLIGHT) if each.at_controls else np.full(len(slack), -1.0)
+                    (slack @ p.scheme.b) / np.maximum(large, SLIGHT_MISS)
+                    if each.at_controls
+                    else np.full(len(slack), -1.0)
                 )
                 s = np.where(after > before, 1 - share, share)
-                w = np.where((small < LEFT * large) & (large > SLIGHT) & (s > 0) & (s < 1), cost, 0.0)
+                w = np.where((small < UNMET_SLACK * large) & (large > SLIGHT_MISS) & (s > 0) & (s < 1), cost, 0.0)
                 weight, first, second = weight + w, first + w * s, second + w * s**2
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = first / weight

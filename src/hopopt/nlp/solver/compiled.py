@@ -5,7 +5,7 @@ name holds the digest of its content too: one that is damaged would end the proc
 Within ``compiling()`` libraries that are missing are made, which takes seconds; everywhere those that exist are used.
 What was missing elsewhere is kept in mind (``missing``), for a process that has nothing else to do.
 Digits do not depend on it: the operations and their order are CasADi's own, and none are contracted. Without a
-compiler, or where anything fails, functions stay as they are. The folder holds no more than MOST bytes: what was not
+compiler, or where anything fails, functions stay as they are. The folder holds no more than MOST_BYTES bytes: what was not
 used for longest is removed.
 """
 
@@ -26,9 +26,9 @@ from hopopt.files import mark, remove_abandoned, write_whole
 
 FOLDER = "HOPOPT_CACHE"  # environment variable: a folder in place of the user's cache, or "off"
 FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
-MOST = 100_000_000  # bytes of all libraries; those of a problem have about 200_000
-LONGEST = 120  # s of the compiler; the largest leg takes 10
-REMEMBERED = 32  # functions that were missing; a program has about 10
+MOST_MISSING = 32  # functions that were missing; a program has about 10
+MOST_BYTES = 100_000_000  # bytes of all libraries; those of a problem have about 200_000
+COMPILER_TIME_LIMIT = 120  # s of the compiler; the largest leg takes 10
 WORTH_IT = 400  # steps of a function, below which calling it costs as much as computing it
 _making = False  # by this process; whoever makes libraries solves one problem at a time (studies/sweep/point.py)
 _failed: set[str] = set()  # what this process could not make
@@ -55,7 +55,7 @@ def compiled(function: ca.Function) -> ca.Function:
         library = folder and (_kept(folder, _key(function)) or (_made(function, folder) if _making else None))
         if library:
             return ca.external(function.name(), str(library))
-        if os.environ.get(FOLDER) != "off" and len(_missing) < REMEMBERED:
+        if os.environ.get(FOLDER) != "off" and len(_missing) < MOST_MISSING:
             _missing[_key(function)] = function.serialize()
     except (OSError, RuntimeError, subprocess.SubprocessError):  # no reason to lose the answer
         pass
@@ -82,14 +82,17 @@ def _key(function: ca.Function) -> str:
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 
-def cache_folder() -> Path | None:
-    """Where libraries are kept, a folder that nobody else may write to; None if there is none."""
+def cache_folder(make: bool = False) -> Path | None:
+    """Where libraries are kept, a folder that nobody else may write to; None if there is none.
+
+    make: make it where it is not there yet
+    """
     asked = os.environ.get(FOLDER, "")
     if asked == "off" or os.name != "posix":
         return None
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = Path(asked) if asked else caches / "hopopt"
-    if _making:
+    if make or _making:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     elif not folder.is_dir():
         return None
@@ -130,7 +133,7 @@ def _made(function: ca.Function, folder: Path) -> Path | None:
         generator.add(function)
         generator.generate(f"{place}{os.sep}")
         command = [compiler, *FLAGS, "f.c", "-o", "f.so", "-lm"]
-        subprocess.run(command, cwd=place, check=True, capture_output=True, timeout=LONGEST)
+        subprocess.run(command, cwd=place, check=True, capture_output=True, timeout=COMPILER_TIME_LIMIT)
         content = (Path(place) / "f.so").read_bytes()
     library = folder / _name(key, content)
     write_whole(library, content)
@@ -142,10 +145,10 @@ def _made(function: ca.Function, folder: Path) -> Path | None:
 
 
 def _make_room(folder: Path) -> None:
-    """Remove the libraries that were not used for longest, so that the others have MOST bytes; whoever has loaded one keeps
+    """Remove the libraries that were not used for longest, so that the others have MOST_BYTES bytes; whoever has loaded one keeps
     it."""
     states, held = {library: library.stat() for library in folder.glob("*.so")}, 0
     for library, state in sorted(states.items(), key=lambda each: -each[1].st_mtime_ns):
         held += state.st_size
-        if held > MOST:
+        if held > MOST_BYTES:
             library.unlink(missing_ok=True)

@@ -43,17 +43,17 @@ def _from_known(push: float) -> dict[str, Any]:
 STEADY = {"ipopt.adaptive_mu_globalization": "never-monotone-mode", "ipopt.first_hessian_perturbation": 1e-10}
 WARM = _from_known(1e-6) | STEADY  # where the point and the multipliers are nearly known
 CARRIED = _from_known(1e-4) | STEADY  # where they come from a coarser mesh or another problem
-NEAR = _from_known(1e-11)  # where they are those of the same program within other limits
+NEAR_OPTIONS = _from_known(1e-11)  # where they are those of the same program within other limits
 # Of schemes that collocate both ends of an interval: controls and multipliers oscillate, and rows of neighbouring intervals
 # depend on each other, which Ipopt has to be told (it finds out too late).
 UNDAMPED = {"ipopt.tol": 1e-8, "ipopt.perturb_always_cd": "yes"}
 # Not to be followed where Hessians are made convex by steep terms: such iterates hardly move, and their factorisations fill
 # up, which can take minutes each.
-GENTLE = {"ipopt.max_hessian_perturbation": 1e5}
+GENTLE_OPTIONS = {"ipopt.max_hessian_perturbation": 1e5}
 
 
 REASON = 200  # characters
-LEAST = 1e-2  # of the objective's scale
+LEAST_MAGNITUDE = 1e-2  # of the objective's scale
 SHORTEST, LONGEST = 1e-3, 600.0  # s that one solve is given, whatever the deadline
 PUNCTUAL = 0.9  # share of the time that a solver was made with, beyond which, or its inverse, it is made again
 FOREIGN = "NonIpopt_Exception_Thrown"  # how Ipopt ends at an error that is not its own
@@ -118,7 +118,7 @@ class NlpSolution:
     @property
     def least(self) -> float:
         """Of an objective that may be 0 [its unit]: what is relative to it is relative to this at least."""
-        return LEAST * self.transcription.problem.objective.scale
+        return LEAST_MAGNITUDE * self.transcription.problem.objective.scale
 
     @property
     def magnitude(self) -> float:

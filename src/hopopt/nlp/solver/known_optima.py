@@ -8,10 +8,10 @@ import numpy as np
 
 from hopopt.nlp.solver.casadi_solver import IterationCallback
 
-NEAR = 0.2  # of the scaled states: closer than this throughout, an iterate is on its way to the known optimum
-ALIKE = 5e-4  # relative: as close as this in the objective; with 2e-3 other hops than the known one were lost
-FEASIBLE = 1e-2  # largest scaled violation of a row
-EVERY = 2  # iterations between two looks
+NEAR_OPTIMUM = 0.2  # of the scaled states: closer than this throughout, an iterate is on its way to the known optimum
+SAME_OBJECTIVE = 5e-4  # relative: as close as this in the objective; with 2e-3 other hops than the known one were lost
+COMPARABLE_VIOLATION = 1e-2  # largest scaled violation of a row
+LOOK_PERIOD = 2  # iterations between two looks
 
 
 @dataclass(frozen=True)
@@ -52,16 +52,16 @@ class KnownOptima(IterationCallback):
     def stops(self, values: Mapping[str, Any]) -> bool:
         """Whether this is an iteration to look at, and near a known optimum."""
         self._iteration += 1
-        if self.known and not self._iteration % EVERY:
+        if self.known and not self._iteration % LOOK_PERIOD:
             self.found = self.near(np.array(values["x"]).ravel(), float(values["f"]), np.array(values["g"]).ravel())
         return self.found is not None
 
     def near(self, z: np.ndarray, f: float, g: np.ndarray) -> int | None:
         """Index of the known optimum that an iterate (scaled variables, objective, rows) is close to."""
-        if np.maximum(self.low_g - g, g - self.high_g).max(initial=0.0) > FEASIBLE:
+        if np.maximum(self.low_g - g, g - self.high_g).max(initial=0.0) > COMPARABLE_VIOLATION:
             return None
         for k, other in enumerate(self.known):
-            alike = abs(f - other.f) <= ALIKE * max(abs(other.f), 1e-3)
-            if alike and np.abs(z - other.z)[self.watched].max(initial=0.0) < NEAR:
+            alike = abs(f - other.f) <= SAME_OBJECTIVE * max(abs(other.f), 1e-3)
+            if alike and np.abs(z - other.z)[self.watched].max(initial=0.0) < NEAR_OPTIMUM:
                 return k
         return None

@@ -36,12 +36,12 @@ from hopopt.ocp.hops.to_rest import push_backwards
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
 
 POINTS = 41  # of a guess, each phase
-FINE = 201  # of a guess that is a motion already
-FAR = 0.5  # rad between two points of a guess; angles farther away are of a leg folded the other way
+FOLDED_ANGLE = 0.5  # rad between two points of a guess; angles farther away are of a leg folded the other way
+GUESS_SAMPLES = 201  # of a guess that is a motion already
 
 
 @dataclass(frozen=True)
-class Start:
+class StartGuess:
     """A motion in words: hip ahead of the foot at mid-stance and at lift-off [share of the reach], depth of the
     dip [share of the start height], stance duration [share of the longest]."""
 
@@ -52,39 +52,39 @@ class Start:
     duration: float = 0.5
 
 
-NAMED = (
-    Start("upright push", duration=1.0),
-    Start("straight push", duration=0.4),
-    Start("lean back, swing", sway=-0.35, lean=0.1, dip=0.1, duration=1.0),
-    Start("lean forward, swing", sway=0.5, lean=0.3, dip=0.1, duration=1.0),
-    Start("lean forward, push", sway=0.25, lean=0.25, duration=0.5),
-    Start("lean back, push", sway=-0.2, lean=-0.2, duration=0.5),
-    Start("dip and push", dip=0.3, duration=1.0),
+NAMED_STARTS = (
+    StartGuess("upright push", duration=1.0),
+    StartGuess("straight push", duration=0.4),
+    StartGuess("lean back, swing", sway=-0.35, lean=0.1, dip=0.1, duration=1.0),
+    StartGuess("lean forward, swing", sway=0.5, lean=0.3, dip=0.1, duration=1.0),
+    StartGuess("lean forward, push", sway=0.25, lean=0.25, duration=0.5),
+    StartGuess("lean back, push", sway=-0.2, lean=-0.2, duration=0.5),
+    StartGuess("dip and push", dip=0.3, duration=1.0),
 )
 
 
-def starts(count: int, seed: int, periodic: bool = False) -> list[Start]:
+def starts(count: int, seed: int, periodic: bool = False) -> list[StartGuess]:
     """The named starts, for a periodic hop the leaning ones first, then seeded Sobol points over the same directions."""
-    extra, named = count - len(NAMED), NAMED
+    extra, named = count - len(NAMED_STARTS), NAMED_STARTS
     if periodic:
-        named = (*(s for s in NAMED if s.lean), *(s for s in NAMED if not s.lean))
+        named = (*(s for s in NAMED_STARTS if s.lean), *(s for s in NAMED_STARTS if not s.lean))
     if extra <= 0:
         return list(named[:count])
     from scipy.stats import qmc  # slow to import, and most solves need no random starts
 
     sobol = qmc.Sobol(4, rng=seed).random(2 ** int(np.ceil(np.log2(extra))))[:extra]
     points = qmc.scale(sobol, [-0.5, -0.3, 0.0, 0.2], [0.6, 0.4, 0.4, 1.0])
-    return [*named, *(Start(f"drawn {k + 1}", *map(float, p)) for k, p in enumerate(points))]
+    return [*named, *(StartGuess(f"drawn {k + 1}", *map(float, p)) for k, p in enumerate(points))]
 
 
-def starts_of(hop: Hop, count: int) -> list[Start]:
+def starts_of(hop: Hop, count: int) -> list[StartGuess]:
     """The first starts of a problem."""
     return starts(count, hop.design.solver.seed, hop.design.hop.periodic)
 
 
-def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
+def make_guess(hop: Hop, start: StartGuess) -> dict[str, Guess]:
     """The start as guesses of the phases, by phase name."""
-    simple = start == NAMED[0] and two_joints(hop.leg) and not hop.loops
+    simple = start == NAMED_STARTS[0] and two_joints(hop.leg) and not hop.loops
     stance = (saturated_push(hop) if simple else None) or _stance_guess(hop, start)
     push = there_and_back(hop, stance) if hop.design.hop.periodic else stance
     return _all_phases(hop, _without_dependent(hop, push), _flight_guess(hop, stance))
@@ -92,7 +92,7 @@ def make_guess(hop: Hop, start: Start) -> dict[str, Guess]:
 
 def motion_guess(hop: Hop, phases: Mapping[str, Any]) -> dict[str, Guess]:
     """A hop towards another objective (anything with duration [s] and sample, by phase name) as guesses of the phases."""
-    s = np.linspace(0, 1, FINE)
+    s = np.linspace(0, 1, GUESS_SAMPLES)
     found = {name: Guess(motion.duration, s, *motion.sample(s * motion.duration)) for name, motion in phases.items()}
     return _all_phases(hop, found[STANCE], found[FLIGHT], found.get(DESCENT), found.get(LANDING))
 
@@ -105,7 +105,7 @@ def stance_guess(hop: Hop, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.nd
 
 def posture_guess(hop: Hop, phases: Mapping[str, Any], pose: np.ndarray) -> dict[str, Guess]:
     """A hop (as of ``motion_guess``) with another flight, to a pose (n,) [rad] of the joints, as guesses of the phases."""
-    s, push = np.linspace(0, 1, FINE), phases[STANCE]
+    s, push = np.linspace(0, 1, GUESS_SAMPLES), phases[STANCE]
     x, u = push.sample(s * push.duration)
     stance = Guess(push.duration, s, x[:, : 2 * hop.n], u[:, : hop.n])
     return _all_phases(hop, stance, _flight_guess(hop, stance, pose))
@@ -147,7 +147,7 @@ def _without_dependent(hop: Hop, stance: Guess) -> Guess:
     return replace(stance, u=u)
 
 
-def _stance_guess(hop: Hop, start: Start) -> Guess:
+def _stance_guess(hop: Hop, start: StartGuess) -> Guess:
     """Body path through start, dip and lift-off; joints by inverse kinematics."""
     shortest, longest = hop.design.hop.stance_duration
     T = shortest + start.duration * (longest - shortest)
@@ -184,7 +184,7 @@ def _exact_angles(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarray | 
     lower, upper = hop.limits
     found = TwoJoints.of(hop.leg).angles(foot)
     best = min(found, key=lambda q: np.abs(q - near).max(), default=None)
-    reached = best is not None and np.abs(best - near).max() <= FAR and np.all((lower <= best) & (best <= upper))
+    reached = best is not None and np.abs(best - near).max() <= FOLDED_ANGLE and np.all((lower <= best) & (best <= upper))
     return best if reached else None
 
 

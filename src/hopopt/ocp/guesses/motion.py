@@ -13,14 +13,14 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.errors import UsageError
-from hopopt.leg.dynamics import LegDynamics, Motion
+from hopopt.leg.dynamics import LegDynamics, LegMotion
 from hopopt.leg.kinematics import contact_axes, dependent_joints, loop_axes, reach, start_place
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import force_range, time_scale, weight
 from hopopt.ocp.problem import Instant
 
 STANCE, FLIGHT = "stance", "flight"  # what the leg does
-MotionAt = Callable[[Instant], Motion]  # the whole leg at an instant of a phase
+MotionAt = Callable[[Instant], LegMotion]  # the whole leg at an instant of a phase
 
 
 class MovingLeg:
@@ -78,7 +78,7 @@ class MovingLeg:
 
     # ---- stance ----------------------------------------------------------------------------------------
 
-    def stance_motion(self, s: Instant) -> Motion:
+    def stance_motion(self, s: Instant) -> LegMotion:
         """The whole leg in stance."""
         force = s.loop_force if self.loops else None
         return s.once("motion", lambda: self.dynamics(s).stance(s.q, s.v, self.joint_acceleration(s), force))
@@ -93,7 +93,7 @@ class MovingLeg:
             return s.once("joint_a", lambda: self._moved(s, lambda a: self.dynamics(s).stance(s.q, s.v, a)))
         return s.once("joint_a", lambda: self.dynamics(s).closed(s.q, s.v, s.a, self.dependent))
 
-    def _moved(self, s: Instant, motion: Callable[[ca.SX], Motion]) -> ca.SX:
+    def _moved(self, s: Instant, motion: Callable[[ca.SX], LegMotion]) -> ca.SX:
         """Accelerations (n): the controls, and those of the joints whose drives have states, from the torques that these
         states give. Torques are affine in accelerations, tau = M a + h, so M_dd a_d = tau_d - h_d - M_do a_o."""
         at, a = self.drive_states.at, ca.SX.sym("a", self.n)
@@ -112,7 +112,7 @@ class MovingLeg:
 
     # ---- flight ----------------------------------------------------------------------------------------
 
-    def flight_motion(self, s: Instant) -> Motion:
+    def flight_motion(self, s: Instant) -> LegMotion:
         """The whole leg in flight."""
         return s.once("motion", lambda: self._flying(s, self.flight_acceleration(s)))
 
@@ -122,7 +122,7 @@ class MovingLeg:
             return s.once("joint_a", lambda: self._moved(s, lambda a: self._flying(s, a)))
         return s.a
 
-    def _flying(self, s: Instant, a: ca.SX) -> Motion:
+    def _flying(self, s: Instant, a: ca.SX) -> LegMotion:
         return self.dynamics(s).flight(*self.com_and_speed(s), s.q, s.v, a)
 
     def flight_pose(self, s: Instant) -> tuple[ca.SX, ca.SX]:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from hopopt.leg.dynamics import LegDynamics
-from hopopt.leg.kinematics import OUTSIDE, best_pose
+from hopopt.leg.kinematics import WINDOW_PENALTY, best_pose
 from hopopt.leg.robot import BASE
 from hopopt.ocp.guesses.motion import MovingLeg
 
@@ -31,7 +31,7 @@ class Posture:
     def height(self, q: np.ndarray) -> np.ndarray:
         """Lowest point over the centre of mass (k,) [m] in poses q (k, n) [rad], less where the foot is beyond its window."""
         over, beside = (np.array(part) for part in self._places.map(len(q))(q.T))
-        return over.min(axis=0) - OUTSIDE * np.maximum(np.abs(beside[0]) - self.window, 0.0)
+        return over.min(axis=0) - WINDOW_PENALTY * np.maximum(np.abs(beside[0]) - self.window, 0.0)
 
     def best(self) -> np.ndarray:
         """The pose (n,) [rad] in which that is highest."""

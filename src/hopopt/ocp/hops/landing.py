@@ -20,7 +20,9 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE, descent
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends
 from hopopt.ocp.transitions import apex, impact_at, touchdown
 
-GENTLE = 5.5e3  # times the usual tie-break, in the leg's own time: most legs can land at 0 J, and gentle torques decide
+TIE_BREAK_FACTOR = (
+    5.5e3  # times the usual tie-break, in the leg's own time: most legs can land at 0 J, and gentle torques decide
+)
 
 
 def to_touchdown(leg: MovingLeg, free_parameters: FreeParameters) -> PhaseSequence:
@@ -61,5 +63,5 @@ def landing_guess(leg: MovingLeg, flight: Guess) -> Guess:
 IMPACT = HopObjective(
     "impact", "kinetic energy lost when the foot lands, after the descent from the apex", "J",
     energy_lost, "impact_J", maximize=False, scale=lambda leg: leg.weight * leg.reach,
-    tie_break=lambda leg: GENTLE / leg.time_scale, sequence=to_touchdown, **AT_CLEARANCE,
+    tie_break=lambda leg: TIE_BREAK_FACTOR / leg.time_scale, sequence=to_touchdown, **AT_CLEARANCE,
 )  # fmt: skip

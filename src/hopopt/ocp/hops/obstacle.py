@@ -4,7 +4,7 @@ A link and the box are convex, so they do not meet if and only if a line separat
 (separating axes: Ericson, Real-Time Collision Detection, 5.2). The box is ahead of the link, behind it, below the link's lower
 end, or below the line through the link. The distance along the best of these is the greatest of four, made smooth so that
 it is never too large: greatest values are averages with Boltzmann weights, least ones and those of two ends soft minima.
-That keeps the leg away from the box by less than SMOOTH of its length where two of these are equal.
+That keeps the leg away from the box by less than CORNER_ROUNDING of its length where two of these are equal.
 """
 
 from collections.abc import Sequence
@@ -23,9 +23,9 @@ from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, Parameter
 from hopopt.ocp.transitions import RISE
 
 BOX_HEIGHT, BOX_AT = "obstacle", "obstacle at"  # height and near side of the box [m]
-STEP_LENGTH = "obstacle step"  # how far ahead the foot lands [m]
+OBSTACLE_STEP = "obstacle step"  # how far ahead the foot lands [m]
 BOX_WIDTH = "hop.obstacle.width"
-SMOOTH = 2e-3  # of the leg's length
+CORNER_ROUNDING = 2e-3  # of the leg's length
 OBSTACLE = LimitId(Kind.OBSTACLE, key=BOX_WIDTH, unit="m")
 
 
@@ -40,11 +40,11 @@ def _clear(leg: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
 
     def value(s: Instant) -> ca.SX:
         points = leg.dynamics(s).points(phase.motion(s).q)
-        ahead, behind = s.p[BOX_AT], s.p[BOX_AT] - s.p[STEP_LENGTH]
+        ahead, behind = s.p[BOX_AT], s.p[BOX_AT] - s.p[OBSTACLE_STEP]
         begins = [behind] * landed or [ahead, *[behind] * leg.design.hop.periodic]
         return ca.vertcat(
             *[
-                distance(points[top], points[end], begin, s.p[BOX_WIDTH], s.p[BOX_HEIGHT], SMOOTH * leg.reach)
+                distance(points[top], points[end], begin, s.p[BOX_WIDTH], s.p[BOX_HEIGHT], CORNER_ROUNDING * leg.reach)
                 for begin in begins for top, end in links
             ]
         )  # fmt: skip
@@ -91,7 +91,7 @@ def _numbers(leg: MovingLeg) -> tuple[Parameter, ...]:
         Parameter(BOX_HEIGHT, lower=-5.0, upper=20.0, unit="m", value=0.2 * size, free=True),
         Parameter(BOX_AT, lower=0.0, upper=100 * size, scale=size, unit="m", value=0.3 * size, free=True),
         Parameter(BOX_WIDTH, value=leg.design.hop.obstacle.width or 0.0, unit="m"),
-        Parameter(STEP_LENGTH, lower=0.0, upper=100 * size, scale=size, unit="m", value=size, free=True),
+        Parameter(OBSTACLE_STEP, lower=0.0, upper=100 * size, scale=size, unit="m", value=size, free=True),
     )
 
 
@@ -109,7 +109,7 @@ def _beyond(leg: MovingLeg) -> tuple[BoundaryConstraint, ...]:
     )
     return (
         beyond,
-        linkage("obstacle behind", lambda e: foot(e) - e.p[STEP_LENGTH], unit="m"),
+        linkage("obstacle behind", lambda e: foot(e) - e.p[OBSTACLE_STEP], unit="m"),
         linkage("apex", lambda e: e.final[FLIGHT].com_v[-1], RISE, unit="m/s"),
         linkage("obstacle below the apex", lambda e: e.p[BOX_AT] + e.p[BOX_WIDTH] / 2 - body(e), unit="m"),
     )

@@ -16,7 +16,7 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE, descent, flight, stance
 from hopopt.ocp.problem import BoundaryConstraint, Ends, linkage
 from hopopt.ocp.transitions import handed_over, lift_off, touchdown
 
-STEP_LENGTH = "step"  # the constraint of how far ahead the foot lands
+STEP_CONSTRAINT = "step"  # the constraint of how far ahead the foot lands
 
 
 def hop_after_hop(leg: MovingLeg, free_parameters: FreeParameters) -> PhaseSequence:
@@ -38,7 +38,7 @@ def step(leg: MovingLeg, before: str) -> BoundaryConstraint:
         ahead = leg.design.hop.speed * sum(e.duration.values(), ca.SX(0))
         return leg.flight_points(e.final[before])["foot"][0] - ahead
 
-    return linkage(STEP_LENGTH, miss, unit="m")
+    return linkage(STEP_CONSTRAINT, miss, unit="m")
 
 
 def there_and_back(leg: MovingLeg, push: Guess) -> Guess:

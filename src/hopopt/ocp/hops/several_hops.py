@@ -19,7 +19,7 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE, LegPhase, descent, flight
 from hopopt.ocp.problem import BoundaryConstraint, Objective, Phase, Problem
 from hopopt.ocp.transitions import handed_over, lift_off, touchdown
 
-PHASES = (STANCE, FLIGHT, DESCENT)  # of every hop
+HOP_PHASES = (STANCE, FLIGHT, DESCENT)  # of every hop
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def several_hops(leg: MovingLeg, begin: JointState, end: JointState, clearances:
     """
     phases, transitions, last = list[Phase](), list[BoundaryConstraint](), len(clearances)
     for k, least in enumerate(clearances, 1):
-        up, over, down = (numbered(phase, k) for phase in PHASES)
+        up, over, down = (numbered(phase, k) for phase in HOP_PHASES)
         first = stance(leg, begin.q, begin.v) if k == 1 else stance(leg)
         phases += [_named(leg, part, name) for part, name in ((first, up), (flight(leg), over), (descent(leg), down))]
         on_the_ground, _, from_above = touchdown(leg, down)

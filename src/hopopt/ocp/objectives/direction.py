@@ -18,8 +18,8 @@ class Directed:
         """1 where more is better, -1 where less is."""
         return sign(self.maximize)
 
-    def merit(self, value: Any) -> Any:
-        """More is better; of a merit, the value."""
+    def signed_value(self, value: Any) -> Any:
+        """The value with the sign by which more is better; of a signed value, the value."""
         return self.sign * value
 
     def cost(self, value: Any) -> Any:

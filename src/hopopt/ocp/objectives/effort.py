@@ -22,10 +22,14 @@ from hopopt.ocp.objectives.tie_break import stall_torque
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
 
-FLAT = 5e4  # times the usual tie-break, in the leg's own time: work without heat hardly depends on when it is done
+TIE_BREAK_FACTOR = (
+    5e4  # times the usual tie-break, in the leg's own time: work without heat hardly depends on when it is done
+)
 PUSH_SPEED = 10.0  # [rad/s]: joint speed of a push, for the scale of power
 SHARP = 0.1  # a peak may be passed by a smaller share of its range than a limit: it is the answer
-KINK = 3.0  # a power may be passed by a larger one where work is flat: what that gains is in the estimate of its error
+KINK_FACTOR = (
+    3.0  # a power may be passed by a larger one where work is flat: what that gains is in the estimate of its error
+)
 ELECTRICAL = ("winding_resistance", "torque_constant")
 
 
@@ -85,7 +89,11 @@ def _drawn(power: Callable[[MovingLeg, MotionAt, Instant], ca.SX], share: float 
 
 def _mechanical() -> dict[str, Any]:
     """What work without heat needs: a tie-break that counts, and to be solved with a larger one first."""
-    return {**_drawn(_power, KINK), "tie_break": lambda hop: FLAT / hop.time_scale, "calm_first": True}
+    return {
+        **_drawn(_power, KINK_FACTOR),
+        "tie_break": lambda hop: TIE_BREAK_FACTOR / hop.time_scale,
+        "calm_first": True,
+    }
 
 
 def _drawn_work(hop: MovingLeg, motion: MotionAt) -> Mapping[str, Callable[[Instant], ca.SX]]:

@@ -14,11 +14,11 @@ from hopopt.ocp.objectives.direction import Directed
 from hopopt.ocp.phases import FLIGHT, LegPhase, points_at_apex
 from hopopt.ocp.problem import INF, BoundaryConstraint, Control, Ends, Instant, Parameter, PathConstraint
 
-HEIGHTS = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
+HEIGHT_FIGURES = ("clearance_m", "apex_m")  # figures that are read off the plan's last instant
 REQUIRED = "hop.clearance"  # the parameter (and the problem's entry) that an economical hop must reach [m]
 
 CLEARANCE = LimitId(Kind.CLEARANCE, key=REQUIRED, unit="m")
-WINDOW = LimitId(Kind.WINDOW, key="hop.foot_window", unit="m")
+FOOT_WINDOW = LimitId(Kind.WINDOW, key="hop.foot_window", unit="m")
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:
     window = hop.design.hop.foot_window
     return (
         cleared(hop, FLIGHT, lambda e: e.p[name]),
-        BoundaryConstraint(WINDOW, foot_offset, -window, window, unit="m"),
+        BoundaryConstraint(FOOT_WINDOW, foot_offset, -window, window, unit="m"),
     )
 
 

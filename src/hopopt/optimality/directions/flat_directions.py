@@ -37,18 +37,18 @@ BLOCKS = 10  # of a phase, over which a control is averaged
 INSENSITIVE = (
     1e-4  # relative change of the objective, if a quantity is moved by its whole range, below which it is flat
 )
-ACTS = 1e-7  # of the objective: a multiplier below it (scaled limit by its scale) comes of a tie-break, not of the objective
+LEAST_ACTING_MULTIPLIER = 1e-7  # of the objective: a multiplier below it (scaled limit by its scale) comes of a tie-break, not of the objective
 HELD = 1e-8  # added to W for each variable, of the objective: what stands for no bound
-STIFF = 1e6  # most that a limit that acts may gain, of the objective
+MOST_GAIN = 1e6  # most that a limit that acts may gain, of the objective
 SOFTER = 10.0  # times less, to see what gives way
-INEXACT = 1e-11  # backward error of a solve that is not believed: with STIFF, well below FELT
+INEXACT = 1e-11  # backward error of a solve that is not believed: with MOST_GAIN, well below FELT
 PIVOTS = (  # none first: a symmetric matrix that is nearly definite then stays as sparse as intervals in a row are
     {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}},
     {},
 )
-STILL = 1e-3  # largest scaled value below which a control counts as unused; its scale is taken instead
+UNUSED_CONTROL = 1e-3  # largest scaled value below which a control counts as unused; its scale is taken instead
 STRETCH = 0.1  # of a duration, by which it is moved when all else is optimised anew
-ITERATIONS = 200
+DIRECTION_ITERATIONS = 200
 InJson = Annotated[  # the name of a component is a text there
     Component, PlainValidator(Component), PlainSerializer(str), WithJsonSchema({"type": "string"})
 ]
@@ -124,7 +124,7 @@ def _means(solution: NlpSolution, phase: str) -> Iterator[tuple[Who, np.ndarray,
         for own in (np.flatnonzero(block == b) for b in np.unique(block)):
             when = float(edges[interval[own[0]]]), float(edges[interval[own[-1]] + 1])
             row = _row(solution, at[own, k], weights[own] / weights[own].sum())
-            yield ("control", phase, label, when), row, largest if largest > STILL else 1.0
+            yield ("control", phase, label, when), row, largest if largest > UNUSED_CONTROL else 1.0
 
 
 def _row(solution: NlpSolution, at: Any, weights: Any = 1.0) -> np.ndarray:
@@ -140,9 +140,9 @@ def _stiffness(solution: NlpSolution, rows: list[np.ndarray]) -> np.ndarray:
     W = t.program.hess_lag().call([ca.DM(solution.z), ca.DM(solution.p), ca.DM(1.0), ca.DM(solution.lam_g)])[0].sparse()
     W = W + sparse.triu(W, 1).T
     values = np.array(g).ravel()
-    stiff, softer = (_moved(solution, W, A.sparse().tocsr(), values, rows, S) for S in (STIFF, STIFF / SOFTER))
+    stiff, softer = (_moved(solution, W, A.sparse().tocsr(), values, rows, S) for S in (MOST_GAIN, MOST_GAIN / SOFTER))
     moved = stiff - (softer - stiff) / (SOFTER - 1)
-    return 1 / np.maximum(np.abs(moved), 1 / (STIFF * size))
+    return 1 / np.maximum(np.abs(moved), 1 / (MOST_GAIN * size))
 
 
 def _moved(
@@ -178,7 +178,7 @@ def _acting(
 ) -> np.ndarray:
     """multiplier / distance of each limit, at most the stiffest, which equations have; 0 for those that do not act."""
     push, most = np.abs(lam), stiffest * size
-    acts = push > ACTS * size
+    acts = push > LEAST_ACTING_MULTIPLIER * size
     distance = np.where(lam > 0, high - value, value - low)
     found = np.zeros(len(lam))
     found[acts] = push[acts] / np.maximum(distance[acts], push[acts] / most)
@@ -193,7 +193,7 @@ def longer_or_shorter(solution: NlpSolution, phase: str) -> dict[str, float | No
     b = Bounds(*t.bounds(t.guess_from(solution.phases)), t.lbg, t.ubg)  # nothing tightened, or held at a switch
     shortest, longest = t.problem.phase(phase).duration
     cost, changes = t.problem.objective.cost, dict[str, float | None]()
-    solver = NlpSolver(t, {"ipopt.max_iter": ITERATIONS})
+    solver = NlpSolver(t, {"ipopt.max_iter": DIRECTION_ITERATIONS})
     for name, factor in (("shorter", 1 - STRETCH), ("longer", 1 + STRETCH)):
         low, high = b.low_z.copy(), b.high_z.copy()
         low[where.durations] = high[where.durations] = factor * solution.z[where.durations]

@@ -21,15 +21,17 @@ from hopopt.nlp.terms import csc, to_dm
 from hopopt.optimality.limits import Limit, limits
 
 GIVES = 1e-5  # scaled amount below which a limit counts as kept
-PUSHES = 1e-2  # least share in the others' giving for a limit to be named: 1 range of it equals 1 % of their range
-NEAR = 1e-6  # weight that keeps the point where it began in directions that no limit depends on
-SHORTEST = 1e-2  # of its own lower bound: what a duration may be loosened to
-ROOM = 1e-2  # scaled amount by which the first point has more room than it needs
-ITERATIONS = 300
+LEAST_CONFLICT_SHARE = (
+    1e-2  # least share in the others' giving for a limit to be named: 1 range of it equals 1 % of their range
+)
+NEAR_WEIGHT = 1e-6  # weight that keeps the point where it began in directions that no limit depends on
+SHORTEST_DURATION = 1e-2  # of its own lower bound: what a duration may be loosened to
+LEAST_ROOM = 1e-2  # scaled amount by which the first point has more room than it needs
+CONFLICT_ITERATIONS = 300
 
 
 @dataclass(frozen=True)
-class Part:
+class ConflictPart:
     """What one limit has to do with a conflict.
 
     gives: by how much it has to be loosened, in its unit, 0 if it is kept; share: by how much of a scale the others
@@ -51,7 +53,7 @@ class Conflict:
     z: the scaled variables where limits give least (n,).
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[ConflictPart, ...]
     helps: dict[str, float]
     z: np.ndarray
 
@@ -81,19 +83,19 @@ def _net(found: list[Limit], lam: list[np.ndarray]) -> list[np.ndarray]:
     return lam
 
 
-def _named(parts: list[Part]) -> list[Part]:
+def _named(parts: list[ConflictPart]) -> list[ConflictPart]:
     """What pushes enough to be told, and of every constraint that has to give at least what pushes most."""
     most: dict[tuple[Hashable, ...], float] = {}
     for p in parts:
         most[p.limit.group] = max(most.get(p.limit.group, 0.0), p.share)
-    return [p for p in parts if p.share > PUSHES or (p.gives and p.share == most[p.limit.group])]
+    return [p for p in parts if p.share > LEAST_CONFLICT_SHARE or (p.gives and p.share == most[p.limit.group])]
 
 
-def _part(limit: Limit, s: float, lam: np.ndarray) -> Part:
+def _part(limit: Limit, s: float, lam: np.ndarray) -> ConflictPart:
     push = np.abs(lam)
     times = limit.times[push >= 0.1 * push.max()]
     when = float(times.min()), float(times.max())
-    return Part(limit, s * limit.scale if s > GIVES else 0.0, float(push.sum()), when)
+    return ConflictPart(limit, s * limit.scale if s > GIVES else 0.0, float(push.sum()), when)
 
 
 def _helps(solution: NlpSolution, z: np.ndarray, lam_g: np.ndarray, total: float) -> dict[str, float]:
@@ -135,8 +137,8 @@ class _Loosened:
         low_z, high_z, low, high = self._bounds()
         values = np.concatenate([last.g, last.z])[self.place]
         over = np.maximum(np.maximum(low - values, values - high), 0.0)
-        s, own = np.full(self.slacks, ROOM), self.owner >= 0
-        np.maximum.at(s, self.group[self.owner[own]], over[own] + ROOM)
+        s, own = np.full(self.slacks, LEAST_ROOM), self.owner >= 0
+        np.maximum.at(s, self.group[self.owner[own]], over[own] + LEAST_ROOM)
         solver, none, endless = self._solver(seconds), np.zeros(len(s)), np.full(len(s), np.inf)
         bounds = {"lbx": np.r_[low_z, none], "ubx": np.r_[high_z, endless], "lbg": low, "ubg": high}
         result = solver(x0=np.r_[last.z, s], p=last.p, **bounds)
@@ -150,7 +152,7 @@ class _Loosened:
         low, high = (np.concatenate(side)[self.place] for side in ((t.lbg, low_z), (t.ubg, high_z)))
         upper, own = np.array([f.upper for f in self.limits]), self.owner >= 0
         low[own & upper[self.owner]], high[own & ~upper[self.owner]] = -np.inf, np.inf
-        shortest = SHORTEST * low_z
+        shortest = SHORTEST_DURATION * low_z
         low_z[self.loose_z], high_z[self.loose_z] = -np.inf, np.inf
         for where in t.variables.values():
             low_z[where.durations] = np.maximum(low_z[where.durations], shortest[where.durations])
@@ -165,11 +167,11 @@ class _Loosened:
         g = ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(z, p)  # may be differentiated by p
         _, slope = t.program.jac_g()(z, p)
         away = z - ca.DM(near)
-        f, rows = ca.sum1(s) + NEAR / 2 * ca.dot(away, away), Qg @ g + Qz @ z + S @ s
-        gradient, jacobian = ca.vertcat(NEAR * away, ca.DM.ones(m)), ca.horzcat(Qg @ slope + Qz, S)
-        bend = t.program.hess_lag()(z, p, 0, Qg.T @ lam_g) + lam_f * NEAR * ca.MX(ca.DM.eye(n))
+        f, rows = ca.sum1(s) + NEAR_WEIGHT / 2 * ca.dot(away, away), Qg @ g + Qz @ z + S @ s
+        gradient, jacobian = ca.vertcat(NEAR_WEIGHT * away, ca.DM.ones(m)), ca.horzcat(Qg @ slope + Qz, S)
+        bend = t.program.hess_lag()(z, p, 0, Qg.T @ lam_g) + lam_f * NEAR_WEIGHT * ca.MX(ca.DM.eye(n))
         hessian = ca.triu(ca.diagcat(bend, ca.MX(m, m)))
-        more = {"ipopt.tol": 1e-7, "ipopt.max_iter": ITERATIONS, "ipopt.max_wall_time": seconds}
+        more = {"ipopt.tol": 1e-7, "ipopt.max_iter": CONFLICT_ITERATIONS, "ipopt.max_wall_time": seconds}
         derivatives = {
             "grad_f": ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad"]),
             "jac_g": ca.Function("nlp_jac_g", [x, p], [rows, jacobian], ["x", "p"], ["g", "jac"]),

@@ -15,15 +15,15 @@ from scipy import sparse
 from scipy.optimize import linprog
 from scipy.sparse.linalg import splu
 
-from hopopt.nlp.refinement.continuous_limits import held_between, held_in
+from hopopt.nlp.refinement.continuous_limits import enforced_in, enforcing
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.terms import Matrix
 from hopopt.nlp.transcription import Transcription
 from hopopt.optimality.limits import Limit, limits
 
-CLOSE = 1e-3  # share of its range by which a limit may be missed where it trades places with one that acts
-ACTS = 1e-6  # of the largest multiplier: a limit with less does not act
-PARALLEL = 1e-9  # 1 - cosine of the gradients of limits that are one and the same
+NEARLY_AT_LIMIT = 1e-3  # share of its range by which a limit may be missed where it trades places with one that acts
+LEAST_ACTING_SHARE = 1e-6  # of the largest multiplier: a limit with less does not act
+SAME_GRADIENT = 1e-9  # 1 - cosine of the gradients of limits that are one and the same
 DAMPED = 1e-12  # of the squared lengths of gradients, in the search for those that depend on others
 ROUNDS, DRAWN = 4, 3  # of that search: refinements, random vectors
 TAKES_PART = 1e-5  # of the largest component of what depends
@@ -96,14 +96,14 @@ def kink(s: NlpSolution, fixed: Sequence[int] = ()) -> Kink | None:
 
     fixed: variables that are taken as given values.
     """
-    held = held_between(s.transcription, held_in(s))
+    held = enforcing(s.transcription, enforced_in(s))
     lam_g, t = held.multipliers(s.lam_g), held.transcription
     _, J = t.program.jac_g()(s.z, s.p)
     J = sparse.csr_matrix(J.sparse())
     lam, equal = _sides(s, lam_g, fixed)
     rows = sparse.vstack([J, sparse.identity(len(s.z), format="csr")]).tocsr()
     signs = np.where(equal, 0.0, np.sign(lam))
-    acting = equal | (np.abs(lam) > ACTS * np.abs(lam[~equal]).max(initial=0.0))
+    acting = equal | (np.abs(lam) > LEAST_ACTING_SHARE * np.abs(lam[~equal]).max(initial=0.0))
     for k, sign in _partners(held.M @ s.g, t, rows, acting & ~equal):
         acting[k], signs[k] = True, sign
     at = np.flatnonzero(acting)
@@ -135,10 +135,10 @@ def _partners(g: np.ndarray, t: Transcription, rows: Matrix, acting: np.ndarray)
                 for other in (j for j in group if not acting[j]):
                     low, high = t.lbg[other], t.ubg[other]
                     side = 1.0 if high - g[other] < g[other] - low else -1.0
-                    if min(high - g[other], g[other] - low) > CLOSE:
+                    if min(high - g[other], g[other] - low) > NEARLY_AT_LIMIT:
                         continue
                     along = abs((rows[k] @ rows[other].T).toarray().item()) / (lengths[k] * lengths[other])
-                    if 1 - along < PARALLEL:
+                    if 1 - along < SAME_GRADIENT:
                         yield other, side
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.nlp.transcription import Rows
-from hopopt.ocp.hops.periodic import STEP_LENGTH
+from hopopt.ocp.hops.periodic import STEP_CONSTRAINT
 from hopopt.ocp.hops.touchdown_impact import FOOT_SPEED, GEAR_IMPACT, IMPACT_FRICTION, IMPACT_LOSS, IMPACT_PUSH, IMPULSE
 from hopopt.optimality.directions.parametric_sensitivity import Slopes
 
@@ -15,8 +15,8 @@ def touchdown_slopes(design: Design, by: Slopes) -> Iterator[tuple[str, float]]:
     """Paths of entries and derivatives of the objective [its unit per unit], to be summed by path."""
     rows = {r.name: r for r in by.solution.transcription.rows}
     period = sum(phase.duration for phase in by.solution.phases.values())
-    if STEP_LENGTH in rows:
-        yield "hop.speed", float(_by_shift(by, rows[STEP_LENGTH], np.array([-period])))
+    if STEP_CONSTRAINT in rows:
+        yield "hop.speed", float(_by_shift(by, rows[STEP_CONSTRAINT], np.array([-period])))
     for limit in (IMPULSE, IMPACT_LOSS, FOOT_SPEED):
         if limit in rows:
             yield limit.key, float(by.of_rows(rows[limit])[1].sum())

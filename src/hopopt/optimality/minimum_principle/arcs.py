@@ -10,8 +10,8 @@ from hopopt.nlp.refinement.continuous_limits import bernstein
 from hopopt.nlp.solver.ipopt import Bounds, NlpSolution
 from hopopt.ocp.problem import Component
 
-CLOSE = 2e-4  # share of its range by which a limit may be missed and still hold
-ACTS = 1e-6  # share of the phase's largest multiplier density, scaled, below which a limit does not act
+AT_LIMIT = 2e-4  # share of its range by which a limit may be missed and still hold
+LEAST_ACTING_DENSITY = 1e-6  # share of the phase's largest multiplier density, scaled, below which a limit does not act
 
 
 @dataclass(frozen=True)
@@ -62,16 +62,16 @@ def activity(solution: NlpSolution, phase: str) -> Activity:
     pieces, names, to_moments = [], list[Component](), bernstein(scheme.c)
     t = solution.transcription
     given = replace(solution, bounds=Bounds(*t.bounds(t.guess_from(solution.phases)), t.lbg, t.ubg))
-    met = [np.array([h - v, v - w]).reshape(2, N, -1, len(k)) < CLOSE for _, v, w, h, k in limits_of(given, phase)]
+    met = [np.array([h - v, v - w]).reshape(2, N, -1, len(k)) < AT_LIMIT for _, v, w, h, k in limits_of(given, phase)]
     for lam, value, low, high, labels in limits_of(solution, phase):
         lam, value, low, high = (a.reshape(N, -1, len(labels)) for a in (lam, value, low, high))
         lam = np.einsum("inm,nk->ikm", lam, to_moments)  # none of them of the wrong sign
         pieces.append([np.maximum(lam, 0) / weight, np.maximum(-lam, 0) / weight, high - value, value - low])
         names += labels
     up, down, over, under = (np.concatenate(parts, axis=2) for parts in zip(*pieces, strict=True))
-    least = ACTS * max(up.max(initial=0.0), down.max(initial=0.0))
+    least = LEAST_ACTING_DENSITY * max(up.max(initial=0.0), down.max(initial=0.0))
     at = trajectory.edges[:-1, None] + trajectory.lengths[:, None] * np.array(scheme.c)
-    acts = (up > least) & (over < CLOSE), (down > least) & (under < CLOSE)
+    acts = (up > least) & (over < AT_LIMIT), (down > least) & (under < AT_LIMIT)
     push = np.concatenate([up, down], axis=2) * weight
     both = np.concatenate([np.concatenate(side, axis=2) for side in zip(*met, strict=True)], axis=2)
     return Activity(at, *acts, push, both, tuple(names), _on_controls(layout))

@@ -14,7 +14,7 @@ import numpy as np
 
 from hopopt.nlp.deadline import Deadline
 from hopopt.nlp.mesh import PhaseMesh
-from hopopt.nlp.refinement.continuous_limits import Chosen, held_between, holds, nothing_held
+from hopopt.nlp.refinement.continuous_limits import Chosen, enforcing, holds, nothing_enforced
 from hopopt.nlp.refinement.interval_errors import IntervalErrors, interval_errors
 from hopopt.nlp.refinement.mesh_refinement import MeshStep, Refinement, Report, relative
 from hopopt.nlp.refinement.next_mesh import Aims
@@ -23,13 +23,13 @@ from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.problem import Component
 from hopopt.optimality.minimum_principle.arcs import activity
-from hopopt.optimality.minimum_principle.switch_times import Pin, Plan, plan
+from hopopt.optimality.minimum_principle.switch_times import Pin, SwitchPlan, plan
 from hopopt.optimality.minimum_principle.torque_jumps import jumps
 
 SLIVER = 8e-4  # share of the phase: shorter intervals beside a switch are joined with their neighbours
 BESIDE = 0.05  # share of the phase: how far beside a switch lines are held
-LEAST = 0.3  # share of an arc's duration that must remain
-PATIENCE = 200  # iterations
+LEAST_ARC = 0.3  # share of an arc's duration that must remain
+MOST_ITERATIONS = 200  # iterations
 Line = tuple[Component, str, np.ndarray]  # limit, side and the intervals in which it is held
 
 
@@ -64,7 +64,7 @@ def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report 
         return "no switch of a drive is far enough from limits of heights and angles to be moved"
     timed = _with_free_times(refined, plans, aims.until)
     if timed is not None and (vanished := _vanished(refined, timed)):
-        plans = {n: Plan((), (), ()) if n in vanished else p for n, p in plans.items()}
+        plans = {n: SwitchPlan((), (), ()) if n in vanished else p for n, p in plans.items()}
         timed = _with_free_times(refined, plans, aims.until) if any(any(p.free) for p in plans.values()) else None
         if timed is None or _vanished(refined, timed):
             return "an arc vanished when the switching times were free"
@@ -83,7 +83,7 @@ def resolve(refined: NlpSolution, settled: MeshStep, aims: Aims, report: Report 
 # ---- free times ---------------------------------------------------------------------------------------------
 
 
-def _with_free_times(refined: NlpSolution, plans: Mapping[str, Plan], until: Deadline) -> NlpSolution | None:
+def _with_free_times(refined: NlpSolution, plans: Mapping[str, SwitchPlan], until: Deadline) -> NlpSolution | None:
     old = refined.transcription
     mesh = {name: switched_mesh(refined.phases[name], p) for name, p in plans.items()}
     t = Transcription(old.problem, old.scheme, mesh)
@@ -92,18 +92,20 @@ def _with_free_times(refined: NlpSolution, plans: Mapping[str, Plan], until: Dea
     for name, p in plans.items():
         edges = np.array(mesh[name].edges) * refined.phases[name].duration
         bounds = held(t, bounds, name, _beside(edges, mesh[name].free, p.pins))
-    between, z = held_between(t, held_at_first(t)), t.pack(guess, t.free_from(refined.parameters))
+    between, z = enforcing(t, enforced_at_first(t)), t.pack(guess, t.free_from(refined.parameters))
     start = replace(refined, z=z, lam_g=np.zeros(len(t.lbg)), lam_x=np.zeros(len(z)))
-    found = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE}, until=until).again(start, bounds)
+    found = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": MOST_ITERATIONS}, until=until).again(
+        start, bounds
+    )
     return between.at_nodes(found) if found.success else None
 
 
-def held_at_first(t: Transcription) -> Chosen:
+def enforced_at_first(t: Transcription) -> Chosen:
     """Path limits that are enforced between the nodes from the beginning: all, if enforcing pays."""
-    return {name: none | holds(t) for name, none in nothing_held(t).items()}
+    return {name: none | holds(t) for name, none in nothing_enforced(t).items()}
 
 
-def switched_mesh(trajectory: PhaseTrajectory, p: Plan) -> PhaseMesh:
+def switched_mesh(trajectory: PhaseTrajectory, p: SwitchPlan) -> PhaseMesh:
     """The phase's mesh with the nearest edges moved to the switches, those that may move free, slivers joined."""
     edges, T = trajectory.edges.copy(), trajectory.duration
     at = [int(np.argmin(np.abs(edges[1:-1] - t))) + 1 for t in p.switches]
@@ -122,7 +124,7 @@ def switched_mesh(trajectory: PhaseTrajectory, p: Plan) -> PhaseMesh:
 def _beside(edges: np.ndarray, free: Sequence[int], pins: Sequence[Pin]) -> list[Line]:
     """Limit, side and the intervals (indices) in which it is held: those that begin or end close to an edge that is free.
 
-    Held throughout, lines that are not quite met elsewhere would move the times.
+    Enforced throughout, lines that are not quite met elsewhere would move the times.
     """
     middle, times = (edges[1:] + edges[:-1]) / 2, edges[list(free)]
     close = (np.abs(edges[:, None] - times) <= BESIDE * edges[-1]).any(axis=1)
@@ -148,7 +150,7 @@ def _vanished(before: NlpSolution, timed: NlpSolution) -> list[str]:
     for name, mesh in timed.transcription.mesh.items():
         p = timed.phases[name]
         spans = np.bincount(p.arc, p.lengths)
-        if (spans < LEAST * mesh.spans * before.phases[name].duration).any():
+        if (spans < LEAST_ARC * mesh.spans * before.phases[name].duration).any():
             found.append(name)
     return found
 
@@ -167,9 +169,9 @@ def _refined(timed: NlpSolution, settled: MeshStep, aims: Aims, report: Report) 
     mesh = {name: PhaseMesh(tuple((p.edges / p.duration).tolist())) for name, p in timed.phases.items()}
     t = Transcription(old.problem, old.scheme, mesh)
     guess, free = t.guess_from(timed.phases), t.free_from(timed.parameters)
-    chosen = held_at_first(t)
-    between = held_between(t, chosen)
-    first = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": PATIENCE}, until=aims.until)(guess, free)
+    chosen = enforced_at_first(t)
+    between = enforcing(t, chosen)
+    first = NlpSolver(between.transcription, WARM | {"ipopt.max_iter": MOST_ITERATIONS}, until=aims.until)(guess, free)
     if not first.success:
         first = NlpSolver(between.transcription, {"ipopt.max_iter": aims.iterations}, until=aims.until)(guess, free)
     if not first.success:

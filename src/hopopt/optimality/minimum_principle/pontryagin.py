@@ -21,13 +21,15 @@ from hopopt.optimality.minimum_principle.arcs import Arc, limits_of
 from hopopt.optimality.minimum_principle.costates import PhaseMultipliers, sign
 from hopopt.optimality.minimum_principle.phase_functions import Along
 
-LITTLE = 1e-3  # share of the objective: of a phase that is worth less over its duration, H is measured against this
-FINE = radau(6)  # where the conditions are evaluated in every interval, and what integrates the costates
+LITTLE_PHASE = (
+    1e-3  # share of the objective: of a phase that is worth less over its duration, H is measured against this
+)
+FINE_SCHEME = radau(6)  # where the conditions are evaluated in every interval, and what integrates the costates
 Slopes = Mapping[str, np.ndarray]
 
 
 class PhaseCertificate:
-    """One phase at FINE places of its N intervals: ``costate`` (N + 1, nx) at the edges, from the multipliers, the
+    """One phase at FINE_SCHEME places of its N intervals: ``costate`` (N + 1, nx) at the edges, from the multipliers, the
     last from the end's conditions; ``p`` (N, K, nx), each interval integrated from the costate at its beginning;
     ``hamiltonian`` (N, K); ``density`` (N, K, m) of the limits."""
 
@@ -39,7 +41,7 @@ class PhaseCertificate:
         self.objective, self.h = solution.magnitude, self.trajectory.lengths
         self.weights = slopes["integrals"]
         self.scale = self.layout.phase.columns(self.layout.phase.states, "scale")
-        self.density = np.einsum("kj,ijm->ikm", self.layout.scheme.control_weights(np.array(FINE.c)), m.density)
+        self.density = np.einsum("kj,ijm->ikm", self.layout.scheme.control_weights(np.array(FINE_SCHEME.c)), m.density)
         self.costate = self._edges(nodes)
         self.p = self._integrated()
         self.hamiltonian = along.hamiltonian(self.p, self.weights)
@@ -62,13 +64,13 @@ class PhaseCertificate:
         along, (N, K, nx) = self.along, self.along.x.shape
         M = -np.swapaxes(along.by_x[:, :, :nx], 2, 3)
         r = -along.gradient(along.by_x, np.zeros((N, K, nx)), self.weights, self.density)
-        step = np.einsum("i,kj,ijxy->ikxjy", self.h, FINE.A, M).reshape(N, K * nx, K * nx)
-        known = self.costate[:-1, None] + np.einsum("i,kj,ijx->ikx", self.h, FINE.A, r)
+        step = np.einsum("i,kj,ijxy->ikxjy", self.h, FINE_SCHEME.A, M).reshape(N, K * nx, K * nx)
+        known = self.costate[:-1, None] + np.einsum("i,kj,ijx->ikx", self.h, FINE_SCHEME.A, r)
         return np.linalg.solve(np.eye(K * nx) - step, known.reshape(N, K * nx, 1)).reshape(N, K, nx)
 
     def _integral(self, values: np.ndarray) -> np.ndarray:
         """Over the phase, of values (N, K, ...)."""
-        return np.einsum("i,k,ik...->...", self.h, FINE.b, values)
+        return np.einsum("i,k,ik...->...", self.h, FINE_SCHEME.b, values)
 
     def _when(self, interval: int) -> str:
         return f"{self.trajectory.edges[interval]:.4f} s after {self.name} began"
@@ -137,8 +139,8 @@ class PhaseCertificate:
         """
         s, (lower, upper, scale) = sign(self.solution), self._bounds
         moments, scheme, pushed = self.multipliers.moments(self.h, self.layout.scheme), self.layout.scheme, 0.0
-        for nu, polynomial in zip(moments.swapaxes(0, 1), bernstein_at(FINE.c, len(scheme.c)).T, strict=True):
-            weights = FINE.b * polynomial * len(scheme.c)  # of the mean where this moment lies
+        for nu, polynomial in zip(moments.swapaxes(0, 1), bernstein_at(FINE_SCHEME.c, len(scheme.c)).T, strict=True):
+            weights = FINE_SCHEME.b * polynomial * len(scheme.c)  # of the mean where this moment lies
             distance = missed(nu[:, None], self.along.c, lower, upper, s, scale)
             pushed = pushed + np.einsum("k,ikm,im->m", weights, distance, np.abs(nu))
         given = [state.end_bounds("final") for state in self.layout.phase.states]
@@ -157,7 +159,7 @@ class PhaseCertificate:
     @property
     def mean_hamiltonian(self) -> np.ndarray:
         """H on average over each interval, (N,)."""
-        return self.hamiltonian @ FINE.b
+        return self.hamiltonian @ FINE_SCHEME.b
 
     @cached_property
     def _by_time(self) -> np.ndarray:
@@ -170,7 +172,7 @@ class PhaseCertificate:
 
         Where a limit was tightened, H is less by its multiplier times the amount, which is added here.
         """
-        inner = self.h[:, None] * np.einsum("kj,ij->ik", FINE.A, self._by_time)
+        inner = self.h[:, None] * np.einsum("kj,ij->ik", FINE_SCHEME.A, self._by_time)
         before = np.concatenate([[0.0], np.cumsum(inner[:-1, -1])])
         lower, upper = self._drawn_in
         amount = np.where(-sign(self.solution) * self.density > 0, upper[:, None], -lower[:, None])
@@ -200,13 +202,13 @@ class PhaseCertificate:
     @property
     def _little(self) -> float:
         """LITTLE of the objective over the duration: a Hamiltonian that is small."""
-        return LITTLE * self.objective / float(self.h.sum())
+        return LITTLE_PHASE * self.objective / float(self.h.sum())
 
     def hamiltonian_within(self, found: Sequence[Arc]) -> tuple[float, str]:
         """Largest spread of the intervals' H along an arc, relative to the size of its terms on that arc and on average
-        over the phase, and to what the phase's duration gains, or to LITTLE of the objective; and where."""
-        mean, changed = self.steady @ FINE.b, [0.0] * len(found)
-        typical = self._average(self._power @ FINE.b) + np.abs(self.slopes["duration"]).max(initial=0.0)
+        over the phase, and to what the phase's duration gains, or to LITTLE_PHASE of the objective; and where."""
+        mean, changed = self.steady @ FINE_SCHEME.b, [0.0] * len(found)
+        typical = self._average(self._power @ FINE_SCHEME.b) + np.abs(self.slopes["duration"]).max(initial=0.0)
         typical = max(typical, self._little)
         for k, arc in enumerate(found):
             own = slice(arc.first, arc.last + 1)
@@ -218,7 +220,7 @@ class PhaseCertificate:
         """Sum over the edges of the jump of H times how far an edge may move: what switching elsewhere could gain."""
         if len(self.h) == 1:
             return 0.0, ""
-        jump = np.abs(np.diff(self.steady @ FINE.b))
+        jump = np.abs(np.diff(self.steady @ FINE_SCHEME.b))
         gain = jump * np.minimum(self.h[:-1], self.h[1:])
         return float(gain.sum()) / self.objective, self._when(int(gain.argmax()) + 1)
 
@@ -228,11 +230,14 @@ class PhaseCertificate:
         own = np.eye(mesh.arcs)[mesh.arc]
         spans = own.T @ self.h
         mean = (own.T @ (self.h * self.mean_hamiltonian)) / spans
-        interval, place = np.repeat(np.arange(mesh.intervals), len(FINE.c)), np.tile(FINE.c, mesh.intervals)
-        moved = self.layout.times_of(interval, place).reshape(mesh.intervals, len(FINE.c), -1)
+        interval, place = (
+            np.repeat(np.arange(mesh.intervals), len(FINE_SCHEME.c)),
+            np.tile(FINE_SCHEME.c, mesh.intervals),
+        )
+        moved = self.layout.times_of(interval, place).reshape(mesh.intervals, len(FINE_SCHEME.c), -1)
         later = self._integral(self._by_time[..., None] * moved)
         wrong = self.slopes["duration"] + mean + later - m.duration
-        size = np.abs(self.slopes["duration"]) + np.abs(m.duration).max() + self._average(self._power @ FINE.b)
+        size = np.abs(self.slopes["duration"]) + np.abs(m.duration).max() + self._average(self._power @ FINE_SCHEME.b)
         return float(np.abs(wrong).max() / max(size.max(), self._little))
 
     def by_free(self) -> np.ndarray:

@@ -14,10 +14,10 @@ import numpy as np
 from hopopt.leg.limit_id import Kind, kind_of
 from hopopt.ocp.problem import Component
 from hopopt.optimality.minimum_principle.arcs import Activity
-from hopopt.optimality.minimum_principle.switching_structure import GAP, Run, runs
+from hopopt.optimality.minimum_principle.switching_structure import SWITCHING_GAP, ActiveSpan, runs
 
-SAME = 0.005  # share of the phase: switches of several drives that are closer are one
-AWAY = 0.03  # share of the phase: how far a moving switch keeps from limits of heights and angles
+SAME_SWITCH = 0.005  # share of the phase: switches of several drives that are closer are one
+DISTANCE_FROM_LIMITS = 0.03  # share of the phase: how far a moving switch keeps from limits of heights and angles
 GAIN = 1e-3  # of the objective: what one range of a line must gain to be held
 
 
@@ -32,7 +32,7 @@ class Pin:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SwitchPlan:
     """Times [s] of the switches of a phase, which of them may move, and the lines enforced between them."""
 
     switches: tuple[float, ...]
@@ -40,18 +40,18 @@ class Plan:
     pins: tuple[Pin, ...]
 
 
-def plan(act: Activity, duration: float, objective: float) -> Plan:
+def plan(act: Activity, duration: float, objective: float) -> SwitchPlan:
     """What is to be re-solved of a phase that lasts ``duration`` [s]."""
     lines = [stretch for name in _drives(act.limits) for stretch in _lines(act, name, duration)]
     lines = [s for s in lines if _gain(act, s) > GAIN * abs(objective)]
     times = sorted({t for s in lines for t in (s.begin, s.end) if 0 < t < duration})
-    merged = _merged(times, SAME * duration)
+    merged = _merged(times, SAME_SWITCH * duration)
     near = {t: min(merged, key=lambda m: abs(m - t)) for t in times} | {0.0: 0.0, duration: duration}
     pins = [Pin(limit, side, near[s.begin], near[s.end]) for s in lines for limit, side in s.limit]
     corners = {near[t] for s in lines if len(s.limit) > 1 for t in (s.begin, s.end)}
     held = _state_limits(act)
-    free = [m not in corners and bool((np.abs(held - m) > AWAY * duration).all()) for m in merged]
-    return Plan(tuple(merged), tuple(free), tuple(pins))
+    free = [m not in corners and bool((np.abs(held - m) > DISTANCE_FROM_LIMITS * duration).all()) for m in merged]
+    return SwitchPlan(tuple(merged), tuple(free), tuple(pins))
 
 
 def _drives(limits: Sequence[Component]) -> list[Hashable]:
@@ -59,7 +59,7 @@ def _drives(limits: Sequence[Component]) -> list[Hashable]:
     return list(dict.fromkeys(limit.of for limit in limits if kind_of(limit.of) is Kind.REGION))
 
 
-def _lines(act: Activity, drive: Hashable, duration: float) -> list[Run]:
+def _lines(act: Activity, drive: Hashable, duration: float) -> list[ActiveSpan]:
     """When a drive is on which line(s), as pairs of limit and side; short free stretches between two are closed."""
     m, t = len(act.limits), act.t.ravel()
     sides = act.sides.reshape(len(t), -1)
@@ -68,13 +68,13 @@ def _lines(act: Activity, drive: Hashable, duration: float) -> list[Run]:
     found = [s for s in runs(says, t, (0.0, duration)) if s.limit]
     for k in range(1, len(found)):
         a, b = found[k - 1], found[k]
-        if b.begin - a.end < GAP * duration:
+        if b.begin - a.end < SWITCHING_GAP * duration:
             middle = (a.end + b.begin) / 2
             found[k - 1], found[k] = replace(a, end=middle), replace(b, begin=middle)
     return found
 
 
-def _gain(act: Activity, s: Run) -> float:
+def _gain(act: Activity, s: ActiveSpan) -> float:
     """What one range of the line(s) gains over a stretch, by the multipliers."""
     m, inside = len(act.limits), (act.t > s.begin) & (act.t < s.end)
     columns = [act.limits.index(limit) + m * (side == "lower") for limit, side in s.limit]

@@ -1,7 +1,7 @@
 """The switching structure of an optimum in words: which limit acts on what, from when to when.
 
 Told are the limits that act somewhere, by their multipliers (optimality/minimum_principle/arcs.py), and when they are met. A stretch
-shorter than SHORTEST of its phase is the trace of a switch between two nodes, not an arc: its neighbours meet in its middle.
+shorter than SHORTEST_SPAN of its phase is the trace of a switch between two nodes, not an arc: its neighbours meet in its middle.
 """
 
 from collections.abc import Hashable, Sequence
@@ -19,10 +19,10 @@ from hopopt.ocp.rules import LEFT, RIGHT
 from hopopt.optimality.minimum_principle.arcs import Activity, activity
 from hopopt.record import Strict, stated
 
-SHORTEST = 2e-3  # share of the phase
-GAP = 0.015  # share of the phase: a drive that is free for less between two lines is switching
+SHORTEST_SPAN = 2e-3  # share of the phase
+SWITCHING_GAP = 0.015  # share of the phase: a drive that is free for less between two lines is switching
 THEN = ", then "  # between stretches
-TOUCH = 0.01  # share of the phase: shorter contacts are called so
+SHORT_CONTACT = 0.01  # share of the phase: shorter contacts are called so
 WORDS = {
     Kind.GROUND_FORCE: ("ground", "carries nothing"),
     Kind.DESCENT: ("body", "does not descend"),
@@ -59,7 +59,7 @@ CORNERS = {  # where two lines of the paper's law meet
 
 
 @dataclass(frozen=True)
-class Run:
+class ActiveSpan:
     """From begin to end [s] ``limit`` acts: anything that can be compared."""
 
     limit: Any
@@ -117,7 +117,7 @@ def stretches(act: Activity, ends: tuple[float, float]) -> list[Stretch]:
         subjects.setdefault(subject, []).append((k, acting))
     for subject, columns in subjects.items():
         acts = [_together([a for k, a in columns if row[k]]) for row in sides]
-        own = _touches(_closed(runs(acts, t, ends), GAP * whole), TOUCH * whole)
+        own = _touches(_closed(runs(acts, t, ends), SWITCHING_GAP * whole), SHORT_CONTACT * whole)
         if any(run.limit != FREE for run in own):
             found += [Stretch(subject, run.limit.words, run.begin, run.end) for run in own]
     return found
@@ -135,9 +135,9 @@ def _together(acting: list[Acting]) -> Acting:
     return Acting(" and ".join(dict.fromkeys(a.words for a in acting)), acting[-1].switches)
 
 
-def _closed(found: list[Run], gap: float) -> list[Run]:
+def _closed(found: list[ActiveSpan], gap: float) -> list[ActiveSpan]:
     """Short free stretches between two lines of a drive taken as their switch, between two of the same limit as its."""
-    kept: list[Run] = []
+    kept: list[ActiveSpan] = []
     for k, s in enumerate(found):
         inside = 0 < k < len(found) - 1 and s.limit == FREE and s.end - s.begin < gap
         beside = [found[k + side].limit for side in (-1, 1)] if inside else []
@@ -150,25 +150,27 @@ def _closed(found: list[Run], gap: float) -> list[Run]:
     return _joined(kept)
 
 
-def _touches(found: list[Run], longest: float) -> list[Run]:
+def _touches(found: list[ActiveSpan], longest: float) -> list[ActiveSpan]:
     """Short contacts with the ground called by their name."""
     return [replace(s, limit=TOUCHING) if s.limit == ON_THE_GROUND and s.end - s.begin < longest else s for s in found]
 
 
-def runs(acts: Sequence[Any], t: np.ndarray, ends: tuple[float, float], shortest: float = SHORTEST) -> list[Run]:
+def runs(
+    acts: Sequence[Any], t: np.ndarray, ends: tuple[float, float], shortest: float = SHORTEST_SPAN
+) -> list[ActiveSpan]:
     """What acts at times t (k,), equal neighbours joined; what is shorter than that share of the time between the
     ends is left out, and its neighbours meet in its middle."""
     edges = np.concatenate([[ends[0]], (t[1:] + t[:-1]) / 2, [ends[1]]])
-    whole = _joined([Run(what, float(edges[k]), float(edges[k + 1])) for k, what in enumerate(acts)])
+    whole = _joined([ActiveSpan(what, float(edges[k]), float(edges[k + 1])) for k, what in enumerate(acts)])
     least = shortest * (ends[1] - ends[0])
     kept = [run for run in whole if run.end - run.begin >= least] or whole[:1]
     middle = [(a.end + b.begin) / 2 for a, b in pairwise(kept)]
     begin, end = [ends[0], *middle], [*middle, ends[1]]
-    return _joined([Run(run.limit, b, e) for run, b, e in zip(kept, begin, end, strict=True)])
+    return _joined([ActiveSpan(run.limit, b, e) for run, b, e in zip(kept, begin, end, strict=True)])
 
 
-def _joined(runs: Sequence[Run]) -> list[Run]:
-    found: list[Run] = []
+def _joined(runs: Sequence[ActiveSpan]) -> list[ActiveSpan]:
+    found: list[ActiveSpan] = []
     for run in runs:
         if found and found[-1].limit == run.limit:
             found[-1] = replace(found[-1], end=run.end)

@@ -8,8 +8,8 @@ from hopopt.leg.limit_id import Kind, kind_of
 from hopopt.nlp.refinement.interval_errors import stage_values
 from hopopt.nlp.solver.ipopt import NlpSolution
 
-ON = 5e-3  # share of the line: what is left of it where it counts as used up (limits may be tightened a little)
-JUMP = 0.05  # share of the line: a smaller change is a kink, where lines meet
+ON_LINE = 5e-3  # share of the line: what is left of it where it counts as used up (limits may be tightened a little)
+LEAST_JUMP = 0.05  # share of the line: a smaller change is a kink, where lines meet
 SIDES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # places of the intervals beside an edge
 
 
@@ -34,5 +34,5 @@ def _uses(solution: NlpSolution, phase: str, path: np.ndarray) -> list[np.ndarra
 
 def _jumps(use: np.ndarray, k: int) -> bool:
     """Whether a drive's use (N, places, lines) of its lines jumps at edge k."""
-    before, after = (np.flatnonzero(use[i].min(axis=0) > 1 - ON) for i in (k - 1, k))
-    return any(use[k, 0, a] < 1 - JUMP for a in before) and any(use[k - 1, -1, b] < 1 - JUMP for b in after)
+    before, after = (np.flatnonzero(use[i].min(axis=0) > 1 - ON_LINE) for i in (k - 1, k))
+    return any(use[k, 0, a] < 1 - LEAST_JUMP for a in before) and any(use[k - 1, -1, b] < 1 - LEAST_JUMP for b in after)

@@ -11,7 +11,7 @@ from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.problem import Component, Problem, stack
 from hopopt.optimality.minimum_principle.costates import sign
 
-PARTS: tuple[str, ...] = ("initial", "final", "duration", "integrals")
+CONDITION_PARTS: tuple[str, ...] = ("initial", "final", "duration", "integrals")
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def transversality_conditions(solution: NlpSolution, integrals: Mapping[str, np.
         )
     )
     names, (value, (objective,), *found) = _evaluated(solution, multiplier, integrals)
-    phases = {name: dict(zip(PARTS, found[4 * k : 4 * k + 4], strict=True)) for k, name in enumerate(names)}
+    phases = {name: dict(zip(CONDITION_PARTS, found[4 * k : 4 * k + 4], strict=True)) for k, name in enumerate(names)}
     labels = tuple(label for r in rows for label in r.labels)
     bounds_of_free = -s * (solution.lam_x / t.scale)[t.parameters]
     return TransversalityConditions(

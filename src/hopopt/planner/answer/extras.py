@@ -22,7 +22,7 @@ class Functions(Strict):
 
 
 @dataclass(frozen=True)
-class PaperStrategy(Strict):
+class PaperControlResult(Strict):
     """What the paper's force control reaches on the same leg, in simulation."""
 
     name: str = stated("of the strategy")

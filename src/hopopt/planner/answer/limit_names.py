@@ -10,11 +10,11 @@ from hopopt.drivetrain.limits import CAPS
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
 from hopopt.ocp.phases import duration_entry
 from hopopt.optimality.directions.flat_directions import Flat
-from hopopt.optimality.directions.infeasibility import Conflict, Part
+from hopopt.optimality.directions.infeasibility import Conflict, ConflictPart
 from hopopt.optimality.limits import Limit
 from hopopt.problem.render import toml_value
 
-NAMED = 5  # limits of a conflict that are named, and parameters that would help
+MOST_OF_CONFLICT = 5  # limits of a conflict that are named, and parameters that would help
 MATTERS = 0.05  # least share of a conflict that a parameter of twice its size would settle, to first order
 CONTROLS = {
     "a": "torque of the {}",
@@ -94,19 +94,19 @@ def conflict_words(design: Design, found: Conflict | None) -> list[str]:
     reported: dict[str, str] = {}
     for part in found.parts:
         reported.setdefault(*words_of(design, part.limit))
-    named = [f"{words} ({entry})" if entry else words for words, entry in list(reported.items())[:NAMED]]
+    named = [f"{words} ({entry})" if entry else words for words, entry in list(reported.items())[:MOST_OF_CONFLICT]]
     more = ", and what the leg's motion demands" if len(named) == 1 else ""
     sentences = [f"These cannot hold together: {'; '.join(named)}{more}."]
     ways: dict[str, str] = {}
     for part in sorted((p for p in found.parts if p.gives), key=lambda p: -p.gives):
         ways.setdefault(words_of(design, part.limit)[0], _way_out(part))
     sentences.append(f"Loosest way out: {'; '.join(words + way for words, way in ways.items())}.")
-    if helps := [_help(*pair) for pair in list(found.helps.items())[:NAMED] if abs(pair[1]) > MATTERS]:
+    if helps := [_help(*pair) for pair in list(found.helps.items())[:MOST_OF_CONFLICT] if abs(pair[1]) > MATTERS]:
         sentences.append(f"What would help most: {', '.join(helps)}.")
     return sentences
 
 
-def _way_out(part: Part) -> str:
+def _way_out(part: ConflictPart) -> str:
     limit = part.limit
     if kind_of(limit.name.of) is Kind.REGION:
         return f" {'higher' if limit.name.label in CAPS else 'stronger'} by {_percent(part.gives / abs(limit.bound))}{_when(part.when)}"

@@ -16,9 +16,9 @@ from hopopt.planner.motion import Motion, Samples
 from hopopt.record import Strict, stated
 from hopopt.verify.limits import windowed
 
-IDLE = 0.999  # largest share of a limit that may be used if it is to count as idle
-LOADED = 1e-3  # of the force's range: a foot with less is not loaded
-FIGURES = 4  # significant ones of a value that would do
+MOST_IDLE_USE = 0.999  # largest share of a limit that may be used if it is to count as idle
+LOADED_SHARE = 1e-3  # of the force's range: a foot with less is not loaded
+SIGNIFICANT_DIGITS = 4  # significant ones of a value that would do
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,9 @@ def idle_limits(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, IdleLimi
     for use in (*_joints(plan, fine), *(() if shares else _regions(plan, fine)), *_whole(plan, fine)):
         together.setdefault(use.key, []).append(use)
     largest = [(max(uses, key=lambda use: use.used), uses) for uses in together.values()]
-    idle = sorted((pair for pair in largest if pair[0].used < IDLE), key=lambda p: (p[0].index is not None, p[0].used))
+    idle = sorted(
+        (pair for pair in largest if pair[0].used < MOST_IDLE_USE), key=lambda p: (p[0].index is not None, p[0].used)
+    )
     return {_name(uses): IdleLimit(use.used, use.entry, use.limit, _rounded(use)) for use, uses in idle}
 
 
@@ -84,7 +86,7 @@ def _name(uses: list[Use]) -> str:
 
 def _rounded(use: Use) -> float:
     """``enough`` with few figures, away from the plan and no further than the limit."""
-    context = Context(prec=FIGURES, rounding=ROUND_FLOOR if use.least else ROUND_CEILING)
+    context = Context(prec=SIGNIFICANT_DIGITS, rounding=ROUND_FLOOR if use.least else ROUND_CEILING)
     value = float(context.create_decimal_from_float(use.enough))
     return max(value, use.limit) if use.least else min(value, use.limit)
 
@@ -126,7 +128,7 @@ def _whole(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     friction = plan.design.contact.friction
     f = np.concatenate([s.f for phase, s in fine.items() if phase in ON_GROUND])
     if friction:
-        loaded = f[:, -1] >= LOADED * force_range(plan.robot.model)
+        loaded = f[:, -1] >= LOADED_SHARE * force_range(plan.robot.model)
         needed = float((np.abs(f[loaded, :-1]).max(axis=1) / f[loaded, -1]).max(initial=0.0) / steepness(f.shape[1]))
         yield Use("friction cone", (), "contact.friction", friction, needed / friction, needed)
     if goal.ends != "free":

@@ -11,15 +11,15 @@ from hopopt.leg.robot import BASE
 from hopopt.leg.scales import DESCENT_RANGE, force_range, friction_needed
 from hopopt.ocp.phases import FLIGHT, STANCE
 from hopopt.ocp.rules import steepness
-from hopopt.planner.answer.limit_use import LOADED, IdleLimit, idle_limits
-from hopopt.planner.answer.touchdown import Landing, Obstacle, Orbit, landing, obstacle, orbit
+from hopopt.planner.answer.limit_use import LOADED_SHARE, IdleLimit, idle_limits
+from hopopt.planner.answer.touchdown import ClearedBox, Landing, Orbit, landing, obstacle, orbit
 from hopopt.planner.motion import Motion, Samples
 from hopopt.record import Real, Strict, if_any, stated
 from hopopt.verify.check import LIMIT
 from hopopt.verify.upper_bound import UpperBound, upper_bound
 
 ACTIVE = 1e-3  # share of its range by which a limit may be missed and still count as active
-FINE = np.linspace(0.0, 1.0, 9)
+SAMPLES_OF_INTERVAL = np.linspace(0.0, 1.0, 9)
 NO_FRICTION = 10.0  # coefficient that no ground has, and no problem may ask for more
 
 
@@ -69,16 +69,16 @@ class LeansOn(Strict):
 
 
 class Sampled:
-    """A plan with its samples at the normalised times FINE of every interval: ``fine`` by phase, and those of stance."""
+    """A plan with its samples at the normalised times SAMPLES_OF_INTERVAL of every interval: ``fine`` by phase, and those of stance."""
 
     def __init__(self, plan: Motion):
         self.plan = plan
-        self.fine = {phase: plan.everywhere(phase, FINE) for phase in plan.phases}
+        self.fine = {phase: plan.everywhere(phase, SAMPLES_OF_INTERVAL) for phase in plan.phases}
         self.stance = self.fine[STANCE]
 
 
-def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(FINE)) -> float:
-    """Mean over time [values' unit] of values at the FINE normalised times of every interval (trapezoids)."""
+def _time_mean(samples: Samples, values: np.ndarray, per_interval: int = len(SAMPLES_OF_INTERVAL)) -> float:
+    """Mean over time [values' unit] of values at the SAMPLES_OF_INTERVAL normalised times of every interval (trapezoids)."""
     t, y = samples.t.reshape(-1, per_interval), values.reshape(-1, per_interval)
     return float(np.trapezoid(y, t, axis=1).sum() / (t[-1, -1] - t[0, 0]))
 
@@ -180,8 +180,8 @@ def leans_on(plan: Motion, stance: Samples) -> LeansOn:
     """What the hop needs of the ground and of the time that it is allowed."""
     size, friction = force_range(plan.robot.model), plan.design.contact.friction
     up, along = stance.f[:, -1], np.linalg.norm(stance.f[:, :-1], axis=1)
-    loaded = up >= LOADED * size
-    held = along[~loaded].max(initial=0.0) > NO_FRICTION * LOADED * size
+    loaded = up >= LOADED_SHARE * size
+    held = along[~loaded].max(initial=0.0) > NO_FRICTION * LOADED_SHARE * size
     needed = np.inf if held else friction_needed(along[loaded], up[loaded], friction, LIMIT * size)
     share = _time_mean(stance, ~loaded + 0.0)
     return LeansOn(needed, share, next(iter(_ends_of_stance_time(plan)), None))
@@ -229,7 +229,7 @@ class MotionFigures:
     )
     idle_limits: Mapping[str, IdleLimit] = stated("limits that never act", lambda m: idle_limits(m.plan, m.fine))
     orbit: Orbit | None = if_any("the cycle of a periodic hop", lambda m: orbit(m.plan))
-    obstacle: Obstacle | None = if_any("the box that the leg clears, if it was made to", lambda m: obstacle(m.plan))
+    obstacle: ClearedBox | None = if_any("the box that the leg clears, if it was made to", lambda m: obstacle(m.plan))
     landing: Landing | None = if_any(
         "the touchdown of a hop that is landed, and how it comes to rest", lambda m: landing(m.plan)
     )

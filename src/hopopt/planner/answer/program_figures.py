@@ -44,7 +44,7 @@ class Structure(Strict):
 
 
 @dataclass(frozen=True)
-class Source:
+class FigureSource:
     """What the figures of a summary are computed from: the question, the motion, the program's solution, the verdict."""
 
     hop: Hop
@@ -67,14 +67,14 @@ class Source:
         return figure if (self.hop.objective.unit == "m") is length else None
 
 
-def figures(source: Source) -> dict[str, Any]:
+def figures(source: FigureSource) -> dict[str, Any]:
     """Entries of a summary that can be computed again of a stored result (storage/stated_figures.py)."""
     own = {**source.plan.claims(), **source.plan.stated}
     of_motion, of_program = computed(MotionFigures, source.sampled), computed(ProgramFigures, source)
     return {**own, **of_motion, **of_program, **computed(Verification, source.verdict)}
 
 
-def all_active(source: Source) -> dict[str, float]:
+def all_active(source: FigureSource) -> dict[str, float]:
     """Share of stance in which each limit acts, the user's own among them, largest first."""
     return most_first({**active_limits(source.plan, source.sampled.stance), **own_active(source.solution)})
 
@@ -156,7 +156,7 @@ def limit_gains(solution: NlpSolution, friction: float | None) -> dict[str, floa
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramFigures:
-    """What a summary says of the question and of its answer; computed from a ``Source``."""
+    """What a summary says of the question and of its answer; computed from a ``FigureSource``."""
 
     problem: str = stated("name of the problem", lambda s: s.plan.design.name)
     title: str = stated("its title", lambda s: s.plan.design.title)

@@ -52,7 +52,7 @@ def start_figures(
     def optimum(group: Sequence[StartOutcome]) -> Optimum:
         return Optimum(group[0].value, len(group), tuple(o.name for o in group))
 
-    ranked = sorted(outcomes, key=lambda o: -o.merit)
+    ranked = sorted(outcomes, key=lambda o: -o.signed_value)
 
     return Starts(
         count=len(outcomes),

@@ -18,7 +18,7 @@ from hopopt.planner.answer.extras import (
     Functions,
     GlobalMethod,
     HopFamily,
-    PaperStrategy,
+    PaperControlResult,
 )
 from hopopt.planner.answer.motion_figures import MotionFigures
 from hopopt.planner.answer.program_figures import ProgramFigures
@@ -51,7 +51,7 @@ class Summary(Measures, MotionFigures, ProgramFigures, Verification):
     second_order: Curvature | None = if_any("the second-order test, on the last mesh")
     time_limit_s: float | None = if_any("time after which the search ends with the best hop so far [s]")
     overrides: tuple[str, ...] | None = if_any("entries that were set on the command line")
-    paper_strategy: PaperStrategy | None = if_any("the paper's control on the same leg")
+    paper_strategy: PaperControlResult | None = if_any("the paper's control on the same leg")
     can_be_had: CanBeHad | None = if_any("what controllers make of it on drawn legs")
     second_opinions: tuple[CrossCheck, ...] = if_any("cross-checks by other solvers and schemes", default=())
     codesign: CoDesign | None = if_any("what was free in a co-design")

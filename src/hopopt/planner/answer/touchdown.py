@@ -48,7 +48,7 @@ class Landing(Impact):
 
 
 @dataclass(frozen=True)
-class Obstacle(Strict):
+class ClearedBox(Strict):
     """The box that the leg clears, as the plan's table has it."""
 
     width_m: float = stated("of the box, along x [m]")
@@ -75,12 +75,12 @@ def landing(plan: Motion) -> Landing | None:
     )
 
 
-def obstacle(plan: Motion) -> Obstacle | None:
+def obstacle(plan: Motion) -> ClearedBox | None:
     """The highest box that the plan's leg clears, from its tables; None if it was not made to."""
     if plan.objective != "obstacle":
         return None
     height, begins = highest_box(Machine(plan.robot), plan.design.hop, plan.tables)
-    return Obstacle(float(plan.design.hop.obstacle.width or 0.0), height, begins)
+    return ClearedBox(float(plan.design.hop.obstacle.width or 0.0), height, begins)
 
 
 def _impact(plan: Motion) -> dict[str, Any]:

@@ -28,11 +28,11 @@ from hopopt.planner.search.multistart import Progress, first_transcription
 from hopopt.planner.solution import Solution, stored_nlp
 
 SAME_PROGRAM, SAME_PROBLEM = 1e-6, 1e-4  # relative differences within which cross-checks agree
-AWAY = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer
+START_DEVIATION = 1e-3  # scaled: standard deviation by which every variable is moved away from the answer
 AFFORDABLE = 6000  # variables of a program for Uno: a minute or some
-FEASIBLE = 1e-6  # scaled: what another solver may miss its constraints by
+FEASIBLE_VIOLATION = 1e-6  # scaled: what another solver may miss its constraints by
 UNO = {"preset": "filtersqp", "TR_radius": 0.1, "logger": "SILENT", "print_solution": False}
-SCHEMES = (radau(5), HERMITE_SIMPSON, radau(4))  # the first two that are not the answer's own
+OTHER_SCHEMES = (radau(5), HERMITE_SIMPSON, radau(4))  # the first two that are not the answer's own
 LOOSE = 1e-4  # local error of schemes that collocate both ends: their controls oscillate, finer meshes take minutes
 
 
@@ -80,7 +80,7 @@ def cross_checks(
             name, sign, SAME_PROGRAM, nlp.objective, lambda: by_uno(nlp, hop.design.solver.seed, until), stored.least
         )
     ]
-    for other in [s for s in SCHEMES if s.name != own][:2]:
+    for other in [s for s in OTHER_SCHEMES if s.name != own][:2]:
         how = f"refined on its own to {_tolerance(hop, other):.0e}" if hop.design.solver.refine else "on one mesh"
         name = f"{other.name}, {how}"
         say(f"cross-check: {name}")
@@ -118,7 +118,7 @@ def affordable(hop: Hop, last: NlpSolution, until: Deadline = NEVER) -> NlpSolut
 def cross_checked(
     name: str, sign: float, allowed: float, value: float, ask: Callable[[], CrossCheckAnswer], least: float = 1e-9
 ) -> CrossCheck:
-    """What ``ask`` says, against the answer's ``value``; ``sign`` as that of the objective in the merit; differences are
+    """What ``ask`` says, against the answer's ``value``; ``sign`` as that of the objective in its signed value; differences are
     relative to the value, but to no less than ``least``."""
     began = time.perf_counter()
     try:
@@ -152,7 +152,7 @@ def by_uno(ours: NlpSolution, seed: int, until: Deadline = NEVER) -> CrossCheckA
     if not ours.success:
         raise Failed(f"Ipopt itself did not solve this program from the answer: {_words(ours.status)}")
     t, b, z = ours.transcription, ours.bounds, ours.z.copy()
-    z = np.clip(z + AWAY * np.random.default_rng(seed).standard_normal(len(z)), b.low_z, b.high_z)
+    z = np.clip(z + START_DEVIATION * np.random.default_rng(seed).standard_normal(len(z)), b.low_z, b.high_z)
     free = np.flatnonzero(b.low_z < b.high_z)
     x, given = ca.MX.sym("x", len(free)), np.where(b.low_z < b.high_z, 0.0, z)
     program = ca.Function("program", [t.nlp["x"], t.nlp["p"]], [t.nlp["f"], t.nlp["g"]])
@@ -168,7 +168,7 @@ def by_uno(ours: NlpSolution, seed: int, until: Deadline = NEVER) -> CrossCheckA
     z[free] = np.array(result["x"]).ravel()
     cost, rows = (np.array(value).ravel() for value in program(z, ours.p))
     stats, missed = solver.stats(), _missed(z, rows, b)
-    if not stats["success"] or missed > FEASIBLE:
+    if not stats["success"] or missed > FEASIBLE_VIOLATION:
         raise Failed(f"{_words(stats['return_status'])}, constraints missed by {missed:.0e}")
     return CrossCheckAnswer(t.problem.objective.cost(float(cost[0])))
 

@@ -7,15 +7,15 @@ import casadi as ca
 import numpy as np
 
 from hopopt.leg.robot import Robot
-from hopopt.ocp.custom import PHASES, Custom, Moment, symbols
+from hopopt.ocp.custom import CUSTOM_PHASES, Custom, Moment, symbols
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
-from hopopt.verify.measures import FINE, dense, integral, normalised_times_of
+from hopopt.verify.measures import SAMPLES_OF_INTERVAL, dense, integral, normalised_times_of
 from hopopt.verify.table import Table
 
 CLAIM = 1e-4  # relative
-EVERY = 8  # of the fine normalised times, where a constraint is looked at
+SAMPLE_STRIDE = 8  # of the fine normalised times, where a constraint is looked at
 
 
 def custom_checks(
@@ -35,18 +35,18 @@ def custom_checks(
 
 
 def _constraint(robot: Robot, phase: str, table: Table, c: Custom) -> Check:
-    value = along(robot, phase, table, c, FINE[::EVERY])
+    value = along(robot, phase, table, c, SAMPLES_OF_INTERVAL[::SAMPLE_STRIDE])
     low, high = c.terms.lower, c.terms.upper
     excess = np.maximum(low - value, value - high).max(axis=-1) / c.terms.scale
     k, i = np.unravel_index(int(np.argmax(excess)), excess.shape)
-    t = table.t[k, 0] + FINE[::EVERY][i] * (table.t[k, -1] - table.t[k, 0])
+    t = table.t[k, 0] + SAMPLES_OF_INTERVAL[::SAMPLE_STRIDE][i] * (table.t[k, -1] - table.t[k, 0])
     return Check(f"{phase} {c.name}", float(max(excess[k, i], 0.0)), LIMIT, "of its range", f"at {t:.4f} s")
 
 
 def _objective(robot: Robot, tables: Mapping[str, Table], c: Custom) -> float:
     if c.terms.running:
-        return sum(integral(t, along(robot, phase, t, c, FINE)[..., 0]) for phase, t in tables.items())
-    stance, flight = (tables[phase] for phase in PHASES)
+        return sum(integral(t, along(robot, phase, t, c, SAMPLES_OF_INTERVAL)[..., 0]) for phase, t in tables.items())
+    stance, flight = (tables[phase] for phase in CUSTOM_PHASES)
     end = symbols(len(robot.joints), tuple(robot.points), True)
     assert end.lift_off is not None
     start = stance.t[0, 0]

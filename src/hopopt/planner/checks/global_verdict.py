@@ -8,8 +8,8 @@ from hopopt.planner.search.first_mesh import GLOBAL, FirstMesh
 from hopopt.planner.solution import Solution
 
 NOTHING, MAY_EXIST = "nothing better", "a better hop may exist"
-COARSE = "the grid is too coarse to say"
-MORE = 0.01  # relative: what the method finds may pass the answer by so much, for its motions are rough
+GRID_TOO_COARSE = "the grid is too coarse to say"
+GLOBAL_MARGIN = 0.01  # relative: what the method finds may pass the answer by so much, for its motions are rough
 LESS = 1e-3  # relative: by so much it may stay below and still have found the answer
 
 
@@ -31,11 +31,11 @@ def verdict(promised: float | None, followed: float | None, clearance: float) ->
     """
     if promised is None:
         return None
-    most = clearance + MORE * abs(clearance)
+    most = clearance + GLOBAL_MARGIN * abs(clearance)
     if followed is not None and followed > most:
         return MAY_EXIST
     found = max(promised, promised if followed is None else followed)
-    return NOTHING if clearance - LESS * abs(clearance) <= found <= most else COARSE
+    return NOTHING if clearance - LESS * abs(clearance) <= found <= most else GRID_TOO_COARSE
 
 
 def global_figures(searched: FirstMesh, best: Solution, families: Sequence[HopFamily]) -> GlobalMethod:

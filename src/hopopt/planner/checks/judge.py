@@ -11,7 +11,7 @@ from hopopt.nlp.refinement.interval_errors import IntervalErrors
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.solver.kkt_residuals import residuals
-from hopopt.ocp.custom import FIGURE, Custom
+from hopopt.ocp.custom import CUSTOM_FIGURE, Custom
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.error_estimate import ObjectiveError, objective_error
@@ -61,7 +61,7 @@ def plan_checks(
     plan: Motion, goal: HopObjective, constraints: Sequence[Custom], claims: Mapping[str, float]
 ) -> list[Check]:
     """The checks of a plan's table by code that the planner did not use; arguments as those of ``judge``."""
-    own = custom_checks(plan.robot, plan.tables, goal, constraints, claims.get(FIGURE))
+    own = custom_checks(plan.robot, plan.tables, goal, constraints, claims.get(CUSTOM_FIGURE))
     return [*verify_plan(plan.design, plan.tables, claims, goal.ends), *own]
 
 

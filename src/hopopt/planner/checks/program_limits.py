@@ -8,7 +8,7 @@ from hopopt.leg.limit_id import kind_of
 from hopopt.nlp.refinement.interval_errors import IntervalErrors
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.verify.check import LIMIT, Check
-from hopopt.verify.limits import KINDS
+from hopopt.verify.limits import LIMIT_KINDS
 
 
 def program_limits(
@@ -22,7 +22,7 @@ def program_limits(
     for phase, error in errors.items():
         passed, edges = np.maximum(error.below, error.above), solution.phases[phase].edges
         for c in solution.transcription.problem.phase(phase).path:
-            if kind_of(c.name) in KINDS or (name := f"{phase} {c.name}") in checked:
+            if kind_of(c.name) in LIMIT_KINDS or (name := f"{phase} {c.name}") in checked:
                 continue
             of_interval = passed[:, [label.of == c.name for label in error.limits]].max(axis=1)
             worst = int(of_interval.argmax())

@@ -16,7 +16,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.rules import RULES
 
 T = TypeVar("T")
-IDLE = 10.0  # s after which a process that has nothing to do ends
+LONGEST_IDLE = 10.0  # s after which a process that has nothing to do ends
 _numbers, _held = count(), dict[int, Hop]()  # of hops; those that this process works at for another
 _pools = dict[int, Any]()  # of processes, by how many they are
 
@@ -81,7 +81,7 @@ def _pool_of(more: int) -> Any:
 
         alone = {"OMP_NUM_THREADS": "1"}
         begin = {"initializer": begin_worker, "initargs": (os.getpid(),)}
-        _pools[more] = pool = ProcessPoolExecutor(more, timeout=IDLE, env=alone, **begin)
+        _pools[more] = pool = ProcessPoolExecutor(more, timeout=LONGEST_IDLE, env=alone, **begin)
         atexit.register(_given_up, pool)  # before Python takes apart what its threads still need
     return _pools[more]
 

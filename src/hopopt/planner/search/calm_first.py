@@ -10,11 +10,11 @@ from math import inf
 
 from hopopt.nlp.refinement.mesh_refinement import Refinement, Report
 from hopopt.nlp.refinement.next_mesh import Aims
-from hopopt.nlp.solver.ipopt import GENTLE, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import GENTLE_OPTIONS, NlpSolution, NlpSolver
 from hopopt.nlp.solver.known_optima import Known, KnownOptima
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
-from hopopt.planner.search.multistart import SAME, watch_on
+from hopopt.planner.search.multistart import SAME_OPTIMUM, watch_on
 
 CALM = 10.0  # times the tie-break
 COMPARED = 100.0  # times the local error that is allowed at last, where hops are compared on one mesh
@@ -64,13 +64,13 @@ def _solved_with_larger(hop: Hop, start: NlpSolution, aims: Aims, beside: NlpSol
 
 def _better(a: NlpSolution, b: NlpSolution) -> bool:
     """Whether a is better than b by more than hops of one optimum differ on two meshes."""
-    merit = a.transcription.problem.objective.merit
-    return bool(merit(a.objective - b.objective) > SAME * b.magnitude)
+    signed_value = a.transcription.problem.objective.signed_value
+    return bool(signed_value(a.objective - b.objective) > SAME_OPTIMUM * b.magnitude)
 
 
 def _solved(t: Transcription, begun: NlpSolution, aims: Aims, known: KnownOptima | None = None) -> NlpSolution | None:
     """A program that differs in mesh and tie-break from that of a solution, from there; None if it is not solved, or leads
     to an optimum that is ``known``."""
-    solver = NlpSolver(t, GENTLE | {"ipopt.max_iter": aims.iterations}, known, aims.until)
+    solver = NlpSolver(t, GENTLE_OPTIONS | {"ipopt.max_iter": aims.iterations}, known, aims.until)
     found = solver(t.guess_from(begun.phases), t.free_from(begun.parameters))
     return found if found.success and not solver.stopped else None

@@ -9,7 +9,7 @@ from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import STANCE
 from hopopt.planner.answer.extras import HopFamily
 from hopopt.planner.motion import Motion
-from hopopt.planner.search.multistart import SAME, StartOutcome, first_transcription, grouped, solution_of
+from hopopt.planner.search.multistart import SAME_OPTIMUM, StartOutcome, first_transcription, grouped, solution_of
 from hopopt.planner.solution import Solution
 
 LEANING, DIPPING, SWINGING = 0.05, 0.03, 0.1  # share of the reach from which a lean, a dip or a swing is worth a word
@@ -21,19 +21,19 @@ PRECISE = 1e-6  # relative: to which the program of a mesh is solved, and more
 def families(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solution] = ()) -> tuple[HopFamily, ...]:
     """The different local optima, best first, by the figures of those that are ``finished``, else of the first mesh."""
     refined = {s.summary.starts.chosen: s for s in finished if s.verified}
-    groups = grouped(sorted(outcomes, key=lambda o: -o.merit), told_apart(hop, outcomes, finished))
+    groups = grouped(sorted(outcomes, key=lambda o: -o.signed_value), told_apart(hop, outcomes, finished))
     found = [_family(hop, group, next((refined[o.name] for o in group if o.name in refined), None)) for group in groups]
-    return tuple(sorted(found, key=lambda f: -hop.objective.merit(f.objective_value)))
+    return tuple(sorted(found, key=lambda f: -hop.objective.signed_value(f.objective_value)))
 
 
 def told_apart(hop: Hop, outcomes: Sequence[StartOutcome], finished: Sequence[Solution]) -> float:
     """The distance [the objective's unit] below which two objectives of the first mesh count as one hop: what refinement
-    has changed where it is known, for that is their error, between PRECISE and SAME of the objective."""
+    has changed where it is known, for that is their error, between PRECISE and SAME_OPTIMUM of the objective."""
     first = {o.name: o.value for o in outcomes}
     pairs = [(first[s.summary.starts.chosen], s.summary.objective_value) for s in finished if s.verified]
     size = max((abs(o.objective) for o in outcomes if o.success), default=0.0)
     error = max((abs(a - b) for a, b in pairs), default=np.inf)
-    return float(np.clip(error, PRECISE * size, SAME * size))
+    return float(np.clip(error, PRECISE * size, SAME_OPTIMUM * size))
 
 
 def _family(hop: Hop, group: Sequence[StartOutcome], known: Solution | None) -> HopFamily:

@@ -38,12 +38,12 @@ from hopopt.planner.search.relaxations import BEGUN_FROM, QUICK, relaxed_starts,
 from hopopt.planner.stopwatch import Countdown
 
 SEARCH = 2  # starting points from which on relaxed problems and the global method are tried too
-SIZE = 15  # nodes along each axis of the global method's grid in a plain solve
-CLOSER = 21  # where the first grid has not found the answer, or promises more
+GRID_NODES = 15  # nodes along each axis of the global method's grid in a plain solve
+FINER_GRID_NODES = 21  # where the first grid has not found the answer, or promises more
 ROLLOUTS = 6  # of its motions, that are solved from
 GLOBAL = "global method"  # begins the names of its motions
-HEIGHTS = ("clearance", "apex")  # objectives that its motions suit
-LEFT = 1e-3  # share of the reach by which a posture may be lower than the best one
+GRID_OBJECTIVES = ("clearance", "apex")  # objectives that its motions suit
+POSTURE_LOSS = 1e-3  # share of the reach by which a posture may be lower than the best one
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def search_first_mesh(
     relaxed = list[Task[list[StartOutcome]]]()
     with Beside(hop, side_by_side - 1 if count >= SEARCH else 0) as beside, ThreadPoolExecutor(1) as pool:
         # its loops leave Python's time free
-        overall = None if reason else pool.submit(_searched, hop, SIZE, 1, until)
+        overall = None if reason else pool.submit(_searched, hop, GRID_NODES, 1, until)
 
         def relax(first: StartOutcome) -> None:
             known = [first, *besides]
@@ -103,7 +103,7 @@ def _not_used(hop: Hop) -> str | None:
     """Why the global method is of no use here, or None."""
     if hop.design.hop.lands:
         return "it knows a hop from rest to the apex alone"
-    if hop.objective.name not in HEIGHTS or hop.constraints:
+    if hop.objective.name not in GRID_OBJECTIVES or hop.constraints:
         return "it knows heights alone, without user-defined constraints"
     return applies(hop.design)
 
@@ -118,7 +118,7 @@ def posture_starts(hop: Hop, known: Sequence[StartOutcome], until: Deadline = NE
     for known_hop in distinct(known):
         phases = solution_of(known_hop, t).phases
         ends = phases[FLIGHT].x_end[-2 * hop.n : -hop.n]
-        if until.passed or np.ptp(posture.height(np.array([ends, best]))) < LEFT * hop.reach:
+        if until.passed or np.ptp(posture.height(np.array([ends, best]))) < POSTURE_LOSS * hop.reach:
             continue
         began = time.perf_counter()
         s = solver(posture_guess(hop, phases, best))
@@ -128,8 +128,8 @@ def posture_starts(hop: Hop, known: Sequence[StartOutcome], until: Deadline = NE
 
 def looked_closer(hop: Hop, searched: FirstMesh, say: Progress, until: Deadline) -> FirstMesh:
     """The same search with a finer grid of the global method, and what its motions lead to."""
-    say(f"the global method does not agree with what was found: looking on a grid of {CLOSER} nodes an axis")
-    found, _ = _searched(hop, CLOSER, 2, until)
+    say(f"the global method does not agree with what was found: looking on a grid of {FINER_GRID_NODES} nodes an axis")
+    found, _ = _searched(hop, FINER_GRID_NODES, 2, until)
     if found is None:
         return searched
     more = rollout_starts(hop, found.rollouts, searched.outcomes, f"{GLOBAL}, finer grid", say, until)

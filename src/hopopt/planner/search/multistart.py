@@ -12,11 +12,11 @@ from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.mesh import uniform
 from hopopt.nlp.schemes import scheme
-from hopopt.nlp.solver.ipopt import CARRIED, GENTLE, Bounds, NlpSolution, NlpSolver
+from hopopt.nlp.solver.ipopt import CARRIED, GENTLE_OPTIONS, Bounds, NlpSolution, NlpSolver
 from hopopt.nlp.solver.known_optima import Known, KnownOptima
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.guesses.feasibility import drives_too_weak
-from hopopt.ocp.guesses.initial_guess import Start, make_guess, starts_of
+from hopopt.ocp.guesses.initial_guess import StartGuess, make_guess, starts_of
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.phases import ON_GROUND, STANCE
 from hopopt.optimality.directions.infeasibility import conflict
@@ -27,11 +27,11 @@ from hopopt.planner.stopwatch import Countdown
 from hopopt.problem.checking.hints import hints
 
 Progress = Callable[[str], None]
-SAME = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
-PATIENCE = 200  # iterations of a start where another is known to lead to a hop
-CLOSE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
-STOPPED = "stopped near a hop that is known"
-BEYOND = "limits cannot hold together near its guess"
+SAME_OPTIMUM = 2e-3  # relative: coarse objectives closer than this are the same local optimum (switches are smeared)
+KNOWN_HOP_ITERATIONS = 200  # iterations of a start where another is known to lead to a hop
+CLOSE_OBJECTIVE = 2e-2  # relative: optima this close to the best on the first mesh are refined too
+STOPPED_NEAR_KNOWN = "stopped near a hop that is known"
+CANNOT_HOLD = "limits cannot hold together near its guess"
 
 
 class _Ended(Protocol):
@@ -56,12 +56,12 @@ class StartOutcome:
     iterations: int
     seconds: float
     vectors: dict[str, np.ndarray] = field(repr=False)
-    sign: float = 1.0  # of the objective in the merit
+    sign: float = 1.0  # of the objective in its signed value
     near: str | None = None  # the start whose hop it was stopped near: objective and vectors are that hop's
     tie_break: float = 0.0  # what of the objective is that [its unit]
 
     @property
-    def merit(self) -> float:
+    def signed_value(self) -> float:
         """More is better."""
         return self.sign * self.objective
 
@@ -103,13 +103,13 @@ def watch_on(t: Transcription) -> KnownOptima:
 def remember(watch: KnownOptima, outcome: StartOutcome) -> None:
     """One more hop that is known, if the outcome is one and it is new."""
     if outcome.success and all(outcome.vectors is not k.origin.vectors for k in watch.known):
-        watch.known.append(Known(outcome.vectors["z"], -outcome.merit, outcome))
+        watch.known.append(Known(outcome.vectors["z"], -outcome.signed_value, outcome))
 
 
 def first_options(hop: Hop, known: bool) -> dict[str, Any]:
     """Ipopt's options for a start; not for long if a hop is ``known`` already."""
     most = hop.design.solver.max_iterations
-    return GENTLE | {"ipopt.max_iter": min(most, PATIENCE)} if known else {"ipopt.max_iter": most}
+    return GENTLE_OPTIONS | {"ipopt.max_iter": min(most, KNOWN_HOP_ITERATIONS)} if known else {"ipopt.max_iter": most}
 
 
 def run_starts(
@@ -170,7 +170,7 @@ def _beyond_limits(hop: Hop, until: Deadline) -> StartOutcome | None:
     if found is None or not any(part.gives for part in found.parts):
         return None
     ended = outcome_of(start.name, glance.from_vector(found.z), time.perf_counter() - began)
-    return replace(ended, status=BEYOND)
+    return replace(ended, status=CANNOT_HOLD)
 
 
 def run_chunk(
@@ -187,7 +187,7 @@ def run_chunk(
     return outcomes
 
 
-def run_start(hop: Hop, solver: NlpSolver, start: Start, known: bool) -> StartOutcome:
+def run_start(hop: Hop, solver: NlpSolver, start: StartGuess, known: bool) -> StartOutcome:
     """One start on the first mesh; ``known``: another is known to lead to a hop."""
     began = time.perf_counter()
     guess = make_guess(hop, start)
@@ -204,7 +204,7 @@ def noted(solver: NlpSolver, outcome: StartOutcome) -> StartOutcome:
     if solver.known is None or (met := solver.known.met) is None:
         return outcome
     mine = {"name": outcome.name, "iterations": outcome.iterations, "seconds": outcome.seconds}
-    return replace(met, **mine, status=STOPPED, near=met.near or met.name)
+    return replace(met, **mine, status=STOPPED_NEAR_KNOWN, near=met.near or met.name)
 
 
 def outcome_of(name: str, s: NlpSolution, seconds: float) -> StartOutcome:
@@ -238,12 +238,12 @@ def solution_of(outcome: StartOutcome, t: Transcription) -> NlpSolution:
 
 def distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
     """The best representative of each local optimum that was found, best first."""
-    return [group[0] for group in grouped(sorted(outcomes, key=lambda o: -o.merit))]
+    return [group[0] for group in grouped(sorted(outcomes, key=lambda o: -o.signed_value))]
 
 
 def grouped(ranked: Sequence[Ended], apart: float | None = None) -> list[list[Ended]]:
     """The successful ones of ``ranked``, best first, gathered by the local optimum that they ended in: objectives closer
-    than ``apart`` [its unit], or SAME of themselves, are one."""
+    than ``apart`` [its unit], or SAME_OPTIMUM of themselves, are one."""
     groups: list[list[Ended]] = []
     for outcome in (o for o in ranked if o.success):
         group = next((g for g in groups if same(g[0].objective, outcome.objective, apart)), None)
@@ -256,12 +256,12 @@ def grouped(ranked: Sequence[Ended], apart: float | None = None) -> list[list[En
 def contenders(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
     """The distinct optima that may prove the best once refined."""
     found = distinct(outcomes)
-    return [o for o in found if abs(o.objective - found[0].objective) <= CLOSE * abs(found[0].objective)]
+    return [o for o in found if abs(o.objective - found[0].objective) <= CLOSE_OBJECTIVE * abs(found[0].objective)]
 
 
 def same(a: float, b: float, apart: float | None = None) -> bool:
-    """Whether two coarse objectives belong to the same local optimum: closer than ``apart``, or SAME of themselves."""
-    return abs(a - b) <= (SAME * max(abs(a), abs(b), 1e-3) if apart is None else apart)
+    """Whether two coarse objectives belong to the same local optimum: closer than ``apart``, or SAME_OPTIMUM of themselves."""
+    return abs(a - b) <= (SAME_OPTIMUM * max(abs(a), abs(b), 1e-3) if apart is None else apart)
 
 
 def not_solved(

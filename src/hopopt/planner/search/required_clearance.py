@@ -34,7 +34,7 @@ ANY = HopObjective(
     "any hop", "a hop as high as asked", "", lambda hop, e: ca.SX(0), "", "required clearance", maximize=False,
     parameters=lambda hop: (required_clearance(hop),), boundary=lambda hop: lowest_point(hop, REQUIRED),
 )  # fmt: skip
-NEARLY = 0.01  # relative: what a finer mesh may add to the highest hop
+FINER_MESH_GAIN = 0.01  # relative: what a finer mesh may add to the highest hop
 
 
 def from_highest(
@@ -59,7 +59,7 @@ def from_highest(
     found = _in_the_way(hop, maximum, until) if thorough else None
     if found is not None and not found.parts:
         return []
-    more = "a larger solver.stance_intervals or " if asked < (1 + NEARLY) * clearance(maximum) else ""
+    more = "a larger solver.stance_intervals or " if asked < (1 + FINER_MESH_GAIN) * clearance(maximum) else ""
     raise NotSolvedError(
         f"{hop.design.name}: no hop was found that reaches the clearance of {asked:g} m that hop.clearance asks for: the "
         f"highest, on the first mesh from {starts} start{'s' if starts > 1 else ''}, has {clearance(maximum):.6g} m. "

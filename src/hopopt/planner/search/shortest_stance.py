@@ -39,7 +39,7 @@ def with_shortest_stance(
     if found is None:
         return best
     again = refined_and_verified(hop, found, outcomes, say, clock, restarts=False, until=until)
-    lost = hop.objective.merit(s.objective_value) - hop.objective.merit(again.summary.objective_value)
+    lost = hop.objective.signed_value(s.objective_value) - hop.objective.signed_value(again.summary.objective_value)
     as_sure = again.verified and (again.summary.certified or not s.certified)
     if not as_sure or lost > allowed or again.lift_off > SHORTER * best.lift_off:
         return best
@@ -50,7 +50,7 @@ def _shortest(hop: Hop, chosen: StartOutcome, allowed: float, until: Deadline) -
     """On the first mesh, from the hop that a start led to, the shortest stance of which 1 % is worth no more than ``allowed``
     [the objective's unit]; None if that is no shorter."""
     solver = first_solver(hop, until=until)
-    t, merit = solver.transcription, hop.objective.merit
+    t, signed_value = solver.transcription, hop.objective.signed_value
     longest = found = solution_of(chosen, t)
     low, trial, bracketed = hop.design.hop.stance_duration[0], found.phases[STANCE].duration / 2, False
     for _ in range(TRIALS):
@@ -63,7 +63,7 @@ def _shortest(hop: Hop, chosen: StartOutcome, allowed: float, until: Deadline) -
             continue
         low, bracketed = trial, True
         trial = sqrt(low * found.phases[STANCE].duration)
-        lost = merit(longest.objective) - merit(tried.objective)
+        lost = signed_value(longest.objective) - signed_value(tried.objective)
         if tried.success and lost > 0 and slope > 0:  # as below the top of a parabola
             trial = min(trial, low + 2 * lost / slope)
     return (

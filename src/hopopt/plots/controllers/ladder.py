@@ -6,8 +6,8 @@ from hopopt.comparison.ladder import Ladder
 from hopopt.plots.style import BLACK, GREY, PALE, SMALL, TEXT, describe, new_figure
 
 CM = 100.0  # [cm/m]
-STEP = "#0072B2"
-LEAST = 3.0  # [cm] of an axis around the clearances
+STEP_COLOR = "#0072B2"
+LEAST_AXIS = 3.0  # [cm] of an axis around the clearances
 
 
 def staircase(found: Ladder, title: str) -> Figure:
@@ -18,7 +18,7 @@ def staircase(found: Ladder, title: str) -> Figure:
     end, low = found.from_m, CM * found.from_m
     names = [f"{found.strategy}, simulated"]
     for row, rung in enumerate(found.rungs, start=1):
-        ax.barh(row, CM * rung.gain_m, 0.7, left=CM * end, color=STEP)
+        ax.barh(row, CM * rung.gain_m, 0.7, left=CM * end, color=STEP_COLOR)
         ax.plot([CM * end, CM * end], [row - 1, row + 0.35], color=GREY, lw=0.8)
         if rung.most_gain_m > rung.least_gain_m + 1e-4:
             span = [CM * (end + rung.least_gain_m), CM * (end + rung.most_gain_m)]
@@ -33,7 +33,7 @@ def staircase(found: Ladder, title: str) -> Figure:
         names.append(rung.allows)
     ax.text(CM * found.from_m, 0, f"  {CM * found.from_m:.1f} cm", fontsize=SMALL, va="center")
     high = CM * max(rung.clearance_m - rung.gain_m + rung.most_gain_m for rung in found.rungs)
-    room = 0.18 * (high - low) + LEAST
+    room = 0.18 * (high - low) + LEAST_AXIS
     ax.axvline(CM * end, color=BLACK, lw=1.2)
     ax.text(CM * end, -0.62, f"bound {CM * end:.1f} cm ", fontsize=TEXT, ha="right", va="center")
     ax.set_yticks(range(rows), names, fontsize=TEXT)

@@ -33,7 +33,7 @@ from hopopt.plots.controllers.runs_style import (
 )
 from hopopt.plots.controllers.tracking import tracking
 from hopopt.plots.hop import FORMATS, save_figure
-from hopopt.plots.style import BLACK, GREY, PALE, SIZE, called_after, describe, jumping_curve, legend
+from hopopt.plots.style import BLACK, FIGURE_SIZE, GREY, PALE, called_after, describe, jumping_curve, legend
 from hopopt.sim.hop_metrics import HopFigures
 
 
@@ -69,7 +69,7 @@ def saturation(runs: Runs) -> Figure:
     """Saturation ratio C of every joint over time [s] up to lift-off (the paper's eq. 17), and its mean C_avg."""
     runs, look = by_stance(runs)
     joints = _joints(runs)
-    figure = runs_figure(runs, "saturation ratio in stance", (SIZE[0], 2.2 + 2.6 * len(joints)))
+    figure = runs_figure(runs, "saturation ratio in stance", (FIGURE_SIZE[0], 2.2 + 2.6 * len(joints)))
     for k, ax in enumerate(figure.subplots(len(joints), sharex=True, squeeze=False)[:, 0]):
         ax.axhline(1, color=GREY, lw=1, zorder=1)
         for name, run in runs.items():

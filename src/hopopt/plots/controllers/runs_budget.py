@@ -9,7 +9,7 @@ from hopopt.plots.style import BLACK, GREY, PALE, SMALL, TEXT, describe, legend
 from hopopt.sim.hop_metrics import HopFigures
 
 CM = 100.0  # [cm/m]
-PARTS = {  # of HopFigures.budget: label, colour
+BUDGET_PARTS = {  # of HopFigures.budget: label, colour
     "push_m": ("push: height and speed at lift-off", "#D55E00"),
     "timing_m": ("timing: not at the apex", "#CC79A7"),
     "retraction_m": ("retraction: leg not drawn up as far", "#E69F00"),
@@ -43,7 +43,7 @@ def budget(runs: Runs) -> Figure:
 def _losses(ax: Axes, row: int, bound: float, best: HopFigures, own: HopFigures) -> None:
     """The parts of the gap [cm], one below the other, each from where the one before it ended."""
     end = bound
-    for k, (part, (label, color)) in enumerate(PARTS.items()):
+    for k, (part, (label, color)) in enumerate(BUDGET_PARTS.items()):
         y, gained = row + 0.28 * (k - 1), CM * (own.budget[part] - best.budget[part])
         ax.barh(y, gained, 0.26, left=end, color=color, label=label)
         ax.text(1.11 * bound, y, f"{round(-gained, 1) or 0:+.1f} cm", fontsize=SMALL, va="center", ha="right")

@@ -11,7 +11,7 @@ from hopopt.plots.stick import POSE_STEP as STEP
 from hopopt.plots.style import GREY, SMALL, describe, height_arrow
 from hopopt.sim.hop_metrics import HopFigures
 
-LONGEST = 1.0  # [s] on the paper's leg, of a run that is drawn
+LONGEST_DRAWN = 1.0  # [s] on the paper's leg, of a run that is drawn
 CROWDED = 8  # columns, above which every other one has its time written
 PALER = 0.4  # opacity of the poses in stance
 
@@ -49,7 +49,7 @@ class _Poses:
 
     def __init__(self, run: HopFigures):
         trace, links, clock = run.trace, run.design.leg.link.values(), since_lift_off(run)
-        end = min(last(run), int(np.searchsorted(trace.t, LONGEST * Scale.of(run.design.leg).time)) - 1)
+        end = min(last(run), int(np.searchsorted(trace.t, LONGEST_DRAWN * Scale.of(run.design.leg).time)) - 1)
         self.first = int(np.ceil(clock[0] / STEP - 1e-9))
         early = STEP * np.arange(self.first, clock[end] / STEP - 0.25)  # none just before the last
         reach = sum(link.length for link in links)

@@ -8,29 +8,29 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hopopt.comparison.compare import OPTIMUM
-from hopopt.plots.style import BLACK, SIZE, TITLE, Picture, called_after, new_figure
+from hopopt.plots.style import BLACK, FIGURE_SIZE, TITLE, Picture, called_after, new_figure
 from hopopt.sim.hop_metrics import HopFigures
 
 COLORS = (  # Okabe and Ito, all that show on white, and darker ones of Tol's: one for each built-in strategy
     "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7", "#882255", "#332288", "#999933", "#661100", "#999999",
 )  # fmt: skip
 STYLES = ("-", (0, (4, 1.5)), "-.", ":")  # in turn, for dashes over a full line show both
-OUTSIDE = "*"  # after the name of a run that did not keep every limit
+LIMIT_MARK = "*"  # after the name of a run that did not keep every limit
 
-MOST = 5  # runs in a figure; with more it cannot be read
+MOST_RUNS = 5  # runs in a figure; with more it cannot be read
 
 Runs = Mapping[str, HopFigures]
 
 
 def few(draw: Callable[[Runs], Figure]) -> Callable[[Runs], Figure]:
-    """A figure of at most MOST runs: the optimum, then those that clear most, in the order given; the title says so."""
+    """A figure of at most MOST_RUNS runs: the optimum, then those that clear most, in the order given; the title says so."""
 
     @wraps(draw)
     def drawn(runs: Runs) -> Figure:
-        ranked = sorted(runs, key=lambda name: (name != OPTIMUM, -runs[name].clearance))[:MOST]
+        ranked = sorted(runs, key=lambda name: (name != OPTIMUM, -runs[name].clearance))[:MOST_RUNS]
         figure = draw({name: run for name, run in runs.items() if name in ranked})
-        if len(runs) > MOST:
-            figure.suptitle(f"{figure.get_suptitle()} (the highest {MOST} of {len(runs)})", fontsize=TITLE)
+        if len(runs) > MOST_RUNS:
+            figure.suptitle(f"{figure.get_suptitle()} (the highest {MOST_RUNS} of {len(runs)})", fontsize=TITLE)
         return figure
 
     return drawn
@@ -71,16 +71,16 @@ def _same_stance(a: HopFigures, b: HopFigures) -> bool:
     return alike and bool(a.limits_exceeded) == bool(b.limits_exceeded)
 
 
-def runs_figure(runs: Runs, title: str, size: tuple[float, float] = SIZE) -> Picture:
+def runs_figure(runs: Runs, title: str, size: tuple[float, float] = FIGURE_SIZE) -> Picture:
     """An empty figure that says which problem it shows, and whether a run did not keep its limits."""
     marked = any(f.limits_exceeded for f in runs.values())
-    note = f" ({OUTSIDE}: a limit exceeded)" if marked else ""
+    note = f" ({LIMIT_MARK}: a limit exceeded)" if marked else ""
     return new_figure(f"{called_after(next(iter(runs.values())).design)}: {title}{note}", size)
 
 
 def called(name: str, run: HopFigures) -> str:
     """A run's name, marked if it did not keep every limit of the problem."""
-    return name + OUTSIDE * bool(run.limits_exceeded)
+    return name + LIMIT_MARK * bool(run.limits_exceeded)
 
 
 def reached(run: HopFigures) -> str:

@@ -6,11 +6,11 @@ from matplotlib.figure import Figure
 from hopopt.control.reference import PlanReference
 from hopopt.leg.scales import standstill_torques
 from hopopt.plots.controllers.runs_style import COLORS, last, runs_figure
-from hopopt.plots.style import BLACK, GREY, SIZE, describe, jumping_curve, legend
+from hopopt.plots.style import BLACK, FIGURE_SIZE, GREY, describe, jumping_curve, legend
 from hopopt.sim.hop_metrics import HopFigures
 
 FEEDBACK = COLORS[2]
-LEAST = 1.0  # [%] of full torque, the least half height of an axis of added torque
+LEAST_AXIS = 1.0  # [%] of full torque, the least half height of an axis of added torque
 
 
 def tracking(name: str, run: HopFigures, plan: PlanReference) -> Figure:
@@ -20,13 +20,15 @@ def tracking(name: str, run: HopFigures, plan: PlanReference) -> Figure:
     The plan's clock follows the contact, as the tracker's does: its flight begins at the run's lift-off.
     """
     joints, stall, until = run.trace.robot.joints, standstill_torques(run.design.leg), last(run) + 1
-    figure = runs_figure({name: run}, f"torques of {name}, planned and commanded", (SIZE[0], 1.4 + 3.4 * len(joints)))
+    figure = runs_figure(
+        {name: run}, f"torques of {name}, planned and commanded", (FIGURE_SIZE[0], 1.4 + 3.4 * len(joints))
+    )
     axes = figure.subplots(2 * len(joints), sharex=True, height_ratios=[5, 3] * len(joints))
     t, asked = run.trace.t[:until], run.trace.command[:until]
     planned = np.array([_planned(plan, run, k) for k in range(until)])
     shares = 100 * (asked - planned) / stall
     most = max(
-        LEAST, 1.3 * float(np.percentile(np.abs(shares), 99))
+        LEAST_AXIS, 1.3 * float(np.percentile(np.abs(shares), 99))
     )  # where the plan jumps within a period they are larger
     for j, (torques, added) in enumerate(zip(axes[::2], axes[1::2], strict=True)):
         jumping_curve(torques, t, t, asked[:, j], label="commanded", color=FEEDBACK, lw=3.5, alpha=0.55, zorder=2)

@@ -13,13 +13,13 @@ from matplotlib.patheffects import withStroke
 from hopopt.evidence.families import Family, FamilyStudy, crossings
 from hopopt.evidence.family_optima import POSE_SHARES
 from hopopt.leg.kinematics import reach
-from hopopt.plots.style import BLACK, DPI, GREY, PALE, SIZE, SMALL, TEXT, describe, height_arrow, new_figure
+from hopopt.plots.style import BLACK, DPI, FIGURE_SIZE, GREY, PALE, SMALL, TEXT, describe, height_arrow, new_figure
 from hopopt.studies.sweep.shown import entry_label
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe and Ito; one for each line
 POSED = 3  # families with stick figures
-WIDTH = 66  # letters of a line above stick figures
-APART = 0.055  # of the axis, between two labels
+LINE_LETTERS = 66  # letters of a line above stick figures
+LABEL_DISTANCE = 0.055  # of the axis, between two labels
 HEADS = ("start", *(f"{100 * share:.0f} %" for share in POSE_SHARES[1:-1]), "lift-off", "apex")
 
 
@@ -28,7 +28,7 @@ def figure(study: FamilyStudy) -> Figure:
     families = study.families()[: len(COLORS)]
     at = common_value(study, families)
     posed = [f for f in families if f.poses[at] is not None][:POSED]
-    picture = new_figure(_title(study), (SIZE[0] * 1.15, SIZE[1]))
+    picture = new_figure(_title(study), (FIGURE_SIZE[0] * 1.15, FIGURE_SIZE[1]))
     right: Figure | SubFigure = picture
     if study.entry:
         left, right = picture.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.25), wspace=0.04)[0]
@@ -105,7 +105,7 @@ def _names(ax: Axes, x: np.ndarray, families: Sequence[Family]) -> None:
     placed: list[tuple[int, float]] = []
     for k, y, name, color in sorted(ends, key=lambda end: -end[1]):
         above = [other for column, other in placed if column == k]
-        place = min([y, *(other - APART * (high - low) for other in above)])
+        place = min([y, *(other - LABEL_DISTANCE * (high - low) for other in above)])
         placed.append((k, place))
         ax.annotate(
             name, (x[k], place), (9, 0), textcoords="offset points", color=color, fontsize=TEXT + 3, fontweight="bold",
@@ -141,7 +141,7 @@ def _rows(figure: Figure | SubFigure, study: FamilyStudy, families: Sequence[Fam
         ax.set_yticks([])
         ax.tick_params(length=0)
         ax.spines[:].set_visible(False)
-        words = "\n".join(textwrap.wrap(f"{f.name}   {f.words}", WIDTH if study.entry else 2 * WIDTH))
+        words = "\n".join(textwrap.wrap(f"{f.name}   {f.words}", LINE_LETTERS if study.entry else 2 * LINE_LETTERS))
         ax.set_title(words, fontsize=SMALL, color=color, loc="left", fontweight="bold")
         height = f.clearance[at] or 0.0
         x = middle + (len(HEADS) - 1) * step + 0.55 * step

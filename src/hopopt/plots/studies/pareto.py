@@ -11,7 +11,7 @@ from hopopt.plots.hop import FORMATS
 from hopopt.plots.style import BLACK, COLOR, DPI, GREEN, describe, legend, new_figure
 
 if TYPE_CHECKING:
-    from hopopt.studies.pareto import Front
+    from hopopt.studies.pareto.front import Front
 
 BLUE, ORANGE = list(COLOR.values())[:2]
 HIGHEST = "highest, with what it happens to cost"

@@ -32,8 +32,8 @@ from hopopt.studies.sweep.run import Study
 from hopopt.studies.sweep.shown import NO_LIMIT, cell_edges, colors, entry_label, value
 
 ORANGE = COLOR["flight"]
-WRITTEN = 120  # cells of a map that have room for their values
-FAILED = {
+MOST_WRITTEN_CELLS = 120  # cells of a map that have room for their values
+FAILED_COLORS = {
     NOT_VERIFIED: (ORANGE, "x", "///"), NOT_SOLVED: (GREY, "x", "xxx"), IMPOSSIBLE: (BLACK, "+", "..."),
     ENDED: (BLACK, "x", "+++"),
 }  # fmt: skip
@@ -123,7 +123,7 @@ def _failures_below(ax: Axes, study: Study, x: np.ndarray, z: np.ndarray) -> Non
 
 def _failed(ax: Axes, study: Study, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
     """A mark for each point without a verified hop, by its outcome."""
-    for outcome, (color, marker, _) in FAILED.items():
+    for outcome, (color, marker, _) in FAILED_COLORS.items():
         at = [k for k, p in enumerate(study.points) if p.outcome == outcome]
         if at:
             ax.plot(x[at], y[at], marker, color=color, ms=10, mew=2, label=outcome, **look)
@@ -143,7 +143,7 @@ def _map(figure: Figure, study: Study) -> None:
         _cells(ax, study, z.reshape(study.definition.shape))
     else:
         _by_limit(ax, study, x, y, 10)
-        for at in np.flatnonzero(np.isfinite(z))[:WRITTEN]:
+        for at in np.flatnonzero(np.isfinite(z))[:MOST_WRITTEN_CELLS]:
             ax.annotate(
                 f"{z[at]:#.4g}", (x[at], y[at]), (0, 7), textcoords="offset points", ha="center", fontsize=SMALL
             )
@@ -168,16 +168,16 @@ def _cells(ax: Axes, study: Study, z: np.ndarray) -> None:
         if p.verified:
             limit = p.limit or NO_LIMIT
             ax.fill(*corners, fc=by_limit[limit], ec="white", lw=0.5, alpha=0.75, label=f"limit: {limit}")
-            if z.size <= WRITTEN:
+            if z.size <= MOST_WRITTEN_CELLS:
                 size = min(TEXT, 20 * shortest)
                 ax.text((a + b) / 2, (c + d) / 2, f"{z[i, j]:#.4g}", fontsize=size, ha="center", va="center")
         else:
-            color, _, hatch = FAILED[p.outcome]
+            color, _, hatch = FAILED_COLORS[p.outcome]
             ax.fill(*corners, facecolor="white", edgecolor=color, hatch=hatch, lw=0, label=p.outcome)
         if p is study.best:
             label = f"best: {z[i, j]:.4f} {find(study.definition.objective).unit}"
             ax.fill(*corners, fill=False, ec=BLACK, lw=3.5, label=label, zorder=5)
-    if z.size > WRITTEN and min(z.shape) > 1:
+    if z.size > MOST_WRITTEN_CELLS and min(z.shape) > 1:
         middle = [np.sort(np.array(axis.values)) for axis in study.definition.axes]
         ax.clabel(ax.contour(*middle, z.T, colors=BLACK, linewidths=0.8), fontsize=SMALL)
     ax.set(xlim=edges[0][[0, -1]], ylim=edges[1][[0, -1]])

@@ -4,10 +4,10 @@ All are dimensionless, so that a leg of any size is judged alike. The built-in l
 """
 
 from hopopt.design import Design, Leg
-from hopopt.leg.derived import Derived, JointFigures, derived
+from hopopt.leg.derived import JointFigures, LegFigures, derived
 
 STALL = 5.0  # stall torque over weight times reach, in any pose; legs have 1 to 3.4
-SPEED = (2.0, 25.0)  # no-load speed of a joint in sqrt(gravity / reach); legs have 3 to 16
+USUAL_SPEEDS = (2.0, 25.0)  # no-load speed of a joint in sqrt(gravity / reach); legs have 3 to 16
 ROTOR = 10.0  # reflected rotor inertia over that of the links about the joint; legs have 0.2 to 4
 BEHIND = 1.5  # gear ratio from which a motor's values and the joint's are different things
 OUTPUT = "torque and speed are needed in front of the gear, and a datasheet may state them behind it"
@@ -21,7 +21,7 @@ def doubts(design: Design) -> list[str]:
     return [*outside, OUTPUT] if outside and geared else outside
 
 
-def _torques(leg: Leg, found: Derived) -> list[str]:
+def _torques(leg: Leg, found: LegFigures) -> list[str]:
     """Of what the drives carry at standstill."""
     strongest = max(found.joints, key=lambda j: j.stall_torque)
     entry, lever = _entry(leg, strongest, "max_torque", "N m"), found.weight * found.reach
@@ -37,9 +37,9 @@ def _torques(leg: Leg, found: Derived) -> list[str]:
     return []
 
 
-def _speeds(leg: Leg, found: Derived) -> list[str]:
+def _speeds(leg: Leg, found: LegFigures) -> list[str]:
     """Of how fast each joint turns without load, an entry that they share once."""
-    least, most = SPEED
+    least, most = USUAL_SPEEDS
     first = {leg.drive(j.name, "motor", "max_speed")[0]: j for j in reversed(found.joints)}
     return [
         f"the {j.name} turns at {j.no_load_speed:.3g} rad/s without load, {j.no_load_speed * found.time:.2g} sqrt(gravity / "
@@ -49,7 +49,7 @@ def _speeds(leg: Leg, found: Derived) -> list[str]:
     ]
 
 
-def _rotors(leg: Leg, found: Derived) -> list[str]:
+def _rotors(leg: Leg, found: LegFigures) -> list[str]:
     """Of rotors beside the links that they turn."""
     return [
         f"the rotor of the {j.name} has {j.rotor_inertia / j.link_inertia:.3g} times the inertia of its links "

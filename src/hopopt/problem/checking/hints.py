@@ -17,7 +17,7 @@ FURTHEST = 1.1 * np.pi  # rad: a joint turned by more than half a turn either wa
 HEAVY = 3.0  # masses of the body in one link
 DENSE = 500.0  # kg / m^3, mass of body and leg over the cube of the leg's reach; robots and animals have 10 to 100
 SLIPPERY = 0.05  # less than ice
-SHORT = 0.01  # s, of the longest stance
+SHORT_STANCE = 0.01  # s, of the longest stance
 
 
 def hints(design: Design) -> list[str]:
@@ -94,7 +94,7 @@ def _whole(design: Design) -> Iterator[str]:
             f"contact.friction = {friction:g} is slipperier than ice (0.05): leave the line out for a foot that never slips, "
             "or give 0.5 to 1 for rubber on a floor"
         )
-    if longest < SHORT:
+    if longest < SHORT_STANCE:
         yield f"hop.stance_duration allows {longest:g} s at most: a push-off takes 0.05 to 0.5 s"
 
 

@@ -9,7 +9,10 @@ import numpy as np
 from hopopt.problem.catalogue import MARKS, catalogue, names
 from hopopt.record import Strict, stated
 
-TORQUES = {"motor": ("max_torque", "torque_cap"), "gear": ("torque_cap",)}  # the least of them is what the part gives
+PART_TORQUES = {
+    "motor": ("max_torque", "torque_cap"),
+    "gear": ("torque_cap",),
+}  # the least of them is what the part gives
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ def weighed(part: str) -> dict[str, tuple[float, float]]:
     for name in names(part):
         entry = catalogue()[name]
         if part in entry.masses:
-            found[name] = min(entry.parts[part][key] for key in TORQUES[part]), entry.masses[part]
+            found[name] = min(entry.parts[part][key] for key in PART_TORQUES[part]), entry.masses[part]
     return found
 
 

@@ -6,7 +6,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from hopopt.design import Design, Hop, Leg, Simulation, Start
+from hopopt.design import Design, HopSettings, Leg, Simulation, StartPose
 from hopopt.design.fields import RESERVED, RESERVED_JOINTS
 from hopopt.leg.inertia import obeys_triangle, principal_moments
 from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
@@ -15,7 +15,7 @@ from hopopt.problem.checking.wording import did_you_mean, is_number, lookalike
 from hopopt.problem.render import shown
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
-TINY = 1e-9  # below which a vector has no direction
+LEAST_LENGTH = 1e-9  # below which a vector has no direction
 ROUNDING = 1e-9  # m or rad: a pose given in decimals is not refused for its last digit
 
 
@@ -71,7 +71,7 @@ def _joint_faults(path: str, joint: Mapping[str, Any]) -> Iterator[tuple[str, st
 
 def _vector_faults(path: str, table: Mapping[str, Any], entry: str) -> Iterator[tuple[str, str]]:
     vector = table.get(entry)
-    if isinstance(vector, tuple) and all(map(is_number, vector)) and not any(abs(x) > TINY for x in vector):
+    if isinstance(vector, tuple) and all(map(is_number, vector)) and not any(abs(x) > LEAST_LENGTH for x in vector):
         yield f"{path}.{entry}", f"= {shown(vector)} has no direction: one of its numbers has to be other than 0"
 
 
@@ -163,7 +163,7 @@ def loss_rules(leg: Leg, simulation: Simulation, report: Report) -> None:
 # ---- the start ------------------------------------------------------------------------------------------------
 
 
-def stated_once(start: Start, report: Report) -> None:
+def stated_once(start: StartPose, report: Report) -> None:
     """Report a start that says nothing about the pose, or says it twice."""
     given = [name for name in ("hip_height", "joint_angles") if getattr(start, name) is not None]
     if not given:
@@ -172,7 +172,7 @@ def stated_once(start: Start, report: Report) -> None:
         report.add("start", "has both hip_height and joint_angles: each says where the leg starts, remove one")
 
 
-def start_rules(leg: Leg, start: Start, hop: Hop | None, report: Report) -> None:
+def start_rules(leg: Leg, start: StartPose, hop: HopSettings | None, report: Report) -> None:
     """Report why the leg cannot start as the file says; without ``hop`` heights above ground are not checked."""
     if len(leg.joints) <= len(loop_axes(leg)):
         held = " and ".join("xyz"[axis] for axis in loop_axes(leg))
@@ -200,7 +200,7 @@ def _angle_faults(leg: Leg, angles: tuple[float, ...]) -> Iterator[tuple[str, st
             yield f"{path}[{k}]", f"= {angle} rad {words}"
 
 
-def _height_faults(leg: Leg, start: Start) -> Iterator[tuple[str, str]]:
+def _height_faults(leg: Leg, start: StartPose) -> Iterator[tuple[str, str]]:
     height, foot = start.hip_height, start.foot_x
     assert height is not None
     if not two_joints(leg):
@@ -224,7 +224,7 @@ def _possible(leg: Leg, foot: float) -> str:
     return f"with this foot_x choose it from {min(fit):.3f} to {max(fit):.3f} m"
 
 
-def _ground_faults(leg: Leg, start: Start, hop: Hop) -> Iterator[tuple[str, str]]:
+def _ground_faults(leg: Leg, start: StartPose, hop: HopSettings) -> Iterator[tuple[str, str]]:
     """Joints below the ground at the start that the hop wants above it."""
     entry, pose = "joint_angles", start.joint_angles
     if pose is None:

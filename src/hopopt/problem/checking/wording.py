@@ -11,7 +11,11 @@ from hopopt.problem.render import shown
 SHARE = (0.5, 10.0)  # least and largest upper bound of what may be a share; less is a tolerance, more a ratio
 NEAR_WHOLE = 0.02  # relative: 0.33 is taken for 1/3
 COUNTS = {2: "two numbers", 3: "three numbers", 6: "six numbers"}  # of a list that has so many
-KINDS = {"integer": "a whole number", "number": "a number", "boolean": "true or false"}  # JSON schema's -> in words
+TYPE_NAMES = {
+    "integer": "a whole number",
+    "number": "a number",
+    "boolean": "true or false",
+}  # JSON schema's -> in words
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -38,7 +42,7 @@ def allowed(entry: Entry) -> str:
         return 'a list of names, such as ["hip", "knee"],'
     if in_list:
         return f"a list of {COUNTS.get(len(entry.get('prefixItems', ())), 'numbers')}, each{within},"
-    return KINDS.get(entry.get("type", ""), "a table") + within
+    return TYPE_NAMES.get(entry.get("type", ""), "a table") + within
 
 
 def hint(value: Any, entry: Entry, *, in_list: bool = False) -> str:

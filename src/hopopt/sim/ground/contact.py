@@ -18,11 +18,11 @@ from hopopt.sim.ground.planar import bias, chain, foot_jacobian, mass_matrix, so
 
 STICK, FORWARD, BACKWARD, FLIGHT = 0, 1, -1, 2  # modes; the foot slips in the direction of the number
 STAYS, LIFTS, LANDS, SLIPS, STICKS, JAMS, STRIKES = 0, 1, 2, 3, 4, 5, 6  # what happens
-AHEAD = 1e-5  # [s] after a change within which no further one is looked for
+CHANGE_PAUSE = 1e-5  # [s] after a change within which no further one is looked for
 FRESH = 1e-9  # [m, m/s or N] of margin below which a mode has just begun
 WITHIN = 1e-12  # [s] to which a change is located
 RESTS = 1e-9  # [m/s] below which a foot that slowed down rests
-PARTS = 32  # of a step where a joint touches its end stop: they are stiff
+STOP_STEPS = 32  # of a step where a joint touches its end stop: they are stiff
 
 
 @kernel
@@ -131,7 +131,7 @@ def settled(leg: Any, mode: int, foot: float, q: np.ndarray, v: np.ndarray) -> N
 def parts_of(leg: Any, q: np.ndarray, v: np.ndarray, command: np.ndarray, h: float) -> int:
     """Into how many parts a step of h [s] is cut: more where a joint meets its end stop, or gear friction turns round."""
     motor, _ = driven(leg, v[2:], command)
-    parts = PARTS if stops.near(q[2:], v[2:], leg.stop_lower, leg.stop_upper, h) else 1
+    parts = STOP_STEPS if stops.near(q[2:], v[2:], leg.stop_lower, leg.stop_upper, h) else 1
     return max(parts, rubbing_parts(leg, motor, leg.armature, h)) * leg.finer
 
 
@@ -207,7 +207,7 @@ def advance(
         return last[0], last[1], last[2], h, False
     low, high = 0.0, h
     if margin(leg, mode, q, v, command) < FRESH:  # the foot has just come off, or begun to slip: it is still there
-        low = min(AHEAD, h)
+        low = min(CHANGE_PAUSE, h)
         early = step(leg, mode, foot, q, v, work, command, low)
         if low == h or margin(leg, mode, early[0], early[1], command) < 0:
             return early[0], early[1], early[2], low, True

@@ -19,8 +19,8 @@ from hopopt.files import write_whole
 from hopopt.storage.netcdf import read as read_netcdf
 
 DATA = ("solution.nc", "summary.json", "problem.toml")  # what a result is read from; figures are drawn from it
-OWN = "manifest.json"
-SHORT = 16  # hexadecimal digits of an entry's digest
+MANIFEST = "manifest.json"
+DIGEST_DIGITS = 16  # hexadecimal digits of an entry's digest
 
 
 def digest(content: bytes) -> str:
@@ -41,9 +41,9 @@ def changed_entries(folder: Path, names: Sequence[str] = DATA) -> dict[str, list
     if files is None:
         raise KeyError("sha256")
     found, known = digests(folder, names), _table(manifest, "entries")
-    if known is not None or OWN in files:  # results stored by earlier versions have neither
-        found[OWN] = _own(manifest)
-    wrong = [name for name in (*names, OWN) if files.get(name) != found.get(name)]
+    if known is not None or MANIFEST in files:  # results stored by earlier versions have neither
+        found[MANIFEST] = _own(manifest)
+    wrong = [name for name in (*names, MANIFEST) if files.get(name) != found.get(name)]
     return {name: _differing(folder / name, (known or {}).get(name)) for name in wrong}
 
 
@@ -52,21 +52,21 @@ def changed(folder: Path, names: Sequence[str] = DATA) -> list[str]:
     try:
         wrong = changed_entries(folder, names)
     except KeyError:
-        return [f"{OWN} holds no digests of the files"]
+        return [f"{MANIFEST} holds no digests of the files"]
     return [_sentence(folder, name, parts) for name, parts in wrong.items()]
 
 
 def _sentence(folder: Path, name: str, parts: list[str] | None) -> str:
     if not (folder / name).is_file():
-        return f"{name} is gone, or was never there ({OWN} has its digest)"
+        return f"{name} is gone, or was never there ({MANIFEST} has its digest)"
     which = f": {', '.join(parts)}" if parts else ""
-    return f"{name} was changed after it was written{which} (its digest differs from {OWN})"
+    return f"{name} was changed after it was written{which} (its digest differs from {MANIFEST})"
 
 
 def manifest_of(folder: Path) -> dict[str, Any]:
     """What manifest.json holds; empty if it cannot be read."""
     try:
-        data = json.loads((folder / OWN).read_text(encoding="utf-8"))
+        data = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
     return data if isinstance(data, dict) else {}
@@ -77,10 +77,10 @@ def seal(folder: Path, names: Sequence[str] = DATA, more: Mapping[str, Any] | No
     of it is kept."""
     data = {**manifest_of(folder), **(more or {})}
     known = {name: parts for name in names if (parts := _parts(folder / name)) is not None}
-    data["entries"] = {**(_table(data, "entries") or {}), **known, OWN: _digests(_rest(data))}
+    data["entries"] = {**(_table(data, "entries") or {}), **known, MANIFEST: _digests(_rest(data))}
     files = {**(_table(data, "sha256") or {}), **digests(folder, names)}
-    data["sha256"] = {**files, OWN: _own({**data, "sha256": files})}
-    write_whole(folder / OWN, (json.dumps(data, indent=2) + "\n").encode())
+    data["sha256"] = {**files, MANIFEST: _own({**data, "sha256": files})}
+    write_whole(folder / MANIFEST, (json.dumps(data, indent=2) + "\n").encode())
 
 
 def _table(manifest: Mapping[str, Any], name: str) -> dict[str, Any] | None:
@@ -90,7 +90,7 @@ def _table(manifest: Mapping[str, Any], name: str) -> dict[str, Any] | None:
 
 def _own(manifest: Mapping[str, Any]) -> str:
     """Digest of a manifest's entries but itself."""
-    files = {name: x for name, x in (_table(manifest, "sha256") or {}).items() if name != OWN}
+    files = {name: x for name, x in (_table(manifest, "sha256") or {}).items() if name != MANIFEST}
     return digest(_canonical({**manifest, "sha256": files}))
 
 
@@ -112,7 +112,7 @@ def _parts(path: Path) -> dict[str, str] | None:
     try:
         if path.suffix == ".json":
             data = json.loads(path.read_text(encoding="utf-8"))
-            return _digests(_rest(data) if path.name == OWN else data)
+            return _digests(_rest(data) if path.name == MANIFEST else data)
         if path.suffix == ".toml":
             return _digests(tomllib.loads(path.read_text(encoding="utf-8")))
         return dict(_arrays(path)) if path.suffix == ".nc" else None
@@ -121,7 +121,7 @@ def _parts(path: Path) -> dict[str, str] | None:
 
 
 def _digests(data: Mapping[str, Any]) -> dict[str, str]:
-    return {name: digest(_canonical(x))[:SHORT] for name, x in data.items()}
+    return {name: digest(_canonical(x))[:DIGEST_DIGITS] for name, x in data.items()}
 
 
 def _canonical(data: Any) -> bytes:
@@ -133,7 +133,7 @@ def _arrays(path: Path) -> Iterator[tuple[str, str]]:
     for group, content in read_netcdf(path).items():
         for name, (dimensions, values, _) in content.variables.items():
             words = f"{dimensions} {values.dtype} {values.shape}".encode()
-            yield f"{group}/{name}", digest(words + values.tobytes())[:SHORT]
+            yield f"{group}/{name}", digest(words + values.tobytes())[:DIGEST_DIGITS]
         for name, value in content.attributes.items():
             if not name.startswith("_"):  # HDF5's own
-                yield f"{group}@{name}", digest(str(value).encode())[:SHORT]
+                yield f"{group}@{name}", digest(str(value).encode())[:DIGEST_DIGITS]

@@ -24,7 +24,7 @@ from hopopt.storage.stated_figures import motion_check, stated_checks
 from hopopt.verify.check import KKT, Check
 
 CONFIRMED = 1e-4  # relative: the fixed design may be worse than the co-design by this
-AGREE = 1e-9  # stored tables against the stored trajectories, relative
+TABLES_AGREE = 1e-9  # stored tables against the stored trajectories, relative
 
 
 def recheck(solution: Solution) -> Verdict:
@@ -112,7 +112,7 @@ def _same_limits(nlp: NlpSolution) -> Check:
     with np.errstate(invalid="ignore"):
         looser = [low_z - b.low_z, b.high_z - high_z, t.lbg - b.low_g, b.high_g - t.ubg]
     worst = float(np.nan_to_num(np.concatenate(looser), nan=0.0, posinf=np.inf).max())  # inf - inf: no limit in either
-    return Check("limits are the problem's or tighter", max(worst, 0.0), AGREE, "scaled")
+    return Check("limits are the problem's or tighter", max(worst, 0.0), TABLES_AGREE, "scaled")
 
 
 def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
@@ -124,7 +124,7 @@ def _same_program(solution: Solution, nlp: NlpSolution) -> Check:
         wrong.append((trajectory.u - other.u) / np.maximum(1.0, np.abs(other.u).max(axis=(0, 1))))
     value = nlp.value if solution.summary.version == VERSION else nlp.objective  # the tie-break was counted in once
     wrong.append((value - solution.summary.objective_value) / nlp.transcription.problem.objective.scale)
-    return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), AGREE, "SI")
+    return Check("the program is the problem's", float(np.max([np.abs(w).max() for w in wrong])), TABLES_AGREE, "SI")
 
 
 def _same_directions(stated: Curvature, found: Curvature | None) -> Check:
@@ -143,7 +143,7 @@ def _agreement(solution: Solution) -> Check:
             stored, computed = getattr(table, part), getattr(fresh, part)
             if stored is None:
                 return Check(
-                    "tables agree with the collocation data", np.inf, AGREE, "relative", f"{name} has no {part}"
+                    "tables agree with the collocation data", np.inf, TABLES_AGREE, "relative", f"{name} has no {part}"
                 )
             wrong = max(wrong, float(np.abs(stored - computed).max() / max(1.0, np.abs(computed).max())))
-    return Check("tables agree with the collocation data", wrong, AGREE, "relative")
+    return Check("tables agree with the collocation data", wrong, TABLES_AGREE, "relative")

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 
 from hopopt.errors import ResultError
 from hopopt.nlp.refinement.mesh_refinement import change_of
-from hopopt.planner.answer.program_figures import Source, figures
+from hopopt.planner.answer.program_figures import FigureSource, figures
 from hopopt.planner.answer.summary import VERSION
 from hopopt.planner.checks.judge import judge
 from hopopt.planner.refine_and_verify import stated_figure
 from hopopt.planner.solution import Solution, own_functions
 from hopopt.storage.folder import fitting
-from hopopt.storage.phases import TABLE
+from hopopt.storage.phases import TABLE_ARRAYS
 from hopopt.storage.seal.digests import changed_entries
 from hopopt.storage.seal.recheck import co_design_checks, recheck, stored_program
 from hopopt.storage.solution import Figures, save
@@ -54,11 +54,11 @@ def _computed_again(solution: Solution) -> tuple[Solution, set[str]]:
     change = s.check("change of the objective").residual if searched else change
     verdict = judge(plan, program, goal, constraints, {**plan.claims(), **plan.stated}, errors, change)
     verdict = verdict.with_checks(co_design_checks(goal, program.value, s.codesign))
-    entries = figures(Source(hop, plan, program, verdict))
+    entries = figures(FigureSource(hop, plan, program, verdict))
     for name in ("structure", "exit_code", *(["verification"] if searched else [])):
         del entries[name]
     known = {f"summary.json: {name}" for name in entries}
-    known |= {f"solution.nc: {phase}/{name}" for phase in plan.phases for name in TABLE}
+    known |= {f"solution.nc: {phase}/{name}" for phase in plan.phases for name in TABLE_ARRAYS}
     known |= {f"solution.nc: certificate/{group}/{name}" for group, x in verdict.multipliers.items() for name in x}
     return plan.with_summary(**entries, version=VERSION).noted(multipliers=dict(verdict.multipliers)), known
 

@@ -22,7 +22,7 @@ MOST_POINTS = 100_000  # points of a study
 LARGEST_VALUE = 1e15  # of a value; no entry of a problem comes near
 COUNT = re.compile(r"0*[1-9]\d*", re.ASCII)
 SAMPLINGS = "lhs:40 (Latin hypercube) or sobol:64"
-HOW = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100"
+HOW_TO_VARY = "write lower:upper:count, such as leg.gear.ratio=60:160:11, or a list such as leg.gear.ratio=60,80,100"
 FORMAT = 3  # of the study's folder
 
 
@@ -133,7 +133,7 @@ def define(
     if added := added_rules():
         raise UsageError(f"a study takes no limits that are added to RULES: take out {', '.join(added)}")
     if not vary:
-        raise UsageError(f"nothing is varied: {HOW}")
+        raise UsageError(f"nothing is varied: {HOW_TO_VARY}")
     check("seed", seed, 0)
     check("starts", starts)
     count = sampling(sample)[1] if sample else 1
@@ -152,7 +152,7 @@ def parse(texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         entry, equals, given = (part.strip() for part in text.partition("="))
         if not (entry and equals and given):
-            raise UsageError(f"--vary {text}: {HOW}")
+            raise UsageError(f"--vary {text}: {HOW_TO_VARY}")
         if entry in vary:
             raise UsageError(f"--vary {entry} is given twice: give all its values at once")
         vary[entry] = given
@@ -162,7 +162,7 @@ def parse(texts: Sequence[str]) -> dict[str, str]:
 def axis(entry: str, given: Any, sampled: bool) -> Axis:
     """One varied entry from what was given for it."""
     if isinstance(given, Mapping):
-        raise UsageError(f"--vary {shown_path(entry)}: {HOW}")
+        raise UsageError(f"--vary {shown_path(entry)}: {HOW_TO_VARY}")
     ranged = isinstance(given, str) and ":" in given
     parts = (given.split(":") if ranged else given.split(",")) if isinstance(given, str) else np.ravel(given).tolist()
     numbers = [_number(entry, part) for part in parts]
@@ -173,7 +173,7 @@ def axis(entry: str, given: Any, sampled: bool) -> Axis:
     if ranged:
         numbers = _spaced(entry, numbers)
     if len(set(numbers)) < len(numbers) or not numbers:
-        raise UsageError(f"--vary {shown_path(entry)}: each value once, please; {HOW}")
+        raise UsageError(f"--vary {shown_path(entry)}: each value once, please; {HOW_TO_VARY}")
     return Axis(entry, tuple(numbers))
 
 
@@ -193,7 +193,7 @@ def _number(entry: str, part: Any) -> float:
     except (TypeError, ValueError):
         value = math.nan
     if isinstance(part, bool) or not abs(value) <= LARGEST_VALUE:
-        words = f"{shown(part)} is not a number of at most {LARGEST_VALUE:g}; {HOW}"
+        words = f"{shown(part)} is not a number of at most {LARGEST_VALUE:g}; {HOW_TO_VARY}"
         raise UsageError(f"--vary {shown_path(entry)}: {words}")
     return value
 

@@ -87,9 +87,9 @@ def doubtful(
 def _contradicted(definition: Definition, finished: Mapping[int, Point], sign: float) -> dict[int, list[int]]:
     """Points that do worse than verified points with tighter limits, and those."""
     order = sorted(k for k, p in finished.items() if p.outcome != IMPOSSIBLE)
-    merit = [sign * (p.objective_value or 0.0) if (p := finished[k]).verified else np.nan for k in order]
+    signed_value = [sign * (p.objective_value or 0.0) if (p := finished[k]).verified else np.nan for k in order]
     entries = [axis.entry for axis in definition.axes]
-    found = contradicted(entries, definition.points[order], np.array(merit), definition.objective)
+    found = contradicted(entries, definition.points[order], np.array(signed_value), definition.objective)
     return {order[k]: [order[g] for g in better] for k, better in found.items()}
 
 

@@ -7,20 +7,14 @@ checks are those of a single solve.
 
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
-from hopopt.design import Leg, physical_parameters
-from hopopt.errors import NotSolvedError, ProblemFileError, SolverError, one_line
+from hopopt.errors import NotSolvedError, SolverError, one_line
 from hopopt.nlp.deadline import NEVER, Deadline
-from hopopt.nlp.solver.compiled import compiling
-from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
-from hopopt.nlp.solver.reuse import with_numbers_of
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.guesses.feasibility import joints_without_inertia
 from hopopt.ocp.hop import Hop
@@ -34,7 +28,6 @@ from hopopt.planner.search.multistart import (
     contenders,
     first_transcription,
     not_solved,
-    outcome_of,
     solved_from,
 )
 from hopopt.planner.search.required_clearance import from_highest
@@ -42,34 +35,30 @@ from hopopt.planner.solve import TIME_LIMIT
 from hopopt.record import as_data
 from hopopt.studies.faults import Fault, guarded
 from hopopt.studies.sweep.definition import Definition
+from hopopt.studies.sweep.first_program import (
+    Begin,
+    Neighbour,
+    begin_of,
+    compiling_shared,
+    first_program,
+    from_neighbour,
+    stored_outcome,
+)
 from hopopt.studies.sweep.order import unlike
 from hopopt.studies.sweep.point_file import ENDED, NOT_SOLVED, NOT_VERIFIED, VERIFIED, Point
 
-PATIENCE = 60  # iterations from a neighbour's multipliers
 BETTER = 1e-5  # relative: less is noise of the tolerances
 CORRECTED = 1e-4  # relative: more than the same optimum on other meshes can differ
-CLOSE = 3e-3  # relative: what the first mesh may be wrong by between two different optima
-STOPPED = "refinement stopped: no start's or neighbour's optimum could be refined"
-FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
+FIRST_MESH_ERROR = 3e-3  # relative: what the first mesh may be wrong by between two different optima
+REFINEMENT_STOPPED = "refinement stopped: no start's or neighbour's optimum could be refined"
 
-Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
 Kept = tuple[Point, Begin]
-Found = tuple["Source | None", StartOutcome, Begin, Transcription]  # on the first mesh
-FromSource = tuple["Source", StartOutcome, Begin, Transcription]
-_compiled: dict[str, tuple[Hop, Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
+Found = tuple["Neighbour | None", StartOutcome, Begin, Transcription]  # on the first mesh
+FromSource = tuple["Neighbour", StartOutcome, Begin, Transcription]
 _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several threads, a compiled program may not
 
 
-@dataclass(frozen=True)
-class Source:
-    """A neighbour to begin from: its index, the pass its solution is of, and that solution."""
-
-    index: int
-    solved_in: int
-    begin: Begin
-
-
-def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Kept:
+def solve_point(definition: Definition, k: int, sources: Sequence[Neighbour]) -> Kept:
     """Solve point k from the sources or, if none leads to a verified hop, from the starts."""
     began = time.perf_counter()
     found = guarded(_solved, definition, k, sources)
@@ -80,9 +69,9 @@ def solve_point(definition: Definition, k: int, sources: Sequence[Source]) -> Ke
     return replace(point, tried=tried, seconds=time.perf_counter() - began), begin
 
 
-def _solved(definition: Definition, k: int, sources: Sequence[Source]) -> Kept:
+def _solved(definition: Definition, k: int, sources: Sequence[Neighbour]) -> Kept:
     point, begin = Point(k, definition.values(k), NOT_SOLVED), dict[str, np.ndarray]()
-    with _one_at_a_time, _compiling(definition):
+    with _one_at_a_time, compiling_shared(definition):
         until = NEVER.within(TIME_LIMIT)
         try:
             hop = Hop(definition.design_at(k), definition.objective)
@@ -94,10 +83,10 @@ def _solved(definition: Definition, k: int, sources: Sequence[Source]) -> Kept:
         except NotSolvedError as error:  # one point does not end a study
             if not point.solved:
                 point = replace(point, sentence=one_line(error))
-    return (point if point.solved or point.sentence else replace(point, sentence=STOPPED)), begin
+    return (point if point.solved or point.sentence else replace(point, sentence=REFINEMENT_STOPPED)), begin
 
 
-def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Source], after_pass: int) -> Kept:
+def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Neighbour], after_pass: int) -> Kept:
     """Solve a finished point from other neighbours; the better, and that they were tried."""
     began = time.perf_counter()
     found = guarded(_solved_again, definition, old, own, sources, after_pass)
@@ -109,9 +98,11 @@ def solve_again(definition: Definition, old: Point, own: Begin, sources: Sequenc
     return replace(best, tried=tried, seconds=seconds, after_pass=after_pass), begin
 
 
-def _solved_again(definition: Definition, old: Point, own: Begin, sources: Sequence[Source], after_pass: int) -> Kept:
+def _solved_again(
+    definition: Definition, old: Point, own: Begin, sources: Sequence[Neighbour], after_pass: int
+) -> Kept:
     best, begin = (old := replace(old, traceback="")), dict[str, np.ndarray]()
-    with _one_at_a_time, _compiling(definition):
+    with _one_at_a_time, compiling_shared(definition):
         until = NEVER.within(TIME_LIMIT)
         hop = Hop(definition.design_at(old.index), definition.objective)
         known = own if old.verified else None
@@ -124,31 +115,23 @@ def _solved_again(definition: Definition, old: Point, own: Begin, sources: Seque
 
 def again(definition: Definition, point: Point, begin: Begin) -> Point:
     """A point as it comes out when its optimum on the first mesh, ``begin``, is refined and verified once more."""
-    with _one_at_a_time, _compiling(definition):
+    with _one_at_a_time, compiling_shared(definition):
         until = NEVER.within(TIME_LIMIT)
         hop = Hop(definition.design_at(point.index), definition.objective)
         own = point.begun_from is None  # from starts, on a program of its own
-        t = first_transcription(hop) if own else _first_program(definition, hop, point.values, until)[0]
-        found = _refined(hop, _stored_outcome(hop, t, begin), t, until)
+        t = first_transcription(hop) if own else first_program(definition, hop, point.values, until)[0]
+        found = _refined(hop, stored_outcome(hop, t, begin), t, until)
     return replace(_described(point, found, None), begun_from=point.begun_from)
-
-
-def _stored_outcome(hop: Hop, t: Transcription, begin: Begin) -> StartOutcome:
-    """An optimum on the first mesh as it was stored for neighbours."""
-    z, p = begin["x"] / t.scale, t.parameter_values()
-    g = np.array(ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(z, p)).ravel()
-    vectors = {"z": z, "p": p, "g": g, "lam_g": begin["lam_g"], "lam_x": begin["lam_x"]}
-    return StartOutcome("stored", "stored", True, float(begin["objective"]), 0, 0.0, vectors, hop.objective.sign)
 
 
 def _better(hop: Hop, value: float, than: Point, by: float = BETTER) -> bool:
     """Whether a verified value beats a point's: by this share, or because that is not verified."""
     if not than.verified or than.objective_value is None:
         return True
-    return hop.objective.merit(value - than.objective_value) > by * abs(than.objective_value)
+    return hop.objective.signed_value(value - than.objective_value) > by * abs(than.objective_value)
 
 
-def _described(point: Point, found: Answer, source: Source | None) -> Point:
+def _described(point: Point, found: Answer, source: Neighbour | None) -> Point:
     heights: dict[str, Any] = {"clearance_m": None, "unverified_clearance_m": None, "parts": None, "limit": ""}
     if found.verified:
         gains = limit_gains(found.refined.solution, found.hop.design.contact.friction)
@@ -168,15 +151,15 @@ def _error(found: Answer) -> float | None:
 
 
 def _answers(
-    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source], until: Deadline
-) -> Iterator[tuple[Source | None, tuple[Answer, Begin]]]:
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Neighbour], until: Deadline
+) -> Iterator[tuple[Neighbour | None, tuple[Answer, Begin]]]:
     """The refined and verified best of what the sources and the search of a single solve lead to on the first mesh, and
     what is close to it but unlike."""
     verified, refined = False, list[Begin]()
     from_sources = _on_the_first_mesh(definition, hop, values, sources, until)
     count, known = definition.starts or hop.design.solver.starts, [each[1] for each in from_sources]
     searched = _searched(hop, count, known, until)
-    for source, outcome, begin, t in sorted([*from_sources, *searched], key=lambda each: -each[1].merit):
+    for source, outcome, begin, t in sorted([*from_sources, *searched], key=lambda each: -each[1].signed_value):
         if refined and until.passed:
             return
         if not refined or not verified or _another(hop, begin, refined):
@@ -201,17 +184,17 @@ def _searched(hop: Hop, count: int, known: Sequence[StartOutcome], until: Deadli
         if not known:
             raise
         return []
-    return [(None, o, _begin(o, t), t) for o in contenders(outcomes)]
+    return [(None, o, begin_of(o, t), t) for o in contenders(outcomes)]
 
 
 def _other_answers(
     definition: Definition,
     hop: Hop,
     values: Mapping[str, float],
-    sources: Sequence[Source],
+    sources: Sequence[Neighbour],
     own: Begin | None,
     until: Deadline,
-) -> Iterator[tuple[Source, Answer, Begin]]:
+) -> Iterator[tuple[Neighbour, Answer, Begin]]:
     """What is verified of the sources' optima that may be better than the ``own``, and than each other: the best on the
     first mesh first, and none that is like one before."""
     verified: list[Begin] = []
@@ -230,7 +213,7 @@ def _other_answers(
 
 
 def _on_the_first_mesh(
-    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Source], until: Deadline
+    definition: Definition, hop: Hop, values: Mapping[str, float], sources: Sequence[Neighbour], until: Deadline
 ) -> list[FromSource]:
     """What the sources lead to on the first mesh, the best first."""
     found = []
@@ -238,13 +221,13 @@ def _on_the_first_mesh(
         if found and until.passed:
             break
         try:
-            t, solver = _first_program(definition, hop, values, until)
-            outcome = _from_neighbour(hop, t, solver, source)
+            t, solver = first_program(definition, hop, values, until)
+            outcome = from_neighbour(hop, t, solver, source)
         except SolverError:
             continue
         if outcome.success:
-            found.append((source, outcome, _begin(outcome, t), t))
-    return sorted(found, key=lambda each: -each[1].merit)
+            found.append((source, outcome, begin_of(outcome, t), t))
+    return sorted(found, key=lambda each: -each[1].signed_value)
 
 
 def _another(hop: Hop, begin: Begin, refined: Sequence[Begin]) -> bool:
@@ -259,8 +242,8 @@ def _preferred(hop: Hop, found: Answer, than: Point) -> bool:
 def _promising(hop: Hop, begin: Begin, own: Begin) -> bool:
     """Whether an optimum on the first mesh may be better than the own one: it is, or it is close and another."""
     value = float(own["objective"])
-    gain = hop.objective.merit(float(begin["objective"]) - value) / max(abs(value), 1e-9)
-    return gain > CORRECTED or (gain > -CLOSE and unlike(begin["shape"], own["shape"]))
+    gain = hop.objective.signed_value(float(begin["objective"]) - value) / max(abs(value), 1e-9)
+    return gain > CORRECTED or (gain > -FIRST_MESH_ERROR and unlike(begin["shape"], own["shape"]))
 
 
 def _refined(hop: Hop, outcome: StartOutcome, t: Transcription, until: Deadline) -> Answer:
@@ -275,75 +258,6 @@ def _refined(hop: Hop, outcome: StartOutcome, t: Transcription, until: Deadline)
         return None
 
     return tried_again(hop, found, POINT, again, lambda answer: answer.trial, _silent, until)[1]
-
-
-def _begin(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:
-    """What a neighbour begins from: variables (SI), multipliers and objective on the first mesh; and its shape, the
-    scaled states at fractions of the phases, which tells optima apart."""
-    phases, _ = t.unpack(outcome.vectors["z"], outcome.vectors["p"])
-    states = [
-        phases[name].sample(FRACTIONS * phases[name].duration)[0] / layout.phase.columns(layout.phase.states, "scale")
-        for name, layout in t.layouts.items()
-    ]
-    return {
-        "x": outcome.vectors["z"] * t.scale,
-        "lam_g": outcome.vectors["lam_g"],
-        "lam_x": outcome.vectors["lam_x"],
-        "objective": np.array(outcome.objective),
-        "shape": np.concatenate([s.ravel() for s in states]),
-    }
-
-
-def _from_neighbour(hop: Hop, t: Transcription, solver: NlpSolver, source: Source) -> StartOutcome:
-    """The first mesh's program from a neighbour's optimum: with its multipliers, else without."""
-    began, name, begin = time.perf_counter(), f"point {source.index}", source.begin
-    if len(begin["x"]) != len(t.scale) or len(begin["lam_g"]) != len(t.lbg):  # another mesh or other constraints
-        return StartOutcome(name, "does not fit", False, 0.0, 0, 0.0, {})
-    z = begin["x"] / t.scale
-    s = solver.from_vector(z, (begin["lam_g"], begin["lam_x"]))
-    if not s.success:
-        s = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations}, until=solver.until).from_vector(z)
-    return outcome_of(name, s, time.perf_counter() - began)
-
-
-def _first_program(
-    definition: Definition, hop: Hop, values: Mapping[str, float], until: Deadline
-) -> tuple[Transcription, NlpSolver]:
-    """The first mesh's program of a point, compiled once for all points that differ in numbers of leg and start.
-
-    It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
-    """
-    form = {entry: values[entry] for entry in _formative(hop.leg, values)}
-    key = repr((definition.as_dict(), form))
-    if key not in _compiled:
-        _compiled.clear()
-        try:
-            _compiled[key] = _ready(Hop(definition.design_with(form), definition.objective))
-        except ProblemFileError:  # only its points are possible
-            return _ready(hop, until)[1:]
-    common, t, solver = _compiled[key]
-    if common.dependent != hop.dependent:  # which joints a closed loop moves is form too
-        return _ready(hop, until)[1:]
-    t = with_numbers_of(t, hop.problem)
-    return t, solver.on(t, until)
-
-
-def _ready(hop: Hop, until: Deadline = NEVER) -> tuple[Hop, Transcription, NlpSolver]:
-    """A problem with its first mesh's program, to be solved from a neighbour's multipliers."""
-    t = first_transcription(hop)
-    return hop, t, NlpSolver(t, CARRIED | {"ipopt.max_iter": PATIENCE}, until=until)
-
-
-def _compiling(definition: Definition) -> AbstractContextManager[None]:
-    """Derivatives are compiled where all points share them: where numbers of the leg and its start alone are varied."""
-    varied = (axis.entry for axis in definition.axes)
-    return nullcontext() if _formative(definition.design.leg, varied) else compiling()
-
-
-def _formative(leg: Leg, entries: Iterable[str]) -> list[str]:
-    """Those of the entries that are not just numbers of a program, but change its form or its bounds."""
-    numbers = physical_parameters(leg)
-    return [entry for entry in entries if entry not in numbers and not entry.startswith("start.")]
 
 
 def _silent(text: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hopopt.errors import HopoptError, one_line
-from hopopt.storage.seal.digests import OWN, changed
+from hopopt.storage.seal.digests import MANIFEST, changed
 from hopopt.storage.stated_figures import difference
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.point import again
@@ -15,7 +15,7 @@ from hopopt.studies.sweep.store import FILES, load_begin, read_definition
 
 AGAIN, NO_ERROR = 0.1, 1e-8  # relative, of the error; what a smaller one is relative to [the objective's unit]
 VALUES = ("clearance_m", "objective_value")  # of a point, that are compared
-SAME = 1e-5  # relative: what refining again may differ by
+SAME_REFINED = 1e-5  # relative: what refining again may differ by
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,9 @@ def recheck_study(folder: Path, say: Callable[[str], None] = lambda text: None) 
         if doubt or (point.verified and point == latest[point.index]):
             say(f"point {point.index + 1} of {len(definition.points)}")
             found.append(_rechecked(folder, definition, path, point, doubt))
-    sealed = (folder / OWN).exists() or (folder / "study.json").exists()  # unfinished ones of earlier versions are not
+    sealed = (folder / MANIFEST).exists() or (
+        folder / "study.json"
+    ).exists()  # unfinished ones of earlier versions are not
     return found, changed(folder, FILES) if sealed else []
 
 
@@ -80,6 +82,6 @@ def _fault(stated: Point, found: Point) -> str:
     pairs = {name: (getattr(stated, name), getattr(found, name)) for name in VALUES}
     pairs |= {name: ((stated.parts or {}).get(name), value) for name, value in (found.parts or {}).items()}
     for name, (reported, value) in pairs.items():
-        if reported is None or not abs(reported - value) <= SAME * max(abs(value), 1e-3):
+        if reported is None or not abs(reported - value) <= SAME_REFINED * max(abs(value), 1e-3):
             return f"it states {name} {reported}, and {value:.6g} was computed"
     return ""

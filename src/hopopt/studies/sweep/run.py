@@ -20,7 +20,7 @@ from hopopt.ocp.objectives.registry import find
 from hopopt.studies.faults import kept
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.order import doubtful, sources
-from hopopt.studies.sweep.point import Source, solve_again, solve_point
+from hopopt.studies.sweep.point import Neighbour, solve_again, solve_point
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_VERIFIED, Point
 from hopopt.studies.sweep.store import (
     check_same,
@@ -55,8 +55,10 @@ class Study:
     @property
     def best(self) -> Point | None:
         """The verified point with the best objective."""
-        merit = find(self.definition.objective).merit
-        return max((p for p in self.points if p.verified), key=lambda p: merit(p.objective_value or 0.0), default=None)
+        signed_value = find(self.definition.objective).signed_value
+        return max(
+            (p for p in self.points if p.verified), key=lambda p: signed_value(p.objective_value or 0.0), default=None
+        )
 
     @property
     def at_the_edge(self) -> str:
@@ -185,8 +187,8 @@ def _first_pass(definition: Definition, folder: Path, finished: dict[int, Point]
             show.finished(len(finished), len(definition.points), point)
 
 
-def _begins(folder: Path, finished: Mapping[int, Point], indices: Sequence[int]) -> list[Source]:
-    return [Source(k, finished[k].solved_in, load_begin(folder, finished[k])) for k in indices]
+def _begins(folder: Path, finished: Mapping[int, Point], indices: Sequence[int]) -> list[Neighbour]:
+    return [Neighbour(k, finished[k].solved_in, load_begin(folder, finished[k])) for k in indices]
 
 
 # ---- the further passes -------------------------------------------------------------------------------------

@@ -130,7 +130,7 @@ def load_points(folder: Path, definition: Definition) -> dict[int, dict[int, Poi
 DEFINITION, TABLES = ("sweep.json", "problem.toml"), ("study.json", "table.csv", "sweep.nc")
 FILES = (*DEFINITION, *TABLES)  # each point has a digest of its own
 COLUMNS = ("clearance_m", "unverified_clearance_m", "objective_value", "seconds")
-PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
+HEIGHT_PARTS = ("com_height_at_lift_off_m", "ballistic_rise_m", "com_height_over_lowest_point_m")
 
 
 def save_tables(folder: Path, definition: Definition, points: Sequence[Point], data: Mapping[str, Any]) -> None:
@@ -148,16 +148,22 @@ def table(definition: Definition, points: Sequence[Point]) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     entries = [axis.entry for axis in definition.axes]
-    writer.writerow(["index", *entries, "outcome", *COLUMNS, *PARTS, "sentence"])
+    writer.writerow(["index", *entries, "outcome", *COLUMNS, *HEIGHT_PARTS, "sentence"])
     for p in points:
-        row = [p.index, *p.values.values(), p.outcome, *(_figure(p, name) for name in (*COLUMNS, *PARTS)), p.sentence]
+        row = [
+            p.index,
+            *p.values.values(),
+            p.outcome,
+            *(_figure(p, name) for name in (*COLUMNS, *HEIGHT_PARTS)),
+            p.sentence,
+        ]
         writer.writerow(["" if x is None else repr(x) if isinstance(x, float) else x for x in row])
     return buffer.getvalue()
 
 
 def _figure(point: Point, name: str) -> float | None:
-    """One of COLUMNS or PARTS of a point, None where it has none."""
-    return (point.parts or {}).get(name) if name in PARTS else getattr(point, name)
+    """One of COLUMNS or HEIGHT_PARTS of a point, None where it has none."""
+    return (point.parts or {}).get(name) if name in HEIGHT_PARTS else getattr(point, name)
 
 
 def dataset(definition: Definition, points: Sequence[Point]) -> "xr.Dataset":
@@ -172,7 +178,7 @@ def dataset(definition: Definition, points: Sequence[Point]) -> "xr.Dataset":
     size = shape or (len(points),)
 
     units, variables = {"seconds": "s", "objective_value": find(definition.objective).unit}, dict[str, Any]()
-    for name in (*COLUMNS, *PARTS):
+    for name in (*COLUMNS, *HEIGHT_PARTS):
         column = np.array([_figure(p, name) for p in points], dtype=float).reshape(size)  # None: not-a-number
         variables[name] = (dims, column, {"units": units.get(name, "m")})
     for name in ("outcome", "sentence"):

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from hopopt.design import Hop
+from hopopt.design import HopSettings
 from hopopt.sim.machine import Machine
 from hopopt.verify.table import DESCENT, LANDING, NORMALISED_TIMES, Table, dense
 
@@ -21,7 +21,7 @@ UPRIGHT = 1e-12  # m: extent along x below which a link counts as upright
 Links = tuple[np.ndarray, np.ndarray]  # both ends of every link at every instant, (k, 2) x, z [m]
 
 
-def highest_box(machine: Machine, hop: Hop, tables: Mapping[str, Table]) -> tuple[float, float]:
+def highest_box(machine: Machine, hop: HopSettings, tables: Mapping[str, Table]) -> tuple[float, float]:
     """Height of the highest box of width ``hop.obstacle.width`` that the leg clears between where its foot stands and where
     it lands, and where along x it begins [m]."""
     links, width = swept(machine, hop, tables), float(hop.obstacle.width or 0.0)
@@ -45,7 +45,7 @@ def step(machine: Machine, tables: Mapping[str, Table]) -> float:
     return float(machine.points(tables[DESCENT].q[-1, -1])["foot"][0])
 
 
-def swept(machine: Machine, hop: Hop, tables: Mapping[str, Table]) -> Links:
+def swept(machine: Machine, hop: HopSettings, tables: Mapping[str, Table]) -> Links:
     """Every link at every instant; of a periodic hop, those of the hops before and after too, as far as they reach here."""
     ahead, begins, ends = step(machine, tables), [], []
     for name, table in tables.items():

@@ -7,7 +7,7 @@ from hopopt.studies.sweep.point_file import Point
 
 Kept = tuple[Point, Any]  # a point, and what a neighbour begins from
 Job = Callable[..., Kept]
-GO_ON = "what is finished is kept, --resume goes on, with fewer --processes if memory is short"
+HOW_TO_RESUME = "what is finished is kept, --resume goes on, with fewer --processes if memory is short"
 
 
 class Workers:

@@ -7,11 +7,11 @@ from typing import Any
 
 from hopopt.errors import HopoptError, UsageError
 from hopopt.storage.folder import reason_of
-from hopopt.studies.sweep.workers.crew import GO_ON, Job, Kept, Workers
+from hopopt.studies.sweep.workers.crew import HOW_TO_RESUME, Job, Kept, Workers
 
 LOCAL = "local"
 LOOPBACK = "127.0.0.1"  # nobody on the network may give a cluster of this computer work
-PATIENCE = 10  # seconds for a scheduler to answer
+SCHEDULER_TIMEOUT = 10  # seconds for a scheduler to answer
 LOSSES = 10  # workers that may die at a point before it is given up
 
 
@@ -30,7 +30,9 @@ def dask_workers(count: int, scheduler: str) -> Iterator[Workers]:
     quiet = {"distributed.scheduler.allowed-failures": LOSSES, "distributed.admin.large-graph-warning-threshold": "1GB"}
     with settings(quiet), _silent(), _cluster(count, scheduler) as address:
         try:
-            client = Client(address, timeout=PATIENCE, set_as_default=False)  # else xarray would ask for it, gone
+            client = Client(
+                address, timeout=SCHEDULER_TIMEOUT, set_as_default=False
+            )  # else xarray would ask for it, gone
         except (OSError, ValueError) as error:
             raise UsageError(f"--scheduler {scheduler}: no Dask scheduler answers there") from error
 
@@ -46,7 +48,7 @@ def dask_workers(count: int, scheduler: str) -> Iterator[Workers]:
         try:
             yield Workers(count if scheduler == LOCAL else _count(client, scheduler), submit, collect)
         finally:
-            client.close(timeout=PATIENCE)
+            client.close(timeout=SCHEDULER_TIMEOUT)
 
 
 @contextmanager
@@ -61,15 +63,17 @@ def _told_apart(scheduler: str) -> Iterator[None]:
     except HopoptError:
         raise
     except KilledWorker as error:
-        raise HopoptError(f"a point ended {LOSSES + 1} workers one after another (out of memory?); {GO_ON}") from error
+        raise HopoptError(
+            f"a point ended {LOSSES + 1} workers one after another (out of memory?); {HOW_TO_RESUME}"
+        ) from error
     except (FutureCancelledError, CommClosedError, TimeoutError) as error:
-        raise HopoptError(f"the Dask scheduler ({scheduler}) was lost; {GO_ON}") from error
+        raise HopoptError(f"the Dask scheduler ({scheduler}) was lost; {HOW_TO_RESUME}") from error
     except ImportError as error:
         words = f"a worker lacks {error.name or 'a package'}: install the same hopopt there"
-        raise HopoptError(f"--scheduler {scheduler}: {words}; {GO_ON}") from error
+        raise HopoptError(f"--scheduler {scheduler}: {words}; {HOW_TO_RESUME}") from error
     except Exception as error:
         words = f"a worker failed with {type(error).__name__}: {reason_of(error)}"
-        raise HopoptError(f"--scheduler {scheduler}: {words}; {GO_ON}") from error
+        raise HopoptError(f"--scheduler {scheduler}: {words}; {HOW_TO_RESUME}") from error
 
 
 def _count(client: Any, scheduler: str) -> int:

@@ -12,7 +12,7 @@ from hopopt.errors import HopoptError
 from hopopt.planner.search.beside import begin_worker
 from hopopt.planner.stopwatch import duration
 from hopopt.studies.sweep.point_file import Point
-from hopopt.studies.sweep.workers.crew import GO_ON, Kept, Workers
+from hopopt.studies.sweep.workers.crew import HOW_TO_RESUME, Kept, Workers
 from hopopt.studies.sweep.workers.dask_workers import dask_workers
 
 Progress = Callable[[str], None]
@@ -49,7 +49,7 @@ def workers(count: int, scheduler: str | None = None) -> Iterator[Workers]:
     try:
         yield Workers(count, executor.submit, _first_of)
     except BrokenProcessPool as error:
-        raise HopoptError(f"a process of the study ended unexpectedly (out of memory?); {GO_ON}") from error
+        raise HopoptError(f"a process of the study ended unexpectedly (out of memory?); {HOW_TO_RESUME}") from error
     finally:
         executor.shutdown(kill_workers=True)
 

@@ -6,13 +6,9 @@ solved again alone. Neighbours begin from each other on one compiled program, up
 optimum at one end does not stay unnoticed. (Miettinen, Nonlinear Multiobjective Optimization, 1999, section 3.2.)
 """
 
-import csv
-import io
-import json
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +16,6 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.errors import NotSolvedError, SolverError, UsageError, one_line
-from hopopt.files import write_whole
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.solver.reuse import with_numbers_of
@@ -36,10 +31,11 @@ from hopopt.planner.solution import Solution
 from hopopt.planner.solve import TIME_LIMIT, solve
 from hopopt.planner.stopwatch import Countdown, Stopwatch
 from hopopt.problem.checking.wording import did_you_mean
-from hopopt.problem.load import as_design, changed, load
-from hopopt.storage.folder import new_folder, prepare, write_json, writing
+from hopopt.problem.load import as_design, changed
+from hopopt.storage.folder import new_folder, prepare, writing
 from hopopt.storage.solution import save
 from hopopt.studies.faults import Fault, guarded, kept
+from hopopt.studies.pareto.front import Front, FrontPoint
 from hopopt.verify.measures import MEASURES
 
 CROWDING = 1.5  # exponent that brings points closer to the highest hop
@@ -47,92 +43,6 @@ NEIGHBOUR_ITERATIONS = 150  # iterations from a neighbour
 MOST_POINTS = 1000  # points of a front
 TOP, LEAST = "highest hop", "least {}"
 LOWEST = 0.2  # of the highest clearance, where a front begins: below, the leg hardly leaves the ground
-
-
-@dataclass(frozen=True)
-class FrontPoint:
-    """One hop of the front: clearance [m] and the other figure [its unit], None where it is not verified; ``least``:
-    whether that figure was minimised, not what the highest hop happens to have."""
-
-    kind: str
-    asked_m: float
-    clearance_m: float | None
-    value: float | None
-    verified: bool
-    sentence: str = ""
-    result_dir: str | None = None
-    seconds: float = 0.0
-    least: bool = True
-
-
-@dataclass
-class Front:
-    """What is known of a front so far; ``folder`` holds it, point by point."""
-
-    design: Design
-    against: HopObjective
-    folder: Path | None = None
-    points: list[FrontPoint] = field(default_factory=list)
-    solutions: list[Solution | None] = field(default_factory=list)
-    complete: bool = False
-
-    @property
-    def verified_points(self) -> list[FrontPoint]:
-        """Those that are verified, by clearance."""
-        return sorted((p for p in self.points if p.verified), key=lambda p: p.clearance_m or 0.0)
-
-    @property
-    def verified(self) -> bool:
-        """Whether every point is, and there is one."""
-        return bool(self.points) and all(p.verified for p in self.points)
-
-    @property
-    def exit_code(self) -> int:
-        """0 every point verified, 1 none, 3 some not."""
-        return 0 if self.verified else 3 if self.verified_points else 1
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "problem": self.design.name, "against": self.against.name, "unit": self.against.unit,
-            "meaning": self.against.meaning, "complete": self.complete, "exit_code": self.exit_code,
-            "points": [asdict(p) for p in sorted(self.points, key=lambda p: p.asked_m)],
-            "result_dir": str(self.folder) if self.folder else None,
-        }  # fmt: skip
-
-    def add(self, point: FrontPoint, solution: Solution | None) -> None:
-        """Keep a finished point, in the folder too."""
-        self.points.append(point)
-        self.solutions.append(solution)
-        self.write()
-
-    def note(self, fault: Fault, k: int) -> str:
-        """Keep the traceback of a fault that ended point k; what is said of it."""
-        if self.folder is not None:
-            with writing(f"{self.folder}: a traceback", "the points of before are kept there"):
-                fault.keep(self.folder / "points", f"{k:04d}")
-        return fault.sentence
-
-    def write(self) -> None:
-        """front.json and table.csv as they are now."""
-        if self.folder is None:
-            return
-        buffer = io.StringIO()
-        table, ranked = csv.writer(buffer), sorted(self.points, key=lambda p: p.asked_m)
-        table.writerow(["clearance_m", self.against.figure, "least", "verified", "point", "sentence", "result_dir"])
-        table.writerows([p.clearance_m, p.value, p.least, p.verified, p.kind, p.sentence, p.result_dir] for p in ranked)
-        with writing(f"{self.folder}: the front", "the points of before are kept there: make room and run again"):
-            write_json(self.as_dict(), self.folder / "front.json")
-            write_whole(self.folder / "table.csv", buffer.getvalue().encode())
-
-
-def read_front(folder: Path) -> Front:
-    """A front as its folder holds it, without the motions; the problem is that of its first stored hop."""
-    data = json.loads((folder / "front.json").read_text(encoding="utf-8"))
-    points = [FrontPoint(**point) for point in data["points"]]
-    stored = next(Path(p.result_dir).name for p in points if p.result_dir)
-    design = load(folder / "points" / stored / "problem.toml")
-    return Front(design, find(data["against"]), folder, points, complete=data["complete"])
 
 
 def front(
@@ -241,7 +151,7 @@ class Chain:
         # Less clearance can only cost less: a point that costs more than one above it is solved again from there.
         for k in range(last - 1, -1, -1):
             own, above = best(self.outcomes[k]), best(self.outcomes[k + 1])
-            if above is not None and (own is None or own.merit < above.merit):
+            if above is not None and (own is None or own.signed_value < above.signed_value):
                 self._step(k, k + 1)
 
     def _step(self, k: int, neighbour: int) -> None:
@@ -264,7 +174,7 @@ class Chain:
 
 def best(outcomes: Sequence[StartOutcome]) -> StartOutcome | None:
     """The best that was solved, if any."""
-    return max((o for o in outcomes if o.success), key=lambda o: o.merit, default=None)
+    return max((o for o in outcomes if o.success), key=lambda o: o.signed_value, default=None)
 
 
 def _refined(found: Front, chain: Chain, k: int, kind: str) -> Solution | None:
@@ -296,7 +206,7 @@ def _refined(found: Front, chain: Chain, k: int, kind: str) -> Solution | None:
 def _distinct(outcomes: Sequence[StartOutcome]) -> list[StartOutcome]:
     """Those that were solved and differ by more than 0.2 %, best first."""
     found: list[StartOutcome] = []
-    for o in sorted((o for o in outcomes if o.success), key=lambda o: -o.merit):
+    for o in sorted((o for o in outcomes if o.success), key=lambda o: -o.signed_value):
         if all(abs(o.objective - other.objective) > 2e-3 * abs(other.objective) for other in found):
             found.append(o)
     return found

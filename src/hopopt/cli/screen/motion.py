@@ -1,0 +1,74 @@
+"""What the command line shows of a motion: where the clearance comes from, its phases, its cycle and its touchdown."""
+
+from hopopt.planner.answer.summary import Summary
+from hopopt.planner.answer.touchdown import Impact
+from hopopt.planner.motion import at_apex
+
+GRAVITY = 9.81  # m/s^2
+SWUNG = 1.5  # clearances: a foot that lands as from a higher fall did not only fall
+
+
+def hop_lines(s: Summary) -> list[str]:
+    """Where the clearance comes from; durations, speeds at lift-off and the greatest ground force."""
+    p, stance, flight, lift = s.parts, s.phases["stance"], s.phases["flight"], s.lift_off
+    lands = "".join(
+        f", {name} {s.phases[name].duration_s:.3f} s" for name in ("descent", "landing") if name in s.phases
+    )
+    end, flown = s.vertical_at_end_of_flight_m_s, f"{flight.duration_s:.3f} s"
+    way = "rising" if end > 0 else "falling"
+    flown = f"to the apex {flown}" if at_apex(end) else f"{flown} (then {way} at {abs(end):.2f} m/s)"
+    box = (
+        [f"clears a box {o.width_m:g} m wide and {o.height_m:.4f} m high, {o.begins_m:.3f} m ahead"]
+        if (o := s.obstacle)
+        else []
+    )
+    parts = (
+        f"clearance = COM height at lift-off {p.com_height_at_lift_off_m:.4f} + ballistic rise "
+        f"{p.ballistic_rise_m:.4f} - COM height over the {s.lowest_point} {-p.com_height_over_lowest_point_m:.4f} m"
+    )
+    return [
+        *([parts] if s.verified else []),
+        f"stance {stance.duration_s:.3f} s, flight {flown}{lands}, lift-off at "
+        f"{lift.vertical_m_s:.2f} m/s up and {lift.horizontal_m_s:+.2f} m/s along, peak ground force "
+        f"{s.peak_ground_force_N:.0f} N",
+        *box,
+        *orbit_lines(s),
+    ]
+
+
+def orbit_lines(s: Summary) -> list[str]:
+    """The cycle of a periodic hop, or how a hop comes to rest, and the impact."""
+    if (end := s.landing) is not None:
+        return [
+            f"at rest after {end.rest_s:.3f} s in the pose of the start, {end.step_m:+.3f} m along; the ground pushes with at "
+            f"most {end.peak_ground_force_N:.0f} N meanwhile, and the body is no lower than {end.deepest_m:.3f} m",
+            _impact_line(end),
+            *hard(end, s.clearance_m),
+        ]
+    if (o := s.orbit) is None:
+        return []
+    way = "in place" if abs(o.step_m) < 1e-6 else f"{o.step_m:+.3f} m along in each"
+    return [
+        f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}",
+        _impact_line(o),
+        *hard(o, s.clearance_m),
+    ]
+
+
+def _impact_line(o: Impact) -> str:
+    """What an impact takes."""
+    return (
+        f"touchdown: foot at {o.foot_speed_m_s:.2f} m/s, impulse {o.impulse_Ns:.2f} N s, {o.impact_loss_J:.2f} J lost, "
+        f"gear impulse {o.gear_impulse_Nms:.3f} N m s ({o.gear_impact_torque_Nm:.0f} N m over hop.touchdown_time)"
+    )
+
+
+def hard(o: Impact, clearance: float) -> list[str]:
+    """What a foot means that lands much faster than it would fall, and which entries limit that."""
+    fall = o.foot_speed_m_s**2 / (2 * GRAVITY)
+    if fall < SWUNG * clearance:
+        return []
+    return [
+        f"a hard landing: the foot is swung down as fast as by a fall from {fall:.2f} m; hop.touchdown_speed limits that, "
+        "hop.touchdown_loss the energy, hop.touchdown_impulse the blow (docs/periodic.md)"
+    ]

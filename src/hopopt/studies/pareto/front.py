@@ -1,0 +1,103 @@
+"""What is known of a Pareto front: its points, their solutions, and its folder."""
+
+import csv
+import io
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hopopt.design import Design
+from hopopt.files import write_whole
+from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.ocp.objectives.registry import find
+from hopopt.planner.solution import Solution
+from hopopt.problem.load import load
+from hopopt.storage.folder import write_json, writing
+from hopopt.studies.faults import Fault
+
+
+@dataclass(frozen=True)
+class FrontPoint:
+    """One hop of the front: clearance [m] and the other figure [its unit], None where it is not verified; ``least``:
+    whether that figure was minimised, not what the highest hop happens to have."""
+
+    kind: str
+    asked_m: float
+    clearance_m: float | None
+    value: float | None
+    verified: bool
+    sentence: str = ""
+    result_dir: str | None = None
+    seconds: float = 0.0
+    least: bool = True
+
+
+@dataclass
+class Front:
+    """What is known of a front so far; ``folder`` holds it, point by point."""
+
+    design: Design
+    against: HopObjective
+    folder: Path | None = None
+    points: list[FrontPoint] = field(default_factory=list)
+    solutions: list[Solution | None] = field(default_factory=list)
+    complete: bool = False
+
+    @property
+    def verified_points(self) -> list[FrontPoint]:
+        """Those that are verified, by clearance."""
+        return sorted((p for p in self.points if p.verified), key=lambda p: p.clearance_m or 0.0)
+
+    @property
+    def verified(self) -> bool:
+        """Whether every point is, and there is one."""
+        return bool(self.points) and all(p.verified for p in self.points)
+
+    @property
+    def exit_code(self) -> int:
+        """0 every point verified, 1 none, 3 some not."""
+        return 0 if self.verified else 3 if self.verified_points else 1
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "problem": self.design.name, "against": self.against.name, "unit": self.against.unit,
+            "meaning": self.against.meaning, "complete": self.complete, "exit_code": self.exit_code,
+            "points": [asdict(p) for p in sorted(self.points, key=lambda p: p.asked_m)],
+            "result_dir": str(self.folder) if self.folder else None,
+        }  # fmt: skip
+
+    def add(self, point: FrontPoint, solution: Solution | None) -> None:
+        """Keep a finished point, in the folder too."""
+        self.points.append(point)
+        self.solutions.append(solution)
+        self.write()
+
+    def note(self, fault: Fault, k: int) -> str:
+        """Keep the traceback of a fault that ended point k; what is said of it."""
+        if self.folder is not None:
+            with writing(f"{self.folder}: a traceback", "the points of before are kept there"):
+                fault.keep(self.folder / "points", f"{k:04d}")
+        return fault.sentence
+
+    def write(self) -> None:
+        """front.json and table.csv as they are now."""
+        if self.folder is None:
+            return
+        buffer = io.StringIO()
+        table, ranked = csv.writer(buffer), sorted(self.points, key=lambda p: p.asked_m)
+        table.writerow(["clearance_m", self.against.figure, "least", "verified", "point", "sentence", "result_dir"])
+        table.writerows([p.clearance_m, p.value, p.least, p.verified, p.kind, p.sentence, p.result_dir] for p in ranked)
+        with writing(f"{self.folder}: the front", "the points of before are kept there: make room and run again"):
+            write_json(self.as_dict(), self.folder / "front.json")
+            write_whole(self.folder / "table.csv", buffer.getvalue().encode())
+
+
+def read_front(folder: Path) -> Front:
+    """A front as its folder holds it, without the motions; the problem is that of its first stored hop."""
+    data = json.loads((folder / "front.json").read_text(encoding="utf-8"))
+    points = [FrontPoint(**point) for point in data["points"]]
+    stored = next(Path(p.result_dir).name for p in points if p.result_dir)
+    design = load(folder / "points" / stored / "problem.toml")
+    return Front(design, find(data["against"]), folder, points, complete=data["complete"])

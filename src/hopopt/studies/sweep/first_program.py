@@ -1,0 +1,112 @@
+"""The first mesh's program of a study's points, compiled once for all that share it, and optima on it as neighbours keep them."""
+
+import time
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hopopt.design import Leg, physical_parameters
+from hopopt.errors import ProblemFileError
+from hopopt.nlp.deadline import NEVER, Deadline
+from hopopt.nlp.solver.compiled import compiling
+from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
+from hopopt.nlp.solver.reuse import with_numbers_of
+from hopopt.nlp.transcription import Transcription
+from hopopt.ocp.hop import Hop
+from hopopt.planner.search.multistart import StartOutcome, first_transcription, outcome_of
+from hopopt.studies.sweep.definition import Definition
+
+NEIGHBOUR_ITERATIONS = 60  # iterations from a neighbour's multipliers
+FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
+
+Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
+_compiled: dict[str, tuple[Hop, Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """A neighbour to begin from: its index, the pass its solution is of, and that solution."""
+
+    index: int
+    solved_in: int
+    begin: Begin
+
+
+def first_program(
+    definition: Definition, hop: Hop, values: Mapping[str, float], until: Deadline
+) -> tuple[Transcription, NlpSolver]:
+    """The first mesh's program of a point, compiled once for all points that differ in numbers of leg and start.
+
+    It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
+    """
+    form = {entry: values[entry] for entry in _formative(hop.leg, values)}
+    key = repr((definition.as_dict(), form))
+    if key not in _compiled:
+        _compiled.clear()
+        try:
+            _compiled[key] = _ready(Hop(definition.design_with(form), definition.objective))
+        except ProblemFileError:  # only its points are possible
+            return _ready(hop, until)[1:]
+    common, t, solver = _compiled[key]
+    if common.dependent != hop.dependent:  # which joints a closed loop moves is form too
+        return _ready(hop, until)[1:]
+    t = with_numbers_of(t, hop.problem)
+    return t, solver.on(t, until)
+
+
+def _ready(hop: Hop, until: Deadline = NEVER) -> tuple[Hop, Transcription, NlpSolver]:
+    """A problem with its first mesh's program, to be solved from a neighbour's multipliers."""
+    t = first_transcription(hop)
+    return hop, t, NlpSolver(t, CARRIED | {"ipopt.max_iter": NEIGHBOUR_ITERATIONS}, until=until)
+
+
+def compiling_shared(definition: Definition) -> AbstractContextManager[None]:
+    """Derivatives are compiled where all points share them: where numbers of the leg and its start alone are varied."""
+    varied = (axis.entry for axis in definition.axes)
+    return nullcontext() if _formative(definition.design.leg, varied) else compiling()
+
+
+def _formative(leg: Leg, entries: Iterable[str]) -> list[str]:
+    """Those of the entries that are not just numbers of a program, but change its form or its bounds."""
+    numbers = physical_parameters(leg)
+    return [entry for entry in entries if entry not in numbers and not entry.startswith("start.")]
+
+
+def from_neighbour(hop: Hop, t: Transcription, solver: NlpSolver, source: Neighbour) -> StartOutcome:
+    """The first mesh's program from a neighbour's optimum: with its multipliers, else without."""
+    began, name, begin = time.perf_counter(), f"point {source.index}", source.begin
+    if len(begin["x"]) != len(t.scale) or len(begin["lam_g"]) != len(t.lbg):  # another mesh or other constraints
+        return StartOutcome(name, "does not fit", False, 0.0, 0, 0.0, {})
+    z = begin["x"] / t.scale
+    s = solver.from_vector(z, (begin["lam_g"], begin["lam_x"]))
+    if not s.success:
+        s = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations}, until=solver.until).from_vector(z)
+    return outcome_of(name, s, time.perf_counter() - began)
+
+
+def begin_of(outcome: StartOutcome, t: Transcription) -> dict[str, np.ndarray]:
+    """What a neighbour begins from: variables (SI), multipliers and objective on the first mesh; and its shape, the
+    scaled states at fractions of the phases, which tells optima apart."""
+    phases, _ = t.unpack(outcome.vectors["z"], outcome.vectors["p"])
+    states = [
+        phases[name].sample(FRACTIONS * phases[name].duration)[0] / layout.phase.columns(layout.phase.states, "scale")
+        for name, layout in t.layouts.items()
+    ]
+    return {
+        "x": outcome.vectors["z"] * t.scale,
+        "lam_g": outcome.vectors["lam_g"],
+        "lam_x": outcome.vectors["lam_x"],
+        "objective": np.array(outcome.objective),
+        "shape": np.concatenate([s.ravel() for s in states]),
+    }
+
+
+def stored_outcome(hop: Hop, t: Transcription, begin: Begin) -> StartOutcome:
+    """An optimum on the first mesh as it was stored for neighbours."""
+    z, p = begin["x"] / t.scale, t.parameter_values()
+    g = np.array(ca.Function("g", [t.nlp["x"], t.nlp["p"]], [t.nlp["g"]])(z, p)).ravel()
+    vectors = {"z": z, "p": p, "g": g, "lam_g": begin["lam_g"], "lam_x": begin["lam_x"]}
+    return StartOutcome("stored", "stored", True, float(begin["objective"]), 0, 0.0, vectors, hop.objective.sign)
