@@ -169,7 +169,7 @@ def test_a_study_compiles_what_its_points_share(cache: Path, tmp_path: Path) -> 
 
 def test_what_was_missing_is_made_later_the_longest_first(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     missing()  # of other tests
-    short, long = long_function(), long_function(3 * WORTH_IT)
+    short, long = long_function(4 * WORTH_IT), long_function(5 * WORTH_IT)  # which no test has failed to make
     for f in (short, long, short):
         assert compiled(f) is f
     wanted = missing()
@@ -180,7 +180,7 @@ def test_what_was_missing_is_made_later_the_longest_first(cache: Path, monkeypat
     assert is_library(compiled(short))
     assert is_library(compiled(long))
     assert missing() == []
-    compiled(long_function(2 * WORTH_IT))
+    compiled(long_function(6 * WORTH_IT))
     monkeypatch.setenv("PATH", str(cache))  # without a compiler
     assert missing() == []
 
