@@ -1,6 +1,7 @@
 """Other processes that search beside this one: they begin while the first start is solved here, and hold the same hop."""
 
 import atexit
+import gc
 import os
 import signal
 import threading
@@ -88,6 +89,7 @@ def _pool_of(more: int) -> Any:
 
 def begin_worker(parent: int) -> None:
     """Leave Ctrl-C to the parent, and end with it even if it is killed, be it before this worker has begun."""
+    gc.set_threshold(100_000)  # as in the parent (cli/main.py)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
