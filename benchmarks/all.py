@@ -49,6 +49,16 @@ def least(words: str, trees: list[Path], folders: list[Path], rounds: int) -> li
     return [min(times) for times in zip(*each[1:], strict=True)]
 
 
+def row(words: str, trees: list[Path], folders: list[Path], rounds: int) -> str:
+    """A command's row of the table; where a version does not end well, its exit code."""
+    said = words.removeprefix("-m ")
+    try:
+        old, new = least(words, trees, folders, rounds)
+    except subprocess.CalledProcessError as error:
+        return f"| `{said}` | ended with code {error.returncode} | | |"
+    return f"| `{said}` | {old:.2f} s | {new:.2f} s | {new / old:.2f} |"
+
+
 def commit_of(tree: Path) -> str:
     """The commit of a tree, marked if it has changes."""
     command = ["git", "describe", "--always", "--dirty", "--exclude", "*"]
@@ -73,9 +83,7 @@ def main(commit: str = "17d0fc6", rounds: str = "2", *parts: str) -> None:
             print(f"{state()}\n\n| command | {commit} | {commit_of(HERE)} | ratio |\n|---|---|---|---|", flush=True)
             for words in COMMANDS:
                 if not parts or any(part in words for part in parts):
-                    old, new = least(words, [other, HERE], folders, int(rounds))
-                    said = words.removeprefix("-m ")
-                    print(f"| `{said}` | {old:.2f} s | {new:.2f} s | {new / old:.2f} |", flush=True)
+                    print(row(words, [other, HERE], folders, int(rounds)), flush=True)
             print(f"\n{state()}")
         finally:
             subprocess.run(["git", "worktree", "remove", "--force", str(other)], cwd=HERE, check=True)
