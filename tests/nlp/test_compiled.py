@@ -3,6 +3,7 @@
 import errno
 import os
 from pathlib import Path
+from time import monotonic, sleep
 
 import casadi as ca
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 from hopopt.api import sweep
 from hopopt.errors import NotSolvedError
 from hopopt.nlp.solver import compiled as module
-from hopopt.nlp.solver.compiled import FOLDER, WORTH_IT, compiled, compiling
+from hopopt.nlp.solver.compiled import FOLDER, WORTH_IT, compiled, compiling, make_library, missing
 from hopopt.ocp.hop import Hop
+from hopopt.planner.search import beside
 from hopopt.planner.search.multistart import run_chunk
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -163,3 +165,36 @@ def test_a_study_compiles_what_its_points_share(cache: Path, tmp_path: Path) -> 
     made = set(cache.iterdir())
     sweep(design, {"contact.friction": [0.9]}, starts=1, processes=1, results=tmp_path / "b")
     assert set(cache.iterdir()) == made
+
+
+def test_what_was_missing_is_made_later_the_longest_first(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    missing()  # of other tests
+    short, long = long_function(4 * WORTH_IT), long_function(5 * WORTH_IT)  # which no test has failed to make
+    for f in (short, long, short):
+        assert compiled(f) is f
+    wanted = missing()
+    assert [len(serialized) for serialized in wanted] == [len(long.serialize()), len(short.serialize())]
+    assert missing() == []
+    for serialized in wanted:
+        make_library(serialized)
+    assert is_library(compiled(short))
+    assert is_library(compiled(long))
+    assert missing() == []
+    compiled(long_function(6 * WORTH_IT))
+    monkeypatch.setenv("PATH", str(cache))  # without a compiler
+    assert missing() == []
+
+
+@pytest.mark.slow
+def test_a_search_has_missing_libraries_made_in_another_process(cache: Path) -> None:
+    """And a search that has no other process makes none."""
+    design = load("paper")
+    solve(design, starts=2, processes=1)
+    assert not cache.exists()
+    for pool in list(beside._pools.values()):
+        beside._given_up(pool)  # it knows another cache
+    solve(design, starts=2, processes=2)
+    until = monotonic() + 300
+    while not list(cache.glob("*.so")):
+        assert monotonic() < until, "no library was made"
+        sleep(0.1)

@@ -75,17 +75,17 @@ class Gear:
         def entry(part: Any, name: str, default: Any = None) -> Any:
             return p.get(leg.drive(joint, part, name)[0], default)
 
-        own = [entry("gear", name, default) for name, default in zip(ENTRIES, LOSSLESS, strict=True)]
+        own = {name: entry("gear", name, default) for name, default in zip(ENTRIES, LOSSLESS, strict=True)}
         ratio = entry("gear", "ratio")
-        slow = SLOW * entry("motor", "max_speed") / ratio
-        return cls(*own, slow, SHARP * ratio * entry("motor", "max_torque"))
+        slow, sharp = SLOW * entry("motor", "max_speed") / ratio, SHARP * ratio * entry("motor", "max_torque")
+        return cls(**own, slow=slow, sharp=sharp)
 
 
 def gears_of(leg: Leg, p: Mapping[str, Any]) -> Gear:
     """The gears of all joints as the problem plans with them, entries (n,); p: numbers by their paths."""
     each = [Gear.of(leg, joint, p) for joint in leg.joints]
-    arrays = (np.array([float(getattr(gear, name)) for gear in each]) for name in (*ENTRIES, "slow", "sharp"))
-    return Gear(*arrays)
+    efficiency, friction, damping, slow, sharp = np.array([gear.law for gear in each], dtype=float).T
+    return Gear(efficiency, friction, damping, slow, sharp)
 
 
 def lossy(leg: Leg, joint: str) -> bool:

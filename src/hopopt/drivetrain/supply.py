@@ -70,8 +70,8 @@ def power_limits(leg: Leg, p: Mapping[str, Any]) -> dict[str, Any]:
     """Bounds on the power [W] that one leg draws, by the entry that sets each."""
     if leg.supply is None:
         return {}
-    own = {name: p.get(f"leg.supply.{name}") for name in type(leg.supply).model_fields}
-    many, of_voltage, limits = own["count"] / own["legs"], own["voltage"], {}
+    own: dict[str, Any] = {name: p.get(f"leg.supply.{name}") for name in type(leg.supply).model_fields}
+    many, of_voltage, limits = own["count"] / own["legs"], own["voltage"], dict[str, Any]()
     if leg.supply.internal_resistance > 0:
         limits["internal_resistance"] = NEARLY / (4 * sag(leg, p))
     if own["power_cap"] is not None:

@@ -172,7 +172,8 @@ class ForwardSearch:
 
 def _best_of_each(score: np.ndarray, kinds: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Indices of the states to be followed: the best in each cell, and of each kind the BEAM_WIDTH best."""
-    order = np.lexsort((-score, kinds))
+    order = np.argsort(-score)
+    order = order[np.argsort(kinds[order].astype(np.int8), kind="stable")]  # few kinds: counted, not compared
     order = order[score[order] > 0]
     key = kinds[order]
     for column in cells[order].T:

@@ -31,6 +31,7 @@ from hopopt.planner.refine_and_verify import (
     summed_up,
     told_of_calm,
 )
+from hopopt.planner.search.beside import make_missing
 from hopopt.planner.search.calm_first import calmest
 from hopopt.planner.search.families import families, told_apart
 from hopopt.planner.search.first_mesh import SEARCH, FirstMesh, looked_closer, search_first_mesh
@@ -108,6 +109,8 @@ def _found(
     searched = search_first_mesh(hop, count, processes, say, economical, until)
     outcomes = searched.outcomes
     clock.mark("starts")
+    if count >= SEARCH:
+        make_missing(processes)
     finished = _refined(hop, contenders(outcomes), outcomes, say, clock, until)
     if not finished:
         say("looking for the limits that cannot hold together")
@@ -118,6 +121,8 @@ def _found(
         more = [o for o in contenders(outcomes) if o.name not in known]
         finished += _refined(hop, more, outcomes, say, clock, until)
     hop, best, better = settled(hop, finished, outcomes, say, clock, until)
+    if count >= SEARCH:
+        make_missing(processes)
     if (shorter := with_shortest_stance(hop, best, outcomes, say, clock, until)) is not best:
         finished.append(best := shorter)
     if structure and not until.passed:

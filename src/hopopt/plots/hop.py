@@ -263,8 +263,9 @@ def save_figures(
 
 def save_figure(figure: Figure, path: Path, formats: Sequence[str] = FORMATS) -> list[Path]:
     """Write a figure to ``path`` with the ending of each format; the files written."""
-    figure.draw_without_rendering()
-    figure.set_layout_engine(None)  # the layout costs most and is the same for every format
+    if (layout := figure.get_layout_engine()) is not None:
+        layout.execute(figure)
+    figure.set_layout_engine(None)  # it costs most and is the same for every format
     paths = [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
     for file in paths:
         figure.savefig(file, dpi=DPI)

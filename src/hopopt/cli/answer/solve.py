@@ -133,7 +133,7 @@ def solve(
     control = control and not design.hop.lands  # the paper's control ends with the apex
     # beside a search, if it is sure that it will be asked for, and of this leg
     sure = control and objective == "clearance" and not (constraint or free) and (starts or design.solver.starts) > 1
-    simulated = ahead(_paper_hop, design, more=(processes or os.cpu_count() or 1) - 1) if sure else None
+    simulated = _paper_hop(design, processes) if sure else None
     searched = (starts or design.solver.starts) > 1
     parts = {
         "solve": float(searched),
@@ -207,11 +207,11 @@ def _solved(
 # What is added when the answer is there: what goes wrong with it is only reported.
 
 
-def _paper_hop(design: Design) -> "PaperHop | None":
-    """The paper's control on this leg."""
+def _paper_hop(design: Design, processes: int | None) -> "Task[PaperHop | None]":
+    """The paper's control on this leg, for another process; which need not import the command line for it."""
     from hopopt.comparison.paper_control import paper_hop
 
-    return paper_hop(design)
+    return ahead(paper_hop, design, more=(processes or os.cpu_count() or 1) - 1)
 
 
 def _beside(solution: Solution, simulated: "Task[PaperHop | None] | None") -> Solution:

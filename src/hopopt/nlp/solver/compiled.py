@@ -3,6 +3,7 @@
 A library has the name of what it was made from, so it serves every problem of the same form, whatever its numbers. Its
 name holds the digest of its content too: one that is damaged would end the process, so it is not loaded but made again.
 Within ``compiling()`` libraries that are missing are made, which takes seconds; everywhere those that exist are used.
+What was missing elsewhere is kept in mind (``missing``), for a process that has nothing else to do.
 Digits do not depend on it: the operations and their order are CasADi's own, and none are contracted. Without a
 compiler, or where anything fails, functions stay as they are. The folder holds no more than MOST_BYTES bytes: what was not
 used for longest is removed.
@@ -21,15 +22,17 @@ from pathlib import Path
 
 import casadi as ca
 
-from hopopt.files import remove_abandoned, write_whole
+from hopopt.files import mark, remove_abandoned, write_whole
 
 FOLDER = "HOPOPT_CACHE"  # environment variable: a folder in place of the user's cache, or "off"
 FLAGS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off")
+MOST_MISSING = 32  # functions that were missing; a program has about 10
 MOST_BYTES = 100_000_000  # bytes of all libraries; those of a problem have about 200_000
 COMPILER_TIME_LIMIT = 120  # s of the compiler; the largest leg takes 10
 WORTH_IT = 400  # steps of a function, below which calling it costs as much as computing it
 _making = False  # by this process; whoever makes libraries solves one problem at a time (studies/sweep/point.py)
 _failed: set[str] = set()  # what this process could not make
+_missing: dict[str, str] = {}  # what this process would have used, serialized, by key
 
 
 @contextmanager
@@ -52,9 +55,25 @@ def compiled(function: ca.Function) -> ca.Function:
         library = folder and (_kept(folder, _key(function)) or (_made(function, folder) if _making else None))
         if library:
             return ca.external(function.name(), str(library))
+        if os.environ.get(FOLDER) != "off" and len(_missing) < MOST_MISSING:
+            _missing[_key(function)] = function.serialize()
     except (OSError, RuntimeError, subprocess.SubprocessError):  # no reason to lose the answer
         pass
     return function
+
+
+def missing() -> list[str]:
+    """Functions, serialized, that this process would have had from libraries since this was last asked, the longest first;
+    none where there is no compiler."""
+    found = sorted(_missing.values(), key=len, reverse=True)
+    _missing.clear()
+    return found if shutil.which("cc") else []
+
+
+def make_library(serialized: str) -> None:
+    """Make the library of a function that was ``missing``, for later processes."""
+    with compiling():
+        compiled(ca.Function.deserialize(serialized))
 
 
 def _key(function: ca.Function) -> str:
@@ -108,14 +127,14 @@ def _made(function: ca.Function, folder: Path) -> Path | None:
     if compiler is None or key in _failed:
         return None
     _failed.add(key)
-    with tempfile.TemporaryDirectory() as place:
+    remove_abandoned(folder)
+    with tempfile.TemporaryDirectory(prefix=".", suffix=mark(), dir=folder) as place:
         generator = ca.CodeGenerator("f.c")
         generator.add(function)
         generator.generate(f"{place}{os.sep}")
         command = [compiler, *FLAGS, "f.c", "-o", "f.so", "-lm"]
         subprocess.run(command, cwd=place, check=True, capture_output=True, timeout=COMPILER_TIME_LIMIT)
         content = (Path(place) / "f.so").read_bytes()
-    remove_abandoned(folder)
     library = folder / _name(key, content)
     write_whole(library, content)
     library.chmod(0o700)

@@ -36,6 +36,7 @@ from hopopt.ocp.hops.to_rest import push_backwards
 from hopopt.ocp.phases import DESCENT, FLIGHT, LANDING, ON_GROUND, STANCE
 
 POINTS = 41  # of a guess, each phase
+FOLDED_ANGLE = 0.5  # rad between two points of a guess; angles farther away are of a leg folded the other way
 GUESS_SAMPLES = 201  # of a guess that is a motion already
 GUESSED_FLIGHTS = (0.1, 0.6)  # [s] on the paper's leg: shortest and longest flight of a guess
 PUSH_STEP = 0.01  # [s] on the paper's leg: longest step of the push that is simulated
@@ -178,6 +179,23 @@ def _differentiate(T: float, s: np.ndarray, q: np.ndarray) -> Guess:
 def inverse_kinematics(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Joint angles [rad] within the limits that bring the foot closest to ``foot`` (x, z) [m] from the body; a leg that
     leaves the plane keeps its foot beside the body where it starts."""
+    exact = _exact_angles(hop, foot, near) if two_joints(hop.leg) else None
+    return _fitted_angles(hop, foot, near) if exact is None else exact
+
+
+def _exact_angles(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarray | None:
+    """Of a leg of two joints in the plane: those within the limits that bring the foot to ``foot``; None if none are near."""
+    lower, upper = hop.limits
+    found = TwoJoints.of(hop.leg).angles(foot)
+    best = min(found, key=lambda q: np.abs(q - near).max(), default=None)
+    reached = (
+        best is not None and np.abs(best - near).max() <= FOLDED_ANGLE and np.all((lower <= best) & (best <= upper))
+    )
+    return best if reached else None
+
+
+def _fitted_angles(hop: Hop, foot: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Of any leg, also where the foot is out of reach."""
     lower, upper = hop.limits
     inner = np.clip(near, lower + 1e-6, upper - 1e-6)
     axes, beside = list(contact_axes(hop.leg)), joint_positions(hop.leg, start_angles(hop.design))[-1, 1]

@@ -105,8 +105,8 @@ def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
     """Operating regions, over all phases."""
     leg, v = plan.design.leg, np.concatenate([s.v[:, BASE:] for s in fine.values()])
     tau = np.concatenate([s.command for s in fine.values()])
-    parts = [plan.voltage(s) for s in fine.values()]
-    voltage = None if parts[0] is None else np.concatenate(parts)
+    parts = [share for s in fine.values() if (share := plan.voltage(s)) is not None]
+    voltage = np.concatenate(parts) if parts else None
     for k, joint in enumerate(plan.robot.joints):
         region, used = plan.region(joint), dict[str, float]()
         for plane, use in zip(region.planes, region.use(v[:, k], tau[:, k], voltage), strict=True):

@@ -1,6 +1,7 @@
 """Other processes that search beside this one: they begin while the first start is solved here, and hold the same hop."""
 
 import atexit
+import gc
 import os
 import signal
 import threading
@@ -11,6 +12,7 @@ from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from hopopt.design import Design
+from hopopt.nlp.solver.compiled import make_library, missing
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.rules import RULES
 
@@ -55,6 +57,13 @@ def ahead(function: Callable[..., T], *given: Any, more: int) -> Task[T]:
     return Task(lambda: function(*given), _submitted(_pool_of(more), function, given) if more > 0 else None)
 
 
+def make_missing(processes: int | None) -> None:
+    """Let other processes, where there are any, make libraries that were missing here; nobody waits for them."""
+    more = (processes or os.cpu_count() or 1) - 1
+    for serialized in missing() if more > 0 else []:
+        _submitted(_pool_of(more), make_library, (serialized,))
+
+
 def _submitted(pool: Any, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
     """A future of another process; None if one of them has died: then it is done here."""
     from joblib.externals.loky.process_executor import BrokenProcessPool
@@ -80,6 +89,7 @@ def _pool_of(more: int) -> Any:
 
 def begin_worker(parent: int) -> None:
     """Leave Ctrl-C to the parent, and end with it even if it is killed, be it before this worker has begun."""
+    gc.set_threshold(100_000)  # as in the parent (cli/main.py)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
