@@ -32,7 +32,7 @@ COMMANDS = {  # group of the help page -> command -> where its function is, and 
     "Studies": {
         "sensitivity": (
             "studies.sensitivity",
-            "Say what to change first: what 1 % more of the value of each entry brings.",
+            "Say what to change first: what 1 % more of each value brings.",
         ),
         "sweep": ("studies.sweep", "Solve a problem at many values of one entry or several."),
         "pareto": ("studies.pareto", "Find the least energy, force or time for each clearance."),
