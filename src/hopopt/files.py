@@ -11,9 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from shutil import rmtree
 
-UNFINISHED_NAME = re.compile(
-    r"\.(\d+)@(.+)$"
-)  # how the name of what is still being written ends: its process and computer
+UNFINISHED_NAME = re.compile(r"\.(\d+)@(.+)$")  # how a name ends while it is written: its process and computer
 
 
 def mark() -> str:

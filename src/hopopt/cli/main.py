@@ -30,10 +30,7 @@ COMMANDS = {  # group of the help page -> command -> where its function is, and 
         "transition": ("hops.transition", "Find the fewest hops from rest onto a hop that repeats itself."),
     },
     "Studies": {
-        "sensitivity": (
-            "studies.sensitivity",
-            "Say what to change first: what 1 % more of the value of each entry brings.",
-        ),
+        "sensitivity": ("studies.sensitivity", "Say what to change first: what 1 % more of each value brings."),
         "sweep": ("studies.sweep", "Solve a problem at many values of one entry or several."),
         "pareto": ("studies.pareto", "Find the least energy, force or time for each clearance."),
         "families": ("studies.families", "Tell which kinds of hop a leg has, in words and a picture."),

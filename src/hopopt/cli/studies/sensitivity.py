@@ -54,7 +54,7 @@ def sensitivity(
     figures: Figure = True,
     json_: AsJson = False,
 ) -> int:
-    """Say what to change first: what 1 % more of the value of each entry brings.
+    """Say what to change first: what 1 % more of each value brings.
 
     Exit code: 0 reported for a verified optimum, 1 not solved, 2 wrong usage, 3 not verified: nothing is reported.
 
