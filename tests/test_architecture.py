@@ -65,7 +65,7 @@ PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, 
         "errors", "design", "leg", "problem", "ocp", "control", "planner", "storage", "studies", "comparison", "robot_data", "plots",
     ),
     "cli": (
-        "amounts", "errors", "record", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
+        "files", "amounts", "errors", "record", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",
         "optimality", "planner", "storage", "studies", "paper", "comparison", "evidence", "robot_data", "export", "report", "plots",
     ),
     "__main__": ("cli",),
