@@ -29,7 +29,7 @@ PARTS = {  # of the site, in the order in which they are read
         "stored_results",
         "report",
     ),
-    "Controllers": ("controllers", "own_controller", "why_pd", "robust", "hop_after_hop"),
+    "Controllers": ("controllers", "own_controller", "why_pd", "robust", "tracking", "hop_after_hop"),
     "A robot": ("to_robot", "logs"),
     "Studies": ("sensitivity", "studies", "codesign", "families"),
     "Gallery": ("notebooks/*",),

@@ -258,6 +258,25 @@ def test_plans_under_which_drawn_legs_fall_rank_below_all_others(monkeypatch: py
     assert none.against == ""
 
 
+def test_the_problems_own_reserve_is_tried_as_it_is_and_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it leaves out is a number in the plan's problem; where no plan is left, that is said."""
+    room, design = "hopopt.comparison.robust.robust_search.", load("paper", {"reserve.torque": 0.07})
+    plan = SimpleNamespace(clearance=0.7, verified=True)
+    monkeypatch.setattr(room + "solved_from_known", lambda hop, known, until: plan)
+    monkeypatch.setattr(room + "reference_of", lambda plan: plan)
+    monkeypatch.setattr(
+        room + "reached", lambda d, name, plan, legs, n: Reached(np.full(len(legs), 0.65), ("",) * len(legs))
+    )
+    found = PlanSearch(SimpleNamespace(design=design), [None] * 4, [None] * 2, 1, lambda text: None)  # type: ignore[arg-type, list-item]
+    found.by_own_reserve()
+    assert found.best.design.reserve.model_dump() == {
+        "torque": 0.07, "speed": 0.0, "ground_force": 20.0, "height": 0.005, "angle": 0.02,
+    }  # fmt: skip
+    monkeypatch.setattr(room + "solved_from_known", Mock(side_effect=NotSolvedError("no start.", ["the knee pulls"])))
+    found.by_own_reserve()
+    assert found.against == "with the problem's own [reserve] held back: the knee pulls"
+
+
 def test_a_program_that_hardly_clears_anything_is_no_plan() -> None:
     """Half of the bound at least: or what stands against it is said, and nothing is kept."""
     design = load("paper", {"contact.friction": 0.6})

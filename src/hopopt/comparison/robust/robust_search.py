@@ -21,7 +21,7 @@ from hopopt.design import Design, Reserve
 from hopopt.errors import NotSolvedError, UsageError, one_line
 from hopopt.leg.kinematics import reach, start_angles
 from hopopt.leg.robot import build_robot
-from hopopt.leg.scales import Scale, weight
+from hopopt.leg.scales import Scale, reserve_of, weight
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.ocp.hop import Hop
 from hopopt.planner.motion import Motion
@@ -124,7 +124,9 @@ class PlanSearch:
     def by_own_reserve(self) -> None:
         """The problem's own [reserve]."""
         if not self.until.passed:
-            score = self._tracked(self.bound.design, "the problem's own [reserve]")
+            asked = self.bound.design
+            whole = asked.model_copy(update={"reserve": reserve_of(asked)})
+            score = self._tracked(whole, "the problem's own [reserve]")
             words = "no plan" if score is None else f"lowest of {len(self.draws)} legs {max(score, 0.0):.3f} m"
             self.say(f"the problem's own reserve: {words}")
 
