@@ -1,0 +1,157 @@
+"""A supply that motors share, against closed forms; and the optimum, the plant and verification with it."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from hopopt.control.closed_loop import make_plant
+from hopopt.design import Design
+from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.gear import Gear
+from hopopt.drivetrain.supply import power_drawn, power_limits, sag, share_at, voltage_share
+from hopopt.errors import ProblemFileError
+from hopopt.leg.robot import BASE, build_robot
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import load
+from hopopt.verify.drives import losses
+from hopopt.verify.whole_hop import whole_hop_rollout
+
+V, R_S = 48.0, 0.2
+HUGE = 1e9  # N m, that no motor gives
+SUPPLY = {"supply.voltage": V, "supply.internal_resistance": R_S}
+
+
+def drive_of(design: Design) -> Drive:
+    robot = build_robot(design.leg)
+    return Drive.of(design.leg, robot.parameters, robot.model.armature[BASE:], Gear())
+
+
+def stall_and_speed(design: Design) -> tuple[float, float]:
+    """Stall torque [N m] and no-load speed [rad/s] at the joints without load on the supply."""
+    motor, ratio = design.leg.motor, design.leg.gear.ratio
+    return ratio * motor.max_torque, motor.max_speed / ratio
+
+
+def test_a_motor_with_series_resistance_on_a_sagging_bus() -> None:
+    """At standstill, the other motor idle, the same current flows through both resistances: i = V / (R + R_s)."""
+    design = load("paper", SUPPLY)
+    stall, speed = stall_and_speed(design)
+    resistance = V**2 / (stall * speed)  # that the line implies: k = V / speed, stall = k V / R
+    given = drive_of(design).clamp(np.zeros(2), np.array([HUGE, 0.0]))
+    assert given[0] == pytest.approx(stall * resistance / (resistance + R_S), rel=1e-4)
+    share = voltage_share(design.leg, build_robot(design.leg).parameters, [given[0], 0.0], [0.0, 0.0])
+    assert share == pytest.approx(resistance / (resistance + R_S), rel=1e-4)
+
+
+@pytest.mark.parametrize("w", [0.0, 3.0, 7.0])
+def test_two_motors_on_one_bus_are_one_on_twice_the_resistance(w: float) -> None:
+    both = drive_of(load("paper", SUPPLY)).clamp(np.full(2, w), np.full(2, HUGE))
+    alone = drive_of(load("paper", SUPPLY | {"supply.internal_resistance": 2 * R_S})).clamp(
+        np.array([w, 0.0]), np.array([HUGE, 0.0])
+    )
+    assert both[0] == pytest.approx(both[1], rel=1e-9)
+    assert both[0] == pytest.approx(alone[0], rel=1e-4)
+    spared = SUPPLY | {"supply.internal_resistance": 2 * R_S, "supply.count": 2.0}
+    np.testing.assert_allclose(drive_of(load("paper", spared)).clamp(np.full(2, w), np.full(2, HUGE)), both, rtol=1e-9)
+
+
+def test_the_clamp_finds_the_voltage_at_which_the_motors_draw_what_they_get() -> None:
+    """Against a root by SciPy: torque on the line at v, v what is left when it is drawn."""
+    design, w = load("paper", SUPPLY), np.array([4.0, -2.0])
+    leg, p = design.leg, build_robot(design.leg).parameters
+    stall, speed = stall_and_speed(design)
+
+    def torques(v: float) -> np.ndarray:
+        return np.array([stall * (v - w[0] / speed), -stall * (v - abs(w[1]) / speed)])
+
+    root = brentq(lambda v: share_at(sag(leg, p), power_drawn(leg, p, torques(v), w)) - v, 0.4, 1.0, xtol=1e-13)
+    np.testing.assert_allclose(drive_of(design).clamp(w, np.array([HUGE, -HUGE])), torques(float(root)), rtol=1e-8)
+
+
+@pytest.mark.parametrize(("entry", "value"), [("power_cap", 900.0), ("current_cap", 20.0), ("least_voltage", 44.0)])
+def test_no_cap_of_the_supply_is_passed(entry: str, value: float) -> None:
+    design = load("paper", SUPPLY | {f"supply.{entry}": value})
+    leg, p, w = design.leg, build_robot(design.leg).parameters, np.array([5.0, 5.0])
+    given = drive_of(design).clamp(w, np.full(2, HUGE))
+    power = power_drawn(leg, p, given, w)
+    voltage = V * share_at(sag(leg, p), power)
+    told = {"power_cap": power, "current_cap": power / voltage, "least_voltage": voltage}
+    assert told[entry] == pytest.approx(value, rel=1e-3)
+    assert power <= power_limits(leg, p)[entry] * (1 + 1e-9)
+
+
+def test_what_flows_back_raises_the_voltage_only_of_a_supply_that_takes_it() -> None:
+    w, tau = [8.0, 8.0], [-20.0, -20.0]
+    for takes, above in ((True, True), (False, False)):
+        leg = load("paper", SUPPLY | {"supply.recuperation": takes}).leg
+        assert (voltage_share(leg, build_robot(leg).parameters, tau, w) > 1.0 + 1e-6) is above
+
+
+@pytest.mark.parametrize(
+    "entry", ["supply.voltage=0", "leg.gear.efficiency=0", "leg.gear.efficiency=1.2", "supply.volts=3"]
+)
+def test_wrong_entries_get_one_sentence(entry: str) -> None:
+    with pytest.raises(ProblemFileError) as fault:
+        load("paper", ["supply.voltage=48", entry])
+    assert len(fault.value.problems) == 1
+    assert entry.split("=")[0].split(".")[-1] in fault.value.problems[0]
+
+
+# ---- the optimum with all of it -------------------------------------------------------------------------------------
+
+REAL = SUPPLY | {"supply.internal_resistance": 0.05, "leg.gear.efficiency": 0.7}
+
+
+@pytest.fixture(scope="module")
+def hop() -> Solution:
+    return solve(load("paper", REAL), starts=1)
+
+
+@pytest.mark.slow
+def test_the_plan_replayed_in_one_piece_reaches_what_it_claims(hop: Solution) -> None:
+    assert hop.verified
+    found = whole_hop_rollout(hop.design, hop.tables)
+    assert found.values["clearance_m"] == pytest.approx(hop.clearance, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_losses_and_supply_are_told_and_balance(hop: Solution) -> None:
+    """What the supply gives less what its windings and gears turn into heat is what the machine gains, to 1e-5."""
+    s, leg, p = hop.summary, hop.design.leg, hop.robot.parameters
+    assert s.losses is not None
+    assert s.supply is not None
+    assert 0.8 * V < s.supply.lowest_voltage_V < 0.95 * V
+    heat = sum(x.gear + x.friction + (x.winding or 0.0) for x in s.losses.values())
+    machine, gained = make_plant(hop.design).machine, 0.0
+    for table in hop.tables.values():
+        gained += machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
+    drawn = 0.0
+    for samples in (
+        hop.sample_phase(name, np.linspace(0, trajectory.duration, 200_001)) for name, trajectory in hop.phases.items()
+    ):
+        power = sum(
+            t * w + h * t * t for t, w, h in zip(samples.command.T, samples.v[:, BASE:].T, _heats(hop), strict=True)
+        )
+        drawn += float(np.trapezoid(power, samples.t))
+    assert drawn == pytest.approx(heat + gained, rel=1e-4)
+    assert all(x.gear > 0 for x in losses(hop.robot, hop.tables).values())
+    assert s.supply.energy_J >= drawn - 1e-6
+    assert leg.supply is not None
+    assert p["leg.supply.voltage"] == V
+
+
+def _heats(hop: Solution) -> list[float]:
+    stall, speed = stall_and_speed(hop.design)
+    return [speed / stall] * 2
+
+
+@pytest.mark.slow
+def test_clearance_falls_as_efficiency_falls_and_as_the_supply_weakens(hop: Solution) -> None:
+    several = [{}, {"leg.gear.efficiency": 0.9}, {"leg.gear.efficiency": 0.7}]
+    found = [solve(load("paper", entries), starts=1).clearance for entries in several] + [hop.clearance]
+    assert all(a > b + 1e-3 for a, b in pairwise(found))
+    assert found[1] > 0.7680
+    assert found[2] > 0.6915
