@@ -22,6 +22,7 @@ PARTS = {  # of the site, in the order in which they are read
     "Your own leg": (
         "own_leg",
         "actuators",
+        "drives",
         "objectives",
         "periodic",
         "landing",

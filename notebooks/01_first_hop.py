@@ -135,6 +135,7 @@ s.plot("ground_force")
 
 # %%
 checks = pd.DataFrame(s.summary.verification)
+checks["passed"] = [check.passed for check in s.summary.verification]
 checks["share of what is allowed"] = checks["residual"] / checks["tolerance"]
 columns = ["name", "residual", "tolerance", "unit", "share of what is allowed", "passed"]
 checks.sort_values("share of what is allowed", ascending=False)[columns].head(8)

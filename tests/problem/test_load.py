@@ -100,7 +100,9 @@ def test_optional_entries_of_the_template_can_be_switched_on(write):
     lines = []
     for line in text.splitlines():
         entry = line.removeprefix("# ").split("  ")[0].strip()
-        is_entry = entry.split(" = ")[0].isidentifier() if " = " in entry else entry.startswith("[leg.knee.")
+        is_entry = (
+            entry.split(" = ")[0].isidentifier() if " = " in entry else entry.startswith(("[leg.knee.", "[supply]"))
+        )
         lines.append(line.removeprefix("# ") if is_entry else line)
     leg = load(write("\n".join(lines))).leg
     assert leg.drive("knee", "gear", "ratio") == ("leg.knee.gear.ratio", 80)

@@ -163,6 +163,7 @@ def _entry_meant(words: list[str]) -> str:
         first = [
             at for at in places if "<" not in at and at != "uncertainty"
         ]  # a leg's before a joint's, and its spread
+        first = [at for at in first if not at.startswith("leg.")] or first  # the ground's friction before a gear's
         if len(first) == 1 and (given or value):
             path = f"{first[0]}.{name}"
             return f"Try: --set {path}={given or value}, for {path} is an entry of the problem"

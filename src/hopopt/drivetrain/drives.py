@@ -55,6 +55,7 @@ class Drive:
         }
         self.gear, self.rotor = gear, np.zeros(n) if rotor is None else np.asarray(rotor, dtype=float)
         self._record = packed(self.numbers)
+        self._believed = self._record if torque_gain is None else packed({**self.numbers, "gain": np.ones(n)})
         self.states = states if states and states.size else None
 
     @classmethod
@@ -65,7 +66,7 @@ class Drive:
 
     def clamp(self, w: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Joint torques tau (n) [N m] brought into the regions at speeds w (n), as far as the supply feeds them."""
-        return kernels.driven(self._record, np.asarray(w, dtype=float), np.asarray(tau, dtype=float))
+        return kernels.driven(self._believed, np.asarray(w, dtype=float), np.asarray(tau, dtype=float))
 
     def parts(
         self, w: np.ndarray, command: np.ndarray, armature: np.ndarray, h: float, x: np.ndarray | None = None

@@ -6,7 +6,8 @@ tau_out. With an efficiency eta, Coulomb friction tau_c and viscous friction b,
     tau_g = c1 tau_out + (c2 |tau_out| + tau_c) sgn(w) + b w,    c1, c2 = (1/eta +- eta) / 2
 
 so that tau_out = eta tau_g where the gear drives, tau_g = eta tau_out where it brakes. At rest it holds whatever lies
-between the two. The program needs smooth functions: sgn(w) is w / (w^4 + slow^4)^(1/4), |tau| is sqrt(tau^2 + sharp^2). Plain
+between the two. The program needs smooth functions: sgn(w) is s = w / (w^4 + slow^4)^(1/4), |tau| is sqrt(tau^2 + sharp^2), and
+c1 goes with s^2 from 1 at rest, so that no gear gives power at any speed. Plain
 Python on purpose: of numbers, arrays or CasADi symbols, and compiled as it is (drivetrain/kernels.py).
 """
 
@@ -27,14 +28,14 @@ LOSSLESS = (1.0, 0.0, 0.0)
 def teeth_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> Any:
     """tau_g [N m] that gives the leg tau [N m] at joint speed w [rad/s]; the others as in ``Gear``."""
     turning = w / (w**4 + slow**4) ** 0.25
-    c1, c2 = (1 / eta + eta) / 2, (1 / eta - eta) / 2
+    c1, c2 = 1 + ((1 / eta + eta) / 2 - 1) * turning * turning, (1 / eta - eta) / 2
     return c1 * tau + (c2 * (tau * tau + sharp * sharp) ** 0.5 + friction) * turning + damping * w
 
 
 def passed_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> tuple[Any, Any]:
     """tau_out [N m] for a torque tau_g = tau [N m] at the teeth, the inverse of ``teeth_torque``, and its slope."""
     turning = w / (w**4 + slow**4) ** 0.25
-    c1, c2 = (1 / eta + eta) / 2, (1 / eta - eta) / 2 * turning
+    c1, c2 = 1 + ((1 / eta + eta) / 2 - 1) * turning * turning, (1 / eta - eta) / 2 * turning
     y, det = tau - friction * turning - damping * w, c1 * c1 - c2 * c2
     size = (y * y + det * sharp * sharp) ** 0.5
     return (c1 * y - c2 * size) / det, (c1 - c2 * y / size) / det

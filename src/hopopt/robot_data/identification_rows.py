@@ -10,7 +10,7 @@ tau is the logged torque, g the true torque constant over the believed one, A th
 c and d its Coulomb and viscous friction (the law of drivetrain/gear.py). Against a smooth window phi that is zero at both ends, and integrated by parts (the method of
 modulating functions: Shinbrot, Trans. ASME 79, 1957), a row for each window and joint is
 
-    int phi k tau = (-int phi' p - int phi F + int phi k (c sign(v) + d v) - A int phi (1 - k) a) / g
+    int phi tau = (-int phi' p - int phi F + int phi (c sign(v) + d v + (1 - k) (g tau - A a - c sign(v) - d v))) / g
 
 with tau at t + lag, where lag is by how much the log's torques are later than its angles [s]: a mean over the period after a row is half a period early.
 A measured ground force f gives rows of its own, with the leg's linear momentum P, its mass m and gravity a:
@@ -40,15 +40,18 @@ from scipy import sparse
 
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
+from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
 from hopopt.robot_data.leg_momenta import LegMomenta
 from hopopt.robot_data.log_windows import WINDOW_LENGTH, LogSamples, samples_of
 from hopopt.robot_data.robot_log import RobotLog
+from hopopt.sim.machine import Machine
 
 CLEAR_OF_STOPS = 0.01  # [rad] from an end stop that no window touches
 SHORT_OF_COMMAND = 0.03  # of the stall torque by which a drive gives less than asked where it is on its line
 NEAR_LINE = 0.85  # of the believed line's torque above which a drive without commands may be at its line
-SMOOTH = 10  # samples on either side, from which an acceleration tells whether a gear drives or brakes
+SMOOTH = 8  # samples on either side, from which an acceleration tells whether a gear drives or brakes
+HELD = 4  # samples on either side, over which the course of a torque is smoothed
 BELOW_CAP = 0.03  # of a cap on torque by which a drive stays below it where it is on its line
 
 
@@ -94,6 +97,8 @@ class LogRows:
         self.at, self.coarse = places(self.n), coarseness(self.s)
         self.ratio = np.array([leg.drive(j, "gear", "ratio")[1] for j in leg.joints])
         self.stall = self.ratio * np.array([leg.drive(j, "motor", "max_torque")[1] for j in leg.joints])
+        self.smooth = differences(self.s.t, SMOOTH)
+        self.held = self._answer_to_held_torques()
         self.joints = [self.s.windows(self._moving(design, k)) for k in range(self.n)]
         self.saturated = [self.s.windows(self._saturated(design, k)) for k in range(self.n)]
         self.axes = [a for a in (0, 1) if np.any(log.force[:, a])]
@@ -105,6 +110,20 @@ class LogRows:
         limits, s = design.leg.joint[design.leg.joints[k]], self.s
         free = (s.q[:, k] > limits.lower + CLEAR_OF_STOPS) & (s.q[:, k] < limits.upper - CLEAR_OF_STOPS)
         return self._numbered(k, (s.sign[:, k] != 0) & free)
+
+    def _answer_to_held_torques(self) -> np.ndarray:
+        """What torques that change from sample to sample make of the accelerations beyond their smoothed course, by the believed
+        leg (k, n) [rad/s^2]: slopes of angles do not show it, and it decides whether a gear drives or brakes."""
+        s, machine, window = self.s, Machine(self.momenta.robot), np.full(2 * HELD + 1, 1 / (2 * HELD + 1))
+        beyond = s.tau - np.stack([np.convolve(tau, window, "same") for tau in s.tau.T], axis=1)
+        found, still, nowhere = np.zeros_like(s.tau), np.zeros(self.n), np.zeros(BASE)
+        for i, q in enumerate(s.q):
+            if s.contact[i]:
+                found[i] = np.linalg.solve(machine.stance_terms(q, still).mass_matrix, beyond[i])
+            else:
+                forces = np.concatenate([nowhere, beyond[i]])
+                found[i] = np.linalg.solve(machine.mass_matrix(np.concatenate([nowhere, q])), forces)[BASE:]
+        return found
 
     def _numbered(self, k: int, usable: np.ndarray) -> np.ndarray:
         return np.where(usable & (self.s.phase >= 0), 3 * self.s.phase + self.s.sign[:, k].astype(int) + 1, -1)
@@ -153,44 +172,38 @@ class LogRows:
     def _joint_rows(self, k: int, y: np.ndarray, by_scales: np.ndarray, x: np.ndarray) -> RowBlock:
         n, w, s, at, sign = self.n, self.joints[k], self.s, self.at, self.s.sign[:, k]
         (g, eta, c, d), (lag, ramp_lag) = self._of_joint(k, x), self._lags(x)
-        rotor, share = float(x[at["rotor"] + k]), self._passed_on(k, x)
-        by_eta = np.where(self._drives(k, x), 1.0, -1 / eta**2)  # of the share
-        passed, delayed, rubbing = s.tau[:, k] * share, w.shifted(lag), c * sign + d * s.v[:, k]
-        signs, speeds, kept = w.phi @ (share * sign), w.phi @ (share * s.v[:, k]), self._spun(k, 1 - share)
-        load = c * signs + d * speeds - rotor * kept - w.rate @ y[:, k] - w.phi @ y[:, n + k]
+        teeth, a = self._teeth(k, x)
+        drives = teeth * sign >= 0
+        kept = 1 - np.where(drives, eta, 1 / eta)  # of the torque at the teeth: it goes on where that changes its sign
+        by_eta = np.where(drives, 1.0, -1 / eta**2)
+        delayed, signs, speeds = w.shifted(lag), w.phi @ sign, w.phi @ s.v[:, k]
+        load = c * signs + d * speeds + delayed @ (kept * teeth) - w.rate @ y[:, k] - w.phi @ y[:, n + k]
         slope = self.ramps[:, k] * (s.D @ s.tau[:, k])
-        changing = w.phi @ (slope * share)
+        changing = w.phi @ (slope * (1 - kept))
         J = np.zeros((w.count, at["end"]))
         J[:, : at["gain"]] = (w.rate @ by_scales[:, k] + w.phi @ by_scales[:, n + k]) / g
-        J[:, at["rotor"] + k] += kept / g
-        J[:, at["gain"] + k] = load / g**2
-        J[:, at["efficiency"] + k] = (
-            delayed @ (by_eta * s.tau[:, k]) - (w.phi @ (by_eta * rubbing) + rotor * self._spun(k, by_eta)) / g
-        )
-        J[:, at["friction"] + k], J[:, at["damping"] + k] = -signs / g, -speeds / g
-        J[:, at["lag"]], J[:, at["ramp_lag"]] = w.by_lag(lag) @ passed, changing
-        J[:, at["efficiency"] + k] += ramp_lag * (w.phi @ (slope * by_eta))
-        logged = delayed @ passed + ramp_lag * changing
+        J[:, at["rotor"] + k] += delayed @ (kept * a) / g
+        by_gain = s.tau[:, k] - float(x[at["rotor"] + k]) * self.held[:, k]
+        J[:, at["gain"] + k] = load / g**2 - delayed @ (kept * by_gain) / g
+        J[:, at["efficiency"] + k] = delayed @ (by_eta * teeth) / g + ramp_lag * (w.phi @ (slope * by_eta))
+        J[:, at["friction"] + k] = delayed @ (kept * sign) / g - signs / g
+        J[:, at["damping"] + k] = delayed @ (kept * s.v[:, k]) / g - speeds / g
+        J[:, at["lag"]] = w.by_lag(lag) @ (s.tau[:, k] - kept * teeth / g)
+        J[:, at["ramp_lag"]] = changing
+        logged = delayed @ s.tau[:, k] + ramp_lag * changing
         return RowBlock(f"tau{k}", logged - load / g, logged, J)
 
     def _passed_on(self, k: int, x: np.ndarray) -> np.ndarray:
         """The share of one more logged torque that the gear passes on (k,): eta where it drives, else 1 / eta."""
         eta = self._of_joint(k, x)[1]
-        return np.where(self._drives(k, x), eta, 1 / eta)
+        return np.where(self._teeth(k, x)[0] * self.s.sign[:, k] >= 0, eta, 1 / eta)
 
-    def _spun(self, k: int, share: np.ndarray) -> np.ndarray:
-        """int phi share a of a joint, for a share (k,) that jumps, by parts: no speed is differentiated."""
-        w, s = self.joints[k], self.s
-        return -(w.rate @ (share * s.v[:, k])) - w.phi @ (s.v[:, k] * (s.D @ share))
-
-    def _drives(self, k: int, x: np.ndarray) -> np.ndarray:
-        """Whether a gear drives its joint (k,): what passes its teeth, rotor and friction aside, is along the motion."""
+    def _teeth(self, k: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What passes a gear's teeth (k,) [N m], rotor and friction aside, and the acceleration that it is told by."""
         g, _, c, d = self._of_joint(k, x)
         s, rotor = self.s, float(x[self.at["rotor"] + k])
-        ahead, behind = np.roll(s.v[:, k], -SMOOTH), np.roll(s.v[:, k], SMOOTH)  # no window lies at an end of the log
-        a = (ahead - behind) / (np.roll(s.t, -SMOOTH) - np.roll(s.t, SMOOTH))
-        teeth = g * s.tau[:, k] - rotor * a - c * s.sign[:, k] - d * s.v[:, k]
-        return teeth * s.sign[:, k] >= 0
+        a = self.smooth @ s.v[:, k] + g * self.held[:, k]
+        return g * s.tau[:, k] - rotor * a - c * s.sign[:, k] - d * s.v[:, k], a
 
     def _force_rows(self, a: int, y: np.ndarray, by_scales: np.ndarray, x: np.ndarray) -> RowBlock:
         n, w, f, at = self.n, self.standing, self.s.force[:, a], self.at
@@ -244,6 +257,8 @@ class LogRows:
         w, s, (g, _, _, d), (lag, ramp_lag) = self.joints[k], self.s, self._of_joint(k, x), self._lags(x)
         found = {name: (1 / g) * B for name, B in self._by_angles(motion, (w.rate, k), (w.phi, self.n + k)).items()}
         found[f"q{k}"] = found[f"q{k}"] - (d / g) * (w.phi @ s.D)
+        kept, rotor = 1 - self._passed_on(k, x), float(x[self.at["rotor"] + k])
+        found[f"q{k}"] += ((w.shifted(lag) * (kept / g)) @ (rotor * self.smooth + d * sparse.eye_array(len(s.t)))) @ s.D
         late = (w.phi * (ramp_lag * self.ramps[:, k])) @ s.D
         return found | {f"tau{k}": (w.shifted(lag) + late) * self._passed_on(k, x)}
 
@@ -265,6 +280,14 @@ class LogRows:
         found = {f"q{k}": max(scatter(s.q[:, k]), step(s.q[:, k]) / np.sqrt(12)) for k in range(self.n)}
         found |= {f"tau{k}": scatter(s.tau[:, k]) for k in range(self.n)}
         return found | {f"force{a}": scatter(s.force[s.contact, a]) for a in self.axes}
+
+
+def differences(t: np.ndarray, reach: int) -> sparse.csr_array:
+    """Central differences at times t (k,) [s] over so many samples on either side, (k, k) [1/s]; none at the ends."""
+    at = np.arange(reach, len(t) - reach)
+    weight = 1 / (t[at + reach] - t[at - reach])
+    places = np.concatenate([at, at]), np.concatenate([at + reach, at - reach])
+    return sparse.csr_array((np.concatenate([weight, -weight]), places), shape=(len(t), len(t)))
 
 
 def scatter(x: np.ndarray) -> float:

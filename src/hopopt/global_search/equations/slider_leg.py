@@ -137,7 +137,8 @@ def _lines(design: Design, leg: SliderLeg, v: np.ndarray) -> tuple[np.ndarray, n
         still = leg.torque[:, k, 0, None] + leg.torque[:, k, 2, None] * v**2
         w, gear = leg.dq[:, k, None] * v, Gear.of(design.leg, joint, robot.parameters)
         turning = w / (w**4 + gear.slow**4) ** 0.25
-        c1, c2 = (1 / gear.efficiency + gear.efficiency) / 2, (1 / gear.efficiency - gear.efficiency) / 2
+        c1 = 1 + ((1 / gear.efficiency + gear.efficiency) / 2 - 1) * turning**2
+        c2 = (1 / gear.efficiency - gear.efficiency) / 2
         lost = gear.friction * turning + gear.damping * w
         for plane in operating_region(design.leg, joint, robot.parameters).planes:
             a, b = float(plane.a), float(plane.b)
