@@ -3,12 +3,12 @@
 All at the joint side. The motor spins the rotor up and gives the rest to the teeth, tau_m = A a + tau_g; the leg feels
 tau_out. With an efficiency eta, Coulomb friction tau_c and viscous friction b,
 
-    tau_g = c1 tau_out + (c2 |tau_out| + tau_c) sgn(w) + b w,    c1, c2 = (1/eta +- eta) / 2
+    tau_g = c1 tau_out + c2 |tau_out| + tau_c s + b w,    c1, c2 = (eta^-s +- eta^s) / 2,    s = sgn(w)
 
 so that tau_out = eta tau_g where the gear drives, tau_g = eta tau_out where it brakes. At rest it holds whatever lies
-between the two. The program needs smooth functions: sgn(w) is s = w / (w^4 + slow^4)^(1/4), |tau| is sqrt(tau^2 + sharp^2), and
-c1 goes with s^2 from 1 at rest, so that no gear gives power at any speed. Plain
-Python on purpose: of numbers, arrays or CasADi symbols, and compiled as it is (drivetrain/kernels.py).
+between the two. The program needs smooth functions: s is w / (w^4 + slow^4)^(1/4), |tau| is sqrt(tau^2 + sharp^2). As s goes
+to 0 the gear loses nothing, so that it gives power at no speed. Plain Python on purpose: of numbers, arrays or CasADi
+symbols, and compiled as it is (drivetrain/kernels.py).
 """
 
 from collections.abc import Mapping
@@ -28,17 +28,19 @@ LOSSLESS = (1.0, 0.0, 0.0)
 def teeth_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> Any:
     """tau_g [N m] that gives the leg tau [N m] at joint speed w [rad/s]; the others as in ``Gear``."""
     turning = w / (w**4 + slow**4) ** 0.25
-    c1, c2 = 1 + ((1 / eta + eta) / 2 - 1) * turning * turning, (1 / eta - eta) / 2
-    return c1 * tau + (c2 * (tau * tau + sharp * sharp) ** 0.5 + friction) * turning + damping * w
+    up = eta**-turning
+    c1, c2 = (up + 1 / up) / 2, (up - 1 / up) / 2
+    return c1 * tau + c2 * (tau * tau + sharp * sharp) ** 0.5 + friction * turning + damping * w
 
 
 def passed_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> tuple[Any, Any]:
     """tau_out [N m] for a torque tau_g = tau [N m] at the teeth, the inverse of ``teeth_torque``, and its slope."""
     turning = w / (w**4 + slow**4) ** 0.25
-    c1, c2 = 1 + ((1 / eta + eta) / 2 - 1) * turning * turning, (1 / eta - eta) / 2 * turning
-    y, det = tau - friction * turning - damping * w, c1 * c1 - c2 * c2
-    size = (y * y + det * sharp * sharp) ** 0.5
-    return (c1 * y - c2 * size) / det, (c1 - c2 * y / size) / det
+    up = eta**-turning
+    c1, c2 = (up + 1 / up) / 2, (up - 1 / up) / 2
+    y = tau - friction * turning - damping * w
+    size = (y * y + sharp * sharp) ** 0.5
+    return c1 * y - c2 * size, c1 - c2 * y / size
 
 
 @dataclass(frozen=True)

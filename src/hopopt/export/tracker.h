@@ -115,18 +115,17 @@ static inline double hopopt_missed(double apart, double v) {
 static inline double hopopt_passed(int joint, double w, double motor, double spun) {
     const double eta = hopopt_efficiency[joint], slow = hopopt_slow[joint], sharp = hopopt_sharp[joint];
     const double turning = w / pow(pow(w, 4) + pow(slow, 4), 0.25);
-    const double c1 = 1.0 + ((1.0 / eta + eta) / 2.0 - 1.0) * turning * turning;
-    const double c2 = (1.0 / eta - eta) / 2.0 * turning, det = c1 * c1 - c2 * c2;
+    const double up = pow(eta, -turning), c1 = (up + 1.0 / up) / 2.0, c2 = (up - 1.0 / up) / 2.0;
     const double y = motor - spun - hopopt_friction[joint] * turning - hopopt_damping[joint] * w;
-    return spun + (c1 * y - c2 * sqrt(y * y + det * sharp * sharp)) / det;
+    return spun + c1 * y - c2 * sqrt(y * y + sharp * sharp);
 }
 
 static inline double hopopt_needed(int joint, double w, double tau, double spun) {
     const double eta = hopopt_efficiency[joint], slow = hopopt_slow[joint], sharp = hopopt_sharp[joint];
     const double turning = w / pow(pow(w, 4) + pow(slow, 4), 0.25), out = tau - spun;
-    const double c1 = 1.0 + ((1.0 / eta + eta) / 2.0 - 1.0) * turning * turning, c2 = (1.0 / eta - eta) / 2.0;
-    const double lost = c2 * sqrt(out * out + sharp * sharp) + hopopt_friction[joint];
-    return spun + c1 * out + lost * turning + hopopt_damping[joint] * w;
+    const double up = pow(eta, -turning), c1 = (up + 1.0 / up) / 2.0, c2 = (up - 1.0 / up) / 2.0;
+    const double lost = c2 * sqrt(out * out + sharp * sharp) + hopopt_friction[joint] * turning;
+    return spun + c1 * out + lost + hopopt_damping[joint] * w;
 }
 
 /* What spins the rotors up over the next period (n) [N m]: it never passes the gears' teeth. */

@@ -216,7 +216,7 @@ def _credible(free: Sequence[Unknown], fit: WeightedFit, regression: Regression,
             unit = "" if u.unit == "1" else f" {u.unit}"
             raise ResultError(
                 f"{u.key} would be {value:.3g}{unit}, the problem says {u.believed:.3g}: is tau that of the joint, before its "
-                "gear's losses, in N m, and force_z in N?"
+                "gear's losses, in N m, is force_z in N, or are torque columns swapped?"
             )
 
 

@@ -59,9 +59,7 @@ def motor_line(c, joint, most, m12, h1, h2, w, bound):
     w [rad/s]. ``most``: whether that is its greatest; where it drives forward there, its gear brakes at the least."""
     gear = c.gear1 if joint == 0 else c.gear2
     turning, rotor = w / (w**4 + gear[3] ** 4) ** 0.25, gear[5]
-    c1 = 1 + ((1 / gear[0] + gear[0]) / 2 - 1) * turning * turning
-    c2 = (1 / gear[0] - gear[0]) / 2 * turning
-    share = c1 + c2 if most else c1 - c2
+    share = gear[0] ** -turning if most else gear[0] ** turning
     if joint == 0:
         x, y, still, one, two = c.m11 + m12, m12 + c.m22, c.turn1 * (h1 + h2), c.turn1, 0.0
         x, y = c.turn1 * x, c.turn1 * y

@@ -137,13 +137,11 @@ def _lines(design: Design, leg: SliderLeg, v: np.ndarray) -> tuple[np.ndarray, n
         still = leg.torque[:, k, 0, None] + leg.torque[:, k, 2, None] * v**2
         w, gear = leg.dq[:, k, None] * v, Gear.of(design.leg, joint, robot.parameters)
         turning = w / (w**4 + gear.slow**4) ** 0.25
-        c1 = 1 + ((1 / gear.efficiency + gear.efficiency) / 2 - 1) * turning**2
-        c2 = (1 / gear.efficiency - gear.efficiency) / 2
         lost = gear.friction * turning + gear.damping * w
         for plane in operating_region(design.leg, joint, robot.parameters).planes:
             a, b = float(plane.a), float(plane.b)
-            share = (
-                c1 + np.sign(a) * c2 * turning
+            share = gear.efficiency ** (
+                -np.sign(a) * turning
             )  # of the joint's torque, in the motor's; the rotor's part lacks nothing
             ahead = share * leg.torque[:, k, 1, None] + (1 - share) * rotors[k] * leg.dq[:, k, None]
             rows.append(np.stack([a * ahead, -a * share * leg.levers[:, k, None]], axis=-1))
