@@ -13,6 +13,7 @@ from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.supply import power_drawn, power_limits, sag, share_at, voltage_share
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import BASE, build_robot
+from hopopt.ocp.guesses.feasibility import drives_too_weak
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load
@@ -98,6 +99,20 @@ def test_wrong_entries_get_one_sentence(entry: str) -> None:
         load("paper", ["supply.voltage=48", entry])
     assert len(fault.value.problems) == 1
     assert entry.split("=")[0].split(".")[-1] in fault.value.problems[0]
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ({"supply.power_cap": 0.2}, "supply.power_cap = 0.2 lets 0 W through"),
+        ({"supply.internal_resistance": 40.0}, "supply.internal_resistance = 40 lets 14 W through"),
+        ({"supply.internal_resistance": 1.0, "leg.motor.max_torque": 0.3}, "V that the supply keeps meanwhile"),
+    ],
+)
+def test_a_supply_that_cannot_hold_the_start_pose_is_named(entries: dict[str, float], words: str) -> None:
+    design = load("paper", SUPPLY | entries)
+    faults = drives_too_weak(design, build_robot(design.leg))
+    assert any(words in fault for fault in faults)
 
 
 # ---- the optimum with all of it -------------------------------------------------------------------------------------

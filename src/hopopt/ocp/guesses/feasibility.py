@@ -5,9 +5,10 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from hopopt.design import Design
+from hopopt.design import Design, Leg
 from hopopt.drivetrain.limits import CAPS, LINES
 from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import loop_axes, reach, start_angles
 from hopopt.leg.robot import BASE, Robot
@@ -42,7 +43,7 @@ def drives_too_weak(design: Design, robot: Robot) -> list[str]:
     symbols = [ca.SX.sym(name, len(leg.joints)) for name in "qva"]
     tau = LegDynamics(robot, robot.parameters).stance(*symbols).tau
     hold = np.array(ca.Function("hold", symbols, [tau])(q, 0, 0)).ravel()
-    faults = []
+    faults = _supply_too_weak(leg, robot, hold)
     for k, joint in enumerate(leg.joints):
         region = operating_region(leg, joint, robot.parameters)
         lower, upper = region.torque_bounds(0.0)
@@ -58,3 +59,27 @@ def drives_too_weak(design: Design, robot: Robot) -> list[str]:
                 "a lighter leg.body.mass or a higher start"
             )
     return faults
+
+
+def _supply_too_weak(leg: Leg, robot: Robot, hold: np.ndarray) -> list[str]:
+    """A sentence if the supply cannot feed the torques (n) [N m] that hold the start pose."""
+    if leg.supply is None:
+        return []
+    power = float(power_drawn(leg, robot.parameters, list(hold), [0.0] * len(hold)))
+    for entry, most in power_limits(leg, robot.parameters).items():
+        if power > most:
+            value = getattr(leg.supply, entry)
+            return [
+                f"holding the start pose in stance at 0 s draws {power:.0f} W, and supply.{entry} = {value:g} lets {float(most):.0f} W "
+                "through: a stronger supply (supply.count, supply.voltage), a lighter leg.body.mass or a higher start"
+            ]
+    voltage = float(voltage_share(leg, robot.parameters, list(hold), [0.0] * len(hold)))
+    for joint, torque in zip(leg.joints, hold.tolist(), strict=True):
+        most = voltage * float(operating_region(leg, joint, robot.parameters).torque_bounds(0.0)[1])
+        if abs(torque) > most:
+            return [
+                f"the {joint} needs {abs(torque):.1f} N m to hold the start pose in stance at 0 s; at the "
+                f"{voltage * leg.supply.voltage:.1f} V that the supply keeps meanwhile its drive gives {most:.1f} N m: less "
+                "supply.internal_resistance, a stronger motor or a higher start"
+            ]
+    return []
