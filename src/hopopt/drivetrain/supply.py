@@ -6,7 +6,7 @@ torque and no-load speed go with the voltage: a tau + b w <= v on the torque-spe
 stay. Current, power and least voltage all bound P. Of numbers, arrays or CasADi symbols.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ def power_scale(leg: Leg, p: Mapping[str, Any]) -> Any:
     return sum(torque * speed / 4 for torque, speed in drives)
 
 
-def power_drawn(leg: Leg, p: Mapping[str, Any], tau: Sequence[Any], w: Sequence[Any]) -> Any:
+def power_drawn(leg: Leg, p: Mapping[str, Any], tau: Any, w: Any) -> Any:
     """P [W] of one leg, from its motors' torques tau [N m] and joint speeds w [rad/s], one of each for each joint."""
     heats = [winding_heat(leg, joint, p) for joint in leg.joints]
     total = sum(t * v + h * t * t for t, v, h in zip(tau, w, heats, strict=True))
@@ -55,7 +55,7 @@ def sag(leg: Leg, p: Mapping[str, Any]) -> Any:
     return resistance / p["leg.supply.voltage"] ** 2
 
 
-def voltage_share(leg: Leg, p: Mapping[str, Any], tau: Sequence[Any], w: Sequence[Any]) -> Any:
+def voltage_share(leg: Leg, p: Mapping[str, Any], tau: Any, w: Any) -> Any:
     """v: the bus voltage over its open-circuit voltage, arguments as those of ``power_drawn``; 1 without a supply."""
     return 1.0 if leg.supply is None else share_at(sag(leg, p), power_drawn(leg, p, tau, w))
 
