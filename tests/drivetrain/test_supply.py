@@ -1,6 +1,7 @@
 """A supply that motors share, against closed forms; and the optimum, the plant and verification with it."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,8 +69,8 @@ def test_the_clamp_finds_the_voltage_at_which_the_motors_draw_what_they_get() ->
     def torques(v: float) -> np.ndarray:
         return np.array([stall * (v - w[0] / speed), -stall * (v - abs(w[1]) / speed)])
 
-    root = brentq(lambda v: share_at(sag(leg, p), power_drawn(leg, p, torques(v), w)) - v, 0.4, 1.0, xtol=1e-13)
-    np.testing.assert_allclose(drive_of(design).clamp(w, np.array([HUGE, -HUGE])), torques(float(root)), rtol=1e-8)
+    root: Any = brentq(lambda v: share_at(sag(leg, p), power_drawn(leg, p, torques(v), w)) - v, 0.4, 1.0, xtol=1e-13)
+    np.testing.assert_allclose(drive_of(design).clamp(w, np.array([HUGE, -HUGE])), torques(root), rtol=1e-8)
 
 
 @pytest.mark.parametrize(("entry", "value"), [("power_cap", 900.0), ("current_cap", 20.0), ("least_voltage", 44.0)])
