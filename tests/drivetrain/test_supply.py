@@ -20,6 +20,7 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.verify.drives import losses
 from hopopt.verify.whole_hop import whole_hop_rollout
+from rarely import rarely
 
 V, R_S = 48.0, 0.2
 HUGE = 1e9  # N m, that no motor gives
@@ -169,5 +170,21 @@ def test_clearance_falls_as_efficiency_falls_and_as_the_supply_weakens(hop: Solu
     several = [{}, {"leg.gear.efficiency": 0.9}, {"leg.gear.efficiency": 0.7}]
     found = [solve(load("paper", entries), starts=1).clearance for entries in several] + [hop.clearance]
     assert all(a > b + 1e-3 for a, b in pairwise(found))
-    assert found[1] > 0.7680
-    assert found[2] > 0.6915
+
+
+@rarely
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("entries", "least"),
+    [
+        ({"leg.gear.efficiency": 0.9}, 0.7680),
+        ({"leg.gear.efficiency": 0.7}, 0.6915),
+        ({"leg.gear.efficiency": 0.7, "contact.friction": 0.7}, 0.6595),
+    ],
+)
+def test_the_search_finds_what_other_codes_found(entries: dict[str, float], least: float, seed: int) -> None:
+    """Trials of stance alone, with cubic intervals and sgn smoothed over 0.02 rad/s: 0.7687, 0.692 and 0.6599 m."""
+    found = solve(load("paper", {**entries, "solver.seed": seed}))
+    assert found.verified
+    assert found.clearance > least

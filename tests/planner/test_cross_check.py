@@ -33,6 +33,7 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.storage.solution import read, save
 from once import solved_once
+from waiting import beside_progress
 
 COARSE = {"solver.refine": False, "solver.stance_intervals": 12, "solver.flight_intervals": 5}
 UNREFINED = [word for entry, value in COARSE.items() for word in ("--set", f"{entry}={str(value).lower()}")]
@@ -175,13 +176,13 @@ def test_on_the_command_line(
     asked = ["solve", *UNREFINED, "--starts", "1", "--no-figures", "--results", str(tmp_path), "--cross-check"]
     assert cli.run([*asked, "--json"]) == 3
     out, err = capfd.readouterr()
-    assert err == ""
+    assert beside_progress(err) == []
     data = json.loads(out)  # one object and nothing else
     assert [o["agrees"] for o in data["second_opinions"]] == [True, False]
     monkeypatch.setattr("hopopt.planner.solve.solve", lambda *given, **more: answer)
     assert cli.run(asked) == 3
     out, err = capfd.readouterr()
-    assert err == ""
+    assert beside_progress(err) == []
     assert re.search(r"cross-check +Uno, .* of 12 \+ 5 intervals: 0\.\d{5} m, differs by \de-\d\d \(\d+ s\)\n", out), (
         out
     )

@@ -141,7 +141,7 @@ def error(e: ParameterEstimate, truth: float) -> float:
 
 
 def test_the_true_leg_moves_as_the_equations_say(believed: Design, recording: Recording) -> None:
-    """Without noise and with the true parameters, both sides of every equation agree to 2e-3 of the logged one: where a gear
+    """Without noise and with the true parameters, both sides of every equation agree to 3e-3 of the logged one: where a gear
     goes from driving to braking, accelerations are told by smoothed slopes."""
     log = RobotLog(
         recording.t,
@@ -162,7 +162,7 @@ def test_the_true_leg_moves_as_the_equations_say(believed: Design, recording: Re
     blocks = rows.blocks(x)
     assert {b.kind for b in blocks} == {"tau0", "tau1", "force0", "force1", "line1"}
     for block in blocks:
-        assert np.sqrt(np.mean(block.e**2)) < 2e-3 * np.sqrt(np.mean(block.logged**2)), block.kind
+        assert np.sqrt(np.mean(block.e**2)) < 3e-3 * np.sqrt(np.mean(block.logged**2)), block.kind
 
 
 def test_the_derivatives_of_the_rows_are_their_differences(believed: Design, recording: Recording) -> None:

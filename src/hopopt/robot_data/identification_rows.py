@@ -50,7 +50,7 @@ from hopopt.sim.machine import Machine
 CLEAR_OF_STOPS = 0.01  # [rad] from an end stop that no window touches
 SHORT_OF_COMMAND = 0.03  # of the stall torque by which a drive gives less than asked where it is on its line
 NEAR_LINE = 0.85  # of the believed line's torque above which a drive without commands may be at its line
-SMOOTH = 8  # samples on either side, from which an acceleration tells whether a gear drives or brakes
+SMOOTH = 12  # samples on either side, from which an acceleration tells whether a gear drives or brakes
 HELD = 4  # samples on either side, over which the course of a torque is smoothed
 BELOW_CAP = 0.03  # of a cap on torque by which a drive stays below it where it is on its line
 
