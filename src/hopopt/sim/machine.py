@@ -74,7 +74,7 @@ class Machine:
     """Pinocchio's view of the leg: dynamics with and without the foot on the ground."""
 
     def __init__(self, robot: Robot):
-        self.model, self.data, self.n = robot.model, robot.model.createData(), len(robot.joints)
+        self.robot, self.model, self.data, self.n = robot, robot.model, robot.model.createData(), len(robot.joints)
         self.leg = robot.leg
         self.contact = list(contact_axes(robot.leg))
         self.held = [] if "x" in robot.leg.guides else [0]  # coordinates of the body that no guide lets move
@@ -86,6 +86,10 @@ class Machine:
         self._held_rows = np.eye(self.model.nv)[self.held]
         self.mass = float(sum(i.mass for i in self.model.inertias))
         self.gravity = np.array(self.model.gravity.linear)[[0, 2]]
+
+    def __reduce__(self) -> tuple[type["Machine"], tuple[Robot]]:
+        """Made anew in another process: Pinocchio's data are scratch, and its oldest supported release cannot read them back."""
+        return Machine, (self.robot,)
 
     def foot_jacobian(self, q: np.ndarray) -> np.ndarray:
         """Along the axes of the contact force: world x and z, (2, 2 + n); x, y and z where the leg leaves the plane."""
