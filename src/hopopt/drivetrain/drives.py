@@ -9,7 +9,7 @@ from hopopt.compiled.kernel import packed
 from hopopt.design import Leg
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.dynamics import AddedStates
-from hopopt.drivetrain.gear import ENTRIES, Gear, driven_joints, joint_torque, motor_torque
+from hopopt.drivetrain.gear import ENTRIES, Gear, driven_joints, joint_torque, motor_torque, response_to
 from hopopt.drivetrain.half_planes import UNBOUNDED, OperatingRegion, filled_up, torque_lines
 from hopopt.drivetrain.region import operating_region
 from hopopt.drivetrain.supply import stiff, supply_numbers
@@ -89,8 +89,7 @@ class Drive:
         if self.lossless:
             return motor, motor.copy()
         n = len(motor)
-        still = accelerate(np.zeros(n)) if accelerate else np.zeros(n)
-        response = np.array([accelerate(unit) - still for unit in np.eye(n)]).T if accelerate else np.zeros((n, n))
+        still, response = response_to(accelerate, n) if accelerate else (np.zeros(n), np.zeros((n, n)))
         rotor = self.rotor if accelerate else np.zeros(n)
         return motor, driven_joints(self.gear, motor, np.asarray(w, dtype=float), still, response, rotor)
 

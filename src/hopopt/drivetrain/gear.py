@@ -11,7 +11,7 @@ to 0 the gear loses nothing, so that it gives power at no speed. Plain Python on
 symbols, and compiled as it is (drivetrain/kernels.py).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -129,6 +129,12 @@ def driven_joints(gear: Gear, motor: np.ndarray, w: np.ndarray, a: np.ndarray, r
             break
         tau = tau - np.linalg.solve(unit - (rotor * (1 - slope))[:, None] * response, missing)
     return tau
+
+
+def response_to(accelerate: Callable[[np.ndarray], np.ndarray], n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations of n joints without torques (n) and by a unit of each (n, n), of an affine function of the torques."""
+    still = accelerate(np.zeros(n))
+    return still, np.array([accelerate(unit) - still for unit in np.eye(n)]).T
 
 
 MOST_STEPS, EXACT = 20, 1e-13  # of Newton's method; relative

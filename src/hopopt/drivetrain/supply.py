@@ -15,6 +15,7 @@ from hopopt.design import Leg
 
 EVEN = 1e-3  # share of the motors' greatest power over which drawing goes into feeding back
 FLOOR = 1e-4  # of the root's argument, below which no bus has a voltage
+WINDING = ("winding_resistance", "torque_constant")  # entries of a motor that tell its heat
 STIFF_SUPPLY, BURNS, TAKES_BACK = 0, 1, 2  # what a supply does with power that the motors feed back
 NEARLY = 0.999  # of the most power that an internal resistance lets through: there the voltage would fall without end
 
@@ -26,7 +27,7 @@ def winding_heat(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
     torque.
     """
     ratio = p[leg.drive(joint, "gear", "ratio")[0]]
-    resistance, constant = (p.get(leg.drive(joint, "motor", e)[0]) for e in ("winding_resistance", "torque_constant"))
+    resistance, constant = (p.get(leg.drive(joint, "motor", e)[0]) for e in WINDING)
     if resistance is None or constant is None:
         torque, speed = (p[leg.drive(joint, "motor", entry)[0]] for entry in ("max_torque", "max_speed"))
         return speed / ratio / (ratio * torque)

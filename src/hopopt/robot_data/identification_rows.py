@@ -199,7 +199,7 @@ class LogRows:
         return np.where(self._teeth(k, x)[0] * self.s.sign[:, k] >= 0, eta, 1 / eta)
 
     def _teeth(self, k: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What passes a gear's teeth (k,) [N m], rotor and friction aside, and the acceleration that it is told by."""
+        """Torque at a gear's teeth (k,) [N m], less rotor and friction, and the acceleration (k,) [rad/s^2] used for it."""
         g, _, c, d = self._of_joint(k, x)
         s, rotor = self.s, float(x[self.at["rotor"] + k])
         a = self.smooth @ s.v[:, k] + g * self.held[:, k]

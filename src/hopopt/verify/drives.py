@@ -7,7 +7,7 @@ import numpy as np
 
 from hopopt.drivetrain.dynamics import AddedStates, added_states
 from hopopt.drivetrain.gear import Gear, any_lossy, gears_of, motor_torque, teeth_torque
-from hopopt.drivetrain.supply import power_drawn, sag, share_at, winding_heat
+from hopopt.drivetrain.supply import WINDING, power_drawn, sag, share_at, winding_heat
 from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, stated
 from hopopt.sim.machine import Machine
@@ -15,8 +15,6 @@ from hopopt.verify.check import BALANCE, EXACT, STATE, Check
 from hopopt.verify.measures import quadrature
 from hopopt.verify.replay import missed
 from hopopt.verify.table import POWERS, TO_POWERS, Table
-
-ELECTRICAL = ("winding_resistance", "torque_constant")
 
 
 def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:
@@ -68,7 +66,7 @@ def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
     rotors = robot.model.armature[BASE:]
     for k, joint in enumerate(robot.joints):
         gear, column = Gear.of(leg, joint, p), BASE + k
-        known = leg.supply is not None or all(leg.drive(joint, "motor", entry)[1] is not None for entry in ELECTRICAL)
+        known = leg.supply is not None or all(leg.drive(joint, "motor", entry)[1] is not None for entry in WINDING)
         heat, total = winding_heat(leg, joint, p), np.zeros(3)
         for table in tables.values():
             w, motor, tau = table.v[..., column], table.asked[..., k], table.tau[..., k]

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from hopopt.design import Design, HopSettings, physical_parameters
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import added_states
-from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of
+from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of, response_to
 from hopopt.drivetrain.half_planes import OperatingRegion, torque_lines, within
 from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import loop_axes, reach
@@ -70,9 +70,8 @@ class Drives:
         """Torques (n) [N m] at the joints of the motors' torques, for q, v (BASE + n) of the leg."""
         if self.gear is None:
             return motor
-        still = machine.acceleration(q, v, np.zeros_like(motor), contact)[BASE:]
-        response = [machine.acceleration(q, v, unit, contact)[BASE:] - still for unit in np.eye(len(motor))]
-        return driven_joints(self.gear, motor, v[BASE:], still, np.transpose(response), self.rotor)
+        found = response_to(lambda tau: machine.acceleration(q, v, tau, contact)[BASE:], len(motor))
+        return driven_joints(self.gear, motor, v[BASE:], *found, self.rotor)
 
 
 @dataclass(frozen=True)
@@ -260,8 +259,10 @@ def _interval(
 
     def motion(place: float, x: np.ndarray) -> tuple[np.ndarray, ...]:
         q, v = x[: len(x) // 2], x[len(x) // 2 :]
-        motor, nowhere = torque(place, q[BASE - first :], v[BASE - first :]), np.zeros(first)
-        tau = drives.at_joints(machine, np.concatenate([nowhere, q]), np.concatenate([nowhere, v]), motor, contact)
+        tau = motor = torque(place, q[BASE - first :], v[BASE - first :])
+        if drives.gear:
+            nowhere = np.zeros(first)
+            tau = drives.at_joints(machine, np.concatenate([nowhere, q]), np.concatenate([nowhere, v]), motor, contact)
         if not contact:
             return q, v, machine.acceleration(q, v, tau, False), tau, np.zeros(BASE), motor
         q, v, a, f = machine.pinned(q, v, tau)

@@ -13,6 +13,7 @@ import casadi as ca
 from hopopt.design import Design
 from hopopt.drivetrain.limits import BACKWARD, FORWARD
 from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import WINDING, winding_heat
 from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE
 from hopopt.ocp.drives import asked, motor_torques
@@ -30,7 +31,6 @@ SHARP = 0.1  # a peak may be passed by a smaller share of its range than a limit
 KINK_FACTOR = (
     3.0  # a power may be passed by a larger one where work is flat: what that gains is in the estimate of its error
 )
-ELECTRICAL = ("winding_resistance", "torque_constant")
 
 
 def _economical(name: str, meaning: str, unit: str, figure: str, value: Any, **more: Any) -> HopObjective:
@@ -63,12 +63,8 @@ def _of_motors(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
 
 def _losses(hop: MovingLeg, motion: MotionAt, s: Instant) -> ca.SX:
     """Joule heat in every motor's winding [W], (n,): resistance times (motor torque / torque constant)^2."""
-    heat, torques = [], motor_torques(hop, motion)(s)
-    for k, joint in enumerate(hop.leg.joints):
-        resistance, constant = (s.p[hop.leg.drive(joint, "motor", entry)[0]] for entry in ELECTRICAL)
-        ratio = s.p[hop.leg.drive(joint, "gear", "ratio")[0]]
-        heat.append(resistance * (torques[k] / (ratio * constant)) ** 2)
-    return ca.vertcat(*heat)
+    torques = motor_torques(hop, motion)(s)
+    return ca.vertcat(*[winding_heat(hop.leg, joint, s.p) * torques[k] ** 2 for k, joint in enumerate(hop.leg.joints)])
 
 
 def largest_power(hop: MovingLeg) -> float:
@@ -118,7 +114,7 @@ def _work_both_ways(hop: MovingLeg, motion: MotionAt) -> Mapping[str, Callable[[
 def _no_winding(design: Design) -> str | None:
     """What to say if a motor's electrical figures are missing."""
     for joint in design.leg.joints:
-        for entry in ELECTRICAL:
+        for entry in WINDING:
             path, value = design.leg.drive(joint, "motor", entry)
             if value is None:
                 return (
