@@ -48,7 +48,7 @@ def test_so_it_is_in_python(ask: Callable[[], object]) -> None:
 def test_memory_is_estimated_and_compared_with_the_computers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(amounts, "memory", lambda: 4e9)
     check_size(61)
-    with pytest.raises(UsageError, match=r"81 nodes on each axis would take about 4.7 GB .* has 4 GB: choose fewer"):
+    with pytest.raises(UsageError, match=r"81 nodes on each axis would take about 6.9 GB .* has 4 GB: choose fewer"):
         check_size(LARGEST)
     amounts.check_processes(8)
     with pytest.raises(UsageError, match=r"--processes 100 would take about 25 GB .* ask for 13 at most"):
@@ -62,5 +62,5 @@ def test_a_computer_that_does_not_say_its_memory_may_be_asked_for_all(monkeypatc
 
 
 def test_the_memory_of_a_grid_is_what_it_takes() -> None:
-    """Layers of 20 steps and the first, four second differences, all of four bytes."""
-    assert 4 * (21 + 4) <= NODE <= 1.2 * 4 * (21 + 4)
+    """Layers of 20 steps and the first, four second differences, three states of four numbers, all of four bytes."""
+    assert 4 * (21 + 4 + 12) <= NODE <= 1.2 * 4 * (21 + 4 + 12)

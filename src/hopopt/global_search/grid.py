@@ -112,17 +112,15 @@ def on_grid(grid, phi1, phi2, r1, r2):
 @kernel
 def interpolate(grid, values, bends, phi1, phi2, r1, r2):
     """Value [m] at a state, OFF_GRID_VALUE off the grid; ``bends``: second differences (size, 4), or (0, 4) for none."""
-    p0, p1, p2, p3 = place(grid, phi1, phi2, r1, r2)
+    if not on_grid(grid, phi1, phi2, r1, r2):
+        return OFF_GRID_VALUE
+    return interpolate_at(grid, values, bends, *place(grid, phi1, phi2, r1, r2))
+
+
+@kernel
+def interpolate_at(grid, values, bends, p0, p1, p2, p3):
+    """The same at a place on the grid (``place``), in nodes from the first on each axis."""
     n = grid.n
-    if min(min(p0, p1), min(p2, p3)) < -OFF_GRID_TOLERANCE:
-        return OFF_GRID_VALUE
-    if (
-        p0 > n[0] - 1 + OFF_GRID_TOLERANCE
-        or p1 > n[1] - 1 + OFF_GRID_TOLERANCE
-        or p2 > n[2] - 1 + OFF_GRID_TOLERANCE
-        or p3 > n[3] - 1 + OFF_GRID_TOLERANCE
-    ):
-        return OFF_GRID_VALUE
     i0, i1 = min(max(int(p0), 0), n[0] - 2), min(max(int(p1), 0), n[1] - 2)
     i2, i3 = min(max(int(p2), 0), n[2] - 2), min(max(int(p3), 0), n[3] - 2)
     a, b, c, d = p0 - i0, p1 - i1, p2 - i2, p3 - i3

@@ -12,7 +12,7 @@ from hopopt.global_search.result import GlobalSearch
 from hopopt.nlp.deadline import NEVER, Deadline
 
 SMALLEST, LARGEST = 7, 81  # nodes on an axis
-NODE = 110  # bytes of a node: its value in every layer, its second differences, whether it matters
+NODE = 160  # bytes of a node: its value in every layer, its second differences, three states that follow, whether it matters
 
 
 def search(

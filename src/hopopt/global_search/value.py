@@ -1,7 +1,8 @@
 """The best clearance, counted from the tuck, that is left at every state of a grid: semi-Lagrangian dynamic programming.
 
-From each node the extreme motions are followed for one step of time, and the value is read where they end. The best of
-these and of lifting off at once is kept (Bellman 1957; Falcone and Ferretti, Semi-Lagrangian Approximation Schemes, 2013).
+From each node the extreme motions are followed for one step of time, once for all layers, and in each the value is read where
+they end. The best of these and of lifting off at once is kept (Bellman 1957; Falcone and Ferretti, Semi-Lagrangian
+Approximation Schemes, 2013).
 Interpolation smears the value in every step, so few long steps with motions of some accuracy do better than many.
 """
 
@@ -14,9 +15,19 @@ import numpy as np
 
 from hopopt.compiled.kernel import kept, kernel, packed
 from hopopt.global_search.constants import StanceConstants
+from hopopt.global_search.equations.accelerations import VERTICES
 from hopopt.global_search.equations.dynamics import apex_height
 from hopopt.global_search.equations.flight import Flight, losses
-from hopopt.global_search.grid import OFF_GRID_VALUE, Grid, interpolate, joint_heights, second_differences
+from hopopt.global_search.grid import (
+    OFF_GRID_VALUE,
+    Grid,
+    interpolate,
+    interpolate_at,
+    joint_heights,
+    on_grid,
+    place,
+    second_differences,
+)
 from hopopt.global_search.motions import KEEPS, PASSES, between, extreme_motions, last_kept, leaving, workspace
 from hopopt.nlp.deadline import NEVER, Deadline
 
@@ -47,47 +58,61 @@ class ValueFunction:
 
 
 @kernel
-def best_successor(c, w, grid, values, bends, loss, phi1, phi2, r1, r2, dt, substeps, lift_off):
-    """Greatest value [m] one step ahead, OFF_GRID_VALUE if there is none: over the extreme motions, the ones halfway between two
-    neighbours or the last one before a state limit, and lift-off where a motion meets a limit within the step."""
-    count = extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps)
-    top = OFF_GRID_VALUE
-    for i in range(count):
-        if w.kind[i] == KEEPS:
-            value = interpolate(grid, values, bends, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3])
-            w.kind[i] = KEEPS if value > OFF_GRID_VALUE else PASSES
-            top = max(top, value)
-    for i in range(count):
-        j = i + 1 if i + 1 < count else 0
-        if (w.kind[i] == KEEPS) != (w.kind[j] == KEEPS):
-            kept, other = (i, j) if w.kind[i] == KEEPS else (j, i)
-            share = last_kept(c, w, grid, kept, other, phi1, phi2, r1, r2, dt)
-            f1, f2, u1, u2 = between(w, kept, other, share)
-            top = max(top, interpolate(grid, values, bends, f1, f2, u1, u2))
-        elif w.kind[i] == KEEPS:  # both: as if one control followed the other within the step
-            f1, f2, u1, u2 = between(w, i, j, 0.5)
-            top = max(top, interpolate(grid, values, bends, f1, f2, u1, u2))
-    if lift_off:
-        for i in range(count):
+def _successors(c, w, grid, axes, loss, apex, bends, active, dt, substeps, first, last, count, ends, leave):
+    """What follows in one step from nodes ``first`` to ``last``, which is the same in every layer.
+
+    Ends of the extreme motions that keep the state limits, and between each two neighbours the state halfway, or the last
+    one that keeps them: into ``ends`` (m, 4), ``count`` (last - first,) for each node; their number is returned.
+    ``leave``: greatest value [m] where a motion that meets a limit within the step ends in lift-off before it.
+    """
+    n, total = grid.n, 0
+    angles1, angles2, rates1, rates2 = axes
+    none = np.zeros((0, 4), dtype=np.float32)
+    for k in range(first, last):
+        if not active[k]:
+            continue
+        s2 = n[3]
+        s1 = n[2] * s2
+        s0 = n[1] * s1
+        i0, i1, i2, i3 = k // s0, (k % s0) // s1, (k % s1) // s2, k % s2
+        phi1, phi2, r1, r2 = angles1[i0], angles2[i1], rates1[i2], rates2[i3]
+        motions, before = extreme_motions(c, w, phi1, phi2, r1, r2, dt, substeps), total
+        for i in range(motions):
+            if w.kind[i] == KEEPS and not on_grid(grid, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]):
+                w.kind[i] = PASSES
+            if w.kind[i] == KEEPS:
+                ends[total] = place(grid, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3])
+                total += 1
+        for i in range(motions):
+            j = i + 1 if i + 1 < motions else 0
+            if w.kind[i] != KEEPS and w.kind[j] != KEEPS:
+                continue
+            one, other, share = i, j, 0.5  # both kept: as if one control followed the other within the step
+            if w.kind[i] != w.kind[j]:
+                one, other = (i, j) if w.kind[i] == KEEPS else (j, i)
+                share = last_kept(c, w, grid, one, other, phi1, phi2, r1, r2, dt)
+            ends[total] = place(grid, *between(w, one, other, share))
+            total += 1
+        count[k - first], top = total - before, OFF_GRID_VALUE
+        for i in range(before, total):
+            top = max(top, interpolate_at(grid, apex, bends, ends[i, 0], ends[i, 1], ends[i, 2], ends[i, 3]))
+        for i in range(motions):  # last, for it moves their ends
             if w.kind[i] != KEEPS and apex_height(c, w.end[i, 0], w.end[i, 1], w.end[i, 2], w.end[i, 3]) > top:
-                top = max(top, leaving(c, w, grid, loss, bends[:0], i, phi1, phi2, r1, r2, dt))
-    return top
+                leave[k] = max(leave[k], leaving(c, w, grid, loss, none, i, phi1, phi2, r1, r2, dt))
+    return total
 
 
 @kernel
-def _improve(c, w, grid, axes, values, bends, loss, apex, active, lift_off, dt, substeps, new, first, last):
-    """One step back in time at nodes first to last."""
-    n = grid.n
-    angles1, angles2, rates1, rates2 = axes
-    s2 = n[3]
-    s1 = n[2] * s2
-    s0 = n[1] * s1
+def _improve(grid, values, bends, apex, leave, active, lift_off, new, first, last, count, ends):
+    """One step back in time at nodes first to last: the best of what follows and, where the stance may end, of lift-off."""
+    at = 0
     for k in range(first, last):
         if active[k]:
-            i0, i1, i2, i3 = k // s0, (k % s0) // s1, (k % s1) // s2, k % s2
-            phi1, phi2, r1, r2 = angles1[i0], angles2[i1], rates1[i2], rates2[i3]
-            value = best_successor(c, w, grid, values, bends, loss, phi1, phi2, r1, r2, dt, substeps, lift_off)
-            new[k] = max(value, apex[k]) if lift_off else max(value, 0.0)
+            top = max(apex[k], leave[k]) if lift_off else 0.0
+            for i in range(at, at + count[k - first]):
+                top = max(top, interpolate_at(grid, values, bends, ends[i, 0], ends[i, 1], ends[i, 2], ends[i, 3]))
+            at += count[k - first]
+            new[k] = top
 
 
 @kernel
@@ -129,7 +154,7 @@ def value_function(
     TimeoutError if it has not ended by ``until``."""
     active = states_within_limits(c, grid) if active is None else active
     axes, dt = tuple(grid.axes()), duration[1] / steps
-    apex = np.zeros(grid.size, dtype=np.float32)
+    apex, leave = np.zeros(grid.size, dtype=np.float32), np.zeros(grid.size, dtype=np.float32)
     packed_c, packed_grid = packed(c), packed(grid)
     loss = losses(c, flight, grid, active)
     _apexes(packed_c, packed_grid, axes, active, apex)
@@ -137,7 +162,18 @@ def value_function(
     bends, layers = np.zeros((grid.size, 4), dtype=np.float32), [apex]
     bounds = np.linspace(0, grid.size, CHUNKS * threads + 1).astype(int)
     pieces = list(pairwise(bounds))
+
+    def follow(piece: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        if until.passed:
+            raise TimeoutError
+        count = np.zeros(piece[1] - piece[0], dtype=np.uint8)
+        ends = np.empty((int(np.sum(active[slice(*piece)])) * 2 * VERTICES, 4), dtype=np.float32)
+        fixed = packed_c, workspace(), packed_grid, axes, loss, apex, bends, active, dt, substeps
+        return count, ends[: _successors(*fixed, *piece, count, ends, leave)].copy()
+
+    second_differences(packed_grid, apex, active, bends, 0, grid.size)
     with ThreadPoolExecutor(threads) as pool:
+        followed = list(pool.map(follow, pieces))
         for k in range(1, steps + 1):
             old, new = layers[-1], apex.copy()
             lift_off = duration[1] - k * dt >= duration[0] - 1e-9
@@ -146,29 +182,18 @@ def value_function(
                 second_differences(packed_grid, old, active, bends, *piece)
 
             def improve(
-                piece: tuple[int, int], old: np.ndarray = old, new: np.ndarray = new, lift_off: bool = lift_off
+                piece: tuple[int, int],
+                after: tuple[np.ndarray, np.ndarray],
+                old: np.ndarray = old,
+                new: np.ndarray = new,
+                lift_off: bool = lift_off,
             ) -> None:
                 if until.passed:
                     raise TimeoutError
-                _improve(
-                    packed_c,
-                    workspace(),
-                    packed_grid,
-                    axes,
-                    old,
-                    bends,
-                    loss,
-                    apex,
-                    active,
-                    lift_off,
-                    dt,
-                    substeps,
-                    new,
-                    *piece,
-                )
+                _improve(packed_grid, old, bends, apex, leave, active, lift_off, new, *piece, *after)
 
             list(pool.map(differences, pieces))
-            list(pool.map(improve, pieces))
+            list(pool.map(improve, pieces, followed))
             layers.append(new)
             if progress:
                 progress(f"global search: {k} of {steps} steps")
