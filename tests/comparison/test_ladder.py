@@ -10,9 +10,13 @@ import pytest
 from hopopt.cli.main import run
 from hopopt.comparison.compare import Comparison, compare
 from hopopt.comparison.ladder import CONTROL, Ladder, Rung, ladder, withheld
+from hopopt.comparison.losses import CostOfLosses, cost_of_losses, without_losses
 from hopopt.control.strategies import find
+from hopopt.design import physical_parameters
+from hopopt.drivetrain.gear import gears_of
 from hopopt.ocp.custom import Moment
 from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
 from hopopt.plots.controllers.ladder import staircase
 from hopopt.problem.load import load
 from hopopt.sim.hop_metrics import HopFigures
@@ -81,12 +85,16 @@ def test_where_no_pd_strategy_hops_the_comparison_stays(
     assert answer["strategies"]["track"]["clearance_m"] > 0
 
 
-def test_the_staircase_is_drawn(tmp_path: Path, pd: HopFigures) -> None:
+def test_the_staircase_is_drawn(tmp_path: Path) -> None:
     """A step for each rung, named beside it."""
     rungs = (Rung(CONTROL, 0.6, 0.02, 0.02, 0.02, True), Rung("more grip", 0.7, 0.1, 0.05, 0.15, False))
-    figure = staircase(Ladder("force", 0.58, rungs, (("more grip",),), ((0.02, 0.1),)), "A leg")
+    losses = CostOfLosses(0.61, 0.03, 0.75, 0.05, True)
+    figure = staircase(Ladder("force", 0.58, rungs, (("more grip",),), ((0.02, 0.1),), losses), "A leg")
+    figure.savefig(tmp_path / "why.png")
     (ax,) = figure.axes
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["force, simulated", CONTROL, "more grip"]
+    named = ["force, simulated", CONTROL, "more grip", "drives that lose nothing"]
+    assert [label.get_text() for label in ax.get_yticklabels()] == named
+    assert any("+5.0 cm; force +3.0 cm" in text.get_text() for text in ax.texts)
     assert any("not verified" in text.get_text() for text in ax.texts)
 
 
@@ -94,3 +102,28 @@ def test_nothing_is_said_of_a_bound_that_was_not_verified(hop: Solution) -> None
     comparison = Comparison(hop.with_summary(verified=False), None, {})
     with pytest.raises(Exception, match="the bound is not verified"):
         ladder(comparison)
+
+
+def test_a_problem_without_losses_is_the_lossless_one() -> None:
+    lossy = load("paper", {"leg.gear.efficiency": 0.8, "leg.knee.gear.friction": 3.0, "supply.voltage": 48.0})
+    lossless = without_losses(lossy)
+    assert lossless is not None
+    assert lossless.leg.supply is None
+    assert gears_of(lossless.leg, physical_parameters(lossless.leg)).ideal
+    assert without_losses(lossless) is None
+    assert without_losses(load("paper")) is None
+
+
+@pytest.mark.slow
+def test_losses_cost_what_the_lossless_leg_has_more(hop: Solution, pd: HopFigures) -> None:
+    """Of PD control and of the bound, each against its own hop with gears that lose nothing."""
+    lossy = load("paper", {"leg.gear.efficiency": 0.9})
+    comparison = compare(lossy, ["force_tuck"], bound=solve(lossy, starts=1))
+    lost = cost_of_losses(comparison, "force_tuck", lambda text: None)
+    assert lost is not None
+    assert lost.verified
+    assert lost.bound_m == pytest.approx(hop.clearance, abs=1e-4)
+    assert lost.bound_loses_m == pytest.approx(hop.clearance - comparison.bound, abs=1e-4)
+    assert lost.strategy_m == pytest.approx(pd.clearance, abs=1e-9)
+    assert lost.strategy_loses_m == pytest.approx(pd.clearance - comparison.figures["force_tuck"].clearance, abs=1e-9)
+    assert lost.strategy_loses_m > 0.01

@@ -16,6 +16,7 @@ import numpy as np
 
 from hopopt.comparison.compare import Comparison
 from hopopt.comparison.hops.hop_after_hop import HopsComparison
+from hopopt.comparison.losses import CostOfLosses, cost_of_losses
 from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import reach
@@ -70,7 +71,8 @@ class Ladder:
     """From a PD strategy to the bound.
 
     strategy, from_m: the PD strategy and its clearance [m]. orders: in which freedoms are lifted, the first as the rungs
-    are; gains: of each order [m], that of better control first; each sums to the whole gap.
+    are; gains: of each order [m], that of better control first; each sums to the whole gap. losses: what those of gears
+    and supply cost both, where there are any; of a hop from rest.
     """
 
     strategy: str
@@ -78,6 +80,7 @@ class Ladder:
     rungs: tuple[Rung, ...]
     orders: tuple[tuple[str, ...], ...]
     gains: tuple[tuple[float, ...], ...]
+    losses: CostOfLosses | None = None
 
     @property
     def verified(self) -> bool:
@@ -91,6 +94,7 @@ class Ladder:
             "ladder": [vars(rung) for rung in self.rungs],
             "ladder_from": {"strategy": self.strategy, "clearance_m": self.from_m},
             "ladder_orders": [{"allows": list(order), "gains_m": list(gains)} for order, gains in pairs],
+            "ladder_losses": None if self.losses is None else vars(self.losses),
         }
 
 
@@ -113,7 +117,8 @@ def ladder(
     climbed = [solved.along(order) for order in chosen]
     clearances = [[figures.clearance, *(s.clearance for s in rungs)] for rungs in climbed]
     gains = tuple(tuple(map(float, np.diff(heights))) for heights in clearances)
-    return Ladder(name, figures.clearance, tuple(_rungs(chosen, gains, climbed[0])), chosen, gains)
+    losses = cost_of_losses(comparison, name, say) if isinstance(comparison, Comparison) else None
+    return Ladder(name, figures.clearance, tuple(_rungs(chosen, gains, climbed[0])), chosen, gains, losses)
 
 
 def _rungs(

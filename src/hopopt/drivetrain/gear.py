@@ -91,6 +91,13 @@ def gears_of(leg: Leg, p: Mapping[str, Any]) -> Gear:
     return Gear(efficiency, friction, damping, slow, sharp)
 
 
+def lossless_entries(p: Mapping[str, float]) -> dict[str, float]:
+    """Entries by their paths with which gears lose nothing, of those among p that lose."""
+    ideal = dict(zip(ENTRIES, LOSSLESS, strict=True))
+    own = {path: ideal[path.rsplit(".", 1)[-1]] for path in p if ".gear." in path and path.rsplit(".", 1)[-1] in ideal}
+    return {path: value for path, value in own.items() if p[path] != value}
+
+
 def lossy(leg: Leg, joint: str) -> bool:
     """Whether the problem gives the gear of a joint losses to plan with, be they none."""
     return any(leg.drive(joint, "gear", name)[1] is not None for name in ENTRIES)

@@ -17,6 +17,7 @@ EVEN = 1e-3  # share of the motors' greatest power over which drawing goes into 
 FLOOR = 1e-4  # of the root's argument, below which no bus has a voltage
 WINDING = ("winding_resistance", "torque_constant")  # entries of a motor that tell its heat
 STIFF_SUPPLY, BURNS, TAKES_BACK = 0, 1, 2  # what a supply does with power that the motors feed back
+STIFFER = 1e-2  # of its internal resistance: with none, the power it lets through had no bound
 NEARLY = 0.999  # of the most power that an internal resistance lets through: there the voltage would fall without end
 
 
@@ -54,6 +55,12 @@ def sag(leg: Leg, p: Mapping[str, Any]) -> Any:
     """R_s / V_0^2 [1/W] by the power of one leg."""
     resistance = p["leg.supply.internal_resistance"] * p["leg.supply.legs"] / p["leg.supply.count"]
     return resistance / p["leg.supply.voltage"] ** 2
+
+
+def stiffer_entries(p: Mapping[str, float]) -> dict[str, float]:
+    """Entries by their paths with which a supply hardly sags, if it does with those of p."""
+    path = "leg.supply.internal_resistance"
+    return {path: STIFFER * p[path]} if p.get(path) else {}
 
 
 def voltage_share(leg: Leg, p: Mapping[str, Any], tau: Any, w: Any) -> Any:

@@ -183,6 +183,12 @@ def ladder(found: Mapping[str, Any]) -> Iterator[Shown]:
         f"orders: the least and the most that a freedom gains in {len(found['ladder_orders'])} orders of lifting "
         "them; the gains of each sum to the whole gap"
     )
+    if lost := found.get("ladder_losses"):
+        doubt = "" if lost["verified"] else ", not verified"
+        yield (
+            f"without losses of gears and supply: {start['strategy']} {lost['strategy_m']:.3f} m "
+            f"({cm(lost['strategy_loses_m'])} cm), the bound {lost['bound_m']:.3f} m ({cm(lost['bound_loses_m'])} cm{doubt})"
+        )
 
 
 def cm(gap: float) -> str:

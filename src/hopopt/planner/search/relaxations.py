@@ -1,16 +1,18 @@
 """Relaxed problems as starts: the optimum of an easier problem, tightened to what was asked,
 from its point and its multipliers.
 
-A relaxation is the same program within wider bounds, so nothing is built again. Its optimum often lies near a better hop
-than the guessed starts do: without the friction cone, say, the leg lies down before it pushes.
+A relaxation is the same program within wider bounds or with other numbers, so nothing is built again. Its optimum often
+lies near a better hop than the guessed starts do: without the friction cone, say, the leg lies down before it pushes.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hopopt.drivetrain.gear import lossless_entries
+from hopopt.drivetrain.supply import stiffer_entries
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.ipopt import CARRIED, Bounds, NlpSolver
@@ -29,6 +31,7 @@ from hopopt.planner.search.multistart import (
 )
 
 Widen = Callable[[Transcription, Bounds], None]  # writes into the bounds
+Numbers = Callable[[Transcription], Mapping[str, float]]  # parameters of the program by name
 BEGUN_FROM = (0, 1)  # starts that each relaxed problem is solved from
 DEEPER = 0.3  # of the leg's length, by which joints may pass through the ground
 WIDER = 0.4  # rad by which each joint may pass its limits
@@ -38,20 +41,22 @@ LONGER = 1.5  # times the longest stance
 
 @dataclass(frozen=True)
 class Relaxation:
-    """A problem with wider limits.
+    """A problem with wider limits, or with numbers that ask less.
 
     name: in words
     limits: kinds of limits without which it is no relaxation of the problem
     widen: writes the wider bounds
+    numbers: of the program, that differ; if there is such a function and it gives none, it is no relaxation either
     """
 
     name: str
-    limits: tuple[Kind, ...]
-    widen: Widen
+    limits: tuple[Kind, ...] = ()
+    widen: Widen = lambda t, bounds: None
+    numbers: Numbers | None = None
 
     def suits(self, t: Transcription) -> bool:
-        """Whether the problem has the limits that this widens."""
-        return all(any(rows_of(t, kind)) for kind in self.limits)
+        """Whether the problem has what this relaxes."""
+        return all(any(rows_of(t, kind)) for kind in self.limits) and (self.numbers is None or bool(self.numbers(t)))
 
 
 def rows_of(t: Transcription, kind: Kind) -> Iterator[Rows]:
@@ -97,6 +102,12 @@ def stance_time(t: Transcription, b: Bounds) -> None:
     b.high_z[t.variables[t.problem.phases[0].name].durations] *= LONGER
 
 
+def no_losses(t: Transcription) -> Mapping[str, float]:
+    """Gears that lose nothing, and a supply that hardly sags."""
+    p = {q.name: float(np.ravel(q.value)[0]) for q in t.fixed}
+    return {**lossless_entries(p), **stiffer_entries(p)}
+
+
 def together(*each: Widen) -> Widen:
     """Several at once."""
 
@@ -111,6 +122,7 @@ QUICK = (
     Relaxation("no friction limit", (Kind.FRICTION,), friction_cone),
     Relaxation("wider joint range", (), joint_range),
     Relaxation("no ground for joints", (Kind.HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
+    Relaxation("no losses", numbers=no_losses),
 )
 THOROUGH = (
     *QUICK,
@@ -150,12 +162,12 @@ def _tightened(hop: Hop, asked: NlpSolver, relaxed: NlpSolver, relaxation: Relax
     """The relaxed problem from start k and, from its optimum and multipliers, what is asked; None if the relaxed optimum
     was known already."""
     began, start, t = time.perf_counter(), starts_of(hop, k + 1)[k], asked.transcription
-    s = relaxed(make_guess(hop, start), bounds=wider(t, relaxation))
+    s = relaxed(make_guess(hop, start), relaxation.numbers and relaxation.numbers(t), bounds=wider(t, relaxation))
     if relaxed.stopped:
         return None
     if s.success and relaxed.known is not None:
         remember(relaxed.known, outcome_of(relaxation.name, s, 0.0))
-        s = asked.again(s, own_bounds(t))
+        s = asked.again(replace(s, p=t.parameter_values()), own_bounds(t))
     name = relaxation.name if k == 0 else f"{relaxation.name}, from {start.name}"
     outcome = outcome_of(name, s, time.perf_counter() - began)
     return noted(asked, outcome) if asked.stopped else outcome
