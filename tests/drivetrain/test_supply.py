@@ -187,4 +187,5 @@ def test_the_search_finds_what_other_codes_found(entries: dict[str, float], leas
     """Trials of stance alone, with cubic intervals and sgn smoothed over 0.02 rad/s: 0.7687, 0.692 and 0.6599 m."""
     found = solve(load("paper", {**entries, "solver.seed": seed}))
     assert found.verified
+    assert found.summary.certified
     assert found.clearance > least

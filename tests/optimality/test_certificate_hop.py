@@ -14,7 +14,7 @@ from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.problem import Component
 from hopopt.ocp.rules import LEAST_HEIGHT
-from hopopt.optimality.certificate import Certificate, certify
+from hopopt.optimality.certificate import COSTATE, Certificate, certify, unresolved
 from hopopt.optimality.minimum_principle.arcs import Activity
 from hopopt.optimality.minimum_principle.switch_times import plan
 from hopopt.optimality.minimum_principle.switching_structure import (
@@ -54,6 +54,24 @@ def costates_of(c: Certificate) -> float:
 
 
 # ---- certificate ------------------------------------------------------------------------------------------
+
+
+def test_intervals_are_cut_where_costates_miss_and_nothing_else_fails(
+    hop: Solution, coarse: Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Into more pieces where they miss by more, and nowhere where they fit."""
+    good = of(hop)
+    assert unresolved(good) == {}
+    assert failed(of(coarse)) - {"stance costates", "flight costates"}
+    assert unresolved(of(coarse)) == {}
+    wrong = tuple(replace(c, residual=2 * COSTATE) if c.name == "stance costates" else c for c in good.checks)
+    pieces = unresolved(replace(good, checks=wrong))
+    assert all((each == 1).all() for each in pieces.values())  # none misses in truth
+    misses = np.zeros(len(pieces["stance"]))
+    misses[3] = 100 * COSTATE  # a scheme of order 5: a thousand times less with ceil(1000^(1/5)) = 4 pieces
+    monkeypatch.setattr(good.phases["stance"], "costate_misses", lambda found: misses)
+    pieces = unresolved(replace(good, checks=wrong))
+    assert {k: int(n) for k, n in enumerate(pieces["stance"]) if n > 1} == {3: 4}
 
 
 def test_the_refined_optimum_is_certified(hop: Solution) -> None:

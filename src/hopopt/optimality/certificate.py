@@ -22,6 +22,7 @@ from hopopt.verify.check import Check, Condition
 COSTATES = "costates"  # of the conditions along a phase, the one that is shown by itself
 # Tolerances, all relative; in brackets the most that a built-in leg leaves with default settings:
 COSTATE = 1e-4  # ten times the local error that states may have: costates are integrated on their mesh (2e-6)
+RESOLVED, MOST_PIECES = 0.1, 8  # of COSTATE: what is aimed at where intervals are cut for it; of one interval at a time
 HAMILTONIAN = 5e-4  # H is the sum of large terms of either sign, each in error by up to COSTATE: a few of them (4e-4)
 ENDS = 1e-5  # what the program itself meets, solved to 1e-11; its quadrature of H over a phase is less accurate (4e-6)
 STATIONARY = 1e-3  # what could be gained to first order: a millimetre of a metre (5e-4; 8e-2 on the first mesh)
@@ -65,6 +66,20 @@ def certify(solution: NlpSolution) -> Certificate:
         phases[name] = PhaseCertificate(solution, name, ends.phases[name], fine[name], nodes[name], m)
     checks = [check for phase in phases.values() for check in phase_checks(phase)]
     return Certificate((*checks, *_shared(solution, phases, ends)), phases, ends)
+
+
+def unresolved(certificate: Certificate) -> dict[str, np.ndarray]:
+    """Into how many pieces intervals should be cut so that costates fit, by phase, (N,) each; {} if nothing is gained so:
+    where costates fit, or do not though other conditions fail too."""
+    failed = {check.name for check in certificate.checks if not check.passed}
+    if not failed or any(not name.endswith(f" {COSTATES}") for name in failed):
+        return {}
+    pieces = {}
+    for name, c in certificate.phases.items():
+        misses = c.costate_misses(arcs(activity(c.solution, name))) / (RESOLVED * COSTATE)
+        order = c.layout.scheme.order
+        pieces[name] = np.clip(np.ceil(misses ** (1 / order)), 1, MOST_PIECES).astype(int)
+    return pieces
 
 
 def phase_checks(c: PhaseCertificate) -> list[Check]:

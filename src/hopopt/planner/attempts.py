@@ -45,6 +45,7 @@ class Attempt:
     tie_break: times as large
     margin: share of the excess that verification allows, at which refinement aims
     further: whether it goes on from the last mesh, not from the first again
+    costates: whether it cuts the intervals of the last mesh in which costates are not resolved, and no others
     restarts: whether meshes may be solved again without the last one's multipliers
     within: relative distance of its objective, beyond which it is another optimum and not taken
     anyhow: whether it is taken even if it is no better
@@ -58,6 +59,7 @@ class Attempt:
     tie_break: float = 1.0
     margin: float = EXCESS_MARGIN
     further: bool = False
+    costates: bool = False
     restarts: bool = False
     within: float = inf
     anyhow: bool = False
@@ -80,6 +82,11 @@ class Attempt:
         return self.anyhow or (better and relative(again.objective, found.objective) < self.within)
 
 
+RESOLVED = Attempt(
+    "costates may change within an interval where states hardly do, as where gears begin to turn: first, for it takes a second",
+    "verified, but not certified: refining where costates are not resolved",
+    verified=True, ended=MET, costates=True,
+)  # fmt: skip
 FURTHER = Attempt(
     "the hop holds, but its mesh leaves open more than the certificate allows: so it goes on from there",
     "verified, but not certified: refining further, with tighter tolerances",
@@ -101,7 +108,7 @@ RESTARTED = Attempt(
     ended=UNSOLVED, restarts=True, anyhow=True,
 )  # fmt: skip
 
-REFINEMENT = (FURTHER, CLOSER_AIM)
+REFINEMENT = (RESOLVED, FURTHER, CLOSER_AIM)
 HOP = (CALMED, RESTARTED)
 POINT = (replace(CALMED, within=3e-3), RESTARTED)  # neighbours are compared: a point may not change to another optimum
 CODESIGN = (  # the answer is the hop of the leg that comes out: how the co-design's own refinement ended is not known

@@ -10,6 +10,7 @@ from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HEIGHT_FIGURES
+from hopopt.optimality.certificate import certify, unresolved
 from hopopt.optimality.minimum_principle.free_switches import Resolved
 from hopopt.planner.attempts import EXCESS_MARGIN, REFINEMENT, Attempt, AttemptOutcome, tried_again
 from hopopt.planner.checks.judge import judge
@@ -93,7 +94,11 @@ def refine_and_verify(
     clock.mark("refinement")
     say("verifying")
 
-    def again(attempt: Attempt, closer: Hop) -> Answer:
+    def again(attempt: Attempt, closer: Hop) -> Answer | None:
+        if attempt.costates:
+            pieces = unresolved(certify(refinement.solution))
+            resolved = refinement.on_pieces(pieces) if pieces else None
+            return None if resolved is None else judged(closer, resolved, clock)
         if attempt.further:
             return judged(closer, refinement.further(aims_of(closer, until)), clock)
         return refine_and_verify(closer, outcome, say, first, restarts, clock, attempt.margin, until, calmed)

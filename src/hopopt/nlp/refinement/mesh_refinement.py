@@ -26,6 +26,7 @@ from hopopt.nlp.refinement.next_mesh import (
     cut,
     cuts_before_tightening,
     cuts_of_what_is_wrong,
+    equal,
     fitting,
     halved,
     next_cuts,
@@ -41,10 +42,8 @@ from hopopt.record import Real, Strict, stated
 FINEST = 500  # intervals: a solution that needs more has torques that hardly matter and chatter; a larger tie-break calms them
 MOST_LOST = 0.02  # relative: a finer mesh's objective may be worse by this much, and by more if two solves agree on it
 AGREED = 1e-4  # relative
-CARRIED_ITERATIONS, LONGER = (
-    60,
-    5,
-)  # iterations from carried multipliers, and how many times as many before starting without
+CARRIED_ITERATIONS = 60  # from carried multipliers
+LONGER = 5  # times as many before starting without
 RESTARTS = ("adaptive", "monotone")  # barriers that are tried then
 STUCK, NEARER = 5, 0.5  # so many meshes, none of which is nearer to the aims than by this factor
 NEARBY_AIM = 4.0  # times its aim: an error within that is not called stuck, for wandering it will meet it
@@ -117,6 +116,13 @@ class Refinement:
         other = copy(self)
         other.aims, other.ended, other.history = aims, USED_UP, list(self.history)
         return other.run()
+
+    def on_pieces(self, pieces: Mapping[str, np.ndarray]) -> Self | None:
+        """Another one that first cuts intervals into so many equal pieces, by phase, (N,) each, and goes on from there; None if
+        that cannot be solved. This stays as it is."""
+        other = copy(self)
+        other.ended, other.history = USED_UP, list(self.history)
+        return None if other._solve_on({name: equal(n) for name, n in pieces.items()}) else other.run()
 
     def _enforcing(self) -> str:
         """How it ends where limits are enforced between the nodes; "" with the last mesh."""

@@ -97,12 +97,17 @@ class PhaseCertificate:
         return float(values @ self.h / self.h.sum())
 
     def costate_residual(self, found: Sequence[Arc]) -> tuple[float, str]:
-        """Largest miss over an interval, relative to the costate on its arc; and where."""
+        """Largest of ``costate_misses``; and where."""
+        relative = self.costate_misses(found)
+        return float(relative.max()), self._when(int(relative.argmax()))
+
+    def costate_misses(self, found: Sequence[Arc]) -> np.ndarray:
+        """By how much the costate integrated over each interval misses the next edge's, relative to it on its arc, (N,)."""
         floor, relative = 1e-9 * self._sizes.max() + 1e-300, np.zeros(len(self.h))
         for arc in found:
             own = slice(arc.first, arc.last + 1)
             relative[own] = self._steps[own] / max(self._sizes[arc.first : arc.last + 2].max(), floor)
-        return float(relative.max()), self._when(int(relative.argmax()))
+        return relative
 
     def start_residual(self) -> float:
         """Costate at the beginning against what the boundary constraints and the initial state's bounds ask for."""
