@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from hopopt.control.closed_loop import in_mujoco, make_plant
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
+from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.kinematics import foot_offset, start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.planner.solution import Solution
@@ -269,3 +270,33 @@ def test_a_command_acts_its_delay_later_there_too(periods: float) -> None:
     early = run.t < 0.1  # before the drives' limits
     called = np.floor(1000 * run.t[early] - periods + 1e-6) + 1
     np.testing.assert_allclose(run.tau[early], 0.1 * np.clip(called, 0, None)[:, None] * np.ones(2), rtol=1e-12)
+
+
+# ---- DC motors ----------------------------------------------------------------------------------------------
+
+
+def test_a_dc_motor_has_the_torque_speed_line_of_the_problem() -> None:
+    """Stall torque at full voltage and rest, none at the no-load speed, and the torque cap in between."""
+    mujoco = pytest.importorskip("mujoco")
+    robot = build_robot(load("paper", {"supply.voltage": 48.0, "leg.knee.motor.torque_cap": 1.5}).leg)
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, dc_motors=True))
+    data, p = mujoco.MjData(model), robot.parameters
+    ratio, stall, fastest = p["leg.gear.ratio"], p["leg.motor.max_torque"], p["leg.motor.max_speed"]
+    for share in (0.0, 0.4, 1.0):
+        data.ctrl[:], data.qvel[BASE:] = 48.0, share * fastest / ratio
+        mujoco.mj_forward(model, data)
+        wanted = (1 - share) * stall
+        assert data.qfrc_actuator[BASE:] == pytest.approx(ratio * np.minimum(wanted, [np.inf, 1.5]), abs=1e-9 * ratio)
+    with pytest.raises(UsageError, match=r"give supply\.voltage"):
+        to_mjcf(build_robot(load("paper").leg), dc_motors=True)
+
+
+def test_a_plan_replayed_by_dc_motors_reaches_its_clearance() -> None:
+    """Within 1 per cent."""
+    s = plan()
+    robot = build_robot(load("paper", {"supply.voltage": 48.0}).leg)
+    run = replay(robot, s, dc_motors=True)
+    assert run.lowest[-1] == pytest.approx(s.clearance, rel=1e-2)
+    lossy = build_robot(load("paper", {"supply.voltage": 48.0, "leg.gear.efficiency": 0.9}).leg)
+    with pytest.raises(UsageError, match="no gear that loses"):
+        replay(lossy, s, dc_motors=True)

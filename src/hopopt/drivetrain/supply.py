@@ -7,7 +7,7 @@ stay. Current, power and least voltage all bound P. Of numbers, arrays or CasADi
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,31 @@ def winding_heat(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
         torque, speed = (p[leg.drive(joint, "motor", entry)[0]] for entry in ("max_torque", "max_speed"))
         return speed / ratio / (ratio * torque)
     return resistance / (ratio * constant) ** 2
+
+
+class VoltageLine(NamedTuple):
+    """A motor by the voltage at its terminals: u = V (tau / stall torque + w / no-load speed), at the motor.
+
+    voltage: V, the open-circuit voltage of the supply [V]; None where the problem does not say
+    max_torque: stall torque [N m]; max_speed: no-load speed [rad/s]; ratio: of its gear; torque_cap: [N m] or None
+    """
+
+    voltage: float | None
+    max_torque: float
+    max_speed: float
+    ratio: float
+    torque_cap: float | None
+
+    def at(self, tau: float, w: float) -> float:
+        """The voltage [V] for a torque tau [N m] of the motor and a speed w [rad/s], both at the joint."""
+        assert self.voltage is not None
+        return self.voltage * (tau / (self.ratio * self.max_torque) + self.ratio * w / self.max_speed)
+
+
+def voltage_line(leg: Leg, joint: str, p: Mapping[str, float]) -> VoltageLine:
+    """The line of a joint's motor, from parameter values by their paths."""
+    torque, speed, cap = (p.get(leg.drive(joint, "motor", e)[0]) for e in ("max_torque", "max_speed", "torque_cap"))
+    return VoltageLine(p.get("leg.supply.voltage"), torque, speed, p[leg.drive(joint, "gear", "ratio")[0]], cap)  # type: ignore[arg-type]
 
 
 def power_scale(leg: Leg, p: Mapping[str, Any]) -> Any:

@@ -15,6 +15,7 @@ import numpy as np
 
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import gears_of
+from hopopt.drivetrain.supply import voltage_line
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
 from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot
@@ -69,6 +70,7 @@ def simulate(
     friction: float | None = None,
     landings: int = 1,
     bounce: float = BOUNCE,
+    dc_motors: bool = False,
 ) -> MujocoTrace:
     """Run a controller on the leg in MuJoCo, from q0, v0 (2 + n), for ``duration`` [s].
 
@@ -77,13 +79,18 @@ def simulate(
     those of the paper's leg (1e-4 s, 5e-5 s), scaled. With
     ``contact`` the run begins in stance, the foot at the origin; else in flight. It ends early where the foot has come down
     ``landings`` times after flights of at least ``bounce`` [s, on the paper's leg]; a pinned foot only once. friction: coefficient
-    of the ground; by default the foot is pinned.
+    of the ground; by default the foot is pinned. dc_motors: torques come from MuJoCo's DC motors, at the voltage that gives
+    them at the instant's speeds and is held; so gears must lose nothing.
     Raises MissingExtraError without MuJoCo, UsageError for a foot that is elsewhere, HopoptError if the motion runs away.
     """
     time = Scale.of(robot.leg).time
     control_period = CONTROL_PERIOD * time if control_period is None else control_period
     steps = max(1, round(control_period / (TIME_STEP * time if time_step is None else time_step)))
-    scene = _Scene(robot, control_period / steps, friction)
+    if dc_motors and not gears_of(robot.leg, robot.parameters).ideal:
+        raise UsageError(
+            "MuJoCo's DC motor has no gear that loses something: leave out dc_motors, or the gears' losses"
+        )
+    scene = _Scene(robot, control_period / steps, friction, dc_motors)
     scene.begin(q0, v0, contact)
     least = bounce * time
     rows, left = [], -np.inf if contact else 0.0  # when the foot last left the ground
@@ -119,13 +126,14 @@ def replay(
     damping: float | None = None,
     time_step: float | None = None,
     control_period: float | None = None,
+    dc_motors: bool = False,
 ) -> MujocoTrace:
     """Play a plan's torques on the leg in MuJoCo, from the plan's start to its apex: replay(s.robot, s).
 
     A hop is an inverted pendulum, on which open-loop errors grow, so tau = tau_plan + stiffness [N m/rad] (q_plan - q) +
     damping [N m s/rad] (v_plan - v) at the joints, clamped to their operating regions; tau_plan is the plan's mean over
     the period. What is not given is the paper's leg's (2000 N m/rad, 40 N m s/rad, 5e-5 s, 1e-4 s), scaled. The last instant is the apex to within a period, and
-    ``lowest`` there the clearance, unless the foot came down before.
+    ``lowest`` there the clearance, unless the foot came down before. dc_motors: as of ``simulate``.
     """
     scale = Scale.of(robot.leg)
     work, time = scale.unit("N m"), scale.time
@@ -143,7 +151,8 @@ def replay(
         return drive.torque(v[BASE:], tau, None, lambda tau: machine.acceleration(q, v, tau, contact)[BASE:])[1]
 
     q0, v0, duration = reference.q[0], reference.v[0], float(instants[-1])
-    return simulate(robot, q0, v0, controller, duration, time_step=time_step, control_period=control_period)
+    steps = {"time_step": time_step, "control_period": control_period}
+    return simulate(robot, q0, v0, controller, duration, dc_motors=dc_motors, **steps)
 
 
 def _means(plan: ReplayedPlan, instants: np.ndarray, period: float, places: int = 8) -> np.ndarray:
@@ -155,9 +164,10 @@ def _means(plan: ReplayedPlan, instants: np.ndarray, period: float, places: int 
 class _Scene:
     """MuJoCo's model and data of the leg, from the exported file."""
 
-    def __init__(self, robot: Robot, time_step: float, friction: float | None = None):
+    def __init__(self, robot: Robot, time_step: float, friction: float | None = None, dc_motors: bool = False):
         self.mj = library()
-        self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot))
+        self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot, dc_motors))
+        self.motors = [voltage_line(robot.leg, joint, robot.parameters) for joint in robot.joints * dc_motors]
         self.data = self.mj.MjData(self.model)
         option, disable = self.model.opt, self.mj.mjtDisableBit
         option.timestep, option.integrator = time_step, int(self.mj.mjtIntegrator.mjINT_RK4)
@@ -190,7 +200,10 @@ class _Scene:
         if not np.abs(v).max() < self.fastest:
             raise HopoptError(f"the motion ran away at {t:.4f} s: the controller is unstable, or its period too long")
         tau = np.array(controller(t, q, v, contact), dtype=float)
-        self.data.qfrc_applied[BASE:] = tau
+        if self.motors:
+            self.data.ctrl[:] = [motor.at(*each) for motor, *each in zip(self.motors, tau, v[BASE:], strict=True)]
+        else:
+            self.data.qfrc_applied[BASE:] = tau
         self.mj.mj_forward(self.model, self.data)
         f = self._force()
         if self.pinned and f[1] < -self.grip:

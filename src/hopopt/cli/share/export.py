@@ -43,6 +43,7 @@ def export(
     set_: Overrides = None,
     urdf: Path | None = None,
     mjcf: Path | None = None,
+    dc_motors: bool = False,
     json_: AsJson = False,
 ) -> int:
     """Write a planned hop for a robot, or the leg for other simulators.
@@ -63,6 +64,8 @@ def export(
         The URDF file to write, and beside it a problem file (leg.problem.toml) with what a URDF leaves out.
     mjcf
         The MuJoCo file to write.
+    dc_motors
+        Write MuJoCo's DC motors, which take a voltage, in place of motors that take a torque (needs supply.voltage).
     """
     if output is not None and format_ is None:
         raise UsageError(f"--output {output}: say in which form the plan is written: --format csv, json, ros2 or c")
@@ -71,6 +74,8 @@ def export(
             "say what to write: --format csv, json, ros2 or c for a planned hop; --urdf leg.urdf or --mjcf leg.xml for "
             "the leg"
         )
+    if dc_motors and mjcf is None:
+        raise UsageError("--dc-motors is for MuJoCo's file: say --mjcf leg.xml")
     made = list[Path]()
     if format_ is not None:
         if set_:
@@ -81,11 +86,11 @@ def export(
     if urdf is not None or mjcf is not None:
         file = Path(what) / "problem.toml"
         design = load(str(file) if file.is_file() else what, set_ or ())
-        made += _leg_files(design, urdf, mjcf)
+        made += _leg_files(design, urdf, mjcf, dc_motors)
     return written(made, json_)
 
 
-def _leg_files(design: Design, urdf: Path | None, mjcf: Path | None) -> list[Path]:
+def _leg_files(design: Design, urdf: Path | None, mjcf: Path | None, dc_motors: bool) -> list[Path]:
     """The leg in each file that was named, and beside a URDF the problem, which has what a URDF leaves out."""
     robot, texts = build_robot(design.leg), dict[Path, str]()
     if urdf is not None:
@@ -95,7 +100,7 @@ def _leg_files(design: Design, urdf: Path | None, mjcf: Path | None) -> list[Pat
         )
         texts[urdf.with_suffix(".problem.toml")] = head + resolved_toml(design)
     if mjcf is not None:
-        texts[mjcf] = to_mjcf(robot)
+        texts[mjcf] = to_mjcf(robot, dc_motors)
     for path in texts:
         if os.path.lexists(path):
             raise UsageError(f"{path} exists already and is not overwritten: choose another name")

@@ -17,6 +17,8 @@ import numpy as np
 
 from hopopt.design import unit
 from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import voltage_line
+from hopopt.errors import UsageError
 from hopopt.leg.derived import effort_limit, velocity_limit
 from hopopt.leg.inertia import PAIRS, tensor
 from hopopt.leg.kinematics import planar
@@ -38,6 +40,8 @@ IN_SPACE = (
     "The body does not turn, and its inertia is a placeholder (of a ball of {ball} m). A link that is a thin rod is given "
     "some thickness, a thousandth of its moment."
 )
+TAKES_TORQUE = "A motor takes its joint's torque; its limit is the one at standstill."
+TAKES_VOLTAGE = "A motor takes the voltage at its terminals."
 ON_SLIDER = "The body moves on a vertical slider: its guide along x is fixed."
 
 
@@ -119,8 +123,12 @@ def _limits(robot: Robot, name: str) -> dict[str, str]:
 # ---- MJCF -------------------------------------------------------------------------------------------------
 
 
-def to_mjcf(robot: Robot) -> str:
+def to_mjcf(robot: Robot, dc_motors: bool = False) -> str:
     """The leg as MJCF above a floor that the foot, a site and a contact point, can touch.
+
+    dc_motors: its motors are MuJoCo's DC motors, which take a voltage [V], in place of motors that take a torque. They have
+    back-EMF, a winding's resistance and a torque cap; what gears lose and how far a supply sags they do not know. UsageError
+    where the problem does not say at which voltage.
 
     The equality constraint "stance", inactive at first, pins the foot to the origin: the ideal ground. A motor takes its
     joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left to the controller.
@@ -152,9 +160,26 @@ def to_mjcf(robot: Robot) -> str:
     ET.SubElement(equality, "connect", name="stance", site1="foot", site2="foothold", active="false")
     actuators = ET.SubElement(root, "actuator")
     for name in robot.joints:
+        if dc_motors:
+            ET.SubElement(actuators, "dcmotor", _dc_motor(robot, name))
+            continue
         effort = effort_limit(operating_region(robot.leg, name, robot.parameters))
         ET.SubElement(actuators, "motor", name=name, joint=name, ctrlrange=_text((-effort, effort)))
-    return _document(robot, root, "A motor takes its joint's torque; its limit is the one at standstill.")
+    return _document(robot, root, TAKES_VOLTAGE if dc_motors else TAKES_TORQUE)
+
+
+def _dc_motor(robot: Robot, joint: str) -> dict[str, str]:
+    """A joint's motor as MuJoCo's: voltage [V], stall torque and no-load speed in front of its gear, and its torque cap."""
+    line = voltage_line(robot.leg, joint, robot.parameters)
+    if line.voltage is None:
+        raise UsageError(
+            f"leg.{joint}.motor: a DC motor needs the voltage at which its torque-speed line holds: give supply.voltage"
+        )
+    numbers = {
+        "name": joint, "joint": joint, "gear": _text([line.ratio]), "ctrlrange": _text((-line.voltage, line.voltage)),
+        "nominal": _text((line.voltage, line.max_torque, line.max_speed)),
+    }  # fmt: skip
+    return numbers if line.torque_cap is None else numbers | {"saturation": _text((line.torque_cap, 0.0, 0.0))}
 
 
 def _mjcf_joint(body: ET.Element, robot: Robot, name: str, content: MovingBody) -> None:

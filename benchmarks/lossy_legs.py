@@ -1,0 +1,83 @@
+"""How dependable an answer is on legs whose drives lose something: verified, certified, and never higher with a loss more.
+
+    python benchmarks/lossy_legs.py [LEGS] [STARTS] [SEED] [PROCESSES]
+
+Takes the random legs of random_legs.py (10 unless told) and solves each three times from STARTS starts (3): as it is, with
+gears that lose 5 to 40 per cent and rub, and with these on a supply that sags. Prints a line for each, and how often a
+clearance rose by more than 0.1 per cent of the leg's length where something more was lost: then a better hop was overlooked.
+"""
+
+import sys
+import time
+from collections import Counter
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from random_legs import feasible_legs, loaded
+
+import hopopt as ho
+from hopopt.errors import HopoptError, one_line
+
+KINDS = ("lossless", "lossy gears", "lossy gears, weak supply")
+ROSE = 1e-3  # of the leg's length
+VOLTAGE = 48.0
+
+
+def losses(entries: dict[str, Any], rng: np.random.Generator) -> list[dict[str, Any]]:
+    """The entries of a leg with none of the losses, with those of gears, and with a supply's too."""
+    ratio, torque, speed = (entries[f"leg.{path}"] for path in ("gear.ratio", "motor.max_torque", "motor.max_speed"))
+    stall = ratio * torque
+    gears = {
+        "leg.gear.efficiency": round(rng.uniform(0.6, 0.95), 3),
+        "leg.gear.friction": round(stall * rng.uniform(0.0, 0.03), 6),
+        "leg.gear.damping": round(stall / (speed / ratio) * rng.uniform(0.0, 0.02), 8),
+    }
+    most = 2 * torque * speed / 4  # of two motors, mechanically [W]
+    sags = {
+        "supply.voltage": VOLTAGE,
+        "supply.internal_resistance": round(rng.uniform(0.05, 0.4) * VOLTAGE**2 / (4 * most), 6),
+    }
+    return [entries, entries | gears, entries | gears | sags]
+
+
+def solved(entries: dict[str, Any], starts: int) -> tuple[float, str, float]:
+    """Clearance [m], how it ended, and processor time [s]."""
+    began = time.process_time()
+    try:
+        s = ho.solve(loaded(entries), starts=starts, processes=1)
+    except HopoptError as error:
+        return np.nan, one_line(error), time.process_time() - began
+    words = "certified" if s.summary.certified else "verified" if s.verified else "not verified"
+    return s.clearance, words, time.process_time() - began
+
+
+def main() -> int:
+    """Solve, print; 1 if a clearance rose where something more is lost."""
+    count, starts, seed, processes = (int(x) for x in (sys.argv[1:] + ["10", "3", "0", "2"][len(sys.argv) - 1 :])[:4])
+    rng = np.random.default_rng(seed)
+    legs = [losses(entries, rng) for entries in feasible_legs(count, seed)]
+    jobs = (delayed(solved)(kind, starts) for leg in legs for kind in leg)
+    results: Any = Parallel(n_jobs=processes, return_as="generator")(jobs)
+    ended, seconds, rose = Counter[tuple[str, str]](), np.zeros(3), 0
+    for k, leg in enumerate(legs):
+        found = [next(results) for _ in KINDS]
+        size, heights = leg[0]["leg.thigh.length"] + leg[0]["leg.shank.length"], np.array([f[0] for f in found])
+        wrong = bool((np.diff(heights) > ROSE * size).any())
+        rose += wrong
+        seconds += [f[2] for f in found]
+        shown = ", ".join(f"{height:.4f} m {words}" for height, words, _ in found)
+        print(f"{k:3d} {shown}{'   ROSE' if wrong else ''}", flush=True)
+        for kind, (_, words, _), entries in zip(KINDS, found, leg, strict=True):
+            ended[kind, words] += 1
+            if words != "certified":
+                print(f"    {kind}: {words}\n    {entries}", flush=True)
+    for (kind, words), n in sorted(ended.items()):
+        print(f"{kind}: {n} of {count} {words}")
+    print(f"processor time, of lossless ones: {', '.join(f'{s / seconds[0]:.2f}' for s in seconds)}")
+    print(f"clearance rose with losses on {rose} of {count} legs (seed {seed}, {starts} starts)")
+    return 1 if rose else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
