@@ -5,7 +5,7 @@ joint torque [N m], w the joint speed [rad/s].
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -50,6 +50,13 @@ class OperatingRegion:
             return used
         return [x / voltage if h.line in SAGGING else x for x, h in zip(used, self.planes, strict=True)]
 
+    def at(self, voltage: Any) -> "OperatingRegion":
+        """The region at a bus voltage, over what it is without load, a number or an array (k,): torque-speed lines go with it."""
+        if voltage is None:
+            return self
+        planes = (replace(h, a=h.a / voltage, b=h.b / voltage) if h.line in SAGGING else h for h in self.planes)
+        return OperatingRegion(tuple(planes))
+
     def binding(self, w: float, tau: float) -> str:
         """Name of the half-plane most used at speed w [rad/s] and torque tau [N m], without its direction."""
         return max(zip(self.use(w, tau), self.planes, strict=True), key=lambda pair: pair[0])[1].line
@@ -63,9 +70,9 @@ class OperatingRegion:
         w = np.asarray(w, dtype=float)
         upper, lower = np.full(w.shape, np.inf), np.full(w.shape, -np.inf)
         for h in self.planes:
-            if h.a > 0:
+            if np.all(h.a > 0):
                 upper = np.minimum(upper, (1 - h.b * w) / h.a)
-            elif h.a < 0:
+            elif np.all(h.a < 0):
                 lower = np.maximum(lower, (1 - h.b * w) / h.a)
         empty = lower > upper
         return np.where(empty, 0.0, lower), np.where(empty, 0.0, upper)

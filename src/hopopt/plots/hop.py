@@ -123,12 +123,19 @@ def _angle(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
 def _torque(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
     """Torque [N m] of joint k over the band that its speed allows."""
     names = solution.robot.joints
-    bounds = solution.region(names[k]).torque_bounds(joined(motion, lambda s: s.v[:, k - len(names)]))
+    region = solution.region(names[k]).at(_bus_voltage(solution, motion))
+    bounds = region.torque_bounds(joined(motion, lambda s: s.v[:, k - len(names)]))
     t = joined(motion, lambda s: s.t)
     ax.fill_between(t, *bounds, label="what the drive can give", **BAND)
     for bound in bounds:
         ax.plot(t, bound, color=GREY, lw=0.8, gid="torque bound")
     by_phase(ax, motion, lambda s: s.t, lambda s: s.command[:, k])
+
+
+def _bus_voltage(solution: Solution, motion: PhaseSamples) -> np.ndarray | None:
+    """The bus voltage over what it is without load, of all phases one after the other; None without a supply that sags."""
+    each = [voltage for s in motion.values() if (voltage := solution.voltage(s)) is not None]
+    return np.concatenate(each) if each else None
 
 
 # ---- operating region ------------------------------------------------------------------------------------
@@ -137,6 +144,8 @@ def _torque(ax: Axes, solution: Solution, motion: PhaseSamples, k: int) -> None:
 def operating_region(solution: Solution) -> Figure:
     """Each joint's way through its drive's admissible speeds [rad/s] and torques [N m]."""
     names, motion = solution.robot.joints, motion_of(solution)
+    voltage = _bus_voltage(solution, motion)
+    lowest = None if voltage is None else float(voltage.min())
     columns = min(len(names), 4)
     rows = math.ceil(len(names) / columns)
     figure = solution_figure(
@@ -145,6 +154,15 @@ def operating_region(solution: Solution) -> Figure:
     for k, name in enumerate(names):
         ax = figure.add_subplot(rows, columns, k + 1)
         ax.fill(*solution.region(name).corners().T, fc=PALE, ec=GREY, lw=1.2, label="what the drive can give")
+        if lowest is not None:
+            corners = solution.region(name).at(lowest).corners()
+            ax.plot(
+                *np.vstack([corners, corners[:1]]).T,
+                "--",
+                color=GREY,
+                lw=1.2,
+                label=f"at the lowest bus voltage, {lowest:.0%}",
+            )
         by_phase(ax, motion, lambda s, k=k: s.v[:, k - len(names)], lambda s, k=k: s.command[:, k])
         _mark_instants(ax, motion, k, k - len(names), solution.end_of_flight)
         describe(ax, "speed [rad/s]", "torque [N m]", name)

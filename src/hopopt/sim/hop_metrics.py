@@ -7,6 +7,7 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import voltage_share
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale, friction_needed, weight
 from hopopt.sim.state import BOUNCE
@@ -166,9 +167,11 @@ class HopFigures:
 
     def saturation(self, joint: int) -> np.ndarray:
         """Saturation ratio C of a joint at every sample of stance (the paper's eq. 17), at most 1."""
-        trace, span = self.trace, self.stance
-        region = operating_region(self.design.leg, trace.robot.joints[joint], trace.robot.parameters)
-        ratio = region.saturation(trace.v[span, BASE + joint], trace.motor[span, joint])
+        trace, span, leg = self.trace, self.stance, self.design.leg
+        region, p = operating_region(leg, trace.robot.joints[joint], trace.robot.parameters), trace.robot.parameters
+        motor, speed = trace.motor[span], trace.v[span, BASE:]
+        voltage = voltage_share(leg, p, list(motor.T), list(speed.T)) if leg.supply else None
+        ratio = region.at(voltage).saturation(speed[:, joint], motor[:, joint])
         return np.minimum(ratio, 1.0)
 
     @property

@@ -13,6 +13,7 @@ import numpy as np
 
 from hopopt.design import HopSettings
 from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.supply import voltage_share
 from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, if_any
 from hopopt.sim.machine import Machine
@@ -123,8 +124,10 @@ def region_share(robot: Robot, tables: Tables, hop: HopSettings) -> float:
     worst = 0.0
     for table in tables.values():
         tau, w = finely(table, table.asked), finely(table, table.v[..., BASE:])
+        columns = [np.moveaxis(each, -1, 0) for each in (tau, w)]
+        voltage = voltage_share(robot.leg, robot.parameters, *map(list, columns)) if robot.leg.supply else None
         for k, joint in enumerate(robot.joints):
-            used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k])
+            used = operating_region(robot.leg, joint, robot.parameters).use(w[..., k], tau[..., k], voltage)
             worst = max(worst, float(np.max(used)))
     return worst
 

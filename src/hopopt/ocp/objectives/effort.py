@@ -16,7 +16,7 @@ from hopopt.drivetrain.region import operating_region
 from hopopt.drivetrain.supply import WINDING, winding_heat
 from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE
-from hopopt.ocp.drives import asked, motor_torques
+from hopopt.ocp.drives import asked, bus_voltage, motor_torques
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective, no_required_clearance, required_clearance
 from hopopt.ocp.objectives.tie_break import stall_torque
@@ -134,14 +134,14 @@ def _peak(name: str, unit: str, scale: Callable[[MovingLeg], float], upper: floa
 
 
 def _region_share(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:
-    """-share <= a tau + b w <= share for every pair of half-planes of every joint."""
+    """-share <= a tau + b w <= share for every pair of half-planes of every joint, at the voltage that the bus has."""
 
     def value(joint: str, k: int) -> Callable[[Instant], ca.SX]:
-        torque = asked(hop, joint, phase.motion)
+        torque, voltage = asked(hop, joint, phase.motion), bus_voltage(hop, phase.motion)
 
         def both(s: Instant) -> ca.SX:
             w, share = phase.motion(s).v[BASE + k], s.p["share"]
-            used = ca.vertcat(*operating_region(hop.leg, joint, s.p).use(w, torque(s))[::2])
+            used = ca.vertcat(*operating_region(hop.leg, joint, s.p).use(w, torque(s), voltage(s))[::2])
             return ca.vertcat(share - used, share + used)
 
         return both

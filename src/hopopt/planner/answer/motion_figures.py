@@ -119,9 +119,9 @@ def lift_off(plan: Motion) -> LiftOff:
 
 def saturation_mean(plan: Motion, stance: Samples) -> dict[str, float]:
     """C_avg of every joint in stance (the paper's eq. 18), capped at 1 between the nodes."""
-    means = {}
+    means, voltage = {}, plan.voltage(stance)
     for k, joint in enumerate(plan.robot.joints):
-        ratio = plan.region(joint).saturation(stance.v[:, BASE + k], stance.command[:, k])
+        ratio = plan.region(joint).at(voltage).saturation(stance.v[:, BASE + k], stance.command[:, k])
         means[joint] = _time_mean(stance, np.minimum(ratio, 1.0))
     return means
 
