@@ -20,6 +20,7 @@ from hopopt.planner.solve import solve
 from hopopt.problem.load import load
 from hopopt.verify.drives import losses
 from hopopt.verify.whole_hop import whole_hop_rollout
+from once import solved_once
 from rarely import rarely
 
 V, R_S = 48.0, 0.2
@@ -189,3 +190,12 @@ def test_the_search_finds_what_other_codes_found(entries: dict[str, float], leas
     assert found.verified
     assert found.summary.certified
     assert found.clearance > least
+
+
+@pytest.mark.slow
+def test_a_hop_owes_little_to_the_smooth_law_of_its_gears(hop: Solution) -> None:
+    """Told beside the claim; a hop without losses has nothing to tell."""
+    sharper = hop.summary.objective_error.simulated.sharper_gears_m
+    assert sharper is not None
+    assert sharper == pytest.approx(hop.clearance, abs=5e-3)
+    assert solved_once({}).summary.objective_error.simulated.sharper_gears_m is None

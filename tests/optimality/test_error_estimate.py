@@ -28,8 +28,9 @@ from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.problem.load import load
 from hopopt.storage.seal.recheck import recheck
 from hopopt.storage.solution import read, save
+from hopopt.verify.drives import joint_clamp
 from hopopt.verify.table import FLIGHT, STANCE, Table
-from hopopt.verify.whole_hop import joint_clamp, not_simulated, whole_hop_rollout
+from hopopt.verify.whole_hop import not_simulated, whole_hop_rollout
 from known_problems import G, Known, brachistochrone, bryson_denham, lift_off_of_hopper, push, timed, two_prices
 from once import solved_once
 

@@ -1,12 +1,16 @@
 """Do drives obey their laws? The torques that gears ask of motors by NumPy, drives' own states integrated by SciPy."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
+from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import AddedStates, added_states
-from hopopt.drivetrain.gear import Gear, any_lossy, gears_of, motor_torque, teeth_torque
+from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of, motor_torque, response_to, teeth_torque
+from hopopt.drivetrain.half_planes import OperatingRegion, torque_lines, within
+from hopopt.drivetrain.region import operating_region
 from hopopt.drivetrain.supply import WINDING, power_drawn, sag, share_at, winding_heat
 from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, stated
@@ -15,6 +19,44 @@ from hopopt.verify.check import BALANCE, EXACT, STATE, Check
 from hopopt.verify.measures import quadrature
 from hopopt.verify.replay import missed
 from hopopt.verify.table import POWERS, TO_POWERS, Table
+
+Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
+
+
+@dataclass(frozen=True)
+class Drives:
+    """The drives of a leg in the rollout.
+
+    clamp: brings motor torques into the operating regions
+    gear: its losses; None where none are planned
+    rotor: reflected inertias of what spins in front of the gears (n) [kg m^2]
+    """
+
+    clamp: Clamp
+    gear: Gear | None
+    rotor: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Robot) -> Self:
+        """The drives of a leg as its problem plans with them."""
+        clamp = joint_clamp([operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints])
+        if robot.leg.supply is not None:
+            clamp = Drive.of(robot.leg, robot.parameters, robot.model.armature[BASE:], Gear()).clamp
+        gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
+        return cls(clamp, gear, robot.model.armature[BASE:])
+
+    def at_joints(self, machine: Machine, q: np.ndarray, v: np.ndarray, motor: np.ndarray, contact: bool) -> np.ndarray:
+        """Torques (n) [N m] at the joints of the motors' torques, for q, v (BASE + n) of the leg."""
+        if self.gear is None:
+            return motor
+        found = response_to(lambda tau: machine.acceleration(q, v, tau, contact)[BASE:], len(motor))
+        return driven_joints(self.gear, motor, v[BASE:], *found, self.rotor)
+
+
+def joint_clamp(regions: Sequence[OperatingRegion]) -> Clamp:
+    """``OperatingRegion.clamp`` of all joints at once, for torques and speeds that are single numbers."""
+    upper, lower = (lines.tolist() for lines in torque_lines(regions))
+    return lambda speed, asked: np.array(list(map(within, speed.tolist(), asked.tolist(), upper, lower)))
 
 
 def drive_checks(robot: Robot, phase: str, table: Table) -> Iterator[Check]:

@@ -6,19 +6,14 @@ clamped exactly to the operating region at the actual speed. So the drives can d
 state and of the ground: by how much is stated.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from hopopt.design import Design, HopSettings, physical_parameters
-from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import added_states
-from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of, response_to
-from hopopt.drivetrain.half_planes import OperatingRegion, torque_lines, within
-from hopopt.drivetrain.region import operating_region
 from hopopt.leg.kinematics import loop_axes, reach
 from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE, Robot, build_robot
@@ -26,6 +21,7 @@ from hopopt.leg.scales import Scale
 from hopopt.record import Real, if_any
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import LIMIT, Check
+from hopopt.verify.drives import Clamp, Drives
 from hopopt.verify.hops.periodic import closure, joints_at
 from hopopt.verify.limits import limit_words, limits_of, windowed
 from hopopt.verify.measures import MEASURES, Measures
@@ -36,42 +32,12 @@ MOST_SHORT_OF_CLAIM = 1e-4  # relative: what the simulated hop may fall short of
 RELATIVE, ABSOLUTE = 1e-7, 1e-8  # of the integration: far below what is told, for a clamp's kinks make it slow
 # rad, and m, rad/s, m/s on the paper's leg: a hop that strayed further is another one and says nothing about the plan's value
 FOLLOWED = 1e-2
+SHARPER = 10.0  # times as sharply change gears that lose something, for what their smooth law may be worth
 VALUE = Check("simulated in one piece", float("nan"), MOST_SHORT_OF_CLAIM, "relative")  # of nothing as yet
 LIMITS = Check("limits when simulated in one piece", float("nan"), 2 * LIMIT, "of its range")
 
 LegState = tuple[np.ndarray, np.ndarray]  # q, v (2 + n) of body and joints
-Clamp = Callable[[np.ndarray, np.ndarray], np.ndarray]  # joint speeds and torques asked to torques given
 Law = Callable[[float, np.ndarray, np.ndarray], np.ndarray]  # motor torques [N m] from place, angles and speeds
-
-
-@dataclass(frozen=True)
-class Drives:
-    """The drives of a leg in the rollout.
-
-    clamp: brings motor torques into the operating regions
-    gear: its losses; None where none are planned
-    rotor: reflected inertias of what spins in front of the gears (n) [kg m^2]
-    """
-
-    clamp: Clamp
-    gear: Gear | None
-    rotor: np.ndarray
-
-    @classmethod
-    def of(cls, robot: Robot) -> Self:
-        """The drives of a leg as its problem plans with them."""
-        clamp = joint_clamp([operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints])
-        if robot.leg.supply is not None:
-            clamp = Drive.of(robot.leg, robot.parameters, robot.model.armature[BASE:], Gear()).clamp
-        gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
-        return cls(clamp, gear, robot.model.armature[BASE:])
-
-    def at_joints(self, machine: Machine, q: np.ndarray, v: np.ndarray, motor: np.ndarray, contact: bool) -> np.ndarray:
-        """Torques (n) [N m] at the joints of the motors' torques, for q, v (BASE + n) of the leg."""
-        if self.gear is None:
-            return motor
-        found = response_to(lambda tau: machine.acceleration(q, v, tau, contact)[BASE:], len(motor))
-        return driven_joints(self.gear, motor, v[BASE:], *found, self.rotor)
 
 
 @dataclass(frozen=True)
@@ -84,6 +50,9 @@ class Simulated(Measures):
     strayed: Real | None = if_any("largest distance from the plan [rad; m, m/s, rad/s on the paper's leg]")
     passed: Real | None = if_any("largest share of its range by which a limit was passed")
     limit: str | None = if_any("that limit")
+    sharper_gears_m: float | None = if_any(
+        f"clearance of the same torques where lossy gears change sides {SHARPER:g} times as sharply [m]"
+    )
     note: str | None = if_any("why it says nothing about the plan")
 
 
@@ -95,12 +64,15 @@ class WholeHopRollout:
     strayed: how far it strayed from the plan [rad; m, m/s, rad/s on the paper's leg, a similar leg's in its own units]
     passed: the largest share of its range by which it passed a limit
     limit: which limit that was
+    sharper: clearance [m] with gears that change from driving to braking and from one way to the other SHARPER times as
+    sharply, if they lose anything: by how much it differs is what the hop owes to their smooth law
     """
 
     values: Mapping[str, float]
     strayed: float
     passed: float
     limit: str
+    sharper: float | None = None
 
     @property
     def followed(self) -> bool:
@@ -140,6 +112,7 @@ class WholeHopRollout:
         if not np.isfinite(self.strayed):
             return Simulated(followed=False, note=self.note)
         reported = {"strayed": self.strayed, "passed": self.passed, "limit": self.limit, "note": self.note or None}
+        reported |= {"sharper_gears_m": self.sharper}
         return Simulated(**self.values, **reported, followed=self.followed, short_by=self.short(figure, claim, sign))
 
 
@@ -164,11 +137,9 @@ def whole_hop_rollout(
     robot = build_robot(design.leg)
     machine = Machine(robot)
     drives = Drives.of(robot)
-    state = tables[STANCE].q[0, 0], tables[STANCE].v[0, 0]
-    try:
-        found, state = simulated_hop(machine, drives, tables, state)
-    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+    if (hop := _from_its_start(machine, drives, tables)) is None:
         return WholeHopRollout({}, np.inf, np.inf, "the simulation failed")
+    found, state = hop
     scale = Scale.of(design.leg)
     units = scale.states(robot.model.nv - BASE)
     strayed = max(
@@ -190,7 +161,26 @@ def whole_hop_rollout(
     if ends == "required clearance":
         shares["clearance asked for"] = float((design.hop.clearance or 0.0) - values["clearance_m"]) / reach(design.leg)
     limit = max(shares, key=lambda key: shares[key])
-    return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit)
+    return WholeHopRollout(values, strayed, max(shares[limit], 0.0), limit, _sharper(machine, drives, tables))
+
+
+def _sharper(machine: Machine, drives: Drives, tables: Mapping[str, Table]) -> float | None:
+    """Clearance [m] of the hop with gears that change sides more sharply; None where they lose nothing, or that fails."""
+    if drives.gear is None:
+        return None
+    gear = replace(drives.gear, slow=drives.gear.slow / SHARPER, sharp=drives.gear.sharp / SHARPER)
+    hop = _from_its_start(machine, replace(drives, gear=gear), tables)
+    return None if hop is None else _clearance(machine, hop[0][FLIGHT].q[-1, -1])
+
+
+def _from_its_start(
+    machine: Machine, drives: Drives, tables: Mapping[str, Table]
+) -> tuple[dict[str, Table], LegState] | None:
+    """``simulated_hop`` from the plan's first state; None if that fails."""
+    try:
+        return simulated_hop(machine, drives, tables, (tables[STANCE].q[0, 0], tables[STANCE].v[0, 0]))
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return None
 
 
 def _values(
@@ -198,9 +188,14 @@ def _values(
 ) -> dict[str, float]:
     """Clearance and height of the body [m] when flight ends, and the measure asked for."""
     end = tables[FLIGHT].q[-1, -1]
-    heights = machine.points(end)
-    values = {"clearance_m": min(float(heights[name][1]) for name in machine.frames), "apex_m": float(end[1])}
+    values = {"clearance_m": _clearance(machine, end), "apex_m": float(end[1])}
     return values | {name: MEASURES[name](robot, tables, hop) for name in MEASURES.keys() & {figure}}
+
+
+def _clearance(machine: Machine, q: np.ndarray) -> float:
+    """Height of the lowest of joints and foot [m] at q (2 + n)."""
+    heights = machine.points(q)
+    return min(float(heights[name][1]) for name in machine.frames)
 
 
 def simulated_hop(
@@ -237,12 +232,6 @@ def _law(machine: Machine, clamp: Clamp, q: np.ndarray, v: np.ndarray, tau: np.n
         return clamp(speed, ahead @ (2 * place - 1) ** POWERS - stiffness @ angle - damping @ speed)
 
     return torque
-
-
-def joint_clamp(regions: Sequence[OperatingRegion]) -> Clamp:
-    """``OperatingRegion.clamp`` of all joints at once, for torques and speeds that are single numbers."""
-    upper, lower = (lines.tolist() for lines in torque_lines(regions))
-    return lambda speed, asked: np.array(list(map(within, speed.tolist(), asked.tolist(), upper, lower)))
 
 
 def _free(machine: Machine, q: np.ndarray) -> np.ndarray:

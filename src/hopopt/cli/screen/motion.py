@@ -50,6 +50,8 @@ def drive_lines(s: Summary) -> list[str]:
     if not known:
         return []
     words = f"heat of {', '.join(f'{name} {heat:.1f} J' for name, heat in known.items())}"
+    if (sharper := s.objective_error.simulated.sharper_gears_m) is not None:
+        words += f"; simulated with gears that change sides ten times as sharply {sharper:.4f} m"
     if (supply := s.supply) is None:
         return [words]
     sags = f"voltage down to {supply.lowest_voltage_V:.1f} V, up to {supply.peak_current_A:.0f} A, {supply.energy_J:.1f} J drawn"

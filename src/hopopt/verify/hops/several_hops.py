@@ -10,6 +10,7 @@ from hopopt.leg.robot import Robot
 from hopopt.leg.scales import Scale
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import EXACT, Check
+from hopopt.verify.drives import Drives
 from hopopt.verify.hops.landing import lift_off
 from hopopt.verify.hops.periodic import (
     CLOSED,
@@ -22,7 +23,7 @@ from hopopt.verify.hops.periodic import (
 )
 from hopopt.verify.plan import durations, largest, phase_checks
 from hopopt.verify.table import FLIGHT, STANCE, Table
-from hopopt.verify.whole_hop import Drives, simulated_hop
+from hopopt.verify.whole_hop import simulated_hop
 
 Tables = Mapping[str, Table]  # of one hop's phases; x and time count from where and when it began
 MISSED = 1e-3  # rad, and rad/s on the paper's leg: by which hops simulated in one piece may miss the orbit
