@@ -23,6 +23,7 @@ from hopopt.planner.stopwatch import Stopwatch
 from hopopt.verify.check import LIMIT
 
 Refined = Refinement | Resolved
+COSTATE_ROUNDS = 3  # of cutting intervals where costates are not resolved
 
 
 @dataclass(frozen=True)
@@ -96,15 +97,25 @@ def refine_and_verify(
 
     def again(attempt: Attempt, closer: Hop) -> Answer | None:
         if attempt.costates:
-            pieces = unresolved(certify(refinement.solution))
-            resolved = refinement.on_pieces(pieces) if pieces else None
-            return None if resolved is None else judged(closer, resolved, clock)
+            resolved = with_costates(refinement)
+            return None if resolved is refinement else judged(closer, resolved, clock)
         if attempt.further:
             return judged(closer, refinement.further(aims_of(closer, until)), clock)
         return refine_and_verify(closer, outcome, say, first, restarts, clock, attempt.margin, until, calmed)
 
     found = judged(hop, refinement, clock)
     return tried_again(hop, found, REFINEMENT, again, lambda answer: answer.trial, say, until)[1]
+
+
+def with_costates(refinement: Refinement) -> Refinement:
+    """A refinement with more intervals where costates alone are not resolved; the same one if that does not help."""
+    for _ in range(COSTATE_ROUNDS):  # layers of a few milliseconds are narrower than the pieces of the first
+        pieces = unresolved(certify(refinement.solution))
+        finer = refinement.on_pieces(pieces) if pieces else None
+        if finer is None:
+            break
+        refinement = finer
+    return refinement
 
 
 def judged(hop: Hop, refined: Refined, clock: Stopwatch | None = None) -> Answer:
