@@ -29,7 +29,7 @@ RESERVED = (
     "locked",
 )
 RESERVED_JOINTS = (*RESERVED, "foot", "com", "x", "z")  # points and guides of every leg have these names
-CATALOGUE = "catalogue entry these values began with; says where they are from, changes nothing"
+CATALOGUE = "catalogue entry these values began with; what it leaves open, a joint does not take from the leg's"
 CATALOGUE_NAME = r"^[a-z0-9][a-z0-9-]{0,49}$"
 
 

@@ -165,12 +165,16 @@ class Leg(Section):
         return sum(link.length for link in self.link.values())
 
     def drive(self, joint: str, part: Literal["motor", "gear"], entry: str) -> tuple[str, Any]:
-        """Path and value of a joint's motor or gear entry: its own if the file gives one, else the leg's."""
-        own = getattr(self.joint[joint], part)
+        """Path and value of a joint's motor or gear entry: its own if the file gives one, else the leg's.
+
+        A motor or gear of the catalogue is whole: what it leaves open is None, not what the leg's has.
+        """
+        own, common = getattr(self.joint[joint], part), getattr(self, part)
         value = getattr(own, entry) if own is not None else None
-        if value is not None:
+        whole = own is not None and own.catalogue is not None and type(common).model_fields[entry].default is None
+        if value is not None or whole:
             return f"leg.{joint}.{part}.{entry}", value
-        return f"leg.{part}.{entry}", getattr(getattr(self, part), entry)
+        return f"leg.{part}.{entry}", getattr(common, entry)
 
 
 def unit(vector: Sequence[float]) -> tuple[float, ...]:

@@ -1,46 +1,82 @@
-"""Motors and gears by name: the catalogue behind ``motor = "maxon-ec45-150"`` in a problem file.
-
-A name is replaced by the numbers it stands for as soon as its file is read; everything behind sees numbers only.
-"""
+"""Motors and gears by name: the catalogue behind ``motor = "maxon-ec45-150"`` in a problem file, and what is known of each."""
 
 import re
-import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from hopopt.errors import ProblemFileError
+from hopopt.problem.catalogue_facts import CATALOGUE_PARTS, KINDS, Value, checked, problem_entries
 from hopopt.problem.checking.faults import Report
-from hopopt.problem.checking.wording import did_you_mean, is_number
-from hopopt.problem.render import shown
+from hopopt.problem.reading import tables
 
-CATALOGUE_PARTS = ("motor", "gear")
-MASSES = (1e-3, 100.0)  # kg: what a motor or gear may weigh
-KEPT_ENTRIES = ("laws",)  # how a motor is modelled is the problem's choice and outlives a change of motor
-MARKED = re.compile(r"^([a-z_]+) = .*?\[([SDU])\]", re.MULTILINE | re.DOTALL)  # an entry and the mark that follows it
-MARKS = {"S": "public source", "D": "derived from a public source", "U": "unverified"}
+MARKED = re.compile(r"^([a-z_]+) = .*?\[([SDU])(\d?)\]", re.MULTILINE | re.DOTALL)  # an entry and the mark after it
+MARKS = {
+    "S": "public source",
+    "D": "derived from a public source",
+    "U": "unverified",
+    "O": "your own file",
+}
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where numbers of an entry are printed: title, and address of the page or file."""
+
+    title: str
+    address: str
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A file of the catalogue: values of its motor and its gear, whichever it has, and where each is from.
+    """A motor, a gear, or both in one module, and where each of its numbers is from.
 
-    parts: {"motor": {entry: value in SI units}}, what a name in a problem stands for; masses: {"motor": mass [kg]} where
-    one is known, which no name brings into a problem: the leg's masses count its motors already; marks: {"motor": {entry
-    or "mass": "S", "D" or "U"}}, see MARKS.
+    stated: {"motor" or "gear": {key: value in SI units}}, all that its file says; marks: {"motor": {key: "S", "D", "U" or
+    "O"}}, see MARKS; cited: {"motor": {key: its Source}} of what is marked S; file: of a user's entry, empty of a built-in one.
     """
 
     name: str
     title: str
-    parts: dict[str, dict[str, float]]
-    masses: dict[str, float]
+    stated: dict[str, dict[str, Value]]
     marks: dict[str, dict[str, str]]
+    sources: tuple[Source, ...] = ()
+    cited: Mapping[str, Mapping[str, Source]] | None = None
+    file: str = ""
 
-    def stated(self, part: str) -> dict[str, float]:
-        """All that the file says of its motor or gear: the entries of a problem, and the mass if there is one."""
-        return self.parts[part] | ({"mass": self.masses[part]} if part in self.masses else {})
+    @property
+    def parts(self) -> dict[str, dict[str, float]]:
+        """{"motor": {entry of a problem: value}}: what its name in a problem stands for, defaults that are numbers included."""
+        return {part: {**_defaults(part), **_numbers(part, given)} for part, given in self.stated.items()}
+
+    @property
+    def facts(self) -> dict[str, dict[str, Value]]:
+        """{"motor": {key: value}} of what is no entry of a problem, such as price and rated torque."""
+        return {
+            part: {key: value for key, value in given.items() if key not in problem_entries(part)}
+            for part, given in self.stated.items()
+        }
+
+    @property
+    def masses(self) -> dict[str, float]:
+        """{"motor": mass [kg]} where one is known; no name brings it into a problem, whose leg counts its motors already."""
+        return {part: float(given["mass"]) for part, given in self.stated.items() if "mass" in given}  # type: ignore[arg-type]
+
+    @property
+    def module_mass(self) -> float | None:
+        """Mass [kg] of motor, gear and drive in one housing, which are made for each other; None where it is not known."""
+        found = self.stated.get("motor", {}).get("module_mass")
+        return found if isinstance(found, float) else None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know of it: a sentence for each part whose mass nobody states."""
+        light = [] if self.module_mass else [part for part in self.stated if part not in self.masses]
+        return tuple(f"{self.name} has no mass as a {part}: give {part}.mass to compare it by mass" for part in light)
+
+    def unverified(self, part: str) -> tuple[str, ...]:
+        """The keys of its "motor" or "gear" whose numbers no source confirms."""
+        return tuple(key for key, mark in self.marks.get(part, {}).items() if mark == "U")
 
 
 def problems_folder() -> Path:
@@ -52,95 +88,44 @@ def problems_folder() -> Path:
 
 @cache
 def catalogue() -> dict[str, Entry]:
-    """Every entry by its name, which is its file's. ProblemFileError for a mass that none can have."""
-    return {path.stem: _entry(path) for path in sorted((problems_folder() / "actuators").glob("*.toml"))}
+    """Every built-in entry by its name, which is its file's. ProblemFileError for a number that none can have."""
+    return {path.stem: _built_in(path) for path in sorted((problems_folder() / "actuators").glob("*.toml"))}
 
 
 def names(part: str) -> list[str]:
-    """Names of the entries that have a "motor" or a "gear"."""
-    return [name for name, entry in catalogue().items() if part in entry.parts]
+    """Names of the built-in entries that have a "motor" or a "gear"."""
+    return list(with_part(part, catalogue()))
 
 
-def named(layer: Mapping[str, Any]) -> bool:
-    """Whether a layer of a problem names a motor or a gear."""
-    return any(_name(table.get(part)) is not None for _, table in _holders(layer) for part in CATALOGUE_PARTS)
+def with_part(part: str, entries: Mapping[str, Entry]) -> dict[str, Entry]:
+    """Those of the entries that have a "motor" or a "gear"."""
+    return {name: entry for name, entry in entries.items() if part in entry.stated}
 
 
-def with_numbers(layer: Mapping[str, Any], base: Mapping[str, Any], label: str, report: Report) -> dict[str, Any]:
-    """``layer`` with the numbers of the motors and gears it names, to be laid over ``base``.
-
-    A name takes the place of what ``base`` has (None takes an entry out); what the layer states beside the name
-    ("model") counts over it. Names that do not exist are reported, with ``label`` as the place they came from.
-    """
-    before, result = dict(_holders(base)), dict(layer)
-    for path, table in _holders(layer):
-        found = {}
-        for part in CATALOGUE_PARTS:
-            name = _name(table.get(part))
-            if name is None:
-                continue
-            if not isinstance(name, str) or name not in names(part):
-                _report(f"leg.{path}{part}", name, part, table, label, report)
-                continue
-            old, own = before.get(path, {}).get(part), table[part] if isinstance(table[part], Mapping) else {}
-            gone = dict.fromkeys(set(old) - set(KEPT_ENTRIES)) if isinstance(old, Mapping) else {}
-            stated = {key: value for key, value in own.items() if key != "model"}
-            found[part] = {**gone, **catalogue()[name].parts[part], "catalogue": name, **stated}
-        if found and path:
-            result["leg"] = {**result["leg"], path[:-1]: {**table, **found}}
-        elif found:
-            result["leg"] = {**table, **found}
-    return result
+def _built_in(path: Path) -> Entry:
+    """The entry of a file with a title, sources, and the tables motor and gear, whose comments hold the marks."""
+    text, report = path.read_text(encoding="utf-8"), Report(str(path))
+    data = tables(text, "catalogue")
+    sources = tuple(Source(**table) for table in data.get("source", ()))
+    stated = {part: checked(part, part, data[part], path.name, report) for part in CATALOGUE_PARTS if part in data}
+    if report.sentences:
+        raise ProblemFileError(str(path), report.sentences)
+    pieces = re.split(r"^\[(motor|gear)\]$", text, flags=re.MULTILINE)[1:]
+    marked = {part: MARKED.findall(table) for part, table in zip(pieces[::2], pieces[1::2], strict=True)}
+    marks = {part: {key: mark for key, mark, _ in found} for part, found in marked.items()}
+    cited = {
+        part: {key: sources[int(number or 1) - 1] for key, mark, number in found if mark == "S"}
+        for part, found in marked.items()
+    }
+    return Entry(path.stem, data["title"], stated, marks, sources, cited)
 
 
-def _entry(path: Path) -> Entry:
-    text = path.read_text(encoding="utf-8")
-    data = tomllib.loads(text)
-    parts = {part: dict(data[part]) for part in CATALOGUE_PARTS if part in data}
-    masses = {part: _mass(path, part, table.pop("mass")) for part, table in parts.items() if "mass" in table}
-    tables = re.split(r"^\[(motor|gear)\]$", text, flags=re.MULTILINE)[1:]
-    marks = {part: dict(MARKED.findall(table)) for part, table in zip(tables[::2], tables[1::2], strict=True)}
-    return Entry(path.stem, data["title"], parts, masses, marks)
+def _defaults(part: str) -> dict[str, float]:
+    """What an entry that its file leaves out has in a problem, so that none falls back on another motor's."""
+    fields = KINDS[part].model_fields
+    return {name: fields[name].default for name in problem_entries(part) if isinstance(fields[name].default, float)}
 
 
-def _mass(path: Path, part: str, given: Any) -> float:
-    """A mass [kg] that is a number within MASSES."""
-    low, high = MASSES
-    if not is_number(given) or not low <= given <= high:
-        wrong = f"{path.name}: {part}.mass = {shown(given)}: a number from {low:g} to {high:g} kg is needed"
-        raise ProblemFileError(str(path), [wrong])
-    return float(given)
-
-
-HOW_TO_GIVE_OWN = {  # how a part that is not in the catalogue is given
-    "motor": "for another write [leg.motor] with max_torque, max_speed and rotor_inertia in front of its gear (docs/actuators.md)",
-    "gear": "for another write [leg.gear] with its ratio (docs/actuators.md)",
-}
-
-
-def _holders(layer: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """The tables of a layer that may have a motor and a gear: ("", the leg's) and ("knee.", those within it)."""
-    leg = layer.get("leg")
-    if isinstance(leg, Mapping):
-        yield "", leg
-        for key, table in leg.items():
-            if isinstance(table, Mapping) and key not in CATALOGUE_PARTS:
-                yield f"{key}.", table
-
-
-def _name(given: Any) -> Any:
-    """What ``motor = given`` names: the text itself, or the table's "model"; None if nothing."""
-    if isinstance(given, Mapping):
-        return given.get("model")
-    return given if isinstance(given, str) else None
-
-
-def _report(path: str, name: Any, part: str, table: Mapping[str, Any], label: str, report: Report) -> None:
-    path = path if isinstance(table[part], str) else f"{path}.model"
-    report.origins[path] = label
-    close = did_you_mean(name, names(part)) if isinstance(name, str) else ""
-    report.add(
-        path,
-        f"= {shown(name)} is not in the catalogue{close}: its {part}s are {', '.join(names(part))}; {HOW_TO_GIVE_OWN[part]}",
-    )
-    report.unreadable = True
+def _numbers(part: str, given: Mapping[str, Value]) -> dict[str, float]:
+    known = problem_entries(part)
+    return {key: value for key, value in given.items() if key in known and not isinstance(value, list)}

@@ -9,24 +9,20 @@ from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
-from hopopt.files import read_regular
-from hopopt.problem.catalogue import named, problems_folder, with_numbers
+from hopopt.problem.catalogue import Entry, catalogue, problems_folder
+from hopopt.problem.catalogue_files import read_own
 from hopopt.problem.checking.check import check
 from hopopt.problem.checking.faults import OVERRIDE, Report
 from hopopt.problem.checking.wording import did_you_mean
+from hopopt.problem.named_parts import named, with_numbers
+from hopopt.problem.reading import MAX_DEPTH, beside, read_tables, too_deep
 from hopopt.problem.render import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path
 from hopopt.problem.urdf import ENTRIES, located, with_leg
 
 __all__ = ["Row", "as_json", "builtin_names", "design_hash", "load", "resolved_toml", "rows", "template"]
 
 BARE_NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}")  # no separators, no drive letters, no leading dot
-MAX_BYTES = 1_000_000  # of a file; a problem has a few thousand
-MAX_DEPTH = 12  # of nested tables and lists; a problem needs 4
 EXCLUSIVE = (("hip_height", "joint_angles"), ("joint_angles", "hip_height"))  # the later layer's start counts
-
-
-class _NotAProblem(Exception):
-    """What a file is instead, in words that follow its name."""
 
 
 def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[str] = ()) -> Design:
@@ -36,11 +32,22 @@ def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[s
     tables to values (None takes an entry out). Raises ProblemFileError with one sentence for each fault.
     """
     report = Report(str(source))
-    data: dict[str, Any] = {}
+    data, own = dict[str, Any](), dict[str, Entry]()
     for label, layer in _layers(source, report):
-        _lay_over(data, with_numbers(_in_leg(_plain(layer)), data, label, report), label, report)
-    _lay_overrides(data, overrides, report)
+        own |= _own_entries(layer.pop("catalogue", None), report)
+        _lay_over(data, with_numbers(_in_leg(_plain(layer)), data, own, label, report), label, report)
+    _lay_overrides(data, overrides, own, report)
     return _checked(data if report.unreadable else with_leg(data, report), report)
+
+
+def catalogue_of(source: str | Path = "paper") -> dict[str, Entry]:
+    """The motors and gears that a problem can name: the built-in ones, and those of its own catalogues. ProblemFileError."""
+    report, own = Report(str(source)), dict[str, Entry]()
+    for _, layer in _layers(source, report):
+        own |= _own_entries(layer.get("catalogue"), report)
+    if report.sentences:
+        raise ProblemFileError(report.source, report.sentences)
+    return {**catalogue(), **own}
 
 
 def urdf_of(source: str | Path) -> Mapping[str, Any] | None:
@@ -70,7 +77,7 @@ def changed(design: Design, entries: Mapping[str, Any]) -> Design:
     """The design with entries (paths to values) replaced; ProblemFileError with one sentence for each fault."""
     report = Report(design.name, design.name)
     data = design.model_dump(exclude_none=True)
-    _lay_overrides(data, entries, report)
+    _lay_overrides(data, entries, {}, report)
     return _checked(data, report)
 
 
@@ -110,8 +117,10 @@ def _layers(source: str | Path, report: Report) -> list[tuple[str, dict[str, Any
     while path is not None:
         report.file = report.file or _called(path)
         visited.append(path.absolute())
-        data = _read(path, report)
+        data = read_tables(path, report, lambda: _absent(path))
         base = data.pop("extends", None)
+        if "catalogue" in data:
+            data["catalogue"] = _catalogue_file(data["catalogue"], path, report)
         layers.insert(0, (_called(path), located(data, path.parent, _called(path), report)))
         path = None if base is None else _find_base(base, path, visited, report)
     return layers
@@ -153,78 +162,47 @@ def _find_base(base: Any, path: Path, visited: list[Path], report: Report) -> Pa
     return found
 
 
-def _read(path: Path, report: Report) -> dict[str, Any]:
-    """The table in a file; empty, and reported, if it cannot be had."""
-    try:
-        if os.path.isdir(path):
-            inside = ", ".join(sorted(p.name for p in path.glob("*.toml"))) or "it holds none"
-            raise _NotAProblem(f"is a folder: give the path of a .toml file ({inside})")
-        raw = read_regular(path, MAX_BYTES + 1)
-        if len(raw) > MAX_BYTES:
-            raise _NotAProblem(f"has more than {MAX_BYTES} bytes: this is not a problem file")
-        return _parse(raw)
-    except FileNotFoundError:
-        siblings, names = [p.name for p in path.parent.glob("*.toml")], builtin_names()
-        hint = did_you_mean(path.name, siblings) or f"; built in: {', '.join(names)}"
-        if path.stem in names:
-            hint = f"; the built-in problem is called {path.stem}, without .toml"
-        report.unusable(f"{shown_path(str(path))}: there is no such file{hint}")
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        report.unusable(f"{shown_path(str(path))} cannot be read: {reason}")
-    except _NotAProblem as error:
-        report.unusable(f"{shown_path(str(path))} {error}")
-    return {}
+def _absent(path: Path) -> str:
+    """What to say where a problem file is missing."""
+    siblings, names = [p.name for p in path.parent.glob("*.toml")], builtin_names()
+    if path.stem in names:
+        return f"; the built-in problem is called {path.stem}, without .toml"
+    return did_you_mean(path.name, siblings) or f"; built in: {', '.join(names)}"
 
 
-def _parse(raw: bytes) -> dict[str, Any]:
-    """The table in the bytes of a TOML file."""
-    try:
-        text = raw.decode("utf-8-sig")  # editors on Windows put a byte-order mark in front
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise _NotAProblem(f"is not text (line {line} is not UTF-8): a problem file is a TOML text file") from None
-    if text.lstrip().startswith("<"):
-        raise _NotAProblem("is XML (a URDF?), not a problem file in TOML: `hopopt new my_leg` writes one to start from")
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise _NotAProblem(_syntax_fault(str(error), text)) from None
-    except (ValueError, RecursionError):  # numbers of thousands of digits, thousands of brackets
-        raise _NotAProblem("is not a problem file: a number is too long or brackets are nested too deeply") from None
-    if any(depth > MAX_DEPTH for depth in _depths(data)):
-        raise _NotAProblem(f"is not a problem file: tables are nested more than {MAX_DEPTH} deep")
-    return data
+def _catalogue_file(name: Any, problem: Path, report: Report) -> Path | None:
+    """The file that ``catalogue = name`` in a problem file means: beside it, or below."""
+    where = f"{shown_path(_called(problem))}: catalogue = {shown(name)}"
+    return beside(name, problem.parent, where, "catalogue", lambda found: _no_catalogue(found), report)
 
 
-def _syntax_fault(message: str, text: str) -> str:
-    found, lines = re.search(r" \(at line (\d+), column \d+\)$", message), text.splitlines()
-    number = int(found[1]) if found else max(len(lines), 1)
-    line = lines[number - 1].strip() if number <= len(lines) else ""
-    return (
-        f"line {number} is not valid TOML: {message[: found.start()] if found else message}. It reads {shown(line)}; "
-        'write key = value, text in "quotes", tables as [leg.gear], comments after #'
-    )
+def _no_catalogue(found: Path) -> str:
+    there = [p.name for p in found.parent.glob("*.*") if p.suffix.lower() in (".toml", ".csv")]
+    return f"there is no such file beside the problem{did_you_mean(found.name, there)}"
 
 
-def _depths(data: Any) -> Iterator[int]:
-    """Depth of everything in ``data``, without recursion; stops soon after MAX_DEPTH."""
-    level, depth = [data], 0
-    while level and depth <= MAX_DEPTH:
-        depth += 1
-        inner = [list(item.values()) if isinstance(item, Mapping) else item for item in level]
-        level = [x for items in inner for x in items if isinstance(x, (Mapping, list, tuple))]
-        yield depth
+def _own_entries(file: Any, report: Report) -> dict[str, Entry]:
+    """The entries of a user's catalogue; None names none."""
+    if file is not None and not isinstance(file, (str, Path)):
+        report.unusable(f"override catalogue = {shown(file)} is not the path of a file")
+    return read_own(Path(file), report) if isinstance(file, (str, Path)) else {}
 
 
 # ---- overrides and layers -------------------------------------------------------------------------------------
 
 
-def _lay_overrides(data: dict[str, Any], overrides: Mapping[str, Any] | Sequence[str], report: Report) -> None:
-    """Lay overrides over ``data``: names of motors and gears first, so that numbers count over them in any order."""
-    layers = [_in_leg(_plain(layer)) for layer in _override_layers(overrides, report)]
+def _lay_overrides(
+    data: dict[str, Any], overrides: Mapping[str, Any] | Sequence[str], own: Mapping[str, Entry], report: Report
+) -> None:
+    """Lay overrides over ``data``: names of motors and gears first, so that numbers count over them in any order.
+
+    ``own``: entries of the problem's catalogue; the overrides may name one more, whose path counts from where we are.
+    """
+    layers, known = [_in_leg(_plain(layer)) for layer in _override_layers(overrides, report)], dict(own)
+    for layer in layers:
+        known |= _own_entries(layer.pop("catalogue", None), report)
     for layer in sorted(layers, key=named, reverse=True):
-        _lay_over(data, with_numbers(layer, data, OVERRIDE, report), OVERRIDE, report)
+        _lay_over(data, with_numbers(layer, data, known, OVERRIDE, report), OVERRIDE, report)
 
 
 def _override_layers(overrides: Mapping[str, Any] | Sequence[str], report: Report) -> Iterator[dict[str, Any]]:
@@ -236,7 +214,7 @@ def _override_layers(overrides: Mapping[str, Any] | Sequence[str], report: Repor
         pairs = [pair for text in texts if (pair := _override_pair(str(text), report))]
     for path, value in pairs:
         keys = path.split(".")
-        if not all(keys) or len(keys) > MAX_DEPTH or any(depth > MAX_DEPTH for depth in _depths([value])):
+        if not all(keys) or len(keys) > MAX_DEPTH or too_deep([value]):
             report.fault(f"override {shown(path)} is not the path of an entry: write one such as leg.gear.ratio=80")
             continue
         for key in reversed(keys):

@@ -8,11 +8,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hopopt.design import Design, Leg
-from hopopt.problem.catalogue import CATALOGUE_PARTS, names
+from hopopt.design.fields import CATALOGUE_NAME
+from hopopt.problem.catalogue import names
+from hopopt.problem.catalogue_facts import CATALOGUE_PARTS
 from hopopt.problem.checking.entries import raw_schema
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 WRITTEN_ANEW = ("unit", "physical", "allowed", "title", "default", "description")  # keywords that are written anew
+OWN_CATALOGUE = "a .toml or .csv file of motors and gears of your own, beside this file or below"
 EXTENDS = "a built-in problem, or a file in the same folder, whose entries count where this file has none"
 URDF_ENTRIES = {
     "urdf": "robot description that the leg is read from: beside this file or below, or example-robot-data/...",
@@ -31,9 +34,11 @@ def problem_schema() -> Schema:
         table.pop("required", None)
     for part in CATALOGUE_PARTS:
         for table in (part.capitalize(), f"{part.capitalize()}Overrides"):
-            tables[table]["properties"]["model"] = _catalogue(part)
+            tables[table]["properties"]["model"] = _named(part)
+        tables[f"Named{part.capitalize()}"] = _catalogue(part)
     _open(tables["Leg"])
     _named_parts(tables)
+    found["properties"]["catalogue"] = {"type": "string", "description": OWN_CATALOGUE}
     found["properties"]["extends"] = {"type": "string", "description": EXTENDS}
     head = {"$schema": DRAFT, "title": "hopopt problem", "description": (Design.__doc__ or "").split("\n")[0]}
     return {**head, **found, "allOf": [_complete()]}
@@ -63,7 +68,13 @@ def _keywords(value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _catalogue(part: str) -> Schema:
-    return {"enum": names(part), "description": f"a {part} of the catalogue, beside whose numbers the others count"}
+    """A name that an editor completes, or one of a user's own catalogue."""
+    either = [{"enum": names(part)}, {"type": "string", "pattern": CATALOGUE_NAME}]
+    return {"anyOf": either, "description": f"a {part} of the catalogue, beside whose numbers the others count"}
+
+
+def _named(part: str) -> Schema:
+    return {"$ref": f"#/definitions/Named{part.capitalize()}"}
 
 
 def _named_parts(tables: dict[str, Schema]) -> None:
@@ -71,7 +82,7 @@ def _named_parts(tables: dict[str, Schema]) -> None:
     for owner in ("Leg", "Joint"):
         for part in CATALOGUE_PARTS:
             table = tables[owner]["properties"][part]
-            tables[owner]["properties"][part] = {"anyOf": [_catalogue(part), {"$ref": table["$ref"]}]}
+            tables[owner]["properties"][part] = {"anyOf": [_named(part), {"$ref": table["$ref"]}]}
 
 
 def _open(leg: Schema) -> None:

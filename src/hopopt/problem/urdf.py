@@ -16,6 +16,7 @@ from hopopt.leg.files.urdf import read_leg
 from hopopt.leg.files.urdf_xml import MAX_BYTES, UrdfError
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import is_number
+from hopopt.problem.reading import beside
 from hopopt.problem.render import shown, shown_path
 
 ENTRIES = ("urdf", "foot_frame", "locked")  # of [leg], besides what a leg without a URDF has
@@ -34,19 +35,15 @@ def located(layer: Mapping[str, Any], folder: Path, label: str, report: Report) 
     where = f"{label}: leg.urdf = {shown(name)}"
     inside = name.removeprefix(f"{ROBOTS}/")
     robots = None if inside == name else _robots()
-    folder = robots or folder
-    try:
-        found = (folder / inside).resolve()
-    except (OSError, ValueError, RuntimeError):  # a null byte, a loop of links
-        report.unusable(f"{where} is not the path of a file")
-        return dict(layer)
     if inside != name and robots is None:
         report.unusable(f'{where} is in the package {ROBOTS}, which is not installed: pip install "hopopt[robots]"')
-    elif os.path.isabs(inside) or not found.is_relative_to(folder.resolve()):
-        report.unusable(f"{where} leads out of the folder of the problem: put the URDF beside it, or below")
-    elif not os.path.exists(found):
-        report.unusable(f"{where}: there is no such file in {_folder(found, robots)}{_beside(found)}")
-    return {**layer, "leg": {**leg, "urdf": str(found)}}
+        return dict(layer)
+
+    def absent(path: Path) -> str:
+        return f"there is no such file in {_folder(path, robots)}{_beside(path)}"
+
+    found = beside(inside, robots or folder, where, "URDF", absent, report)
+    return dict(layer) if found is None else {**layer, "leg": {**leg, "urdf": str(found)}}
 
 
 def _robots() -> Path | None:

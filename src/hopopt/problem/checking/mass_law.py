@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.problem.catalogue import MARKS, catalogue, names
+from hopopt.problem.catalogue import MARKS, catalogue, with_part
 from hopopt.record import Strict, stated
 
 PART_TORQUES = {
@@ -56,15 +56,15 @@ def fit(torques: Sequence[float] | np.ndarray, masses: Sequence[float] | np.ndar
 
 
 def weighed(part: str) -> dict[str, tuple[float, float]]:
-    """{name: (torque [N m], mass [kg])} of the catalogue's motors or gears that have a mass.
+    """{name: (torque [N m], mass [kg])} of the catalogue's motors or gears that have a mass and a limit for a short time.
 
     A motor's torque is what it gives, at standstill and with its drive's cap; a gear's is its cap, at the joint.
     """
     found = {}
-    for name in names(part):
-        entry = catalogue()[name]
-        if part in entry.masses:
-            found[name] = min(entry.parts[part][key] for key in PART_TORQUES[part]), entry.masses[part]
+    for name, entry in with_part(part, catalogue()).items():
+        torques = [entry.parts[part].get(key) for key in PART_TORQUES[part]]
+        if part in entry.masses and None not in torques:
+            found[name] = min(torques), entry.masses[part]
     return found
 
 
