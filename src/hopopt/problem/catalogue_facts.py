@@ -78,7 +78,9 @@ def problem_entries(part: str) -> list[str]:
 def checked(part: str, path: str, table: Any, label: str, report: Report) -> dict[str, Value]:
     """The numbers of a motor's or gear's table in a file called ``label``, at ``path`` in it; faults are reported."""
     if not isinstance(table, Mapping):
-        report_at(path, f"= {shown(table)} is not a table: write [{path}] and its entries on the lines below", label, report)
+        report_at(
+            path, f"= {shown(table)} is not a table: write [{path}] and its entries on the lines below", label, report
+        )
         return {}
     known, found = fields(part), dict[str, Value]()
     for key, value in table.items():

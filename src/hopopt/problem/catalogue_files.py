@@ -41,14 +41,18 @@ def read_own(path: Path, report: Report) -> dict[str, Entry]:
     if len(report.faults) > before:
         report.unreadable = True
     elif not found and not report.unreadable:
-        report.unusable(f"{shown_path(label)} has no motor and no gear: write [motor.NAME] or [gear.NAME], or rows of CSV")
+        report.unusable(
+            f"{shown_path(label)} has no motor and no gear: write [motor.NAME] or [gear.NAME], or rows of CSV"
+        )
     return found
 
 
 def _name_is_free(part: str, name: str, found: Mapping[str, Entry], label: str, report: Report) -> bool:
     path = f"{part}.{name}"
     if not re.fullmatch(CATALOGUE_NAME, name):
-        report_at(path, "is not a name: at most 50 small letters, digits and hyphens, a letter or digit first", label, report)
+        report_at(
+            path, "is not a name: at most 50 small letters, digits and hyphens, a letter or digit first", label, report
+        )
     elif name in catalogue():
         report_at(path, "has the name of a built-in entry: choose another name", label, report)
     elif name in found and part in found[name].stated:
@@ -58,9 +62,7 @@ def _name_is_free(part: str, name: str, found: Mapping[str, Entry], label: str, 
     return False
 
 
-def _with(
-    entry: Entry | None, part: str, name: str, table: Mapping[str, Any], label: str, report: Report
-) -> Entry:
+def _with(entry: Entry | None, part: str, name: str, table: Mapping[str, Any], label: str, report: Report) -> Entry:
     """An entry of a user's, or the one whose gear or motor this is, with one more part."""
     numbers = checked(part, f"{part}.{name}", table, label, report)
     texts = table if isinstance(table, Mapping) else {}
@@ -114,7 +116,9 @@ def _csv(text: str) -> Iterator[Row]:
     try:
         heads = [head.strip() for head in next(lines, [])]
         if missing := [column for column in ROWS[:2] if column not in heads]:
-            raise NotOne(f"has no column {missing[0]} in its first line: {', '.join(ROWS)}, then a column for each number")
+            raise NotOne(
+                f"has no column {missing[0]} in its first line: {', '.join(ROWS)}, then a column for each number"
+            )
         if twice := next((head for head in heads if head and heads.count(head) > 1), None):
             raise NotOne(f"has the column {shown(twice)} twice: name each once")
         for number, cells in enumerate(lines, 2):

@@ -37,9 +37,10 @@ def with_numbers(
             name = _name(table.get(part))
             if name is None:
                 continue
-            known = with_part(part, {**catalogue(), **own})
+            entries = {**catalogue(), **own}
+            known = with_part(part, entries)
             if not isinstance(name, str) or name not in known:
-                _report(f"leg.{path}{part}", name, part, list(known), table, label, report)
+                _report(f"leg.{path}{part}", name, part, entries, table, label, report)
                 continue
             old, stated = before.get(path, {}).get(part), table[part] if isinstance(table[part], Mapping) else {}
             gone = dict.fromkeys(set(old) - set(KEPT_ENTRIES)) if isinstance(old, Mapping) else {}
@@ -70,11 +71,14 @@ def _name(given: Any) -> Any:
 
 
 def _report(
-    path: str, name: Any, part: str, known: list[str], table: Mapping[str, Any], label: str, report: Report
+    path: str, name: Any, part: str, entries: Mapping[str, Entry], table: Mapping[str, Any], label: str, report: Report
 ) -> None:
+    known = with_part(part, entries)
     path = path if isinstance(table[part], str) else f"{path}.model"
     report.origins[path] = label
-    close = did_you_mean(name, known) if isinstance(name, str) else ""
+    other = isinstance(name, str) and name in entries
+    close = did_you_mean(name, known) if isinstance(name, str) and not other else ""
+    wrong = f"has no {part} in the catalogue" if other else f"is not in the catalogue{close}"
     listed = f"hopopt actuators lists its {len(known)} {part}s"
-    report.add(path, f"= {shown(name)} is not in the catalogue{close}: {listed}; {HOW_TO_GIVE_OWN[part]}")
+    report.add(path, f"= {shown(name)} {wrong}: {listed}; {HOW_TO_GIVE_OWN[part]}")
     report.unreadable = True
