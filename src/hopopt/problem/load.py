@@ -4,6 +4,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -117,7 +118,7 @@ def _layers(source: str | Path, report: Report) -> list[tuple[str, dict[str, Any
     while path is not None:
         report.file = report.file or _called(path)
         visited.append(path.absolute())
-        data = read_tables(path, report, lambda: _absent(path))
+        data = read_tables(path, report, partial(_absent, path))
         base = data.pop("extends", None)
         if "catalogue" in data:
             data["catalogue"] = _catalogue_file(data["catalogue"], path, report)
@@ -173,7 +174,7 @@ def _absent(path: Path) -> str:
 def _catalogue_file(name: Any, problem: Path, report: Report) -> Path | None:
     """The file that ``catalogue = name`` in a problem file means: beside it, or below."""
     where = f"{shown_path(_called(problem))}: catalogue = {shown(name)}"
-    return beside(name, problem.parent, where, "catalogue", lambda found: _no_catalogue(found), report)
+    return beside(name, problem.parent, where, "catalogue", _no_catalogue, report)
 
 
 def _no_catalogue(found: Path) -> str:
