@@ -1,6 +1,6 @@
 """What torque weighs: power laws of mass against torque, fitted over the catalogue of motors and gears."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -58,14 +58,21 @@ def fit(torques: Sequence[float] | np.ndarray, masses: Sequence[float] | np.ndar
 def weighed(part: str) -> dict[str, tuple[float, float]]:
     """{name: (torque [N m], mass [kg])} of the catalogue's motors or gears that have a mass and a limit for a short time.
 
-    A motor's torque is what it gives, at standstill and with its drive's cap; a gear's is its cap, at the joint.
+    A motor's torque is what it gives, at standstill and with its drive's cap; a gear's is its cap, at the joint. Of the
+    gears, which are of many kinds, only those count that no lighter one equals: another would not be chosen.
     """
     found = {}
     for name, entry in with_part(part, catalogue()).items():
         torques = [entry.parts[part].get(key) for key in PART_TORQUES[part]]
         if part in entry.masses and None not in torques:
             found[name] = min(torques), entry.masses[part]
-    return found
+    return found if part == "motor" else {name: pair for name, pair in found.items() if _light(pair, found.values())}
+
+
+def _light(pair: tuple[float, float], others: Iterable[tuple[float, float]]) -> bool:
+    """Whether no other part gives at least this torque at less mass, or more torque at this mass."""
+    torque, mass = pair
+    return not any((t >= torque and m < mass) or (t > torque and m <= mass) for t, m in others)
 
 
 def mass_law(part: str) -> MassLaw:
