@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -41,7 +41,7 @@ class Entry:
     stated: dict[str, dict[str, Value]]
     marks: dict[str, dict[str, str]]
     sources: tuple[Source, ...] = ()
-    cited: Mapping[str, Mapping[str, Source]] | None = None
+    cited: Mapping[str, Mapping[str, Source]] = field(default_factory=dict)
     file: str = ""
 
     @property

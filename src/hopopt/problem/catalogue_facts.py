@@ -61,7 +61,7 @@ FACTS = {  # what may be stated beside the entries of a problem; one that become
 
 
 @cache
-def fields(part: str) -> dict[str, entries.Entry]:
+def fields(part: str) -> Mapping[str, entries.Entry]:
     """{key: its unit, meaning and range} of all that may be stated of a "motor" or a "gear"."""
     known = (entries.entry_at(("leg", part)) or {})["properties"]
     return {key: known[key] for key in problem_entries(part)} | {

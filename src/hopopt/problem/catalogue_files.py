@@ -74,10 +74,10 @@ def _with(entry: Entry | None, part: str, name: str, table: Mapping[str, Any], l
         unsure = []
     marks = {key: "U" if key in unsure else "O" for key in numbers}
     sources = (Source(str(texts["source"]), ""),) if texts.get("source") else ()
-    before = entry or Entry(name, str(texts.get("title", "")), {}, {}, (), None, label)
+    before = entry or Entry(name, str(texts.get("title", "")), {}, {}, (), {}, label)
     return Entry(
         name, before.title, {**before.stated, part: numbers}, {**before.marks, part: marks},
-        (*before.sources, *sources), None, label,
+        (*before.sources, *sources), {}, label,
     )  # fmt: skip
 
 

@@ -63,8 +63,9 @@ def weighed(part: str) -> dict[str, tuple[float, float]]:
     """
     found = {}
     for name, entry in with_part(part, catalogue()).items():
-        torques = [entry.parts[part].get(key) for key in PART_TORQUES[part]]
-        if part in entry.masses and None not in torques:
+        known = entry.parts[part]
+        torques = [known[key] for key in PART_TORQUES[part] if key in known]
+        if part in entry.masses and len(torques) == len(PART_TORQUES[part]):
             found[name] = min(torques), entry.masses[part]
     return found if part == "motor" else {name: pair for name, pair in found.items() if _light(pair, found.values())}
 
