@@ -514,7 +514,8 @@ def test_the_law_of_the_catalogue_is_of_what_its_entries_give(part):
     else:  # the lightest for their torque: a walk from the strongest down, each kept if it is lighter than all before
         order = sorted(entries, key=lambda n: (-entries[n].parts[part]["torque_cap"], entries[n].masses[part]))
         masses = [entries[n].masses[part] for n in order]
-        assert set(pairs) == {n for k, n in enumerate(order) if masses[k] < min([np.inf, *masses[:k]])}
+        first = [n for k, n in enumerate(order) if masses[k] < min([np.inf, *masses[:k]])]
+        assert set(pairs.values()) == {(entries[n].parts[part]["torque_cap"], entries[n].masses[part]) for n in first}
     for name, (torque, mass) in pairs.items():
         values = entries[name].parts[part]
         assert torque == min(values["torque_cap"], values.get("max_torque", np.inf))
