@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import build_robot
 from hopopt.nlp.mesh import uniform

@@ -30,7 +30,7 @@ from hopopt.comparison.robust.robustness import can_be_had, drawn, spread
 from hopopt.control.closed_loop import clearance_in_mujoco, make_plant, simulate
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.design import Design, Uncertainty
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.paper.paper_results import is_the_papers

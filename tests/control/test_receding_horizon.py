@@ -13,7 +13,7 @@ from hopopt.control.reference import PlanReference
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN
 from hopopt.control.tracking.receding_horizon import PENALTY, HorizonProgram, PlanLimits, TrackWithinLimits, solved
-from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
+from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.planner.reserve import reserved
 from hopopt.planner.solution import Solution

@@ -17,7 +17,7 @@ from hopopt.control.paper_pd import Force, Position
 from hopopt.control.setting import Setting
 from hopopt.control.strategies import BUILT_IN, Strategy, find
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE
 from hopopt.problem.load import load

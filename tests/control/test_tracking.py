@@ -14,7 +14,7 @@ from hopopt.control.tracking.regulator import Noise, joint_acceleration, kalman,
 from hopopt.control.tracking.track import Track
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
+from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE
 from hopopt.planner.solution import Solution

@@ -13,7 +13,8 @@ import pytest
 from hopopt.cli.main import run as command
 from hopopt.control import strategies
 from hopopt.control.closed_loop import simulate
-from hopopt.drivetrain import dynamics, half_planes, laws
+from hopopt.drivetrain import dynamics
+from hopopt.drivetrain.operating_region import half_planes, laws
 from hopopt.leg.robot import BASE
 from hopopt.nlp import schemes
 from hopopt.nlp.deadline import NEVER

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import hopopt
-from hopopt.drivetrain.limits import Line
+from hopopt.drivetrain.operating_region.limits import Line
 from hopopt.leg.limit_id import Kind
 from hopopt.ocp.objectives.registry import OBJECTIVES
 from hopopt.storage.summary import summary_schema

@@ -8,8 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hopopt.design import Leg, physical_parameters
-from hopopt.drivetrain.half_planes import OperatingRegion
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.problem.load import load
 
 many = settings(max_examples=100, deadline=None)

@@ -6,7 +6,7 @@ import pytest
 
 from hopopt import load
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.evidence.dynamic_programming import by_dynamic_programming, by_transcription, reduced
 from hopopt.global_search.equations.slider_leg import accelerations, slider_leg

@@ -9,7 +9,7 @@ import pytest
 from hopopt import load
 from hopopt.compiled.kernel import packed
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.evidence.dynamic_programming import by_dynamic_programming, reduced
 from hopopt.global_search import GlobalSearch, Rollout, applies, search

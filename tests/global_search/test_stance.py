@@ -7,7 +7,7 @@ import pytest
 from hopopt import load
 from hopopt.compiled.kernel import packed
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.global_search.constants import stance_constants, to_joint_angles, to_link_angles
 from hopopt.global_search.equations.accelerations import VERTICES, polygon
 from hopopt.global_search.equations.dynamics import apex_height, stance_terms

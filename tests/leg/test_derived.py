@@ -44,7 +44,7 @@ def test_the_push_is_what_the_knee_holds_over_its_arm() -> None:
 @pytest.mark.parametrize("entries", [[], ["leg.gear.torque_cap=107", "leg.gear.speed_cap=680"]])
 def test_power_is_the_most_within_the_region(entries: list[str]) -> None:
     """Against a search over speeds."""
-    from hopopt.drivetrain.region import operating_region
+    from hopopt.drivetrain.operating_region.region import operating_region
 
     design = load("paper_four_quadrant", entries)
     robot = build_robot(design.leg)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.kinematics import foot_offset, tucked
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.ocp.guesses.initial_guess import NAMED_STARTS, make_guess, saturated_push, starts

@@ -6,7 +6,7 @@ import pytest
 
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot

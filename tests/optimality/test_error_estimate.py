@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.robot import build_robot
 from hopopt.nlp.mesh import PhaseMesh, uniform
 from hopopt.nlp.refinement.interval_errors import interval_errors

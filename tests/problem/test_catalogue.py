@@ -12,7 +12,7 @@ from scipy.stats import linregress
 from hopopt.cli.main import run
 from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import build_robot
 from hopopt.problem import catalogue as actuators

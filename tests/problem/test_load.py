@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from hopopt.design import Design, physical_parameters
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import HopoptError, ProblemFileError
 from hopopt.problem.load import as_json, builtin_names, design_hash, load, resolved_toml, rows, template
 

@@ -14,8 +14,8 @@ from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design, Leg
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import Gear
-from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot

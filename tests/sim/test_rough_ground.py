@@ -14,7 +14,7 @@ from hopopt.control.strategies import find
 from hopopt.design import Leg
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import Gear
-from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
+from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.problem.load import load

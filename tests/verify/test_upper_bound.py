@@ -12,8 +12,8 @@ from hopopt.cli.screen.answer import bound_line
 from hopopt.control.closed_loop import simulate
 from hopopt.control.strategies import BUILT_IN
 from hopopt.design import Design, physical_parameters
-from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import NotSolvedError, ProblemFileError
 from hopopt.leg.robot import BASE
 from hopopt.sim.machine import Machine

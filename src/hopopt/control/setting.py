@@ -13,8 +13,8 @@ from hopopt.control.reference import PlanReference
 from hopopt.design import Design, physical_parameters
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import ENTRIES, Gear, gears_of
-from hopopt.drivetrain.half_planes import OperatingRegion
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot

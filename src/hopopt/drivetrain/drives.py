@@ -10,8 +10,8 @@ from hopopt.design import Leg
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.dynamics import AddedStates
 from hopopt.drivetrain.gear import ENTRIES, Gear, driven_joints, joint_torque, motor_torque, response_to
-from hopopt.drivetrain.half_planes import UNBOUNDED, OperatingRegion, filled_up, torque_lines
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED, OperatingRegion, filled_up, torque_lines
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import stiff, supply_numbers
 
 LAW = (*ENTRIES, "slow", "sharp")

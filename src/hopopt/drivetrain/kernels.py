@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from hopopt.compiled.kernel import kernel
-from hopopt.drivetrain import gear, half_planes, supply
+from hopopt.drivetrain import gear, supply
+from hopopt.drivetrain.operating_region import half_planes
 from hopopt.drivetrain.supply import BURNS, STIFF_SUPPLY
 
 HIGHEST, HALVINGS = 1.5, 48  # bus voltage over what it is without load, where motors feed back; of the search for it

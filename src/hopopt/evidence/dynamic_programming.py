@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design, refuse_landed
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.global_search.equations.bilinear import Bilinear
 from hopopt.global_search.equations.slider_leg import accelerations, slider_leg

@@ -12,8 +12,8 @@ import numpy as np
 
 from hopopt.design import Design
 from hopopt.drivetrain.gear import Gear
-from hopopt.drivetrain.half_planes import OperatingRegion
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.kinematics import TwoJoints, start_angles
 from hopopt.leg.robot import BASE, build_robot
 

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Design
-from hopopt.drivetrain.half_planes import OperatingRegion
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.kinematics import foot_jacobian, reach, start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.leg.scales import time_scale, weight

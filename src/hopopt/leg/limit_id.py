@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from hopopt.design import Leg
-from hopopt.drivetrain.limits import CAPS, LINES
+from hopopt.drivetrain.operating_region.limits import CAPS, LINES
 
 
 class Kind(Enum):

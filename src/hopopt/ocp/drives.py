@@ -10,7 +10,7 @@ import numpy as np
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import Gear, motor_torque
 from hopopt.drivetrain.gear import lossy as lossy_gear
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, sag, share_at
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.robot import BASE

@@ -10,8 +10,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from hopopt.drivetrain.limits import BACKWARD, FORWARD
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_limits
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.leg.robot import BASE

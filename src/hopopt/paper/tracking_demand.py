@@ -8,7 +8,7 @@ import numpy as np
 from hopopt.control.paper_pd import Position
 from hopopt.control.setting import Setting
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 
 DIFFERENCE_STEP = 1e-5  # [s] of the differences of the joint angles
 SAMPLES = 401  # instants in stance

@@ -11,8 +11,8 @@ import numpy as np
 from hopopt.design import Design
 from hopopt.drivetrain.dynamics import AddedStates, added_states
 from hopopt.drivetrain.gear import any_lossy
-from hopopt.drivetrain.half_planes import OperatingRegion
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import voltage_share
 from hopopt.errors import UsageError
 from hopopt.leg.robot import BASE, Robot, build_robot

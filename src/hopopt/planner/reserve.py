@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hopopt.design import Design, Reserve, as_changed
-from hopopt.drivetrain.limits import SPEEDS, TORQUES
+from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.scales import reserve_of
 from hopopt.planner.solution import Solution

@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.robot import build_robot
 from hopopt.planner.solution import Solution
 from hopopt.record import as_data

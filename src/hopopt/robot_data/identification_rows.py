@@ -39,7 +39,7 @@ import numpy as np
 from scipy import sparse
 
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
 from hopopt.robot_data.leg_momenta import LegMomenta

@@ -11,7 +11,7 @@ import numpy as np
 
 from hopopt.comparison.compare import planned_trace
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.planner.solution import Solution
 from hopopt.robot_data.robot_log import RobotLog

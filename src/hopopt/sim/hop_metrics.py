@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import voltage_share
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale, friction_needed, weight

@@ -9,8 +9,8 @@ import numpy as np
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.dynamics import AddedStates, added_states
 from hopopt.drivetrain.gear import Gear, any_lossy, driven_joints, gears_of, motor_torque, response_to, teeth_torque
-from hopopt.drivetrain.half_planes import OperatingRegion, torque_lines, within
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import OperatingRegion, torque_lines, within
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import WINDING, power_drawn, sag, share_at, winding_heat
 from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, stated

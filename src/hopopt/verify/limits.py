@@ -3,7 +3,7 @@
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
 from hopopt.leg.kinematics import reach
 from hopopt.leg.limit_id import Kind, LimitId

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from hopopt.design import HopSettings
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import voltage_share
 from hopopt.leg.robot import BASE, Robot
 from hopopt.record import Strict, if_any

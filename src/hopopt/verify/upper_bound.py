@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.drivetrain.half_planes import OperatingRegion
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, Robot, build_robot
 from hopopt.record import Real, Strict, stated

@@ -17,7 +17,7 @@ from hopopt.control.reference import PhaseReference
 from hopopt.control.setting import Setting
 from hopopt.control.tracking.regulator import LINEARISATION_STEP, Gains
 from hopopt.control.tracking.track import Track, TrackingOptions
-from hopopt.drivetrain.half_planes import OperatingRegion
+from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.errors import UsageError
 from hopopt.leg.scales import weight
 from hopopt.sim.machine import Machine

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.global_search.constants import stance_constants, start_state
 from hopopt.global_search.equations.flight import flight_of
 from hopopt.global_search.grid import MANY, make_grid, ranges

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.global_search.constants import stance_constants
 from hopopt.global_search.equations.bilinear import Bilinear
 from hopopt.global_search.equations.slider_leg import SliderLeg, accelerations, slider_leg

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from hopopt.design import Design
 from hopopt.drivetrain.gear import Gear
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.kinematics import TwoJoints, joint_positions, reach, start_angles, start_place, within_limits
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.sim.machine import Machine

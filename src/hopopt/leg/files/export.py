@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import unit
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import voltage_line
 from hopopt.errors import UsageError
 from hopopt.leg.derived import effort_limit, velocity_limit

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Design, Leg
-from hopopt.drivetrain.limits import CAPS, LINES
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.limits import CAPS, LINES
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import loop_axes, reach, start_angles

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
 
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.dynamics import LegDynamics
 from hopopt.leg.kinematics import (
     TwoJoints,

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design, as_changed
-from hopopt.drivetrain.limits import SPEEDS, TORQUES
+from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot

@@ -11,8 +11,8 @@ from typing import Any
 import casadi as ca
 
 from hopopt.design import Design
-from hopopt.drivetrain.limits import BACKWARD, FORWARD
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import WINDING, winding_heat
 from hopopt.leg.limit_id import JointWay, Kind, LimitId
 from hopopt.leg.robot import BASE

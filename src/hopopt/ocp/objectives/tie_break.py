@@ -6,7 +6,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.ocp.drives import motor_torques
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.problem import Instant

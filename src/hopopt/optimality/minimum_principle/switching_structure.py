@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hopopt.drivetrain.limits import BACKWARD, FORWARD, Line
+from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD, Line
 from hopopt.leg.limit_id import JointWay, Kind, LimitId, kind_of
 from hopopt.nlp.solver.ipopt import NlpSolution
 from hopopt.ocp.problem import Component

@@ -6,7 +6,7 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 
 from hopopt.design import Design
-from hopopt.drivetrain.limits import CAPS
+from hopopt.drivetrain.operating_region.limits import CAPS
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
 from hopopt.ocp.phases import duration_entry
 from hopopt.optimality.directions.flat_directions import Flat

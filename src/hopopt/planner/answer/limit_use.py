@@ -6,7 +6,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 import numpy as np
 
-from hopopt.drivetrain.limits import CAPS
+from hopopt.drivetrain.operating_region.limits import CAPS
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import force_range
 from hopopt.ocp.objectives.registry import find

@@ -14,7 +14,7 @@ from hopopt.comparison.compare import OPTIMUM
 from hopopt.comparison.ladder import Ladder
 from hopopt.control.reference import PlanReference
 from hopopt.control.similarity import similar_height
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import ResultError
 from hopopt.leg.robot import BASE
 from hopopt.paper.stiffness import PAPER_RANGE, neutral, secant_stiffness

@@ -6,8 +6,8 @@ R is the gear ratio, tau_max and omega_max belong to the motor, w is the joint s
 from collections.abc import Callable
 from typing import Any
 
-from hopopt.drivetrain.half_planes import HalfPlane, pair
-from hopopt.drivetrain.limits import Line
+from hopopt.drivetrain.operating_region.half_planes import HalfPlane, pair
+from hopopt.drivetrain.operating_region.limits import Line
 
 
 def paper_law(torque: Any, speed: Any) -> list[HalfPlane]:

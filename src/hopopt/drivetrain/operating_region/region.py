@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from hopopt.design import Leg
-from hopopt.drivetrain.half_planes import HalfPlane, OperatingRegion, pair
-from hopopt.drivetrain.laws import LAWS
-from hopopt.drivetrain.limits import Line
+from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion, pair
+from hopopt.drivetrain.operating_region.laws import LAWS
+from hopopt.drivetrain.operating_region.limits import Line
 
 
 def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingRegion:

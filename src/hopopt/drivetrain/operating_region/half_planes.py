@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.drivetrain.limits import BACKWARD, FORWARD, SAGGING, Line
+from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD, SAGGING, Line
 
 UNBOUNDED = 1e12  # [N m] of a torque line that is not there
 TOGETHER = 4  # lines that a compiled function reads: other shapes of arrays are compiled anew
