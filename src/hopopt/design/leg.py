@@ -49,8 +49,14 @@ class Link(Section):
 
 
 class Motor(Section):
-    max_torque: float = quantity("tau_max: motor torque at standstill", "N m", 1e-6, 1000, physical=True)
-    max_speed: float = quantity("omega_max: motor speed at no torque", "rad/s", 1.0, 6000, physical=True)
+    max_torque: float | None = quantity(
+        "tau_max: motor torque at standstill (default: torque_constant voltage / winding_resistance)",
+        "N m", 1e-6, 1000, None, physical=True,
+    )  # fmt: skip
+    max_speed: float | None = quantity(
+        "omega_max: motor speed at no torque (default: voltage / torque_constant)",
+        "rad/s", 1.0, 6000, None, physical=True,
+    )  # fmt: skip
     rotor_inertia: float = quantity("rotor inertia, motor side", "kg m^2", 0.0, 0.05, 0.0, physical=True)
     laws: tuple[Literal["paper", "four-quadrant"], ...] = choice(
         "torque-speed laws, all of which hold: the paper's |tau| <= tau_max (1 - |w| / omega_max), "
@@ -58,8 +64,23 @@ class Motor(Section):
         ("paper",),
     )
     torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-6, 1000, None, physical=True)
+    voltage: float | None = quantity(
+        "at which its torque and speed are meant (default: the supply's)", "V", 0.1, 1000, None, physical=True
+    )
     winding_resistance: float | None = quantity("electrical resistance", "ohm", 1e-4, 1e3, None, physical=True)
     torque_constant: float | None = quantity("k: motor torque for each ampere", "N m/A", 1e-4, 100, None, physical=True)
+    no_load_current: float | None = quantity(
+        "i_0: current that turns the motor alone, whose torque k i_0 its own friction takes",
+        "A",
+        0,
+        1e3,
+        None,
+        physical=True,
+    )
+    current_cap: float | None = quantity(
+        "greatest current, |torque| <= k times it", "A", 1e-3, 1e4, None, physical=True
+    )
+    power_cap: float | None = quantity("greatest mechanical power, |torque speed|", "W", 1e-3, 1e6, None, physical=True)
     catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
 
 

@@ -24,7 +24,7 @@ class Drive:
     torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
     as much more back-EMF. states: what the drives add of their own, if they do. rotor: reflected inertias of what spins in
     front of the gears (n) [kg m^2]; none by default. supply: what ``supply_numbers`` says of it. numbers: what the compiled functions read,
-    by name: the lines of the clamp, the gains, and the gears as in ``Gear``.
+    by name: the lines of the clamp, the gains, the gears as in ``Gear``, and the caps on mechanical power [W].
     """
 
     numbers: Mapping[str, Any]
@@ -51,6 +51,7 @@ class Drive:
             },
             "lightest": float(gear.lightest),
             "lossless": int(gear.ideal),
+            "power": np.array([np.inf if r.power is None else float(r.power) for r in regions]),
             **(supply or stiff(n)),
         }
         self.gear, self.rotor = gear, np.zeros(n) if rotor is None else np.asarray(rotor, dtype=float)

@@ -18,6 +18,7 @@ from typing import Any, Self
 import numpy as np
 
 from hopopt.design import Leg
+from hopopt.drivetrain.motor import motor_torque_and_speed
 
 SLOW = 1e-2  # share of the no-load speed over which losses change their sign: 0.1 rad/s on the paper's leg
 SHARP = 1e-3  # share of stall torque over which a gear goes from driving to braking
@@ -79,9 +80,18 @@ class Gear:
             return p.get(leg.drive(joint, part, name)[0], default)
 
         own = {name: entry("gear", name, default) for name, default in zip(ENTRIES, LOSSLESS, strict=True)}
-        ratio = entry("gear", "ratio")
-        slow, sharp = SLOW * entry("motor", "max_speed") / ratio, SHARP * ratio * entry("motor", "max_torque")
+        ratio, (torque, speed) = entry("gear", "ratio"), motor_torque_and_speed(leg, joint, p)
+        own["friction"] += motor_friction(leg, joint, p)
+        slow, sharp = SLOW * speed / ratio, SHARP * ratio * torque
         return cls(**own, slow=slow, sharp=sharp)
+
+
+def motor_friction(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
+    """Coulomb friction R k i_0 [N m] of the motor itself, at the joint: what its no-load current overcomes."""
+    current = p.get(leg.drive(joint, "motor", "no_load_current")[0])
+    if current is None:
+        return 0.0
+    return p[leg.drive(joint, "gear", "ratio")[0]] * p[leg.drive(joint, "motor", "torque_constant")[0]] * current
 
 
 def gears_of(leg: Leg, p: Mapping[str, Any]) -> Gear:
@@ -99,8 +109,9 @@ def lossless_entries(p: Mapping[str, float]) -> dict[str, float]:
 
 
 def lossy(leg: Leg, joint: str) -> bool:
-    """Whether the problem gives the gear of a joint losses to plan with, be they none."""
-    return any(leg.drive(joint, "gear", name)[1] is not None for name in ENTRIES)
+    """Whether the problem gives the gear of a joint, or the motor's bearings, losses to plan with, be they none."""
+    entries = (*(("gear", name) for name in ENTRIES), ("motor", "no_load_current"))
+    return any(leg.drive(joint, *entry)[1] is not None for entry in entries)
 
 
 def any_lossy(leg: Leg) -> bool:

@@ -16,7 +16,8 @@ HIGHEST, HALVINGS = 1.5, 48  # bus voltage over what it is without load, where m
 STIFF = 1.0  # step times the rate at which friction stops a joint; the Runge-Kutta scheme's limit is 2.8
 MOST_PARTS = 64  # of a step where gears rub
 
-within, passed_torque, share_at = kernel(half_planes.within), kernel(gear.passed_torque), kernel(supply.share_at)
+within, capped = kernel(half_planes.within), kernel(half_planes.capped)
+passed_torque, share_at = kernel(gear.passed_torque), kernel(supply.share_at)
 
 
 @kernel
@@ -30,7 +31,7 @@ def limited(drive: Any, w: np.ndarray, command: np.ndarray, voltage: float) -> n
                 upper[i, 0] *= voltage
             if lower[i, 1] != 0:
                 lower[i, 0] *= voltage
-        motor[k] = gain * within(gain * w[k], command[k], upper, lower)
+        motor[k] = gain * within(gain * w[k], capped(w[k], command[k], drive.power[k]), upper, lower)
     return motor
 
 
@@ -56,7 +57,8 @@ def driven(drive: Any, w: np.ndarray, command: np.ndarray) -> np.ndarray:
     if drive.supplied == STIFF_SUPPLY:
         for k in range(len(w)):
             gain = drive.gain[k]
-            motor[k] = gain * within(gain * w[k], command[k], drive.upper[k], drive.lower[k])
+            asked = capped(w[k], command[k], drive.power[k])
+            motor[k] = gain * within(gain * w[k], asked, drive.upper[k], drive.lower[k])
         return motor
     high = 1.0 if drive.supplied == BURNS else HIGHEST
     if fed(drive, w, limited(drive, w, command, high), high):

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hopopt.design import Leg
+from hopopt.drivetrain.motor import motor_torque_and_speed
 
 EVEN = 1e-3  # share of the motors' greatest power over which drawing goes into feeding back
 FLOOR = 1e-4  # of the root's argument, below which no bus has a voltage
@@ -30,7 +31,7 @@ def winding_heat(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
     ratio = p[leg.drive(joint, "gear", "ratio")[0]]
     resistance, constant = (p.get(leg.drive(joint, "motor", e)[0]) for e in WINDING)
     if resistance is None or constant is None:
-        torque, speed = (p[leg.drive(joint, "motor", entry)[0]] for entry in ("max_torque", "max_speed"))
+        torque, speed = motor_torque_and_speed(leg, joint, p)
         return speed / ratio / (ratio * torque)
     return resistance / (ratio * constant) ** 2
 
@@ -62,7 +63,7 @@ def voltage_line(leg: Leg, joint: str, p: Mapping[str, float]) -> VoltageLine:
 
 def power_scale(leg: Leg, p: Mapping[str, Any]) -> Any:
     """Greatest mechanical power of all motors [W]: a quarter of stall torque times no-load speed each."""
-    drives = [[p[leg.drive(j, "motor", entry)[0]] for entry in ("max_torque", "max_speed")] for j in leg.joints]
+    drives = [motor_torque_and_speed(leg, joint, p) for joint in leg.joints]
     return sum(torque * speed / 4 for torque, speed in drives)
 
 

@@ -119,7 +119,9 @@ def _drive(region: OperatingRegion) -> tuple[np.ndarray, np.ndarray, float]:
     planes = [(float(h.a), float(h.b)) for h in region.planes]
     most, least = np.tile([NO_LINE, 0.0], (TORQUE_LINES, 1)), np.tile([-NO_LINE, 0.0], (TORQUE_LINES, 1))
     for lines, side in ((most, 1), (least, -1)):
-        mine = [(1 / a, -b / a) for a, b in planes if a * side > 0]
+        caps = [1 / a for a, b in planes if a * side > 0 and b == 0]
+        mine = [(1 / a, -b / a) for a, b in planes if a * side > 0 and b != 0]
+        mine += [(min(caps, key=abs), 0.0)] if caps else []
         lines[: len(mine)] = mine
     return most, least, min([1 / abs(b) for a, b in planes if a == 0], default=NO_LINE)
 

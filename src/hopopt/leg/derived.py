@@ -104,4 +104,5 @@ def _peak_power(region: OperatingRegion) -> float:
     """On one line of the region most power is given at half of its torque and speed, or else at a corner [W]."""
     halves = [(0.5 / float(h.b), 0.5 / float(h.a)) for h in region.planes if h.a > 0 and h.b > 0]
     inside = [(w, tau) for w, tau in halves if max(region.use(w, tau)) <= 1 + ROUNDING]
-    return max(float(w * tau) for w, tau in [*inside, *region.corners()])
+    most = max(float(w * tau) for w, tau in [*inside, *region.corners()])
+    return most if region.power is None else min(most, float(region.power))

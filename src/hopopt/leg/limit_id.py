@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from hopopt.design import Leg
-from hopopt.drivetrain.operating_region.limits import CAPS, LINES
+from hopopt.drivetrain.motor import entries_behind
+from hopopt.drivetrain.operating_region.limits import CAPS
 
 
 class Kind(Enum):
@@ -12,6 +13,7 @@ class Kind(Enum):
 
     REGION = "operating region"
     SUPPLY = "of the supply"
+    MOTOR_POWER = "motor power cap"
     ANGLE = "angle"
     HEIGHT = "height above ground"
     GROUND_FORCE = "ground force"
@@ -54,7 +56,7 @@ class LimitId:
     def keys(self, leg: Leg, part: object) -> tuple[str, ...]:
         """Entries of the problem file that set one component of it, such as a line of an operating region."""
         if self.kind is Kind.REGION:
-            return tuple(leg.drive(self.joint, *entry)[0] for entry in CAPS.get(str(part), LINES))
+            return entries_behind(leg, self.joint, CAPS.get(str(part), ()))
         if self.kind is Kind.HEIGHT and part == "foot":
             return ("hop.above_ground",)
         return (self.key,) if self.key else ()
@@ -67,6 +69,11 @@ class LimitId:
         if self.kind is Kind.HEIGHT and self.joint:
             return f"{self.joint} above ground"
         return f"{self.joint} {self.kind.value}".lstrip()
+
+
+def motor_power(leg: Leg, joint: str) -> LimitId:
+    """The cap on the mechanical power of a joint's motor."""
+    return LimitId(Kind.MOTOR_POWER, joint, leg.drive(joint, "motor", "power_cap")[0])
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from hopopt.design import PAPERS_LENGTH, Design, Leg, Reserve
+from hopopt.design import PAPERS_LENGTH, Design, Leg, Reserve, physical_parameters
+from hopopt.drivetrain.motor import stall_torque
 
 FORCE_RANGE = 5.0  # [weights of the leg]: a push-off's peak
 DESCENT_RANGE = 1.0  # [m/s] on the paper's leg: speed at which a body sinks into a counter-movement
@@ -63,16 +64,20 @@ def reserve_of(design: Design) -> Reserve:
 
 def stall_torques(leg: Leg) -> np.ndarray:
     """Torque (n) [N m] of every joint's drive at standstill, its gear's ratio times its motor's torque."""
-    return np.array([leg.drive(j, "gear", "ratio")[1] * leg.drive(j, "motor", "max_torque")[1] for j in leg.joints])
+    p = physical_parameters(leg)
+    return np.array([stall_torque(leg, joint, p) for joint in leg.joints], dtype=float)
 
 
 def standstill_torques(leg: Leg) -> np.ndarray:
     """What every joint's drive gives at standstill (n) [N m]: its stall torque, or less where motor or gear are capped."""
-    caps = [(leg.drive(j, "motor", "torque_cap")[1], leg.drive(j, "gear", "torque_cap")[1]) for j in leg.joints]
-    ratios = [leg.drive(j, "gear", "ratio")[1] for j in leg.joints]
-    of_motors = [np.inf if motor is None else ratio * motor for (motor, _), ratio in zip(caps, ratios, strict=True)]
-    of_gears = [np.inf if gear is None else gear for _, gear in caps]
-    return np.minimum(stall_torques(leg), np.minimum(of_motors, of_gears))
+    return np.minimum(stall_torques(leg), [_least_cap(leg, joint) for joint in leg.joints])
+
+
+def _least_cap(leg: Leg, joint: str) -> float:
+    """The lowest cap on a joint's torque [N m]; infinite without one."""
+    ratio, k = leg.drive(joint, "gear", "ratio")[1], leg.drive(joint, "motor", "torque_constant")[1]
+    caps = (("motor", "torque_cap", ratio), ("motor", "current_cap", ratio * (k or 0.0)), ("gear", "torque_cap", 1.0))
+    return min((times * cap for part, name, times in caps if (cap := leg.drive(joint, part, name)[1])), default=np.inf)
 
 
 def weight(model: pin.Model) -> float:

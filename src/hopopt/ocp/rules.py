@@ -13,7 +13,7 @@ import numpy as np
 from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_limits
-from hopopt.leg.limit_id import Kind, LimitId
+from hopopt.leg.limit_id import Kind, LimitId, motor_power
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import descent_range
 from hopopt.ocp.drives import asked, bus_power, bus_voltage
@@ -45,6 +45,19 @@ def drives(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
         return PathConstraint(LimitId(Kind.REGION, joint), value, -1.0, 1.0, scale=2.0, labels=labels)
 
     return tuple(region(k, joint) for k, joint in enumerate(leg.leg.joints))
+
+
+def mechanical_power(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
+    """No motor gives or takes more than its cap on mechanical power: -1 <= tau w / power_cap <= 1, tau being what the motor is
+    asked for [N m]."""
+    motion = leg.motion_in(kind)
+
+    def limit(k: int, joint: str) -> PathConstraint:
+        torque, name = asked(leg, joint, motion), motor_power(leg.leg, joint)
+        return PathConstraint(name, lambda s: torque(s) * motion(s).v[BASE + k] / s.p[name.key], -1.0, 1.0, scale=2.0)
+
+    capped = (leg.leg.drive(joint, "motor", "power_cap")[1] is not None for joint in leg.leg.joints)
+    return tuple(limit(k, joint) for k, (joint, has) in enumerate(zip(leg.leg.joints, capped, strict=True)) if has)
 
 
 def supply(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
@@ -111,7 +124,7 @@ def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     return (PathConstraint(NO_DESCENT, lambda s: motion(s).v[1], 0.0, INF, descent_range(leg.leg), unit="m/s"),)
 
 
-RULES: list[Rule] = [drives, supply, ground, heights, counter_movement]
+RULES: list[Rule] = [drives, mechanical_power, supply, ground, heights, counter_movement]
 BUILT_IN = tuple(RULES)
 
 

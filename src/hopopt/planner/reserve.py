@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hopopt.design import Design, Reserve, as_changed
+from hopopt.drivetrain.motor import state_ratings
 from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.scales import reserve_of
@@ -25,6 +26,7 @@ def reserved(design: Design) -> Design:
     """The problem with its [reserve] taken off every limit, as far as the start itself allows, and off the torques what the least
     efficient gear takes, for plans know no losses; UsageError if that leaves a limit that no problem may have."""
     r, data = reserve_of(design), design.model_dump(exclude_none=True)
+    state_ratings(design.leg, data["leg"])
     of_joints = [design.leg.drive(name, "gear", "efficiency")[1] for name in design.leg.joints]
     passed = min(design.simulation.gear_efficiency if e is None else e for e in of_joints)
     data["contact"]["least_force"] += r.ground_force

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from hopopt.design import Design
+from hopopt.drivetrain.motor import IMPLIES
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.problem.catalogue import Entry, catalogue, problems_folder
 from hopopt.problem.catalogue_files import read_own
 from hopopt.problem.checking.check import check
 from hopopt.problem.checking.faults import OVERRIDE, Report
 from hopopt.problem.checking.wording import did_you_mean
-from hopopt.problem.named_parts import named, with_numbers
+from hopopt.problem.named_parts import gives, named, with_numbers
 from hopopt.problem.reading import MAX_DEPTH, beside, read_tables, too_deep
 from hopopt.problem.render import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path
 from hopopt.problem.urdf import ENTRIES, located, with_leg
@@ -195,14 +196,15 @@ def _own_entries(file: Any, report: Report) -> dict[str, Entry]:
 def _lay_overrides(
     data: dict[str, Any], overrides: Mapping[str, Any] | Sequence[str], own: Mapping[str, Entry], report: Report
 ) -> None:
-    """Lay overrides over ``data``: names of motors and gears first, so that numbers count over them in any order.
+    """Lay overrides over ``data``: names of motors and gears first, then motors' voltages, so that numbers count over them in
+    any order.
 
     ``own``: entries of the problem's catalogue; the overrides may name one more, whose path counts from where we are.
     """
     layers, known = [_in_leg(_plain(layer)) for layer in _override_layers(overrides, report)], dict(own)
     for layer in layers:
         known |= _own_entries(layer.pop("catalogue", None), report)
-    for layer in sorted(layers, key=named, reverse=True):
+    for layer in sorted(layers, key=lambda layer: (named(layer), gives(layer, "motor", "voltage")), reverse=True):
         _lay_over(data, with_numbers(layer, data, known, OVERRIDE, report), OVERRIDE, report)
 
 
@@ -254,7 +256,9 @@ def _plain(value: Any) -> Any:
 
 
 def _lay_over(base: dict[str, Any], layer: dict[str, Any], label: str, report: Report, path: str = "") -> None:
-    """Merge ``layer`` into ``base``, table by table, and note where each entry came from."""
+    """Merge ``layer`` into ``base``, table by table, and note where each entry came from. A layer that is the first to give a
+    motor's voltage takes out the torque and speed that its datasheet implies."""
+    began = "voltage" in base
     for key, value in layer.items():
         here = f"{path}.{key}" if path else key
         if isinstance(value, dict):
@@ -265,6 +269,9 @@ def _lay_over(base: dict[str, Any], layer: dict[str, Any], label: str, report: R
             base.pop(key, None)
         else:
             report.origins[here], base[key] = label, value
+    if path.endswith(".motor") and "voltage" in layer and not began:
+        for dropped in set(IMPLIES) - layer.keys():
+            base.pop(dropped, None)
     for given, dropped in EXCLUSIVE if path == "start" else ():
         if given in layer and dropped not in layer:
             base.pop(dropped, None)

@@ -21,6 +21,11 @@ def named(layer: Mapping[str, Any]) -> bool:
     return any(_name(table.get(part)) is not None for _, table in _holders(layer) for part in CATALOGUE_PARTS)
 
 
+def gives(layer: Mapping[str, Any], part: str, entry: str) -> bool:
+    """Whether a layer of a problem has an entry of a motor or a gear."""
+    return any(isinstance(table.get(part), dict) and entry in table[part] for _, table in _holders(layer))
+
+
 def with_numbers(
     layer: Mapping[str, Any], base: Mapping[str, Any], own: Mapping[str, Entry], label: str, report: Report
 ) -> dict[str, Any]:

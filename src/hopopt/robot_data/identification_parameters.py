@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.drivetrain.motor import rated
 from hopopt.leg.inertia import scaled
 from hopopt.leg.robot import build_robot
 from hopopt.robot_data.identification_rows import places
@@ -55,7 +56,9 @@ def unknowns_of(design: Design) -> list[Unknown]:
         value = getattr(design.simulation, f"gear_{kind}")
         add(f"simulation.gear_{kind}", unit, value, kind, range(n), {at[kind] + k: 1.0 for k in range(n)})
     for path, joints in _shared(design, "motor", "max_speed"):
-        add(path, "rad/s", p[path], "speed", joints, {at["speed"] + k: 1.0 for k in joints})
+        add(
+            path, "rad/s", rated(leg, leg.joints[joints[0]])[1], "speed", joints, {at["speed"] + k: 1.0 for k in joints}
+        )
     return found
 
 

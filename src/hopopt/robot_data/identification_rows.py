@@ -41,7 +41,7 @@ from scipy import sparse
 from hopopt.design import Design
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.robot import BASE
-from hopopt.leg.scales import Scale
+from hopopt.leg.scales import Scale, stall_torques
 from hopopt.robot_data.leg_momenta import LegMomenta
 from hopopt.robot_data.log_windows import WINDOW_LENGTH, LogSamples, samples_of
 from hopopt.robot_data.robot_log import RobotLog
@@ -96,7 +96,7 @@ class LogRows:
         self.momenta, self.s, self.n, leg = momenta, samples_of(log, Scale.of(design.leg).time), momenta.n, design.leg
         self.at, self.coarse = places(self.n), coarseness(self.s)
         self.ratio = np.array([leg.drive(j, "gear", "ratio")[1] for j in leg.joints])
-        self.stall = self.ratio * np.array([leg.drive(j, "motor", "max_torque")[1] for j in leg.joints])
+        self.stall = stall_torques(leg)
         self.smooth = differences(self.s.t, SMOOTH)
         self.held = self._answer_to_held_torques()
         self.joints = [self.s.windows(self._moving(design, k)) for k in range(self.n)]

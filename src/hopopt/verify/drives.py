@@ -39,8 +39,9 @@ class Drives:
     @classmethod
     def of(cls, robot: Robot) -> Self:
         """The drives of a leg as its problem plans with them."""
-        clamp = joint_clamp([operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints])
-        if robot.leg.supply is not None:
+        regions = [operating_region(robot.leg, joint, robot.parameters) for joint in robot.joints]
+        clamp = joint_clamp(regions)
+        if robot.leg.supply is not None or any(region.power is not None for region in regions):
             clamp = Drive.of(robot.leg, robot.parameters, robot.model.armature[BASE:], Gear()).clamp
         gear = gears_of(robot.leg, robot.parameters) if any_lossy(robot.leg) else None
         return cls(clamp, gear, robot.model.armature[BASE:])

@@ -6,7 +6,7 @@ from hopopt.design import Design
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
 from hopopt.leg.kinematics import reach
-from hopopt.leg.limit_id import Kind, LimitId
+from hopopt.leg.limit_id import Kind, LimitId, motor_power
 from hopopt.leg.robot import BASE, Robot
 from hopopt.leg.scales import descent_range, force_range
 from hopopt.sim.machine import Machine
@@ -14,7 +14,7 @@ from hopopt.verify.table import DESCENT, STANCE, STANDING
 
 LIMIT_KINDS = (  # kinds of limits of a phase that are looked at here
     Kind.REGION, Kind.ANGLE, Kind.HEIGHT, Kind.SLIDER, Kind.FOOT, Kind.GROUND_FORCE, Kind.FRICTION, Kind.DESCENT,
-    Kind.WINDOW, Kind.SUPPLY,
+    Kind.WINDOW, Kind.SUPPLY, Kind.MOTOR_POWER,
 )  # fmt: skip
 
 
@@ -39,7 +39,10 @@ def limits_of(
     voltage = voltage_share(design.leg, robot.parameters, *columns) if design.leg.supply else None
     found: dict[LimitId, np.ndarray] = {}
     for k, joint in enumerate(robot.joints):
-        use = np.array(operating_region(design.leg, joint, robot.parameters).use(v[:, BASE + k], tau[:, k], voltage))
+        region = operating_region(design.leg, joint, robot.parameters)
+        use = np.array(region.use(v[:, BASE + k], tau[:, k], voltage))
+        if region.power is not None:
+            found[motor_power(design.leg, joint)] = (np.abs(tau[:, k] * v[:, BASE + k]) / region.power - 1.0) / 2
         found[LimitId(Kind.REGION, joint)] = (use.max(axis=0) - 1.0) / 2  # a tau + b w goes from -1 to 1
         low, high = design.leg.joint[joint].lower, design.leg.joint[joint].upper
         angle = q[:, BASE + k]

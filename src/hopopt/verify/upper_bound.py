@@ -48,9 +48,10 @@ def most_power(region: OperatingRegion) -> float:
     """Largest tau w [W] in a joint's operating region; infinite where nothing bounds it."""
     planes = np.array([[float(h.a), float(h.b)] for h in region.planes])
     line = any(a * b > 0 for a, b in planes)  # a law that weakens the motor as it drives faster
+    capped = np.inf if region.power is None else float(region.power)
     if not line and not (np.isfinite(most_speed(region)) and planes[:, 0].any()):
-        return np.inf
-    return max(_most_power(planes), _most_power(-planes))
+        return capped
+    return min(capped, max(_most_power(planes), _most_power(-planes)))
 
 
 def _most_power(planes: np.ndarray) -> float:

@@ -38,9 +38,11 @@ class HalfPlane:
 
 @dataclass(frozen=True)
 class OperatingRegion:
-    """The torques and speeds one joint's drive can give, as half-planes that all hold."""
+    """The torques and speeds one joint's drive can give: half-planes that all hold, and |tau w| <= power [W] if that is not
+    None, which is no half-plane."""
 
     planes: tuple[HalfPlane, ...]
+    power: Any = None
 
     def use(self, w: Any, tau: Any, voltage: Any = None) -> list[Any]:
         """a tau + b w of each half-plane: the drive is inside where every value is <= 1. voltage: of the bus, over what it is
@@ -74,6 +76,9 @@ class OperatingRegion:
                 upper = np.minimum(upper, (1 - h.b * w) / h.a)
             elif np.all(h.a < 0):
                 lower = np.maximum(lower, (1 - h.b * w) / h.a)
+        if self.power is not None:
+            most = power_bound(w, float(self.power))
+            upper, lower = np.minimum(upper, most), np.maximum(lower, -most)
         empty = lower > upper
         return np.where(empty, 0.0, lower), np.where(empty, 0.0, upper)
 
@@ -116,6 +121,18 @@ def _vertices(planes: np.ndarray) -> np.ndarray:
 
 def pair(line: Line, a: Any, b: Any) -> list[HalfPlane]:
     return [HalfPlane(line, a, b, FORWARD), HalfPlane(line, -a, -b, BACKWARD)]
+
+
+def power_bound(w: Any, power: float) -> Any:
+    """Largest |tau| [N m] at speed w [rad/s], shapes alike, of which no more than a power [W] comes."""
+    return power / np.maximum(np.abs(w), power / UNBOUNDED)
+
+
+def capped(w: float, tau: float, power: float) -> float:
+    """tau [N m] at speed w [rad/s], or so much of it that its power is no more than ``power`` [W]."""
+    if abs(tau * w) <= power:
+        return tau
+    return power / abs(w) if tau > 0 else -power / abs(w)
 
 
 def within(w: float, tau: float, upper: Any, lower: Any) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hopopt.design import Leg
+from hopopt.drivetrain.motor import motor_torque_and_speed
 from hopopt.drivetrain.operating_region.half_planes import HalfPlane, OperatingRegion, pair
 from hopopt.drivetrain.operating_region.laws import LAWS
 from hopopt.drivetrain.operating_region.limits import Line
@@ -15,7 +16,7 @@ def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingReg
     def entry(part: Any, name: str) -> Any:
         return p.get(leg.drive(joint, part, name)[0])
 
-    ratio, tau_max, omega_max = entry("gear", "ratio"), entry("motor", "max_torque"), entry("motor", "max_speed")
+    ratio, (tau_max, omega_max) = entry("gear", "ratio"), motor_torque_and_speed(leg, joint, p)
     torque, speed = 1 / (ratio * tau_max), ratio / omega_max  # 1/(stall torque), 1/(no-load speed) at the joint
     planes: list[HalfPlane] = []
     laws = leg.drive(joint, "motor", "laws")[1]
@@ -28,8 +29,10 @@ def operating_region(leg: Leg, joint: str, p: Mapping[str, Any]) -> OperatingReg
     )
     if drive_cap is not None:
         planes += pair(Line.DRIVE_CAP, 1 / (ratio * drive_cap), 0.0)
+    if (current_cap := entry("motor", "current_cap")) is not None:
+        planes += pair(Line.CURRENT_CAP, 1 / (ratio * entry("motor", "torque_constant") * current_cap), 0.0)
     if gear_cap is not None:
         planes += pair(Line.GEAR_CAP, 1 / gear_cap, 0.0)
     if speed_cap is not None:
         planes += pair(Line.SPEED_CAP, 0.0, ratio / speed_cap)
-    return OperatingRegion(tuple(planes))
+    return OperatingRegion(tuple(planes), entry("motor", "power_cap"))

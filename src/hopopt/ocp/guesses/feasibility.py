@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import Design, Leg
-from hopopt.drivetrain.operating_region.limits import CAPS, LINES
+from hopopt.drivetrain.motor import behind_torque, entries_behind
+from hopopt.drivetrain.operating_region.limits import CAPS
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_drawn, power_limits, voltage_share
 from hopopt.leg.dynamics import LegDynamics
@@ -49,9 +50,9 @@ def drives_too_weak(design: Design, robot: Robot) -> list[str]:
         lower, upper = region.torque_bounds(0.0)
         if not lower <= hold[k] <= upper:
             cap = CAPS.get(region.binding(0.0, hold[k]), ())
-            given = [leg.drive(joint, *entry) for entry in cap or LINES if entry[1] != "max_speed"]
-            stated = " and ".join(f"{path} = {value:g}" for path, value in given)
-            stronger = f"a higher {given[0][0]}" if cap else "a stronger motor"
+            given = entries_behind(leg, joint, cap) if cap else behind_torque(leg, joint)
+            stated = " and ".join(f"{path} = {robot.parameters[path]:g}" for path in given)
+            stronger = f"a higher {given[0]}" if cap else "a stronger motor"
             geared = ", a higher gear ratio" if given[1:] else ""
             faults.append(
                 f"the {joint} needs {abs(hold[k]):.1f} N m to hold the start pose in stance at 0 s; "

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design, as_changed
+from hopopt.drivetrain.motor import state_ratings
 from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
@@ -100,11 +101,12 @@ def with_torque_constants(design: Design, gain: np.ndarray) -> Design:
     """The problem with drives whose torque constants are so many times the believed ones: as much more torque for the same
     commands, and as much less speed. Raises UsageError if that is more than a problem may have."""
     data = design.model_dump(exclude_none=True)
+    state_ratings(design.leg, data["leg"])
     for joint, factor in zip(design.leg.joints, gain.tolist(), strict=True):
         for part, key in (*TORQUES, *SPEEDS) if factor != 1 else ():
-            if (value := design.leg.drive(joint, part, key)[1]) is not None:
-                times = factor if (part, key) in TORQUES else 1 / factor
-                data["leg"][joint].setdefault(part, {})[key] = value * times
+            own = data["leg"][joint].setdefault(part, {})
+            if (value := own.get(key, design.leg.drive(joint, part, key)[1])) is not None:
+                own[key] = value * (factor if (part, key) in TORQUES else 1 / factor)
     return as_changed(data, "[uncertainty] leads to", "give less of it")
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 
 from hopopt.design import Design
+from hopopt.drivetrain.motor import stall_torque
 from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import WINDING, winding_heat
@@ -19,7 +20,6 @@ from hopopt.leg.robot import BASE
 from hopopt.ocp.drives import asked, bus_voltage, motor_torques
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective, no_required_clearance, required_clearance
-from hopopt.ocp.objectives.tie_break import stall_torque
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Control, Ends, Instant, Parameter, PathConstraint
 
@@ -154,7 +154,7 @@ def _region_share(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]
 
 def largest_stall(hop: MovingLeg) -> float:
     """The largest stall torque of any joint [N m]."""
-    return max(stall_torque(hop, joint, hop.robot.parameters) for joint in hop.leg.joints)
+    return max(stall_torque(hop.leg, joint, hop.robot.parameters) for joint in hop.leg.joints)
 
 
 def _torque_peak(hop: MovingLeg, phase: LegPhase) -> tuple[PathConstraint, ...]:

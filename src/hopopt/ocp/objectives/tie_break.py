@@ -1,11 +1,11 @@
 """The tie-break: of optima that are equally good, the one with the gentlest torques."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 
+from hopopt.drivetrain.motor import stall_torque
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.ocp.drives import motor_torques
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
@@ -20,7 +20,7 @@ def effort(leg: MovingLeg, motion: MotionAt) -> Callable[[Instant], ca.SX]:
     torques = motor_torques(leg, motion)
 
     def rate(s: Instant) -> ca.SX:
-        return ca.sumsqr(torques(s) / ca.vertcat(*[stall_torque(leg, j, s.p) for j in leg.leg.joints]))
+        return ca.sumsqr(torques(s) / ca.vertcat(*[stall_torque(leg.leg, j, s.p) for j in leg.leg.joints]))
 
     return rate
 
@@ -29,11 +29,6 @@ def largest_effort(leg: MovingLeg) -> float:
     """The most that ``effort`` can be; a region that no half-plane closes is taken up to twice its stall torque."""
     total, p = 0.0, leg.robot.parameters
     for joint in leg.leg.joints:
-        stall = stall_torque(leg, joint, p)
+        stall = stall_torque(leg.leg, joint, p)
         total += float(np.max(np.abs(operating_region(leg.leg, joint, p).corners()[:, 1]))) ** 2 / stall**2
     return total
-
-
-def stall_torque(leg: MovingLeg, joint: str, p: Mapping[str, Any]) -> Any:
-    """Stall torque of a joint's motor behind its gear [N m], of parameters that are numbers or symbols."""
-    return p[leg.leg.drive(joint, "gear", "ratio")[0]] * p[leg.leg.drive(joint, "motor", "max_torque")[0]]

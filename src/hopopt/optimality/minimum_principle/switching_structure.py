@@ -86,6 +86,8 @@ def described(limit: Component, side: str) -> tuple[str, Acting]:
     if kind is Kind.REGION:
         way = FORWARD if side == "upper" else BACKWARD
         return limit.of.joint, Acting(f"{part} {way}", switches=True, line=(part, way))
+    if kind is Kind.MOTOR_POWER:
+        return limit.of.joint, Acting(f"at its power cap, {'driving' if side == 'upper' else 'braking'}")
     if kind is Kind.SHARE:
         return limit.of.joint, Acting("at the peak share of its operating region")
     if kind is Kind.HEIGHT:

@@ -7,6 +7,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 import numpy as np
 
 from hopopt.drivetrain.operating_region.limits import CAPS
+from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import force_range
 from hopopt.ocp.objectives.registry import find
@@ -111,6 +112,9 @@ def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
         region, used = plan.region(joint), dict[str, float]()
         for plane, use in zip(region.planes, region.use(v[:, k], tau[:, k], voltage), strict=True):
             used[plane.line] = max(used.get(plane.line, 0.0), float(np.max(use)))
+        if region.power is not None:
+            (path, cap), most = leg.drive(joint, "motor", "power_cap"), float(np.abs(v[:, k] * tau[:, k]).max())
+            yield Use(f"{{}} {Kind.MOTOR_POWER.value}", (joint,), path, cap, most / cap, most)
         for name, share in used.items():
             if name in CAPS:
                 path, cap = leg.drive(joint, *CAPS[name][0])

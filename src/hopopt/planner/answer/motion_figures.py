@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopopt.leg.kinematics import reach
-from hopopt.leg.limit_id import Kind, LimitId
+from hopopt.leg.limit_id import Kind, LimitId, motor_power
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale, descent_range, force_range, friction_needed
 from hopopt.ocp.phases import FLIGHT, STANCE
@@ -144,6 +144,9 @@ def active_limits(plan: Motion, stance: Samples) -> dict[str, float]:
         region, angle = plan.region(joint), stance.q[:, BASE + k]
         use = np.array(region.use(stance.v[:, BASE + k], stance.command[:, k], voltage))
         shares[str(LimitId(Kind.REGION, joint))] = use.max(axis=0) > 1 - ACTIVE
+        if region.power is not None:
+            drawn = np.abs(stance.v[:, BASE + k] * stance.command[:, k])
+            shares[str(motor_power(leg, joint))] = drawn > (1 - ACTIVE) * region.power
         margin = ACTIVE * (leg.joint[joint].upper - leg.joint[joint].lower)
         near = np.minimum(angle - leg.joint[joint].lower, leg.joint[joint].upper - angle)
         shares[str(LimitId(Kind.ANGLE, joint))] = near < margin

@@ -3,7 +3,8 @@
 All are dimensionless, so that a leg of any size is judged alike. The built-in legs lie well within.
 """
 
-from hopopt.design import Design, Leg
+from hopopt.design import Design, Leg, physical_parameters
+from hopopt.drivetrain.motor import behind
 from hopopt.leg.derived import JointFigures, LegFigures, derived
 
 STALL = 5.0  # stall torque over weight times reach, in any pose; legs have 1 to 3.4
@@ -40,7 +41,7 @@ def _torques(leg: Leg, found: LegFigures) -> list[str]:
 def _speeds(leg: Leg, found: LegFigures) -> list[str]:
     """Of how fast each joint turns without load, an entry that they share once."""
     least, most = USUAL_SPEEDS
-    first = {leg.drive(j.name, "motor", "max_speed")[0]: j for j in reversed(found.joints)}
+    first = {behind(leg, j.name, "max_speed"): j for j in reversed(found.joints)}
     return [
         f"the {j.name} turns at {j.no_load_speed:.3g} rad/s without load, {j.no_load_speed * found.time:.2g} sqrt(gravity / "
         f"leg length) (legs have {least:g} to {most:g}): look at {_entry(leg, j, 'max_speed', 'rad/s')}"
@@ -62,5 +63,7 @@ def _rotors(leg: Leg, found: LegFigures) -> list[str]:
 
 def _entry(leg: Leg, joint: JointFigures, name: str, unit: str) -> str:
     """An entry of a joint's motor, and its gear."""
-    (path, value), (at, ratio) = leg.drive(joint.name, "motor", name), leg.drive(joint.name, "gear", "ratio")
-    return f"{path} = {value:g} {unit} and {at} = {ratio:g}"
+    p, (at, ratio) = physical_parameters(leg), leg.drive(joint.name, "gear", "ratio")
+    paths = behind(leg, joint.name, name)
+    of_motor = ", ".join(f"{path} = {p[path]:g}" for path in paths)
+    return f"{of_motor}{f' {unit}' if len(paths) == 1 else ''} and {at} = {ratio:g}"

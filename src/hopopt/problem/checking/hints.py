@@ -9,6 +9,7 @@ import numpy as np
 
 from hopopt.design import Design, Leg
 from hopopt.design.fields import LOOKALIKES
+from hopopt.drivetrain.motor import DATASHEET, rated, states
 from hopopt.leg.kinematics import reach
 from hopopt.leg.scales import Scale
 from hopopt.problem.checking.doubts import doubts
@@ -16,6 +17,7 @@ from hopopt.problem.checking.doubts import doubts
 FASTEST, SLOWEST = 2700.0, 0.5  # rad/s: no-load speed of small motors at 26 000 rpm, of a joint
 FURTHEST = 1.1 * np.pi  # rad: a joint turned by more than half a turn either way
 HEAVY = 3.0  # masses of the body in one link
+DIFFERENT = 0.1  # share by which a stated torque differs from what a datasheet implies
 DENSE = 500.0  # kg / m^3, mass of body and leg over the cube of the leg's reach; robots and animals have 10 to 100
 SLIPPERY = 0.05  # less than ice
 SHORT_STANCE = 0.01  # [s] on the paper's leg, of the longest stance
@@ -33,7 +35,8 @@ def hints(design: Design) -> list[str]:
 
 def _motors(leg: Leg) -> Iterator[str]:
     most = _mass(leg) * reach(leg) ** 2
-    for joint, (path, speed, ratio) in _drives(leg, "max_speed"):
+    for joint, (path, stated, ratio) in _drives(leg, "max_speed"):
+        speed = stated or rated(leg, joint)[1]
         if speed > FASTEST:
             yield f"{path} = {speed:g} rad/s is {speed * 30 / np.pi:.0f} rpm{_meant(speed, 'rad/s', 'rpm')}"
         if speed / ratio < SLOWEST:
@@ -41,11 +44,25 @@ def _motors(leg: Leg) -> Iterator[str]:
                 f"{path} = {speed:g} rad/s behind a gear of {ratio:g} turns the {joint} at {speed / ratio:.2g} rad/s at most: "
                 "the motor's own speed is needed, in rad/s"
             )
+    yield from _stated_over(leg)
     for joint, (path, rotor, ratio) in _drives(leg, "rotor_inertia"):
         if ratio**2 * rotor > most:
             yield (
                 f"{path} = {rotor:g} kg m^2 is {ratio**2 * rotor:.3g} kg m^2 at the {joint} behind its gear of {ratio:g}, "
                 f"more than the whole machine on the end of the leg has ({most:.3g} kg m^2): 1 g cm^2 is 1e-7 kg m^2"
+            )
+
+
+def _stated_over(leg: Leg) -> Iterator[str]:
+    """Torques that are stated beside a datasheet that implies others."""
+    for joint in leg.joints:
+        path, torque = leg.drive(joint, "motor", "max_torque")
+        V, R, k = (leg.drive(joint, "motor", entry)[1] for entry in DATASHEET)
+        known = None not in (torque, V, R, k) and states(leg, joint, "max_torque")
+        if known and not leg.drive(joint, "motor", "catalogue")[1] and abs(torque / (k * V / R) - 1) > DIFFERENT:
+            yield (
+                f"{path} = {torque:g} N m counts over the {k * V / R:.4g} N m that the motor's voltage, resistance and torque "
+                "constant imply: leave it out if these are meant"
             )
 
 

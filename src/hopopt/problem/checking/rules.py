@@ -8,6 +8,7 @@ import numpy as np
 
 from hopopt.design import Design, HopSettings, Leg, Simulation, StartPose
 from hopopt.design.fields import RESERVED, RESERVED_JOINTS
+from hopopt.drivetrain.motor import IMPLIES, lacking
 from hopopt.leg.inertia import obeys_triangle, principal_moments
 from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
 from hopopt.problem.checking.faults import Report
@@ -133,7 +134,9 @@ def _hop_faults(hop: Mapping[str, Any], joints: list[str]) -> Iterator[tuple[str
 
 
 def drive_rules(leg: Leg, report: Report) -> None:
-    """Report drives whose torque or speed nothing would bound: without a law both need a cap."""
+    """Report drives whose torque or speed nothing would bound: without a law both need a cap; motors that neither say their torque
+    and speed nor have a datasheet that implies them."""
+    _datasheet_rules(leg, report)
     open_ended: dict[tuple[str, str], list[str]] = {}
     for joint in leg.joints:
         path, laws = leg.drive(joint, "motor", "laws")
@@ -142,6 +145,25 @@ def drive_rules(leg: Leg, report: Report) -> None:
     for (path, missing), joints in open_ended.items():
         words = f'give these caps, or "paper" or "four-quadrant" in {path}'
         report.add(path, f"= [] leaves nothing to bound {missing} of {', '.join(joints)}: {words}")
+
+
+def _datasheet_rules(leg: Leg, report: Report) -> None:
+    """Report what a motor's datasheet lacks."""
+    faults: dict[str, str] = {}
+    for joint in leg.joints:
+        for name in IMPLIES:
+            if missing := lacking(leg, joint, name):
+                needed = " and ".join(f"motor.{entry}" for entry in missing)
+                words = f"is missing: give it, or the motor's datasheet, which still lacks {needed}"
+                faults.setdefault(leg.drive(joint, "motor", name)[0], words)
+        constant = leg.drive(joint, "motor", "torque_constant")[1]
+        for name in ("no_load_current", "current_cap"):
+            path, value = leg.drive(joint, "motor", name)
+            if value is not None and constant is None:
+                words = f"= {value:g} A is a current, whose torque nothing tells: give motor.torque_constant too"
+                faults.setdefault(path, words)
+    for path, words in faults.items():
+        report.add(path, words)
 
 
 def _uncapped(leg: Leg, joint: str) -> str:

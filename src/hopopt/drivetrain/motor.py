@@ -1,0 +1,90 @@
+"""A motor's torque at standstill and speed at no torque: as stated, or as its datasheet implies.
+
+A winding of resistance R_w and torque constant k at a voltage V has the current (V - k omega) / R_w, so stall torque
+k V / R_w and no-load speed V / k. Where the motor's voltage is not stated, V is the supply's open-circuit voltage. What is
+stated counts over what the datasheet implies; a joint's own voltage counts over what [leg.motor] states. Of numbers,
+arrays or CasADi symbols.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from hopopt.design import Leg, physical_parameters
+from hopopt.drivetrain.operating_region.limits import Entry
+
+DATASHEET = ("voltage", "winding_resistance", "torque_constant")
+IMPLIES = {"max_torque": DATASHEET, "max_speed": ("voltage", "torque_constant")}  # which entries imply each
+
+
+def motor_torque_and_speed(leg: Leg, joint: str, p: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Torque at standstill [N m] and speed at no torque [rad/s] of a joint's motor, in front of its gear; p: parameter values
+    or symbols by their paths."""
+
+    def entry(name: str) -> Any:
+        return p[leg.drive(joint, "motor", name)[0]]
+
+    torque, speed = (entry(name) if states(leg, joint, name) else None for name in IMPLIES)
+    if torque is None or speed is None:
+        volts = entry("voltage") if leg.drive(joint, "motor", "voltage")[1] is not None else p["leg.supply.voltage"]
+        k = entry("torque_constant")
+        torque = k * volts / entry("winding_resistance") if torque is None else torque
+        speed = volts / k if speed is None else speed
+    return torque, speed
+
+
+def rated(leg: Leg, joint: str) -> tuple[float, float]:
+    """The same in numbers, as the problem has them."""
+    torque, speed = motor_torque_and_speed(leg, joint, physical_parameters(leg))
+    return float(torque), float(speed)
+
+
+def stall_torque(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
+    """Torque at standstill behind the gear [N m], of parameter values or symbols."""
+    return p[leg.drive(joint, "gear", "ratio")[0]] * motor_torque_and_speed(leg, joint, p)[0]
+
+
+def states(leg: Leg, joint: str, name: str) -> bool:
+    """Whether the problem states max_torque or max_speed of a joint's motor."""
+    path, value = leg.drive(joint, "motor", name)
+    own = leg.joint[joint].motor
+    return value is not None and not (path == f"leg.motor.{name}" and own is not None and own.voltage is not None)
+
+
+def lacking(leg: Leg, joint: str, name: str) -> list[str]:
+    """Entries of the motor without which neither the problem nor its datasheet tells max_torque or max_speed; none if one does."""
+    if states(leg, joint, name):
+        return []
+    missing = [entry for entry in IMPLIES[name] if leg.drive(joint, "motor", entry)[1] is None]
+    return [entry for entry in missing if entry != "voltage" or leg.supply is None]
+
+
+def behind(leg: Leg, joint: str, name: str) -> tuple[str, ...]:
+    """Paths of the entries that set an entry of a motor, such as max_torque: its own, or those of its datasheet."""
+    if name not in IMPLIES or states(leg, joint, name):
+        return (leg.drive(joint, "motor", name)[0],)
+    found = (leg.drive(joint, "motor", entry) for entry in IMPLIES[name])
+    return tuple("leg.supply.voltage" if value is None else path for path, value in found)
+
+
+def behind_torque(leg: Leg, joint: str) -> tuple[str, ...]:
+    """Paths of the entries that set the torque at a joint at standstill."""
+    return (*behind(leg, joint, "max_torque"), leg.drive(joint, "gear", "ratio")[0])
+
+
+def entries_behind(leg: Leg, joint: str, cap: tuple[Entry, ...]) -> tuple[str, ...]:
+    """Paths of the entries that set a line of a joint's operating region; cap: of one that a cap draws, none for the others."""
+    if cap:
+        return tuple(leg.drive(joint, *entry)[0] for entry in cap)
+    return tuple(
+        dict.fromkeys(
+            (*behind(leg, joint, "max_torque"), *behind(leg, joint, "max_speed"), leg.drive(joint, "gear", "ratio")[0])
+        )
+    )
+
+
+def state_ratings(leg: Leg, tables: dict[str, Any]) -> None:
+    """Write into the leg's tables every max_torque and max_speed that a datasheet implies, at its joint."""
+    for joint in leg.joints:
+        for name, value in zip(IMPLIES, rated(leg, joint), strict=True):
+            if not states(leg, joint, name):
+                tables[joint].setdefault("motor", {})[name] = value
