@@ -93,8 +93,9 @@ static inline void hopopt_planned(const hopopt_phase *p, double since, double *q
     }
 }
 
-/* A torque [N m] brought into the joint's operating region at speed w [rad/s]. */
+/* A torque [N m] brought within the joint's cap on power and its operating region at speed w [rad/s]. */
 static inline double hopopt_clamp(int joint, double w, double tau) {
+    if (fabs(tau * w) > hopopt_power[joint]) tau = copysign(hopopt_power[joint] / fabs(w), tau);
     double high = INFINITY, low = -INFINITY;
     for (int k = 0; k < HOPOPT_LINES; k++) {
         high = fmin(high, hopopt_upper[joint][k][0] - hopopt_upper[joint][k][1] * w);

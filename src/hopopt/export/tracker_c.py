@@ -15,6 +15,7 @@ from hopopt.control.tracking.regulator import Gains
 from hopopt.control.tracking.track import EARLY_LIFT_OFF, Track
 from hopopt.design import refuse_landed
 from hopopt.drivetrain.drives import LAW
+from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED
 from hopopt.export.plan import tracker_of
 from hopopt.planner.solution import Solution
 
@@ -60,6 +61,7 @@ def tables(tracker: Track) -> str:
     lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
     shared = {"places": stance.places, "weights": stance.barycentric, "rest": tracker.rest}
     shared |= {name: tracker.drive.numbers[name] for name in LAW} | {"rotor": tracker.drive.rotor}
+    shared["power"] = np.minimum(tracker.drive.numbers["power"], UNBOUNDED)
     lines += [_array(name, values) for name, values in shared.items()]
     for side, planes in bounds.items():  # (n, k, 2), the last repeated: that bounds nothing more
         joints = np.pad(planes, ((0, 0), (0, sizes["LINES"] - planes.shape[1]), (0, 0)), mode="edge").tolist()
