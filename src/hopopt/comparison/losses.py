@@ -7,6 +7,7 @@ from hopopt.comparison.compare import Comparison, Run
 from hopopt.control.closed_loop import simulate
 from hopopt.design import Design, physical_parameters
 from hopopt.drivetrain.gear import lossless_entries
+from hopopt.drivetrain.motor import own_voltage
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.from_known import solved_from_known
@@ -32,7 +33,7 @@ def without_losses(design: Design) -> Design | None:
     entries = lossless_entries(physical_parameters(design.leg))
     if not entries and design.leg.supply is None:
         return None
-    lossless = changed(design, entries)
+    lossless = changed(design, {**entries, **own_voltage(design.leg)})
     return lossless.model_copy(update={"leg": lossless.leg.model_copy(update={"supply": None})})
 
 

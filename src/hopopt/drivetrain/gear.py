@@ -24,6 +24,7 @@ SLOW = 1e-2  # share of the no-load speed over which losses change their sign: 0
 SHARP = 1e-3  # share of stall torque over which a gear goes from driving to braking
 ENTRIES = ("efficiency", "friction", "damping")
 LOSSLESS = (1.0, 0.0, 0.0)
+NO_LOAD = "no_load_current"
 
 
 def teeth_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> Any:
@@ -88,7 +89,7 @@ class Gear:
 
 def motor_friction(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
     """Coulomb friction R k i_0 [N m] of the motor itself, at the joint: what its no-load current overcomes."""
-    current = p.get(leg.drive(joint, "motor", "no_load_current")[0])
+    current = p.get(leg.drive(joint, "motor", NO_LOAD)[0])
     if current is None:
         return 0.0
     return p[leg.drive(joint, "gear", "ratio")[0]] * p[leg.drive(joint, "motor", "torque_constant")[0]] * current
@@ -102,15 +103,15 @@ def gears_of(leg: Leg, p: Mapping[str, Any]) -> Gear:
 
 
 def lossless_entries(p: Mapping[str, float]) -> dict[str, float]:
-    """Entries by their paths with which gears lose nothing, of those among p that lose."""
-    ideal = dict(zip(ENTRIES, LOSSLESS, strict=True))
-    own = {path: ideal[path.rsplit(".", 1)[-1]] for path in p if ".gear." in path and path.rsplit(".", 1)[-1] in ideal}
+    """Entries by their paths with which gears and motors' bearings lose nothing, of those among p that lose."""
+    ideal = {("gear", name): value for name, value in zip(ENTRIES, LOSSLESS, strict=True)} | {("motor", NO_LOAD): 0.0}
+    own = {path: ideal[key] for path in p if (key := tuple(path.split(".")[-2:])) in ideal}
     return {path: value for path, value in own.items() if p[path] != value}
 
 
 def lossy(leg: Leg, joint: str) -> bool:
     """Whether the problem gives the gear of a joint, or the motor's bearings, losses to plan with, be they none."""
-    entries = (*(("gear", name) for name in ENTRIES), ("motor", "no_load_current"))
+    entries = (*(("gear", name) for name in ENTRIES), ("motor", NO_LOAD))
     return any(leg.drive(joint, *entry)[1] is not None for entry in entries)
 
 

@@ -43,6 +43,13 @@ def stall_torque(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
     return p[leg.drive(joint, "gear", "ratio")[0]] * motor_torque_and_speed(leg, joint, p)[0]
 
 
+def torque_cap(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
+    """Least cap on a motor's torque [N m], in front of its gear: the drive's, or that of its current; None without one."""
+    cap, current = (p.get(leg.drive(joint, "motor", name)[0]) for name in ("torque_cap", "current_cap"))
+    caps = [cap, None if current is None else p[leg.drive(joint, "motor", "torque_constant")[0]] * current]
+    return min((x for x in caps if x is not None), default=None)
+
+
 def states(leg: Leg, joint: str, name: str) -> bool:
     """Whether the problem states max_torque or max_speed of a joint's motor."""
     path, value = leg.drive(joint, "motor", name)
@@ -80,6 +87,16 @@ def entries_behind(leg: Leg, joint: str, cap: tuple[Entry, ...]) -> tuple[str, .
             (*behind(leg, joint, "max_torque"), *behind(leg, joint, "max_speed"), leg.drive(joint, "gear", "ratio")[0])
         )
     )
+
+
+def own_voltage(leg: Leg) -> dict[str, float]:
+    """The entry, by its path, that makes motors independent of what feeds them, where the supply's voltage tells their torque or
+    speed; with what [leg.motor] states beside it."""
+    if not any("leg.supply.voltage" in behind(leg, joint, name) for joint in leg.joints for name in IMPLIES):
+        return {}
+    stated = {f"leg.motor.{name}": value for name in IMPLIES if (value := getattr(leg.motor, name)) is not None}
+    assert leg.supply is not None
+    return {"leg.motor.voltage": leg.supply.voltage, **stated}
 
 
 def state_ratings(leg: Leg, tables: dict[str, Any]) -> None:

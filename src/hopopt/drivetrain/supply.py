@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hopopt.design import Leg
-from hopopt.drivetrain.motor import motor_torque_and_speed
+from hopopt.drivetrain.motor import motor_torque_and_speed, torque_cap
 
 EVEN = 1e-3  # share of the motors' greatest power over which drawing goes into feeding back
 FLOOR = 1e-4  # of the root's argument, below which no bus has a voltage
@@ -39,7 +39,7 @@ def winding_heat(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
 class VoltageLine(NamedTuple):
     """A motor by the voltage at its terminals: u = V (tau / stall torque + w / no-load speed), at the motor.
 
-    voltage: V, the open-circuit voltage of the supply [V]; None where the problem does not say
+    voltage: V, at which its torque and speed are meant [V]; None where the problem does not say
     max_torque: stall torque [N m]; max_speed: no-load speed [rad/s]; ratio: of its gear; torque_cap: [N m] or None
     """
 
@@ -57,8 +57,9 @@ class VoltageLine(NamedTuple):
 
 def voltage_line(leg: Leg, joint: str, p: Mapping[str, float]) -> VoltageLine:
     """The line of a joint's motor, from parameter values by their paths."""
-    torque, speed, cap = (p.get(leg.drive(joint, "motor", e)[0]) for e in ("max_torque", "max_speed", "torque_cap"))
-    return VoltageLine(p.get("leg.supply.voltage"), torque, speed, p[leg.drive(joint, "gear", "ratio")[0]], cap)  # type: ignore[arg-type]
+    volts = p.get(leg.drive(joint, "motor", "voltage")[0], p.get("leg.supply.voltage"))
+    ratio, cap = p[leg.drive(joint, "gear", "ratio")[0]], torque_cap(leg, joint, p)
+    return VoltageLine(volts, *motor_torque_and_speed(leg, joint, p), ratio, cap)
 
 
 def power_scale(leg: Leg, p: Mapping[str, Any]) -> Any:

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from hopopt.design import PAPERS_LENGTH, Design, Leg, Reserve, physical_parameters
-from hopopt.drivetrain.motor import stall_torque
+from hopopt.drivetrain.motor import stall_torque, torque_cap
 
 FORCE_RANGE = 5.0  # [weights of the leg]: a push-off's peak
 DESCENT_RANGE = 1.0  # [m/s] on the paper's leg: speed at which a body sinks into a counter-movement
@@ -75,9 +75,9 @@ def standstill_torques(leg: Leg) -> np.ndarray:
 
 def _least_cap(leg: Leg, joint: str) -> float:
     """The lowest cap on a joint's torque [N m]; infinite without one."""
-    ratio, k = leg.drive(joint, "gear", "ratio")[1], leg.drive(joint, "motor", "torque_constant")[1]
-    caps = (("motor", "torque_cap", ratio), ("motor", "current_cap", ratio * (k or 0.0)), ("gear", "torque_cap", 1.0))
-    return min((times * cap for part, name, times in caps if (cap := leg.drive(joint, part, name)[1])), default=np.inf)
+    of_motor, of_gear = torque_cap(leg, joint, physical_parameters(leg)), leg.drive(joint, "gear", "torque_cap")[1]
+    caps = (None if of_motor is None else leg.drive(joint, "gear", "ratio")[1] * of_motor, of_gear)
+    return min((x for x in caps if x is not None), default=np.inf)
 
 
 def weight(model: pin.Model) -> float:

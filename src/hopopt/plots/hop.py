@@ -153,9 +153,9 @@ def operating_region(solution: Solution) -> Figure:
     )
     for k, name in enumerate(names):
         ax = figure.add_subplot(rows, columns, k + 1)
-        ax.fill(*solution.region(name).corners().T, fc=PALE, ec=GREY, lw=1.2, label="what the drive can give")
+        ax.fill(*solution.region(name).outline().T, fc=PALE, ec=GREY, lw=1.2, label="what the drive can give")
         if lowest is not None:
-            corners = solution.region(name).at(lowest).corners()
+            corners = solution.region(name).at(lowest).outline()
             ax.plot(
                 *np.vstack([corners, corners[:1]]).T,
                 "--",

@@ -156,7 +156,7 @@ def _regions(design: Design, hops: Sequence[ShownHop]) -> list[dict[str, Any]]:
     """Each joint's operating region and the ways of all hops through it."""
     parameters, found = build_robot(design.leg).parameters, []
     for k, joint in enumerate(design.leg.joints):
-        corners = operating_region(design.leg, joint, parameters).corners()
+        corners = operating_region(design.leg, joint, parameters).outline()
         x = span(corners[:, 0], *(h.v[:, k] for h in hops))
         y = span(corners[:, 1], *(h.tau[:, k] for h in hops))
         chart = Chart(x, y, WIDTH, HEIGHT, "speed [rad/s]", "torque [N m]")

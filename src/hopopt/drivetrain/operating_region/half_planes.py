@@ -14,6 +14,7 @@ import numpy as np
 from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD, SAGGING, Line
 
 UNBOUNDED = 1e12  # [N m] of a torque line that is not there
+ON_AN_EDGE = 50  # points of an edge that a cap on power may bend, in figures
 TOGETHER = 4  # lines that a compiled function reads: other shapes of arrays are compiled anew
 
 
@@ -57,7 +58,7 @@ class OperatingRegion:
         if voltage is None:
             return self
         planes = (replace(h, a=h.a / voltage, b=h.b / voltage) if h.line in SAGGING else h for h in self.planes)
-        return OperatingRegion(tuple(planes))
+        return replace(self, planes=tuple(planes))
 
     def binding(self, w: float, tau: float) -> str:
         """Name of the half-plane most used at speed w [rad/s] and torque tau [N m], without its direction."""
@@ -103,6 +104,18 @@ class OperatingRegion:
         a_max, b_max = max(abs(a) for a, _ in planes), max(abs(b) for _, b in planes)
         cuts = [(0.5 * a_max * s, 0.0) for s in (1, -1)] + [(0.0, 0.5 * b_max * s) for s in (1, -1)]
         return _vertices(np.array(planes + cuts))
+
+    def outline(self) -> np.ndarray:
+        """What a figure draws of it (w [rad/s], tau [N m]), (n, 2): its corners, and the curve of a cap on power."""
+        corners = self.corners()
+        if self.power is None:
+            return corners
+        along = np.linspace(0.0, 1.0, ON_AN_EDGE, endpoint=False)[:, None]
+        points = np.concatenate(
+            [a + along * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+        )
+        most = power_bound(points[:, 0], float(self.power))
+        return np.column_stack([points[:, 0], np.clip(points[:, 1], -most, most)])
 
 
 def _vertices(planes: np.ndarray) -> np.ndarray:

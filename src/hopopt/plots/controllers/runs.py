@@ -117,7 +117,7 @@ def speed_torque(runs: Runs) -> Figure:
 def _region(ax: Axes, run: HopFigures, k: int) -> None:
     """The operating region of joint k."""
     region = operating_region(run.design.leg, run.trace.robot.joints[k], run.trace.robot.parameters)
-    ax.fill(*region.corners().T, fc=PALE, ec=GREY, lw=1.2, label="admissible operating region")
+    ax.fill(*region.outline().T, fc=PALE, ec=GREY, lw=1.2, label="admissible operating region")
 
 
 def _way(ax: Axes, run: HopFigures, k: int, look: dict[str, Any]) -> None:
