@@ -35,6 +35,12 @@ class Obstacle(Section):
     width: float | None = quantity("width of the obstacle, along x", "m", 0, 20, None)
 
 
+class Environment(Section):
+    """What surrounds the leg."""
+
+    temperature: float = quantity("of the air, with which motors begin", "degC", -60, 100, 25.0)
+
+
 class HopSettings(Section):
     kind: Literal["single", "landing", "periodic"] = choice(
         "one hop from rest to the apex, the same hop landed and brought to rest, or a hop that ends as it began and goes "
@@ -84,6 +90,10 @@ class HopSettings(Section):
         "what stays above the ground: any joint (at the top of its link), 'foot'; default, and []: all of them", ()
     )
     least_height: float = quantity("height above the ground that joints keep at least", "m", 0, 1, 0.0)
+    pause: float | None = quantity(
+        "without current before the next hop: motors then are as hot as hopping on for ever makes them (default: the hop is "
+        "one from cold)", "s", 0, 1e5, None,
+    )  # fmt: skip
     counter_movement: bool = choice("may the body descend in stance", True)
 
     def with_defaults(self, length: float) -> "HopSettings":
@@ -92,6 +102,11 @@ class HopSettings(Section):
         found: dict[str, Any] = {name: tuple(time * end for end in ends) for name, ends in DURATIONS.items()}
         found |= {"touchdown_time": time * TOUCHDOWN_TIME, "foot_window": length * FOOT_WINDOW}
         return self.model_copy(update={name: value for name, value in found.items() if getattr(self, name) is None})
+
+    @property
+    def between(self) -> float | None:
+        """Time without current between hops that go on for ever [s]; None for one hop alone."""
+        return 0.0 if self.pause is None and self.periodic else self.pause
 
     @property
     def periodic(self) -> bool:

@@ -80,6 +80,14 @@ class Motor(Section):
     current_cap: float | None = quantity(
         "greatest current, |torque| <= k times it", "A", 1e-3, 1e4, None, physical=True
     )
+    continuous_torque: float | None = quantity(
+        "that it gives for ever, to compare with: limits nothing", "N m", 1e-6, 1000, None, physical=True
+    )
+    winding_to_housing: float | None = quantity("thermal resistance", "K/W", 1e-3, 1e3, None, physical=True)
+    housing_to_ambient: float | None = quantity("thermal resistance", "K/W", 1e-3, 1e3, None, physical=True)
+    winding_time_constant: float | None = quantity("thermal, of the winding", "s", 0.1, 1e4, None, physical=True)
+    housing_time_constant: float | None = quantity("thermal, of the housing", "s", 0.1, 1e6, None, physical=True)
+    winding_limit: float | None = quantity("highest temperature of the winding", "degC", -50, 400, None, physical=True)
     power_cap: float | None = quantity("greatest mechanical power, |torque speed|", "W", 1e-3, 1e6, None, physical=True)
     catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
 

@@ -7,7 +7,7 @@ from pydantic import ValidationError, model_validator
 
 from hopopt.design.control import ControlSettings, Reserve
 from hopopt.design.fields import Section, choice
-from hopopt.design.hop import Contact, HopSettings, StartPose
+from hopopt.design.hop import Contact, Environment, HopSettings, StartPose
 from hopopt.design.leg import PAPERS_LENGTH, Leg
 from hopopt.design.simulation import Simulation, Uncertainty
 from hopopt.design.solver import Solver
@@ -33,6 +33,7 @@ class Design(Section):
     start: StartPose
     hop: HopSettings = HopSettings()
     solver: Solver = Solver()
+    environment: Environment | None = choice("what surrounds the leg (default: air of 25 degC)", None)
     simulation: Simulation = Simulation()
     reserve: Reserve = Reserve()
     control: ControlSettings = ControlSettings()
@@ -41,6 +42,11 @@ class Design(Section):
     def __hash__(self) -> int:
         """Of every entry, so that what is made of a problem can be kept for it."""
         return hash(repr(self))
+
+    @property
+    def ambient(self) -> float:
+        """Temperature around the leg [degC]."""
+        return (self.environment or Environment()).temperature
 
     def of_kind(self, kind: str) -> "Design":
         """The same problem of another kind of hop (``hop.kind``)."""

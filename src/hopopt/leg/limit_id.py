@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from hopopt.design import Leg
+from hopopt.drivetrain.heat import LIMIT
 from hopopt.drivetrain.motor import entries_behind
 from hopopt.drivetrain.operating_region.limits import CAPS
 
@@ -14,6 +15,7 @@ class Kind(Enum):
     REGION = "operating region"
     SUPPLY = "of the supply"
     MOTOR_POWER = "motor power cap"
+    TEMPERATURE = "winding temperature"
     ANGLE = "angle"
     HEIGHT = "height above ground"
     GROUND_FORCE = "ground force"
@@ -74,6 +76,11 @@ class LimitId:
 def motor_power(leg: Leg, joint: str) -> LimitId:
     """The cap on the mechanical power of a joint's motor."""
     return LimitId(Kind.MOTOR_POWER, joint, leg.drive(joint, "motor", "power_cap")[0])
+
+
+def winding_temperature(leg: Leg, joint: str) -> LimitId:
+    """How hot the winding of a joint's motor gets."""
+    return LimitId(Kind.TEMPERATURE, joint, leg.drive(joint, "motor", LIMIT)[0], "K")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from hopopt.ocp.custom import path as custom_path
 from hopopt.ocp.drives import carried_on
 from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.heat import heat_goes_on
 from hopopt.ocp.hops.periodic import hop_after_hop
 from hopopt.ocp.hops.to_rest import to_rest
 from hopopt.ocp.objectives.objective import HopObjective
@@ -69,7 +70,13 @@ class Hop(MovingLeg):
             tuple(self._extended(phase) for phase in sequence.phases),
             self._towards(1.0),
             (*self.free_parameters.parameters(self.robot.parameters), *goal.parameters(self)),
-            (*sequence.transitions, *drives, *goal.boundary(self), *self.free_parameters.boundary(self)),
+            (
+                *sequence.transitions,
+                *drives,
+                *heat_goes_on(self, names),
+                *goal.boundary(self),
+                *self.free_parameters.boundary(self),
+            ),
         )
 
     def _extended(self, phase: LegPhase) -> Phase:

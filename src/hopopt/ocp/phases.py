@@ -14,6 +14,7 @@ from hopopt.ocp.drives import with_drives
 from hopopt.ocp.guesses.motion import FLIGHT as FLIGHT
 from hopopt.ocp.guesses.motion import STANCE as STANCE
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
+from hopopt.ocp.heat import with_heat
 from hopopt.ocp.problem import INF, Control, Ends, Instant, Numbers, PathConstraint, Phase, State
 from hopopt.ocp.rules import LEAST_HEIGHT, path_constraints
 
@@ -101,7 +102,7 @@ def _phase(
     motion = leg.motion_in(kind)
     long = LONGEST * leg.scale.time
     phase = Phase(kind, states, controls, rates, duration, path_constraints(leg, kind), long=long)
-    return LegPhase(with_drives(leg, phase), kind, motion)
+    return LegPhase(with_heat(leg, with_drives(leg, phase), motion), kind, motion)
 
 
 def _stance_controls(leg: MovingLeg) -> tuple[Control, ...]:

@@ -99,7 +99,9 @@ def _rows(path: str, section: BaseModel) -> Iterator[Row]:
         elif isinstance(value, dict):  # leg.joint and leg.link: their tables sit in [leg] itself
             for key, item in value.items():
                 yield from _rows(f"{path}.{key}", item)
-        elif value is not None or not (name in ("motor", "gear", "supply") or "Overrides" in type(section).__name__):
+        elif value is not None or not (
+            name in ("motor", "gear", "supply", "environment") or "Overrides" in type(section).__name__
+        ):
             unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
             yield Row(here, value, unit, info.description or "")
 

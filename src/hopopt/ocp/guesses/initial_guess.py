@@ -29,6 +29,7 @@ from hopopt.leg.kinematics import (
 )
 from hopopt.ocp.drives import torques_of
 from hopopt.ocp.guesses.guess import Guess
+from hopopt.ocp.heat import heated
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.hops.landing import landing_guess
 from hopopt.ocp.hops.periodic import there_and_back
@@ -119,11 +120,15 @@ def _all_phases(
     hop: Hop, stance: Guess, flight: Guess, down: Guess | None = None, landing: Guess | None = None
 ) -> dict[str, Guess]:
     """The guesses of the phases that the objective has, with its controls."""
-    more = sum(c.size for c in hop.objective.controls(hop))
+    more, rises = sum(c.size for c in hop.objective.controls(hop)), 2 * len(heated(hop))
+    stance, flight = _cold(hop, stance, 0, rises), _cold(hop, flight, 2 * len(hop.falling), rises)
     found = {STANCE: stance, FLIGHT: flight}
-    found |= {DESCENT: down or landing_guess(hop, flight), LANDING: landing or push_backwards(stance)}
+    found |= {
+        DESCENT: _cold(hop, down or landing_guess(hop, flight), 2 * len(hop.falling), rises),
+        LANDING: _cold(hop, landing or push_backwards(stance), 0, rises),
+    }
     of_leg = {name: with_drive_states(hop, guess, name in ON_GROUND) for name, guess in found.items()}
-    return {phase.name: _widened(of_leg[phase.name], more) for phase in hop.problem.phases}
+    return {phase.name: _widened(of_leg[phase.name], rises, more) for phase in hop.problem.phases}
 
 
 def with_drive_states(hop: Hop, guess: Guess, on_ground: bool) -> Guess:
@@ -138,9 +143,16 @@ def with_drive_states(hop: Hop, guess: Guess, on_ground: bool) -> Guess:
     )
 
 
-def _widened(guess: Guess, more: int) -> Guess:
-    """Zeros for the controls that an objective adds."""
-    return replace(guess, u=np.hstack([guess.u, np.zeros((len(guess.u), more))]))
+def _cold(hop: Hop, guess: Guess, of_body: int, rises: int) -> Guess:
+    """The guess without the rises of its motors' temperatures, if it has any; of_body: states of the body in its phase."""
+    others = of_body + 2 * hop.n + hop.drive_states.size
+    return replace(guess, x=guess.x[:, :others]) if rises else guess
+
+
+def _widened(guess: Guess, rises: int, more: int) -> Guess:
+    """Zeros for the rises of motors' temperatures, and for the controls that an objective adds."""
+    x, u = (np.hstack([old, np.zeros((len(old), added))]) for old, added in ((guess.x, rises), (guess.u, more)))
+    return replace(guess, x=x, u=u)
 
 
 def _without_dependent(hop: Hop, stance: Guess) -> Guess:

@@ -117,7 +117,7 @@ def posture_starts(hop: Hop, known: Sequence[StartOutcome], until: Deadline = NE
     best, solver = posture.best(), first_solver(hop, True, until=until)
     for known_hop in distinct(known):
         phases = solution_of(known_hop, t).phases
-        ends = phases[FLIGHT].x_end[-2 * hop.n : -hop.n]
+        ends = phases[FLIGHT].x_end[2 * len(hop.falling) :][: hop.n]
         if until.passed or np.ptp(posture.height(np.array([ends, best]))) < POSTURE_LOSS * hop.reach:
             continue
         began = time.perf_counter()
