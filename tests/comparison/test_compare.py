@@ -30,6 +30,7 @@ from hopopt.comparison.robust.robustness import can_be_had, drawn, spread
 from hopopt.control.closed_loop import clearance_in_mujoco, make_plant, simulate
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.design import Design, Uncertainty
+from hopopt.drivetrain.motor import rated
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
@@ -242,8 +243,8 @@ def test_a_reserve_is_taken_off_every_limit():
         inner, outer = (operating_region(d.leg, joint, _parameters(d)).torque_bounds(w)[1] for d in (plan, design))
         assert inner == pytest.approx(0.9 * outer)
     slower = reserved(load("paper", ["leg.gear.speed_cap=1000", "reserve.speed=0.1", "reserve.torque=0"])).leg
-    assert slower.motor.max_speed == pytest.approx(0.9 * design.leg.motor.max_speed)
-    assert slower.motor.max_torque == design.leg.motor.max_torque
+    torque, speed = rated(design.leg, "hip")
+    assert rated(slower, "hip") == pytest.approx((torque, 0.9 * speed))
     assert slower.gear.speed_cap == pytest.approx(900)
     start_at_limit = load("paper", ["leg.knee.lower=-2.37"])
     assert reserved(start_at_limit).leg.joint["knee"].lower < start_angles(start_at_limit)[1]  # it must stay possible

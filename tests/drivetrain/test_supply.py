@@ -11,6 +11,7 @@ from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import Gear
+from hopopt.drivetrain.motor import rated
 from hopopt.drivetrain.supply import power_drawn, power_limits, sag, share_at, voltage_share
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import BASE, build_robot
@@ -35,8 +36,8 @@ def drive_of(design: Design) -> Drive:
 
 def stall_and_speed(design: Design) -> tuple[float, float]:
     """Stall torque [N m] and no-load speed [rad/s] at the joints without load on the supply."""
-    motor, ratio = design.leg.motor, design.leg.gear.ratio
-    return ratio * motor.max_torque, motor.max_speed / ratio
+    (torque, speed), ratio = rated(design.leg, "hip"), design.leg.gear.ratio
+    return ratio * torque, speed / ratio
 
 
 def test_a_motor_with_series_resistance_on_a_sagging_bus() -> None:

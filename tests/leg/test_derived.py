@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 from hopopt.design import Design
+from hopopt.drivetrain.motor import rated
 from hopopt.leg.derived import derived
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
@@ -22,9 +23,10 @@ def test_figures_of_the_papers_leg_by_hand() -> None:
     assert found.reach == pytest.approx(0.38 + 0.361)
     assert found.time == pytest.approx((found.reach / G) ** 0.5)
     assert (hip.name, knee.name) == ("hip", "knee")
+    torque, speed = rated(leg, "hip")
     for joint in found.joints:
-        assert joint.stall_torque == pytest.approx(100 * leg.motor.max_torque)
-        assert joint.no_load_speed == pytest.approx(leg.motor.max_speed / 100)
+        assert joint.stall_torque == pytest.approx(100 * torque)
+        assert joint.no_load_speed == pytest.approx(speed / 100)
         assert joint.peak_power == pytest.approx(joint.stall_torque * joint.no_load_speed / 4)  # of the paper's law
         assert joint.rotor_inertia == pytest.approx(100**2 * leg.motor.rotor_inertia)
     shank = leg.link["shank"]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hopopt.cli.main import run
+from hopopt.drivetrain.motor import rated
 from hopopt.errors import NotSolvedError, UsageError
 from hopopt.leg.robot import BASE
 from hopopt.ocp.hop import Hop
@@ -111,8 +112,8 @@ def test_motors_smaller_by_the_saturation_just_reach_the_clearance() -> None:
     """Torque and speed of all motors times the least share: the highest hop is the clearance that was asked for."""
     s = best("saturation")
     share = s.summary.reached
-    motor = s.design.leg.motor
-    smaller = {"leg.motor.max_torque": share * motor.max_torque, "leg.motor.max_speed": share * motor.max_speed}
+    torque, speed = rated(s.design.leg, "hip")
+    smaller = {"leg.motor.max_torque": share * torque, "leg.motor.max_speed": share * speed}
     highest = solve(load("paper", smaller), starts=3)
     assert highest.verified
     assert highest.clearance == pytest.approx(CLEARANCE, rel=1e-3)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from hopopt.control.paper_pd import PaperOptions
 from hopopt.control.two_mass import PAPER
 from hopopt.design import Design
+from hopopt.drivetrain.motor import rated
 from hopopt.errors import UsageError
 from hopopt.paper.experiment import Experiment, Free, parse_free, present
 from hopopt.paper.fit import calibrate, identify
@@ -186,7 +187,7 @@ def test_two_point_masses_need_the_torque_of_the_reference_spring() -> None:
     knee = np.arccos((y**2 - 0.38**2 - 0.361**2) / (2 * 0.38 * 0.361))
     arm = 0.38 * 0.361 * np.sin(knee) / y
     tau = PAPER.k * (PAPER.l0 - y) * arm
-    C = np.abs(tau) / (100 * 2.0 * (1 - 100 * rate / arm / leg.leg.motor.max_speed))
+    C = np.abs(tau) / (100 * 2.0 * (1 - 100 * rate / arm / rated(leg.leg, "knee")[1]))
     mean = np.trapezoid(C, times) / (times[-1] - times[0])
     printed = asdict(PaperOptions())
     found = tracking_saturation(leg, printed)

@@ -18,6 +18,7 @@ from hopopt.control.closed_loop import simulate
 from hopopt.control.reference import PhaseReference, PlanReference
 from hopopt.control.strategies import BUILT_IN, find
 from hopopt.design import Design
+from hopopt.drivetrain.motor import rated
 from hopopt.errors import ResultError
 from hopopt.leg.scales import weight
 from hopopt.paper.stiffness import HEIGHT_MARGIN, neutral, secant_stiffness
@@ -163,12 +164,12 @@ def test_curves_are_the_recorded_samples(runs: Callable[[str], Runs]) -> None:
 def test_saturation_is_the_papers(runs: Callable[[str], Runs]) -> None:
     """C = |tau| / (R tau_max (1 - R |w| / omega_max)), and the legend has its mean."""
     (run,) = runs("one").values()
-    figure, drive = FIGURES["saturation"](runs("one")), run.design.leg.motor
+    figure, drive = FIGURES["saturation"](runs("one")), rated(run.design.leg, "hip")
     ratio = run.design.leg.gear.ratio
     for k, joint in enumerate(run.trace.robot.joints):
         t, c = curve(figure, k, "force").T
         w, tau = (x[: len(t), k] for x in (run.trace.v[:, 2:], run.trace.motor))
-        stall, no_load = ratio * drive.max_torque, drive.max_speed / ratio
+        stall, no_load = ratio * drive[0], drive[1] / ratio
         np.testing.assert_allclose(c, np.abs(tau) / (stall * (1 - np.abs(w) / no_load)), atol=1e-9)
         assert t[-1] == 0  # lift-off, in every run
         (text,) = figure.legends[0].get_texts()

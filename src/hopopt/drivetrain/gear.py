@@ -104,15 +104,15 @@ def gears_of(leg: Leg, p: Mapping[str, Any]) -> Gear:
 
 def lossless_entries(p: Mapping[str, float]) -> dict[str, float]:
     """Entries by their paths with which gears and motors' bearings lose nothing, of those among p that lose."""
-    ideal = {("gear", name): value for name, value in zip(ENTRIES, LOSSLESS, strict=True)} | {("motor", NO_LOAD): 0.0}
-    own = {path: ideal[key] for path in p if (key := tuple(path.split(".")[-2:])) in ideal}
+    ideal = {f"gear.{name}": value for name, value in zip(ENTRIES, LOSSLESS, strict=True)} | {f"motor.{NO_LOAD}": 0.0}
+    own = {path: ideal[key] for path in p if (key := ".".join(path.split(".")[-2:])) in ideal}
     return {path: value for path, value in own.items() if p[path] != value}
 
 
 def lossy(leg: Leg, joint: str) -> bool:
     """Whether the problem gives the gear of a joint, or the motor's bearings, losses to plan with, be they none."""
-    entries = (*(("gear", name) for name in ENTRIES), ("motor", NO_LOAD))
-    return any(leg.drive(joint, *entry)[1] is not None for entry in entries)
+    own = (leg.drive(joint, "gear", name)[1] for name in ENTRIES)
+    return leg.drive(joint, "motor", NO_LOAD)[1] is not None or any(value is not None for value in own)
 
 
 def any_lossy(leg: Leg) -> bool:

@@ -43,8 +43,8 @@ class TwoBodies:
     @classmethod
     def of(cls, leg: Leg, joint: str, p: Mapping[str, Any], ambient: float) -> Self | None:
         """Those of a joint's motor, from parameter values or symbols by their paths; None where the problem has none."""
-        paths = [leg.drive(joint, "motor", name)[0] for name in BODIES]
-        return cls(*(p[path] for path in paths), ambient) if all(path in p for path in paths) else None
+        found = {name: p.get(leg.drive(joint, "motor", name)[0]) for name in BODIES}
+        return None if any(x is None for x in found.values()) else cls(**found, ambient=ambient)
 
     def rates(self, winding: Any, housing: Any, heat: Any) -> tuple[Any, Any]:
         """Of the rises of winding and housing [K] above ambient [K/s]; heat [W]: of the winding at the resistance stated."""
@@ -56,7 +56,7 @@ class TwoBodies:
 
     def cooling(self, duration: float) -> np.ndarray:
         """What a time [s] without current leaves of the rises, (2, 2)."""
-        columns = [self.rates(*unit, 0.0) for unit in np.eye(2).tolist()]
+        columns = self.rates(1.0, 0.0, 0.0), self.rates(0.0, 1.0, 0.0)
         return expm(duration * np.array(columns, dtype=float).T)
 
 

@@ -1,7 +1,10 @@
 """For which problems the global search is made."""
 
 from hopopt.design import Design
+from hopopt.drivetrain.heat import LIMIT
 from hopopt.leg.kinematics import planar, two_joints
+
+UNKNOWN = ("power_cap", LIMIT)  # entries of motors that its grid does not see
 
 
 def applies(design: Design) -> str | None:
@@ -15,4 +18,6 @@ def applies(design: Design) -> str | None:
         return "a link points across the x-z plane, so that it does not move in it"
     if "z" not in leg.guides:
         return "no guide lets the body rise"
+    if any(leg.drive(joint, "motor", entry)[1] is not None for joint in leg.joints for entry in UNKNOWN):
+        return "it knows neither caps on motors' power nor how hot motors get"
     return None

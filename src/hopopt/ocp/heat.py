@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -65,7 +66,7 @@ def heat_goes_on(leg: MovingLeg, phases: Sequence[str]) -> tuple[BoundaryConstra
     if not joints:
         return ()
     scales, pause = np.repeat([range_of(leg, joint) for joint in joints], 2), leg.design.hop.between
-    found = [_handed_on(before, after, scales) for before, after in zip(phases[:-1], phases[1:], strict=True)]
+    found = [_handed_on(before, after, scales) for before, after in pairwise(phases)]
 
     def begins(e: Ends) -> ca.SX:
         first = e.initial[phases[0]].rises

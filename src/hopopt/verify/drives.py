@@ -116,7 +116,7 @@ def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
             out, rubbing = tau - rotors[k] * table.a[..., column], replace(gear, efficiency=1.0)
             friction = (teeth_torque(out, w, *rubbing.law) - out) * w
             rates = ((motor - tau) * w - friction, friction, heat * motor**2)
-            total += [_integral(table, rate) for rate in rates]
+            total += [over_time(table, rate) for rate in rates]
         found[joint] = JointLosses(float(total[0]), float(total[1]), float(total[2]) if known else None)
     return found
 
@@ -134,7 +134,7 @@ def supply_figures(robot: Robot, tables: Mapping[str, Table]) -> SupplyFigures |
         voltage = leg.supply.voltage * share_at(sag(leg, p), power)
         lowest = min(lowest, float(voltage.min()))
         peak = max(peak, float((power / voltage).max()) * leg.supply.legs / leg.supply.count)
-        energy += leg.supply.legs * _integral(table, power)
+        energy += leg.supply.legs * over_time(table, power)
     return SupplyFigures(lowest, peak, energy)
 
 
@@ -142,14 +142,14 @@ def balance(robot: Robot, machine: Machine, phase: str, table: Table) -> Check:
     """Work and heat that the motors draw = energy gained + what gears and windings turn into heat, relative to it."""
     lost = losses(robot, {phase: table})
     columns = list(np.moveaxis(table.asked, -1, 0)), list(np.moveaxis(table.v[..., BASE:], -1, 0))
-    drawn = sum(_integral(table, tau * w) for tau, w in zip(*columns, strict=True))
+    drawn = sum(over_time(table, tau * w) for tau, w in zip(*columns, strict=True))
     gained = machine.energy(table.q[-1, -1], table.v[-1, -1]) - machine.energy(table.q[0, 0], table.v[0, 0])
     heat = sum(x.gear + x.friction for x in lost.values())
-    size = sum(_integral(table, np.abs(tau * w)) for tau, w in zip(*columns, strict=True))
+    size = sum(over_time(table, np.abs(tau * w)) for tau, w in zip(*columns, strict=True))
     return Check(f"{phase} energy of the drives", abs(drawn - gained - heat) / max(size, 1e-3), BALANCE, "relative")
 
 
-def _integral(table: Table, rate: np.ndarray) -> float:
+def over_time(table: Table, rate: np.ndarray) -> float:
     """Over time, of values (N, K) at the table's instants, by Clenshaw and Curtis in every interval."""
     return float((table.t[:, -1] - table.t[:, 0]) @ (rate @ quadrature()))
 

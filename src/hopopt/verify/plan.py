@@ -17,6 +17,7 @@ from hopopt.leg.scales import Scale, weight
 from hopopt.sim.machine import Machine
 from hopopt.verify.check import BALANCE, EXACT, FIGURE_TOLERANCE, LIMIT, Check
 from hopopt.verify.drives import drive_checks
+from hopopt.verify.hops.heat import heat_checks
 from hopopt.verify.hops.landing import landed_checks, landing, lift_off
 from hopopt.verify.hops.periodic import SMALL, periodic_checks
 from hopopt.verify.limits import limit_words, limits_of, windowed
@@ -53,7 +54,7 @@ def verify_plan(
         checks.append(Check("clearance asked for", max(missing, 0.0), EXACT, "m"))
     for name, table in tables.items():
         checks += phase_checks(machine, robot, design, name, table, windowed(design, name, ends))
-    return checks
+    return [*checks, *heat_checks(design, robot, tables)]
 
 
 def phase_checks(

@@ -1,8 +1,11 @@
 """What the command line shows of a motion: where the clearance comes from, its phases, its cycle and its touchdown."""
 
+import numpy as np
+
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.motion import at_apex
+from hopopt.verify.hops.heat import JointHeat
 
 GRAVITY = 9.81  # m/s^2
 NO_HEAT = 1e-6  # J
@@ -35,6 +38,7 @@ def hop_lines(s: Summary) -> list[str]:
         f"{s.peak_ground_force_N:.0f} N",
         *box,
         *drive_lines(s),
+        *heat_lines(s),
         *orbit_lines(s),
     ]
 
@@ -56,6 +60,23 @@ def drive_lines(s: Summary) -> list[str]:
         return [words]
     sags = f"voltage down to {supply.lowest_voltage_V:.1f} V, up to {supply.peak_current_A:.0f} A, {supply.energy_J:.1f} J drawn"
     return [f"{words}; supply: {sags}"]
+
+
+def heat_lines(s: Summary) -> list[str]:
+    """How hot each motor gets, and how much of what it can give for ever it gives."""
+    return [f"{joint} motor: {_hot(h)}" for joint, h in (s.heat or {}).items()]
+
+
+def _hot(h: JointHeat) -> str:
+    words = [f"RMS torque {h.rms_torque_N_m:.3g} N m"]
+    if h.share_of_continuous is not None:
+        words.append(f"{h.share_of_continuous:.0%} of continuous")
+    if h.winding_temperature_C is not None:
+        hot = np.isfinite(h.winding_temperature_C)
+        words.append(f"winding up to {h.winding_temperature_C:.1f} degC" if hot else "winding hotter without end")
+    if h.hops_from_cold is not None:
+        words.append(f"{h.hops_from_cold} such hops from cold")
+    return ", ".join(words)
 
 
 def orbit_lines(s: Summary) -> list[str]:

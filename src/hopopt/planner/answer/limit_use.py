@@ -6,6 +6,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 import numpy as np
 
+from hopopt.drivetrain.heat import LIMIT
 from hopopt.drivetrain.operating_region.limits import CAPS
 from hopopt.leg.limit_id import Kind
 from hopopt.leg.robot import BASE
@@ -15,6 +16,7 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, ON_GROUND, duration_entry
 from hopopt.ocp.rules import steepness
 from hopopt.planner.motion import Motion, Samples
 from hopopt.record import Strict, stated
+from hopopt.verify.hops.heat import motor_heat
 from hopopt.verify.limits import windowed
 
 MOST_IDLE_USE = 0.999  # largest share of a limit that may be used if it is to count as idle
@@ -71,7 +73,7 @@ def idle_limits(plan: Motion, fine: Mapping[str, Samples]) -> dict[str, IdleLimi
     """
     together: dict[tuple[str, ...], list[Use]] = {}
     shares = plan.objective == "saturation"  # the share of its region that a drive uses is the objective there
-    for use in (*_joints(plan, fine), *(() if shares else _regions(plan, fine)), *_whole(plan, fine)):
+    for use in (*_joints(plan, fine), *(() if shares else _regions(plan, fine)), *_heat(plan), *_whole(plan, fine)):
         together.setdefault(use.key, []).append(use)
     largest = [(max(uses, key=lambda use: use.used), uses) for uses in together.values()]
     idle = sorted(
@@ -121,6 +123,16 @@ def _regions(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:
                 yield Use(f"{{}} {name}", (joint,), path, cap, share, share * cap)
             else:
                 yield Use(f"{{}} {name}", (joint,), "", 1.0, share, share)
+
+
+def _heat(plan: Motion) -> Iterator[Use]:
+    """Limits of windings' temperatures."""
+    for joint in plan.robot.joints:
+        path, limit = plan.design.leg.drive(joint, "motor", LIMIT)
+        if limit is not None and (hot := motor_heat(plan.design, plan.robot, plan.tables, joint)) is not None:
+            ambient = plan.design.ambient
+            used = hot.highest / (limit - ambient)
+            yield Use(f"{{}} {Kind.TEMPERATURE.value}", (joint,), path, limit, used, ambient + hot.highest)
 
 
 def _whole(plan: Motion, fine: Mapping[str, Samples]) -> Iterator[Use]:

@@ -97,6 +97,16 @@ def drives(t: Transcription, b: Bounds) -> None:
         b.high_g[r.start : r.stop] *= STRONGER
 
 
+def without(kind: Kind) -> Widen:
+    """Without the limits of a kind."""
+
+    def widen(t: Transcription, b: Bounds) -> None:
+        for r in rows_of(t, kind):
+            b.low_g[r.start : r.stop], b.high_g[r.start : r.stop] = -np.inf, np.inf
+
+    return widen
+
+
 def stance_time(t: Transcription, b: Bounds) -> None:
     """A longer stance."""
     b.high_z[t.variables[t.problem.phases[0].name].durations] *= LONGER
@@ -123,6 +133,8 @@ QUICK = (
     Relaxation("wider joint range", (), joint_range),
     Relaxation("no ground for joints", (Kind.HEIGHT,), together(friction_cone, joints_below_ground, joint_range)),
     Relaxation("no losses", numbers=no_losses),
+    Relaxation("no cap on power", (Kind.MOTOR_POWER,), without(Kind.MOTOR_POWER)),
+    Relaxation("no limit of heat", (Kind.TEMPERATURE,), without(Kind.TEMPERATURE)),
 )
 THOROUGH = (
     *QUICK,

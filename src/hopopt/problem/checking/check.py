@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from hopopt.design import Design, Leg
 from hopopt.problem.checking.entries import entry_at, homes, unit_of
 from hopopt.problem.checking.faults import Report
-from hopopt.problem.checking.rules import drive_rules, entry_rules, loss_rules, start_rules, stated_once
+from hopopt.problem.checking.rules import drive_rules, entry_rules, heat_rules, loss_rules, start_rules, stated_once
 from hopopt.problem.checking.wording import allowed, did_you_mean, hint, is_number
 from hopopt.problem.render import shown, shown_path
 from hopopt.problem.urdf import ENTRIES
@@ -40,6 +40,8 @@ def check(data: dict[str, Any], report: Report) -> Design | None:
 
     if leg := sound("leg"):
         drive_rules(leg, report)
+    if design and sound("leg"):
+        heat_rules(design.leg, design.ambient, report)
     if (leg := sound("leg")) and (simulation := sound("simulation")):
         loss_rules(leg, simulation, report)
     if start := sound("start"):

@@ -8,7 +8,9 @@ import numpy as np
 
 from hopopt.design import Design, HopSettings, Leg, Simulation, StartPose
 from hopopt.design.fields import RESERVED, RESERVED_JOINTS
+from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import IMPLIES, lacking
+from hopopt.drivetrain.supply import WINDING
 from hopopt.leg.inertia import obeys_triangle, principal_moments
 from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
 from hopopt.problem.checking.faults import Report
@@ -162,6 +164,25 @@ def _datasheet_rules(leg: Leg, report: Report) -> None:
             if value is not None and constant is None:
                 words = f"= {value:g} A is a current, whose torque nothing tells: give motor.torque_constant too"
                 faults.setdefault(path, words)
+    for path, words in faults.items():
+        report.add(path, words)
+
+
+def heat_rules(leg: Leg, ambient: float, report: Report) -> None:
+    """Report thermal entries that lack others, and a limit that the winding is above before it moves."""
+    faults: dict[str, str] = {}
+    for joint in leg.joints:
+        own = {name: leg.drive(joint, "motor", name) for name in (LIMIT, *BODIES)}
+        given = next((name for name, (_, value) in own.items() if value is not None), None)
+        missing = [name for name in (*BODIES, *WINDING) if leg.drive(joint, "motor", name)[1] is None]
+        if given and missing:
+            path, value = own[given]
+            words = f"= {value:g} tells how hot a motor gets only with all of its heat: give motor.{', motor.'.join(missing)} too"
+            faults.setdefault(path, words)
+        path, limit = own[LIMIT]
+        if limit is not None and limit <= ambient:
+            words = f"= {limit:g} degC is not above environment.temperature = {ambient:g} degC, with which the winding begins"
+            faults.setdefault(path, f"{words}: give the insulation's limit, often 100 to 155 degC")
     for path, words in faults.items():
         report.add(path, words)
 
