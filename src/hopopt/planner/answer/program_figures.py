@@ -132,6 +132,8 @@ def limit_gains(solution: NlpSolution, design: Design) -> dict[str, float]:
         if kind in BOUNDED:
             bound = np.abs(t.ubg[rows.start : rows.stop])
             gains[reported] = gains.get(reported, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]) @ bound)
+        elif kind is Kind.TEMPERATURE:  # its scale is its range
+            gains[reported] = gains.get(reported, 0.0) + 0.01 * float(np.abs(lam_g[rows.start : rows.stop]).sum())
         elif kind is Kind.USER:
             for side, way in (("upper", 1.0), ("lower", -1.0)):
                 pushed = np.maximum(way * lam_g[rows.start : rows.stop], 0.0) @ _own_range(t, rows)
