@@ -43,7 +43,7 @@ class TwoBodies:
     @classmethod
     def of(cls, leg: Leg, joint: str, p: Mapping[str, Any], ambient: float) -> Self | None:
         """Those of a joint's motor, from parameter values or symbols by their paths; None where the problem has none."""
-        found = {name: p.get(leg.drive(joint, "motor", name)[0]) for name in BODIES}
+        found: dict[str, Any] = {name: p.get(leg.drive(joint, "motor", name)[0]) for name in BODIES}
         return None if any(x is None for x in found.values()) else cls(**found, ambient=ambient)
 
     def rates(self, winding: Any, housing: Any, heat: Any) -> tuple[Any, Any]:

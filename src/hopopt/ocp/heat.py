@@ -43,7 +43,7 @@ def with_heat(leg: MovingLeg, phase: Phase, motion: MotionAt) -> Phase:
             bodies = TwoBodies.of(leg.leg, joint, s.p, leg.design.ambient)
             assert bodies is not None
             heat = winding_heat(leg.leg, joint, s.p) * torque(s) ** 2
-            found += bodies.rates(*ca.vertsplit(s.rises[2 * k : 2 * k + 2]), heat)
+            found += bodies.rates(s.rises[2 * k], s.rises[2 * k + 1], heat)
         return {**phase.dynamics(s), RISES: ca.vertcat(*found)}
 
     path = tuple(_limit(leg, joint, 2 * k) for k, joint in enumerate(joints))

@@ -90,7 +90,8 @@ def _warmed(bodies: TwoBodies, heat: float, duration: float, torque: np.ndarray,
 
     def rates(place: float, x: np.ndarray) -> np.ndarray:
         lost = heat * ((2 * place - 1) ** POWERS @ torque) ** 2
-        return duration * np.concatenate(bodies.rates(*x.reshape(2, -1), lost))
+        winding, housing = x.reshape(2, -1)
+        return duration * np.concatenate(bodies.rates(winding, housing, lost))
 
     run = solve_ivp(rates, (0.0, 1.0), begin.ravel(), "DOP853", NORMALISED_TIMES[1:], rtol=1e-10, atol=1e-10)
     return list(run.y.T.reshape(-1, *begin.shape))
