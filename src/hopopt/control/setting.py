@@ -12,7 +12,7 @@ import numpy as np
 from hopopt.control.reference import PlanReference
 from hopopt.design import Design, physical_parameters
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.gear import ENTRIES, Gear, gears_of
+from hopopt.drivetrain.gear import Gear, gears_of, states
 from hopopt.drivetrain.operating_region.half_planes import OperatingRegion
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import UsageError
@@ -47,13 +47,17 @@ def gear_of(design: Design) -> Gear:
     """The gears of all joints as the machine has them: as the problem plans with them, else as [simulation] says."""
     s, leg = design.simulation, design.leg
 
-    def entries(name: str) -> np.ndarray:
-        own = (leg.drive(joint, "gear", name)[1] for joint in leg.joints)
-        return np.array([getattr(s, f"gear_{name}") if value is None else value for value in own])
+    def open_to(name: str) -> np.ndarray:
+        return np.array([not states(leg, joint, name) for joint in leg.joints])
 
     planned = gears_of(leg, physical_parameters(leg))
-    given = {name: entries(name) for name in ENTRIES}
-    return replace(planned, **given, lightest=LIGHTEST * Scale.of(leg).inertia)
+    return replace(
+        planned,
+        efficiency=np.where(open_to("efficiency"), s.gear_efficiency, planned.efficiency),
+        friction=planned.friction + open_to("friction") * s.gear_friction,  # a motor's own is there already
+        damping=planned.damping + open_to("damping") * s.gear_damping,
+        lightest=LIGHTEST * Scale.of(leg).inertia,
+    )
 
 
 @dataclass(frozen=True)

@@ -52,5 +52,8 @@ class Section(BaseModel):
 
 
 Number = Annotated[float, Field(ge=-1e3, le=1e3, allow_inf_nan=False)]
+Speed = Annotated[float, Field(ge=0, le=6000, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.05, le=1, allow_inf_nan=False)]
+MOST_POINTS = 8  # of a table
 Vector = tuple[Number, Number, Number]
 DOWN, FORWARD = (0.0, 0.0, -1.0), (0.0, -1.0, 0.0)  # a positive turn about FORWARD swings a hanging link to +x

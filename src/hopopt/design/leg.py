@@ -12,9 +12,12 @@ from hopopt.design.fields import (
     CATALOGUE_NAME,
     DOWN,
     FORWARD,
+    MOST_POINTS,
     RESERVED,
     Number,
     Section,
+    Share,
+    Speed,
     Vector,
     choice,
     quantity,
@@ -92,6 +95,15 @@ class Motor(Section):
     catalogue: str | None = choice(CATALOGUE, None, pattern=CATALOGUE_NAME, allowed="the name of a catalogue entry")
 
 
+class EfficiencyTable(Section):
+    """Efficiency of a gear by the speed of its motor, straight between points and level before and behind them."""
+
+    speed: tuple[Speed, ...] = choice("of the motor, rising", unit="rad/s", min_length=2, max_length=MOST_POINTS)
+    efficiency: tuple[Share, ...] = choice(
+        "at these speeds, falling or rising throughout", unit="1", min_length=2, max_length=MOST_POINTS
+    )
+
+
 class Gear(Section):
     ratio: float = quantity("R: motor turns for one turn of the joint", "1", 1.0, 1000, physical=True)
     torque_cap: float | None = quantity("repeated peak torque, joint side", "N m", 1e-4, 1e4, None, physical=True)
@@ -104,6 +116,9 @@ class Gear(Section):
         "eta: share of the torque at its teeth that it passes on, driving or braking (default: none is lost)",
         "1", 0.05, 1, None, physical=True,
     )  # fmt: skip
+    efficiency_table: EfficiencyTable | None = choice(
+        "efficiency by the motor's speed, in place of one number: {speed = [...], efficiency = [...]}", None
+    )
     friction: float | None = quantity(
         "Coulomb friction, joint side (default: none)", "N m", 0, 1e3, None, physical=True
     )

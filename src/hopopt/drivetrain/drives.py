@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 
 from hopopt.compiled.kernel import packed
-from hopopt.design import Leg
+from hopopt.design import MOST_POINTS, Leg
 from hopopt.drivetrain import kernels
 from hopopt.drivetrain.dynamics import AddedStates
 from hopopt.drivetrain.gear import ENTRIES, Gear, driven_joints, joint_torque, motor_torque, response_to
@@ -47,9 +47,12 @@ class Drive:
             "gain": np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float),
             **{
                 name: np.broadcast_to(np.asarray(value, dtype=float), n).copy()
-                for name, value in zip(LAW, gear.law, strict=True)
+                for name, value in zip(LAW, gear.entries, strict=True)
             },
             "lightest": float(gear.lightest),
+            "tabled": int(bool(gear.knots)),
+            "knots": _of_joints(gear.knots, n),
+            "bends": _of_joints(gear.bends, n),
             "lossless": int(gear.ideal),
             "power": np.array([np.inf if r.power is None else float(r.power) for r in regions]),
             **(supply or stiff(n)),
@@ -119,3 +122,11 @@ class Drive:
     def _driven(self, w: np.ndarray, command: np.ndarray) -> np.ndarray:
         """What motors have of a command at once."""
         return kernels.driven(self._record, np.asarray(w, dtype=float), np.asarray(command, dtype=float))
+
+
+def _of_joints(values: Sequence[Any], n: int) -> np.ndarray:
+    """Numbers or arrays (n,) as rows of joints (n, MOST_POINTS), zero where there is none: other shapes are compiled anew."""
+    filled = np.zeros((n, MOST_POINTS))
+    for i, value in enumerate(values):
+        filled[:, i] = value
+    return filled

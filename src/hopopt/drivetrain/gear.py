@@ -7,24 +7,28 @@ tau_out. With an efficiency eta, Coulomb friction tau_c and viscous friction b,
 
 so that tau_out = eta tau_g where the gear drives, tau_g = eta tau_out where it brakes. At rest it holds whatever lies
 between the two. The program needs smooth functions: s is w / (w^4 + slow^4)^(1/4), |tau| is sqrt(tau^2 + sharp^2). As s goes
-to 0 the gear loses nothing, so that it gives power at no speed. Plain Python on purpose: of numbers, arrays or CasADi
+to 0 the gear loses nothing, so that it gives power at no speed. An efficiency by the motor's speed runs straight between the
+points of its table, level before and behind them, its corners rounded (``efficiency_at``). Plain Python on purpose: of numbers, arrays or CasADi
 symbols, and compiled as it is (drivetrain/kernels.py).
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any, Self
 
 import numpy as np
 
-from hopopt.design import Leg
+from hopopt.design import EfficiencyTable, Leg
 from hopopt.drivetrain.motor import motor_torque_and_speed
 
 SLOW = 1e-2  # share of the no-load speed over which losses change their sign: 0.1 rad/s on the paper's leg
 SHARP = 1e-3  # share of stall torque over which a gear goes from driving to braking
+ROUND = 0.1  # share of the speed over which losses change their sign, over which a table of efficiencies has its corners
 ENTRIES = ("efficiency", "friction", "damping")
 LOSSLESS = (1.0, 0.0, 0.0)
 NO_LOAD = "no_load_current"
+TABLE = "efficiency_table"
 
 
 def teeth_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow: Any, sharp: Any) -> Any:
@@ -45,15 +49,30 @@ def passed_torque(tau: Any, w: Any, eta: Any, friction: Any, damping: Any, slow:
     return c1 * y - c2 * size, c1 - c2 * y / size
 
 
+def efficiency_at(w: Any, eta: Any, knots: Any, bends: Any, slow: Any) -> Any:
+    """Efficiency at joint speed w [rad/s]: eta at rest, with a change of slope by bends [s/rad] at every speed of knots [rad/s].
+
+    The broken line averaged over a speed of ROUND slow [rad/s], so that it stays monotone and within the values of its table;
+    at a corner it is off by at most ROUND slow / 2 of the change of slope.
+    """
+    width = ROUND * slow
+    size = (w * w + width * width) ** 0.5
+    for knot, bend in zip(knots, bends):  # noqa: B905 - compiled too, where zip knows no strict
+        ahead = size - knot
+        eta = eta + bend * (ahead + (ahead * ahead + width * width) ** 0.5) / 2
+    return eta
+
+
 @dataclass(frozen=True)
 class Gear:
     """The gears of a leg, each entry a number or an array (n,); of one joint also symbols.
 
-    efficiency: share of the torque at its teeth that it passes on (0 to 1)
+    efficiency: share of the torque at its teeth that it passes on (0 to 1); with knots, at rest
     friction: Coulomb friction [N m]; damping: viscous friction [N m s/rad]
     slow: joint speed [rad/s] over which losses change their sign smoothly
     sharp: torque [N m] over which driving turns smoothly into braking
     lightest: least inertia [kg m^2] that friction is taken to stop
+    knots, bends: joint speeds [rad/s] at which the slope of the efficiency changes, and by how much [s/rad], one each
     """
 
     efficiency: Any = 1.0
@@ -62,16 +81,30 @@ class Gear:
     slow: Any = 0.02
     sharp: Any = 0.2
     lightest: float = 1e-3
+    knots: tuple[Any, ...] = ()
+    bends: tuple[Any, ...] = ()
 
     @property
     def ideal(self) -> bool:
         """Whether nothing is lost."""
-        return bool(np.all(self.efficiency == 1.0) and not np.any(self.friction) and not np.any(self.damping))
+        lost = np.any(self.friction) or np.any(self.damping) or any(np.any(bend) for bend in self.bends)
+        return bool(np.all(self.efficiency == 1.0) and not lost)
 
     @property
-    def law(self) -> tuple[Any, ...]:
-        """What ``teeth_torque`` and ``passed_torque`` take after torque and speed."""
+    def entries(self) -> tuple[Any, ...]:
+        """Efficiency (at rest), friction, damping, and over which speed and torque they change smoothly."""
         return self.efficiency, self.friction, self.damping, self.slow, self.sharp
+
+    @property
+    def level(self) -> "Gear":
+        """The gear with its best efficiency at every speed."""
+        behind = self.efficiency - sum(b * x for x, b in zip(self.knots, self.bends, strict=True))
+        return replace(self, efficiency=np.maximum(self.efficiency, behind), knots=(), bends=()) if self.knots else self
+
+    def law(self, w: Any) -> tuple[Any, ...]:
+        """What ``teeth_torque`` and ``passed_torque`` take after torque and speed, at joint speed w [rad/s]."""
+        eta, *others = self.entries
+        return efficiency_at(w, eta, self.knots, self.bends, self.slow) if self.knots else eta, *others
 
     @classmethod
     def of(cls, leg: Leg, joint: str, p: Mapping[str, Any]) -> Self:
@@ -83,6 +116,8 @@ class Gear:
         own = {name: entry("gear", name, default) for name, default in zip(ENTRIES, LOSSLESS, strict=True)}
         ratio, (torque, speed) = entry("gear", "ratio"), motor_torque_and_speed(leg, joint, p)
         own["friction"] += motor_friction(leg, joint, p)
+        if (table := efficiency_table(leg, joint)) is not None:
+            own |= {"efficiency": table.efficiency[0], **_broken_line(table, ratio)}
         slow, sharp = SLOW * speed / ratio, SHARP * ratio * torque
         return cls(**own, slow=slow, sharp=sharp)
 
@@ -98,8 +133,32 @@ def motor_friction(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
 def gears_of(leg: Leg, p: Mapping[str, Any]) -> Gear:
     """The gears of all joints as the problem plans with them, entries (n,); p: numbers by their paths."""
     each = [Gear.of(leg, joint, p) for joint in leg.joints]
-    efficiency, friction, damping, slow, sharp = np.array([gear.law for gear in each], dtype=float).T
-    return Gear(efficiency, friction, damping, slow, sharp)
+    efficiency, friction, damping, slow, sharp = np.array([gear.entries for gear in each], dtype=float).T
+    knots, bends = (tuple(np.array(x) for x in zip_longest(*one, fillvalue=0.0)) for one in
+                    ([gear.knots for gear in each], [gear.bends for gear in each]))  # fmt: skip
+    return Gear(efficiency, friction, damping, slow, sharp, knots=knots, bends=bends)
+
+
+def efficiency_table(leg: Leg, joint: str) -> EfficiencyTable | None:
+    """The table of a joint's efficiency; None where there is none, or where the joint has an efficiency of its own instead."""
+    (path, table), (of_number, number) = (leg.drive(joint, "gear", name) for name in (TABLE, ENTRIES[0]))
+    shared, own = path == f"leg.gear.{TABLE}", number is not None and of_number != f"leg.gear.{ENTRIES[0]}"
+    return None if shared and own else table
+
+
+def least_efficiency(leg: Leg, joint: str, default: float) -> float:
+    """Least efficiency of a joint's gear at any speed; the default where the problem states none."""
+    if (table := efficiency_table(leg, joint)) is not None:
+        return min(table.efficiency)
+    value = leg.drive(joint, "gear", ENTRIES[0])[1]
+    return default if value is None else value
+
+
+def _broken_line(table: EfficiencyTable, ratio: Any) -> dict[str, Any]:
+    """Knots and bends of ``Gear``, behind a gear of this ratio."""
+    slopes = np.diff(table.efficiency) / np.diff(table.speed)
+    bends = np.diff(slopes, prepend=0.0, append=0.0)
+    return {"knots": tuple(x / ratio for x in table.speed), "bends": tuple(ratio * b for b in bends.tolist())}
 
 
 def lossless_entries(p: Mapping[str, float]) -> dict[str, float]:
@@ -111,8 +170,14 @@ def lossless_entries(p: Mapping[str, float]) -> dict[str, float]:
 
 def lossy(leg: Leg, joint: str) -> bool:
     """Whether the problem gives the gear of a joint, or the motor's bearings, losses to plan with, be they none."""
-    own = (leg.drive(joint, "gear", name)[1] for name in ENTRIES)
-    return leg.drive(joint, "motor", NO_LOAD)[1] is not None or any(value is not None for value in own)
+    return leg.drive(joint, "motor", NO_LOAD)[1] is not None or any(states(leg, joint, name) for name in ENTRIES)
+
+
+def states(leg: Leg, joint: str, name: str) -> bool:
+    """Whether the problem gives a joint's gear an efficiency (as a number or a table), friction or damping to plan with."""
+    return leg.drive(joint, "gear", name)[1] is not None or (
+        name == ENTRIES[0] and efficiency_table(leg, joint) is not None
+    )
 
 
 def any_lossy(leg: Leg) -> bool:
@@ -123,12 +188,12 @@ def any_lossy(leg: Leg) -> bool:
 def motor_torque(gear: Gear, tau: Any, w: Any, a: Any, rotor: Any) -> Any:
     """tau_m [N m] for the torque tau = A a + tau_out [N m] on a joint and its rotor, at speed w [rad/s] and acceleration
     a [rad/s^2]; rotor: A, reflected inertia of what spins in front of the gear [kg m^2]."""
-    return rotor * a + teeth_torque(tau - rotor * a, w, *gear.law)
+    return rotor * a + teeth_torque(tau - rotor * a, w, *gear.law(w))
 
 
 def joint_torque(gear: Gear, motor: Any, w: Any, a: Any, rotor: Any) -> Any:
     """tau [N m] for the motor's torque, the inverse of ``motor_torque``; arguments as there."""
-    return rotor * a + passed_torque(motor - rotor * a, w, *gear.law)[0]
+    return rotor * a + passed_torque(motor - rotor * a, w, *gear.law(w))[0]
 
 
 def driven_joints(gear: Gear, motor: np.ndarray, w: np.ndarray, a: np.ndarray, response: np.ndarray, rotor: np.ndarray) -> np.ndarray:  # fmt: skip
@@ -142,7 +207,7 @@ def driven_joints(gear: Gear, motor: np.ndarray, w: np.ndarray, a: np.ndarray, r
     tau, unit = np.array(motor, dtype=float), np.eye(len(motor))
     for _ in range(MOST_STEPS):
         moved = a + response @ tau
-        passed, slope = passed_torque(motor - rotor * moved, w, *gear.law)
+        passed, slope = passed_torque(motor - rotor * moved, w, *gear.law(w))
         missing = tau - rotor * moved - passed
         if np.abs(missing).max() <= EXACT * (1.0 + np.abs(tau).max()):
             break

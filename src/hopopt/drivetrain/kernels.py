@@ -18,6 +18,7 @@ MOST_PARTS = 64  # of a step where gears rub
 
 within, capped = kernel(half_planes.within), kernel(half_planes.capped)
 passed_torque, share_at = kernel(gear.passed_torque), kernel(supply.share_at)
+efficiency_at = kernel(gear.efficiency_at)
 
 
 @kernel
@@ -77,8 +78,11 @@ def driven(drive: Any, w: np.ndarray, command: np.ndarray) -> np.ndarray:
 @kernel
 def passed(drive: Any, k: int, torque: float, w: float) -> tuple[float, float]:
     """``gear.passed_torque`` of joint k: what of a torque [N m] at the teeth the leg feels at speed w [rad/s]; its slope."""
+    eta = drive.efficiency[k]
+    if drive.tabled:
+        eta = efficiency_at(w, eta, drive.knots[k], drive.bends[k], drive.slow[k])
     return passed_torque(
-        torque, w, drive.efficiency[k], drive.friction[k], drive.damping[k], drive.slow[k], drive.sharp[k]
+        torque, w, eta, drive.friction[k], drive.damping[k], drive.slow[k], drive.sharp[k]
     )
 
 

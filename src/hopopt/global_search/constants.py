@@ -95,7 +95,7 @@ def stance_constants(design: Design) -> StanceConstants:
     first, second = complex(masses @ by_first), complex(masses @ by_second)
     joints = [design.leg.joint[name] for name in design.leg.joints]
     drives = [_drive(operating_region(design.leg, name, robot.parameters)) for name in design.leg.joints]
-    laws = (Gear.of(design.leg, name, robot.parameters).law for name in design.leg.joints)
+    laws = (Gear.of(design.leg, name, robot.parameters).level.entries for name in design.leg.joints)
     gears = [np.array([*law, rotor], dtype=float) for law, rotor in zip(laws, rotors, strict=True)]
     above = design.hop.above_ground
     hip_least, knee_least = (design.hop.least_height if name in above else DEEP for name in design.leg.joints)

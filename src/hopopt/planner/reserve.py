@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hopopt.design import Design, Reserve, as_changed
+from hopopt.drivetrain.gear import least_efficiency
 from hopopt.drivetrain.motor import state_ratings
 from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
@@ -27,8 +28,7 @@ def reserved(design: Design) -> Design:
     efficient gear takes, for plans know no losses; UsageError if that leaves a limit that no problem may have."""
     r, data = reserve_of(design), design.model_dump(exclude_none=True)
     state_ratings(design.leg, data["leg"])
-    of_joints = [design.leg.drive(name, "gear", "efficiency")[1] for name in design.leg.joints]
-    passed = min(design.simulation.gear_efficiency if e is None else e for e in of_joints)
+    passed = min(least_efficiency(design.leg, name, design.simulation.gear_efficiency) for name in design.leg.joints)
     data["contact"]["least_force"] += r.ground_force
     data["hop"]["least_height"] += r.height
     for name, angle in zip(design.leg.joints, start_angles(design), strict=True):

@@ -113,8 +113,8 @@ def losses(robot: Robot, tables: Mapping[str, Table]) -> dict[str, JointLosses]:
         heat, total = winding_heat(leg, joint, p), np.zeros(3)
         for table in tables.values():
             w, motor, tau = table.v[..., column], table.asked[..., k], table.tau[..., k]
-            out, rubbing = tau - rotors[k] * table.a[..., column], replace(gear, efficiency=1.0)
-            friction = (teeth_torque(out, w, *rubbing.law) - out) * w
+            out, rubbing = tau - rotors[k] * table.a[..., column], replace(gear, efficiency=1.0, knots=(), bends=())
+            friction = (teeth_torque(out, w, *rubbing.law(w)) - out) * w
             rates = ((motor - tau) * w - friction, friction, heat * motor**2)
             total += [over_time(table, rate) for rate in rates]
         found[joint] = JointLosses(float(total[0]), float(total[1]), float(total[2]) if known else None)

@@ -135,7 +135,7 @@ def _lines(design: Design, leg: SliderLeg, v: np.ndarray) -> tuple[np.ndarray, n
     rotors = robot.model.armature[BASE:]
     for k, joint in enumerate(design.leg.joints):
         still = leg.torque[:, k, 0, None] + leg.torque[:, k, 2, None] * v**2
-        w, gear = leg.dq[:, k, None] * v, Gear.of(design.leg, joint, robot.parameters)
+        w, gear = leg.dq[:, k, None] * v, Gear.of(design.leg, joint, robot.parameters).level
         turning = w / (w**4 + gear.slow**4) ** 0.25
         lost = gear.friction * turning + gear.damping * w
         for plane in operating_region(design.leg, joint, robot.parameters).planes:

@@ -8,6 +8,7 @@ import numpy as np
 
 from hopopt.design import Design, HopSettings, Leg, Simulation, StartPose
 from hopopt.design.fields import RESERVED, RESERVED_JOINTS
+from hopopt.drivetrain.gear import TABLE, efficiency_table
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import IMPLIES, lacking
 from hopopt.drivetrain.supply import WINDING
@@ -196,11 +197,33 @@ def _uncapped(leg: Leg, joint: str) -> str:
 
 def loss_rules(leg: Leg, simulation: Simulation, report: Report) -> None:
     """Report an efficiency that would hold for no gear, as each has its own."""
-    own = [leg.drive(joint, "gear", "efficiency") for joint in leg.joints]
+    _table_rules(leg, report)
+    tabled = {joint for joint in leg.joints if efficiency_table(leg, joint) is not None}
+    own = [leg.drive(joint, "gear", TABLE if joint in tabled else "efficiency") for joint in leg.joints]
     if simulation.gear_efficiency != 1 and all(value is not None for _, value in own):
         paths = ", ".join(dict.fromkeys(path for path, _ in own))
         words = f"holds for no gear, as each has its own: change {paths}, or set simulation.gear_efficiency to 1"
         report.add("simulation.gear_efficiency", f"= {simulation.gear_efficiency:g} {words}")
+
+
+def _table_rules(leg: Leg, report: Report) -> None:
+    """Report tables of efficiency that are no function of the speed, turn back, or stand beside one number."""
+    for path, gear in (("leg.gear", leg.gear), *((f"leg.{joint}.gear", leg.joint[joint].gear) for joint in leg.joints)):
+        if gear is None or (table := gear.efficiency_table) is None:
+            continue
+        path = f"{path}.{TABLE}"
+        steps = np.diff(table.efficiency)
+        if gear.efficiency is not None:
+            report.add(path, "stands beside efficiency: each says what the gear passes on, remove one")
+        elif len(table.speed) != len(table.efficiency):
+            words = f"has {len(table.speed)} speeds and {len(table.efficiency)} efficiencies: give one efficiency for each speed"
+            report.add(path, words)
+        elif np.any(np.diff(table.speed) <= 0):
+            words = f"= {shown(list(table.speed))} does not rise from each speed to the next: list the speeds in rising order, each once"
+            report.add(f"{path}.speed", words)
+        elif np.any(steps > 0) and np.any(steps < 0):
+            words = f"= {shown(list(table.efficiency))} is not monotone in speed: give values that only fall, or only rise"
+            report.add(f"{path}.efficiency", words)
 
 
 # ---- the start ------------------------------------------------------------------------------------------------

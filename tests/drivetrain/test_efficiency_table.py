@@ -1,0 +1,175 @@
+"""A gear whose efficiency falls with its speed: the line through its table, and the leg that it drives."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from hopopt.comparison.robust.robustness import drawn
+from hopopt.control.setting import gear_of
+from hopopt.design import Uncertainty
+from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.gear import Gear, efficiency_at, gears_of, lossy, teeth_torque
+from hopopt.errors import ProblemFileError
+from hopopt.leg.robot import BASE, build_robot
+from hopopt.planner.reserve import reserved
+from hopopt.planner.solution import Solution
+from hopopt.planner.solve import solve
+from hopopt.problem.load import changed, load
+from hopopt.verify.whole_hop import whole_hop_rollout
+
+RATIO = 100.0
+SPEEDS, SHARES = (100.0, 400.0, 900.0), (0.8, 0.7, 0.55)
+TABLE = {"leg.gear.efficiency_table.speed": SPEEDS, "leg.gear.efficiency_table.efficiency": SHARES}
+FLAT = TABLE | {"leg.gear.efficiency_table.efficiency": (0.8, 0.8, 0.8)}
+NUMBER = {"leg.gear.efficiency": 0.8}
+SIDES = np.array([-1.0, 1.0])
+
+
+def gear_with(entries: dict[str, Any], joint: str = "hip") -> Gear:
+    leg = load("paper", entries).leg
+    return Gear.of(leg, joint, build_robot(leg).parameters)
+
+
+def test_it_runs_straight_between_points_and_level_beyond_them() -> None:
+    """Off at a corner by no more than the width of its rounding times the change of slope; both ways of turning alike."""
+    gear = gear_with(TABLE)
+    w = np.linspace(-14, 14, 2001)
+    found = gear.law(w)[0]
+    exact = np.interp(RATIO * np.abs(w), SPEEDS, SHARES)
+    sharpest = max(abs(b) for b in gear.bends)
+    assert np.abs(found - exact).max() < 0.1 * gear.slow * sharpest
+    assert np.abs(found - exact)[np.abs(np.abs(w) - 6.5) < 1.0].max() < 1e-4  # far from every corner
+    np.testing.assert_allclose(found, found[::-1], rtol=1e-12)
+
+
+def test_it_stays_monotone_and_within_its_table() -> None:
+    eta = gear_with(TABLE).law(np.linspace(0, 50, 20_001))[0]
+    assert np.all(np.diff(eta) <= 1e-15)
+    assert eta.max() <= SHARES[0]
+    assert eta.min() >= SHARES[-1]
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_planner_plant_and_closed_form_have_one_law(side: float) -> None:
+    """Driving at 2.5 rad/s, 250 at the motor: halfway between 0.8 and 0.7; the planner's symbols and the compiled plant agree."""
+    leg, w, out = load("paper", TABLE).leg, 2.5 * side, 60.0 * side
+    robot = build_robot(leg)
+    gear = Gear.of(leg, "hip", robot.parameters)
+    needed = teeth_torque(out, w, *gear.law(w))
+    assert needed == pytest.approx(out / 0.75, rel=1e-4)
+    p = {path: ca.SX.sym(path) for path in robot.parameters}
+    planned = Gear.of(leg, "hip", p)
+    f = ca.Function("f", list(p.values()), [teeth_torque(out, w, *planned.law(w))])
+    assert float(f(*robot.parameters.values())) == pytest.approx(needed, rel=1e-14)
+    drive = Drive.of(leg, robot.parameters, robot.model.armature[BASE:], gears_of(leg, robot.parameters))
+    np.testing.assert_allclose(drive.passed(np.full(2, w), np.full(2, needed)), out, rtol=1e-9)
+    torque = drive.torque(np.full(2, w), np.full(2, needed))
+    np.testing.assert_allclose(torque[1], out, rtol=1e-9)
+
+
+def test_a_brake_through_a_gear_that_gets_better_as_it_slows() -> None:
+    """A flywheel under a steady torque: its time over a range of speeds is the integral of J dw / (tau eta(w))."""
+    gear, inertia, torque = gear_with(TABLE), 2.0, 50.0
+    t = solve_ivp(lambda w, _: inertia / (torque * gear.law(w)[0]), (1.5, 3.5), [0.0], rtol=1e-10).y[0, -1]
+    slope = (SHARES[1] - SHARES[0]) / (SPEEDS[1] - SPEEDS[0]) * RATIO
+    ends = [SHARES[0] + slope * (w - SPEEDS[0] / RATIO) for w in (1.5, 3.5)]
+    assert t == pytest.approx(inertia / torque / slope * np.log(ends[1] / ends[0]), rel=1e-4)
+
+
+def test_a_level_table_is_the_one_number() -> None:
+    for joint in ("hip", "knee"):
+        table, number = gear_with(FLAT, joint), gear_with(NUMBER, joint)
+        for w in (-5.0, 0.0, 3.0, 12.0):
+            np.testing.assert_allclose(table.law(w), number.law(w), rtol=1e-14)
+
+
+def test_a_joint_s_own_number_or_table_counts_over_the_leg_s() -> None:
+    own = load("paper", TABLE | {"leg.knee.gear.efficiency": 0.9}).leg
+    gear = gears_of(own, build_robot(own).parameters)
+    np.testing.assert_allclose(gear.law(np.array([6.5, 6.5]))[0], [0.7 - 0.15 / 2, 0.9], rtol=1e-4)
+    other = load("paper", NUMBER | {k.replace("leg.gear", "leg.knee.gear"): v for k, v in TABLE.items()}).leg
+    assert lossy(other, "knee")
+    gear = gears_of(other, build_robot(other).parameters)
+    np.testing.assert_allclose(gear.law(np.array([6.5, 6.5]))[0], [0.8, 0.7 - 0.15 / 2], rtol=1e-4)
+
+
+def test_a_ratio_moves_it_as_the_motor_turns_faster() -> None:
+    faster = changed(load("paper", TABLE), {"leg.gear.ratio": 2 * RATIO}).leg
+    at = Gear.of(faster, "hip", build_robot(faster).parameters).law(3.25)[0]
+    assert at == pytest.approx(gear_with(TABLE).law(6.5)[0], rel=1e-4)
+
+
+def test_others_that_read_the_efficiency_know_the_table() -> None:
+    """The plant of [simulation] keeps it, the global search takes the best of it, a reserve the worst, and uncertain legs lose
+    a share of all of it."""
+    design = load("paper", TABLE | {"simulation.gear_efficiency": 1.0})
+    np.testing.assert_allclose(gear_of(design).law(np.full(2, 6.5))[0], 0.625, rtol=1e-4)
+    best = gear_with(TABLE).level
+    assert best.law(100.0)[0] == best.efficiency == SHARES[0]
+    least, worst = reserved(design).leg, reserved(load("paper", {"leg.gear.efficiency": SHARES[-1]})).leg
+    assert least.motor.max_torque == worst.motor.max_torque
+    true = drawn(design, Uncertainty(gear_loss=0.2), draws=1, seed=0)[0].leg.leg
+    lost = gears_of(true, build_robot(true).parameters).law(np.full(2, 6.5))[0] / 0.625
+    assert np.all((lost > 0.8) & (lost < 1.0 - 1e-4))
+
+
+def test_a_motor_s_own_friction_is_in_the_plant_beside_the_gear_s() -> None:
+    """R k i_0 at the joint, also where [simulation] says what the gear's friction is."""
+    entries = {"leg.motor.torque_constant": 0.05, "leg.motor.no_load_current": 0.4}
+    np.testing.assert_allclose(gear_of(load("paper", entries)).friction, RATIO * 0.05 * 0.4, rtol=1e-12)
+    more = entries | {"simulation.gear_friction": 1.5}
+    np.testing.assert_allclose(gear_of(load("paper", more)).friction, RATIO * 0.05 * 0.4 + 1.5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ({"speed": (400.0, 100.0, 900.0)}, r"efficiency_table.speed = \[400.*rising order"),
+        ({"speed": (100.0, 100.0, 900.0)}, "each once"),
+        ({"efficiency": (0.7, 0.8, 0.6)}, "efficiency_table.efficiency = .* is not monotone in speed"),
+        ({"efficiency": (0.8, 0.7)}, "has 3 speeds and 2 efficiencies"),
+        ({"efficiency": (0.8, 0.7, 0.0)}, "efficiency"),
+        ({"efficiency": (1.2, 0.7, 0.6)}, "efficiency"),
+        ({"speed": (-1.0, 100.0, 900.0)}, "speed"),
+    ],
+)
+def test_wrong_tables_get_one_sentence(entries: dict[str, tuple[float, ...]], words: str) -> None:
+    with pytest.raises(ProblemFileError, match=words) as fault:
+        load("paper", TABLE | {f"leg.gear.efficiency_table.{name}": value for name, value in entries.items()})
+    assert len(fault.value.problems) == 1
+
+
+def test_a_table_beside_one_number_gets_one_sentence() -> None:
+    with pytest.raises(ProblemFileError, match="stands beside efficiency") as fault:
+        load("paper", TABLE | NUMBER)
+    assert len(fault.value.problems) == 1
+
+
+# ---- the optimum with it --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def hop() -> Solution:
+    return solve(load("paper", TABLE), starts=1)
+
+
+@pytest.mark.slow
+def test_the_plan_is_verified_and_replayed_in_one_piece(hop: Solution) -> None:
+    assert hop.verified
+    found = whole_hop_rollout(hop.design, hop.tables)
+    assert found.values["clearance_m"] == pytest.approx(hop.clearance, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_it_lies_between_the_best_and_the_worst_number_of_its_table(hop: Solution) -> None:
+    worst, best = (solve(load("paper", {"leg.gear.efficiency": x}), starts=1).clearance for x in (SHARES[-1], SHARES[0]))
+    assert worst + 1e-3 < hop.clearance < best - 1e-3
+
+
+@pytest.mark.slow
+def test_a_level_table_has_the_optimum_of_the_one_number() -> None:
+    table, number = (solve(load("paper", x), starts=1).clearance for x in (FLAT, NUMBER))
+    assert table == pytest.approx(number, abs=1e-9)
