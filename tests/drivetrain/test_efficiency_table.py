@@ -11,7 +11,7 @@ from hopopt.comparison.robust.robustness import drawn
 from hopopt.control.setting import gear_of
 from hopopt.design import Uncertainty
 from hopopt.drivetrain.drives import Drive
-from hopopt.drivetrain.gear import Gear, efficiency_at, gears_of, lossy, teeth_torque
+from hopopt.drivetrain.gear import Gear, gears_of, lossy, teeth_torque
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.planner.reserve import reserved
@@ -127,9 +127,9 @@ def test_a_motor_s_own_friction_is_in_the_plant_beside_the_gear_s() -> None:
 @pytest.mark.parametrize(
     ("entries", "words"),
     [
-        ({"speed": (400.0, 100.0, 900.0)}, r"efficiency_table.speed = \[400.*rising order"),
+        ({"speed": (400.0, 100.0, 900.0)}, "efficiency_table has speeds that do not rise: .*rising order"),
         ({"speed": (100.0, 100.0, 900.0)}, "each once"),
-        ({"efficiency": (0.7, 0.8, 0.6)}, "efficiency_table.efficiency = .* is not monotone in speed"),
+        ({"efficiency": (0.7, 0.8, 0.6)}, "efficiency_table is not monotone in speed"),
         ({"efficiency": (0.8, 0.7)}, "has 3 speeds and 2 efficiencies"),
         ({"efficiency": (0.8, 0.7, 0.0)}, "efficiency"),
         ({"efficiency": (1.2, 0.7, 0.6)}, "efficiency"),
@@ -165,7 +165,9 @@ def test_the_plan_is_verified_and_replayed_in_one_piece(hop: Solution) -> None:
 
 @pytest.mark.slow
 def test_it_lies_between_the_best_and_the_worst_number_of_its_table(hop: Solution) -> None:
-    worst, best = (solve(load("paper", {"leg.gear.efficiency": x}), starts=1).clearance for x in (SHARES[-1], SHARES[0]))
+    worst, best = (
+        solve(load("paper", {"leg.gear.efficiency": x}), starts=1).clearance for x in (SHARES[-1], SHARES[0])
+    )
     assert worst + 1e-3 < hop.clearance < best - 1e-3
 
 

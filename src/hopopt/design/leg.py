@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from copy import copy as copy_of
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, create_model, model_serializer, model_validator
@@ -102,6 +103,18 @@ class EfficiencyTable(Section):
     efficiency: tuple[Share, ...] = choice(
         "at these speeds, falling or rising throughout", unit="1", min_length=2, max_length=MOST_POINTS
     )
+
+    def fault(self) -> str:
+        """What is wrong with the table, in words that follow its path; empty if nothing is."""
+        steps = [b - a for a, b in pairwise(self.efficiency)]
+        if len(self.speed) != len(self.efficiency):
+            few = f"has {len(self.speed)} speeds and {len(self.efficiency)} efficiencies"
+            return f"{few}: give one efficiency for each speed"
+        if any(b <= a for a, b in pairwise(self.speed)):
+            return "has speeds that do not rise: list them in rising order, each once"
+        if min(steps) < 0 < max(steps):
+            return "is not monotone in speed: give efficiencies that only fall, or only rise"
+        return ""
 
 
 class Gear(Section):

@@ -24,7 +24,9 @@ from hopopt.drivetrain.motor import motor_torque_and_speed
 
 SLOW = 1e-2  # share of the no-load speed over which losses change their sign: 0.1 rad/s on the paper's leg
 SHARP = 1e-3  # share of stall torque over which a gear goes from driving to braking
-ROUND = 0.1  # share of the speed over which losses change their sign, over which a table of efficiencies has its corners
+ROUND = (
+    0.1  # share of the speed over which losses change their sign, over which a table of efficiencies has its corners
+)
 ENTRIES = ("efficiency", "friction", "damping")
 LOSSLESS = (1.0, 0.0, 0.0)
 NO_LOAD = "no_load_current"

@@ -81,9 +81,7 @@ def passed(drive: Any, k: int, torque: float, w: float) -> tuple[float, float]:
     eta = drive.efficiency[k]
     if drive.tabled:
         eta = efficiency_at(w, eta, drive.knots[k], drive.bends[k], drive.slow[k])
-    return passed_torque(
-        torque, w, eta, drive.friction[k], drive.damping[k], drive.slow[k], drive.sharp[k]
-    )
+    return passed_torque(torque, w, eta, drive.friction[k], drive.damping[k], drive.slow[k], drive.sharp[k])
 
 
 @kernel

@@ -14,7 +14,7 @@ from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.reference import PlanReference
 from hopopt.control.strategies import find
 from hopopt.design import Design, Uncertainty, as_changed
-from hopopt.drivetrain.gear import efficiency_table
+from hopopt.drivetrain.gear import TABLE, efficiency_table
 from hopopt.errors import UsageError
 from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import start_angles
@@ -75,11 +75,11 @@ def drawn(design: Design, spread: Uncertainty, draws: int, seed: int, corners: b
         for name in design.leg.joints:
             kept = design.leg.drive(name, "gear", "efficiency")[1] or design.simulation.gear_efficiency
             lost, table = spread.gear_loss * more.uniform(), efficiency_table(design.leg, name)
-            if lost and table is not None:
-                worse = tuple(x * (1 - lost) for x in table.efficiency)
-                data["leg"][name].setdefault("gear", {})["efficiency_table"] = {"speed": table.speed, "efficiency": worse}
-            elif lost:
-                data["leg"][name].setdefault("gear", {})["efficiency"] = kept * (1 - lost)
+            worse: dict[str, Any] = {"efficiency": kept * (1 - lost)}
+            if table is not None:
+                worse = {TABLE: {"speed": table.speed, "efficiency": tuple(x * (1 - lost) for x in table.efficiency)}}
+            if lost:
+                data["leg"][name].setdefault("gear", {}).update(worse)
         found.append(Draw(_true_leg(data), gain, start))
     return found
 

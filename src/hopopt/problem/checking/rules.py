@@ -209,21 +209,11 @@ def loss_rules(leg: Leg, simulation: Simulation, report: Report) -> None:
 def _table_rules(leg: Leg, report: Report) -> None:
     """Report tables of efficiency that are no function of the speed, turn back, or stand beside one number."""
     for path, gear in (("leg.gear", leg.gear), *((f"leg.{joint}.gear", leg.joint[joint].gear) for joint in leg.joints)):
-        if gear is None or (table := gear.efficiency_table) is None:
-            continue
-        path = f"{path}.{TABLE}"
-        steps = np.diff(table.efficiency)
-        if gear.efficiency is not None:
-            report.add(path, "stands beside efficiency: each says what the gear passes on, remove one")
-        elif len(table.speed) != len(table.efficiency):
-            words = f"has {len(table.speed)} speeds and {len(table.efficiency)} efficiencies: give one efficiency for each speed"
-            report.add(path, words)
-        elif np.any(np.diff(table.speed) <= 0):
-            words = f"= {shown(list(table.speed))} does not rise from each speed to the next: list the speeds in rising order, each once"
-            report.add(f"{path}.speed", words)
-        elif np.any(steps > 0) and np.any(steps < 0):
-            words = f"= {shown(list(table.efficiency))} is not monotone in speed: give values that only fall, or only rise"
-            report.add(f"{path}.efficiency", words)
+        table = None if gear is None else gear.efficiency_table
+        if gear is not None and table is not None and gear.efficiency is not None:
+            report.add(f"{path}.{TABLE}", "stands beside efficiency: each says what the gear passes on, remove one")
+        elif table is not None and (words := table.fault()):
+            report.add(f"{path}.{TABLE}", words)
 
 
 # ---- the start ------------------------------------------------------------------------------------------------
