@@ -161,17 +161,3 @@ def test_the_plan_is_verified_and_replayed_in_one_piece(hop: Solution) -> None:
     assert hop.verified
     found = whole_hop_rollout(hop.design, hop.tables)
     assert found.values["clearance_m"] == pytest.approx(hop.clearance, abs=1e-4)
-
-
-@pytest.mark.slow
-def test_it_lies_between_the_best_and_the_worst_number_of_its_table(hop: Solution) -> None:
-    worst, best = (
-        solve(load("paper", {"leg.gear.efficiency": x}), starts=1).clearance for x in (SHARES[-1], SHARES[0])
-    )
-    assert worst + 1e-3 < hop.clearance < best - 1e-3
-
-
-@pytest.mark.slow
-def test_a_level_table_has_the_optimum_of_the_one_number() -> None:
-    table, number = (solve(load("paper", x), starts=1).clearance for x in (FLAT, NUMBER))
-    assert table == pytest.approx(number, abs=1e-9)

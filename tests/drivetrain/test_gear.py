@@ -1,5 +1,7 @@
 """The law of lossy gears against closed forms, its inverse, and the leg that it drives."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 
 from hopopt.drivetrain.gear import Gear, driven_joints, joint_torque, motor_torque, passed_torque, teeth_torque
 
-SHARP = {"slow": 1e-4, "sharp": 1e-6}  # so that closed forms hold to 1e-6
+SHARP: dict[str, Any] = {"slow": 1e-4, "sharp": 1e-6}  # so that closed forms hold to 1e-6
 LOSSES = (st.floats(0.05, 1), st.floats(0, 10), st.floats(0, 5))
 
 
