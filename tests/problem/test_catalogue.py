@@ -12,6 +12,7 @@ from scipy.stats import linregress
 from hopopt.cli.main import run
 from hopopt.control.closed_loop import make_plant
 from hopopt.design import Design
+from hopopt.drivetrain.motor import rated
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import build_robot
@@ -69,7 +70,7 @@ def test_a_motor_alone_closes_the_region_under_a_law(motor):
     corners = region(design).corners()
     lower, upper = region(design).torque_bounds(np.array([0.0]))
     assert -lower[0] == pytest.approx(upper[0])
-    assert upper[0] == pytest.approx(100 * min(design.leg.motor.max_torque, design.leg.motor.torque_cap or np.inf))
+    assert upper[0] == pytest.approx(100 * min(rated(design.leg, "knee")[0], design.leg.motor.torque_cap or np.inf))
     assert np.all(np.isfinite(corners))
     assert len(corners) >= 4
 
@@ -201,11 +202,11 @@ def test_gears_give_more_for_a_moment_than_all_day():
 
 
 @pytest.mark.parametrize("part", CATALOGUE_PARTS)
-def test_facts_have_units_and_no_entry_of_a_problem_is_one(part):
+def test_facts_have_units_and_no_name_brings_one_into_a_problem(part):
     assert all(field["unit"] and field["description"] for field in fields(part).values())
     assert set(problem_entries(part)) <= set(KINDS[part].model_fields)
     for name in names(part):
-        assert not set(catalogue()[name].facts[part]) & set(KINDS[part].model_fields)
+        assert not set(catalogue()[name].facts[part]) & set(catalogue()[name].parts[part])
         assert set(catalogue()[name].parts[part]) <= set(KINDS[part].model_fields)
 
 

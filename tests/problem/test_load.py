@@ -203,7 +203,7 @@ SENTENCES = [
     (("mass = 5.6", "mass = inf"), "leg.body.mass = inf kg is not finite: a number from 0.001 to 1000 kg is needed."),
     (("mass = 5.6", 'mass = "5.6 kg"'), 'leg.body.mass = "5.6 kg" is not allowed: a number from 0.001 to 1000 kg is needed; write the number alone, without quotes or unit.'),
     (("ratio = 100", "ratio = true"), "leg.gear.ratio = true is not allowed: a number from 1 to 1000 is needed."),
-    (("ratio = 100", "rati = 100"), "leg.gear.rati is not a known key (did you mean ratio?): [leg.gear] takes ratio, torque_cap, speed_cap, inertia, efficiency, friction, damping, catalogue and model."),
+    (("ratio = 100", "rati = 100"), "leg.gear.rati is not a known key (did you mean ratio?): [leg.gear] takes ratio, torque_cap, speed_cap, inertia, efficiency, efficiency_table, friction, damping, catalogue and model."),
     (('"radau"', '"radua"'), 'solver.scheme = "radua" is not allowed: "radau" or "hermite-simpson" or "trapezoidal" is needed; did you mean "radau"?'),
     (('["paper"]', '["4-quadrant"]'), 'leg.motor.laws[0] = "4-quadrant" is not allowed: a list of "paper" or "four-quadrant" is needed; did you mean "four-quadrant"?'),
     (

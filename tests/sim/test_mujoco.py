@@ -287,7 +287,10 @@ def test_a_dc_motor_has_the_torque_speed_line_of_the_problem() -> None:
         mujoco.mj_forward(model, data)
         wanted = (1 - share) * stall
         assert data.qfrc_actuator[BASE:] == pytest.approx(ratio * np.minimum(wanted, [np.inf, 1.5]), abs=1e-9 * ratio)
-    with pytest.raises(UsageError, match=r"give supply\.voltage"):
+    warm = load("paper", {"leg.motor": "maxon-ec90-flat-260"}).leg
+    heated = mujoco.MjModel.from_xml_string(to_mjcf(build_robot(warm), dc_motors=True))
+    assert heated.na == 2  # the temperature of each winding
+    with pytest.raises(UsageError, match=r"give leg\.motor\.voltage or supply\.voltage"):
         to_mjcf(build_robot(load("paper").leg), dc_motors=True)
 
 

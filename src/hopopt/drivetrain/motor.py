@@ -7,7 +7,7 @@ arrays or CasADi symbols.
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from hopopt.design import Leg, physical_parameters
 from hopopt.drivetrain.operating_region.limits import Entry
@@ -105,3 +105,29 @@ def state_ratings(leg: Leg, tables: dict[str, Any]) -> None:
         for name, value in zip(IMPLIES, rated(leg, joint), strict=True):
             if not states(leg, joint, name):
                 tables[joint].setdefault("motor", {})[name] = value
+
+
+class VoltageLine(NamedTuple):
+    """A motor by the voltage at its terminals: u = V (tau / stall torque + w / no-load speed), at the motor.
+
+    voltage: V, at which its torque and speed are meant [V]; None where the problem does not say
+    max_torque: stall torque [N m]; max_speed: no-load speed [rad/s]; ratio: of its gear; torque_cap: [N m] or None
+    """
+
+    voltage: float | None
+    max_torque: float
+    max_speed: float
+    ratio: float
+    torque_cap: float | None
+
+    def at(self, tau: float, w: float) -> float:
+        """The voltage [V] for a torque tau [N m] of the motor and a speed w [rad/s], both at the joint."""
+        assert self.voltage is not None
+        return self.voltage * (tau / (self.ratio * self.max_torque) + self.ratio * w / self.max_speed)
+
+
+def voltage_line(leg: Leg, joint: str, p: Mapping[str, float]) -> VoltageLine:
+    """The line of a joint's motor, from parameter values by their paths."""
+    volts = p.get(leg.drive(joint, "motor", "voltage")[0], p.get("leg.supply.voltage"))
+    ratio, cap = p[leg.drive(joint, "gear", "ratio")[0]], torque_cap(leg, joint, p)
+    return VoltageLine(volts, *motor_torque_and_speed(leg, joint, p), ratio, cap)

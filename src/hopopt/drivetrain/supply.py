@@ -7,12 +7,12 @@ stay. Current, power and least voltage all bound P. Of numbers, arrays or CasADi
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from hopopt.design import Leg
-from hopopt.drivetrain.motor import motor_torque_and_speed, torque_cap
+from hopopt.drivetrain.motor import motor_torque_and_speed
 
 EVEN = 1e-3  # share of the motors' greatest power over which drawing goes into feeding back
 FLOOR = 1e-4  # of the root's argument, below which no bus has a voltage
@@ -34,32 +34,6 @@ def winding_heat(leg: Leg, joint: str, p: Mapping[str, Any]) -> Any:
         torque, speed = motor_torque_and_speed(leg, joint, p)
         return speed / ratio / (ratio * torque)
     return resistance / (ratio * constant) ** 2
-
-
-class VoltageLine(NamedTuple):
-    """A motor by the voltage at its terminals: u = V (tau / stall torque + w / no-load speed), at the motor.
-
-    voltage: V, at which its torque and speed are meant [V]; None where the problem does not say
-    max_torque: stall torque [N m]; max_speed: no-load speed [rad/s]; ratio: of its gear; torque_cap: [N m] or None
-    """
-
-    voltage: float | None
-    max_torque: float
-    max_speed: float
-    ratio: float
-    torque_cap: float | None
-
-    def at(self, tau: float, w: float) -> float:
-        """The voltage [V] for a torque tau [N m] of the motor and a speed w [rad/s], both at the joint."""
-        assert self.voltage is not None
-        return self.voltage * (tau / (self.ratio * self.max_torque) + self.ratio * w / self.max_speed)
-
-
-def voltage_line(leg: Leg, joint: str, p: Mapping[str, float]) -> VoltageLine:
-    """The line of a joint's motor, from parameter values by their paths."""
-    volts = p.get(leg.drive(joint, "motor", "voltage")[0], p.get("leg.supply.voltage"))
-    ratio, cap = p[leg.drive(joint, "gear", "ratio")[0]], torque_cap(leg, joint, p)
-    return VoltageLine(volts, *motor_torque_and_speed(leg, joint, p), ratio, cap)
 
 
 def power_scale(leg: Leg, p: Mapping[str, Any]) -> Any:

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 from hopopt.errors import ProblemFileError
-from hopopt.problem.catalogue_facts import CATALOGUE_PARTS, KINDS, Value, checked, problem_entries
+from hopopt.problem.catalogue_facts import CATALOGUE_PARTS, KINDS, Value, checked, problem_entries, usable
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.reading import tables
 
@@ -47,13 +47,13 @@ class Entry:
     @property
     def parts(self) -> dict[str, dict[str, float]]:
         """{"motor": {entry of a problem: value}}: what its name in a problem stands for, defaults that are numbers included."""
-        return {part: {**_defaults(part), **_numbers(part, given)} for part, given in self.stated.items()}
+        return {part: {**_defaults(part), **usable(part, given)} for part, given in self.stated.items()}
 
     @property
     def facts(self) -> dict[str, dict[str, Value]]:
-        """{"motor": {key: value}} of what is no entry of a problem, such as price and rated torque."""
+        """{"motor": {key: value}} of what no name brings into a problem, such as price and rated torque."""
         return {
-            part: {key: value for key, value in given.items() if key not in problem_entries(part)}
+            part: {key: value for key, value in given.items() if key not in usable(part, given)}
             for part, given in self.stated.items()
         }
 
@@ -124,8 +124,3 @@ def _defaults(part: str) -> dict[str, float]:
     """What an entry that its file leaves out has in a problem, so that none falls back on another motor's."""
     fields = KINDS[part].model_fields
     return {name: fields[name].default for name in problem_entries(part) if isinstance(fields[name].default, float)}
-
-
-def _numbers(part: str, given: Mapping[str, Value]) -> dict[str, float]:
-    known = problem_entries(part)
-    return {key: value for key, value in given.items() if key in known and not isinstance(value, list)}

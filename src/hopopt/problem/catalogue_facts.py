@@ -5,11 +5,19 @@ from functools import cache
 from typing import Any
 
 from hopopt.design import Gear, Motor
+from hopopt.drivetrain.heat import BODIES, LIMIT
+from hopopt.drivetrain.motor import IMPLIES
+from hopopt.drivetrain.supply import WINDING
 from hopopt.problem.checking import entries
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import allowed, did_you_mean, hint, is_number
 from hopopt.problem.render import shown, shown_path
 
+GOES_WITH = {  # entries of a motor that say something only beside others
+    "no_load_current": ("torque_constant",),
+    "current_cap": ("torque_constant",),
+    **{name: (*BODIES, *WINDING) for name in (LIMIT, *BODIES)},
+}
 KINDS = {"motor": Motor, "gear": Gear}
 CATALOGUE_PARTS = tuple(KINDS)
 TEXTS = ("title", "source", "unverified")  # keys of a user's entry that are not numbers
@@ -34,19 +42,9 @@ FACTS = {  # what may be stated beside the entries of a problem; one that become
     "motor": COMMON
     | {
         "module_mass": _fact("of motor, gear and drive in one housing", "kg", 1e-3, 100),
-        "voltage": _fact("at which max_speed and the other figures hold", "V", 1, 1000),
-        "no_load_current": _fact("at this voltage, nothing to turn", "A", 0, 1e3),
         "no_load_speed": _fact("as the maker states it, friction included", "rad/s", 1, 2e4),
         "stall_torque": _fact("as the maker states it", "N m", 1e-6, 1e4),
-        "current_cap": _fact("largest current", "A", 1e-3, 1e4),
-        "power_cap": _fact("largest mechanical power", "W", 0.1, 1e6),
-        "continuous_torque": _fact("that it bears all day", "N m", 1e-6, 1e4),
         "mechanical_time_constant": _fact("J R / k^2", "s", 1e-5, 10),
-        "winding_to_housing": _fact("thermal resistance", "K/W", 1e-4, 1e3),
-        "housing_to_ambient": _fact("thermal resistance", "K/W", 1e-4, 1e3),
-        "winding_time_constant": _fact("thermal", "s", 0.01, 1e4),
-        "housing_time_constant": _fact("thermal", "s", 0.1, 1e5),
-        "winding_limit": _fact("largest temperature of the winding", "degC", 40, 400),
     },
     "gear": COMMON
     | {
@@ -93,7 +91,7 @@ def checked(part: str, path: str, table: Any, label: str, report: Report) -> dic
             report_at(f"{path}.{key}", words, label, report)
         else:
             found[key] = [float(x) for x in value] if isinstance(value, list) else float(value)
-    for key in _needed(part):
+    for key in _needed(part, table):
         if key not in table:
             how = HOW_TO_DERIVE.get(key, "")
             words = f"is missing: {known[key]['description']}; {allowed(known[key])} is needed{how}"
@@ -107,8 +105,20 @@ HOW_TO_DERIVE = {  # what a data sheet does not print, from what it does
 }
 
 
-def _needed(part: str) -> list[str]:
-    return [key for key in problem_entries(part) if KINDS[part].model_fields[key].is_required()]
+def _needed(part: str, table: Mapping[str, Any]) -> list[str]:
+    """What a table must state: a motor's torque and speed unless its datasheet implies them, a gear's ratio."""
+    implied = {
+        key for key, datasheet in IMPLIES.items() if part == "motor" and all(entry in table for entry in datasheet)
+    }
+    required = [key for key in problem_entries(part) if KINDS[part].model_fields[key].is_required()]
+    return [key for key in (*required, *(IMPLIES if part == "motor" else ())) if key not in implied]
+
+
+def usable(part: str, given: Mapping[str, Value]) -> dict[str, float]:
+    """Those of the numbers that a name brings into a problem: entries of one, without those that say nothing without others."""
+    known = problem_entries(part)
+    numbers = {key: value for key, value in given.items() if key in known and not isinstance(value, list)}
+    return {key: value for key, value in numbers.items() if all(name in numbers for name in GOES_WITH.get(key, ()))}
 
 
 def _fault(value: Any, field: entries.Entry) -> str:

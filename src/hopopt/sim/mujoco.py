@@ -15,7 +15,7 @@ import numpy as np
 
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import gears_of
-from hopopt.drivetrain.supply import voltage_line
+from hopopt.drivetrain.motor import voltage_line
 from hopopt.errors import HopoptError, MissingExtraError, UsageError
 from hopopt.leg.files.export import to_mjcf
 from hopopt.leg.robot import BASE, Robot

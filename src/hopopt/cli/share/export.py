@@ -65,7 +65,7 @@ def export(
     mjcf
         The MuJoCo file to write.
     dc_motors
-        Write MuJoCo's DC motors, which take a voltage, in place of motors that take a torque (needs supply.voltage).
+        Write MuJoCo's DC motors, which take a voltage, in place of motors that take a torque (needs leg.motor.voltage or supply.voltage).
     """
     if output is not None and format_ is None:
         raise UsageError(f"--output {output}: say in which form the plan is written: --format csv, json, ros2 or c")

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import unit
+from hopopt.drivetrain.heat import REFERENCE, TwoBodies
+from hopopt.drivetrain.motor import voltage_line
 from hopopt.drivetrain.operating_region.region import operating_region
-from hopopt.drivetrain.supply import voltage_line
 from hopopt.errors import UsageError
 from hopopt.leg.derived import effort_limit, velocity_limit
 from hopopt.leg.inertia import PAIRS, tensor
@@ -173,13 +174,20 @@ def _dc_motor(robot: Robot, joint: str) -> dict[str, str]:
     line = voltage_line(robot.leg, joint, robot.parameters)
     if line.voltage is None:
         raise UsageError(
-            f"leg.{joint}.motor: a DC motor needs the voltage at which its torque-speed line holds: give supply.voltage"
+            f"leg.{joint}.motor: a DC motor needs the voltage at which its torque-speed line holds: give leg.motor.voltage or supply.voltage"
         )
     numbers = {
         "name": joint, "joint": joint, "gear": _text([line.ratio]), "ctrlrange": _text((-line.voltage, line.voltage)),
         "nominal": _text((line.voltage, line.max_torque, line.max_speed)),
     }  # fmt: skip
-    return numbers if line.torque_cap is None else numbers | {"saturation": _text((line.torque_cap, 0.0, 0.0))}
+    if line.torque_cap is not None:
+        numbers["saturation"] = _text((line.torque_cap, 0.0, 0.0))
+    if (
+        bodies := TwoBodies.of(robot.leg, joint, robot.parameters, REFERENCE)
+    ) is not None:  # a housing that stays as it is
+        of_winding = bodies.winding_to_housing, 0.0, bodies.winding_time_constant
+        numbers["thermal"] = _text((*of_winding, bodies.copper, REFERENCE, REFERENCE))
+    return numbers
 
 
 def _mjcf_joint(body: ET.Element, robot: Robot, name: str, content: MovingBody) -> None:
