@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hopopt.leg.files.urdf_xml import Tree, UrdfError, numbers, quoted, root_of
+from hopopt.leg.files.urdf_xml import Tree, UrdfError, link_in_xml, numbers, quoted, root_of
 from hopopt.leg.inertia import PAIRS, obeys_triangle, principal_moments
 
 ROTATION_ROUNDING = 1e-10  # what rotations by a rounded half turn leave of a zero
@@ -60,7 +60,7 @@ def _reduced(tree: Tree, chain: Sequence[str], foot: str, locked: Mapping[str, f
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     order = [model.getJointId(name) for name in chain]
-    positions = [data.oMi[k].translation for k in order] + [data.oMf[model.getFrameId(foot)].translation]
+    positions = [data.oMi[k].translation for k in order] + [data.oMf[link_frame(model, foot)].translation]
     links = []
     for k, name, here, beyond in zip(order, chain, positions, positions[1:], strict=False):
         links.append(_moving_link(tree, model, data, k, name, beyond - here))
@@ -75,6 +75,11 @@ def reduced_model(tree: Tree, chain: Sequence[str], locked: Mapping[str, float])
         return pin.buildReducedModel(whole, fixed, _reference(whole, locked))
     except (ValueError, RuntimeError) as error:
         raise UrdfError(f"cannot be read by Pinocchio: {str(error).splitlines()[0][:200]}") from None
+
+
+def link_frame(model: pin.Model, link: str) -> int:
+    """Index of the frame of a link."""
+    return model.getFrameId(link_in_xml(link))
 
 
 def _reference(model: pin.Model, locked: Mapping[str, float]) -> np.ndarray:

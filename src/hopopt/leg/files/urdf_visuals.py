@@ -9,7 +9,7 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 import pinocchio as pin
 
-from hopopt.leg.files.urdf import reduced_model
+from hopopt.leg.files.urdf import link_frame, reduced_model
 from hopopt.leg.files.urdf_xml import Tree, root_of
 
 BODY = -1  # the joint of what does not move with any
@@ -53,14 +53,14 @@ def visuals(raw: bytes, folder: Path, joints: Sequence[str], foot: str, locked: 
     hip, found = data.oMi[order[0]].translation, list[Visual]()
     above = set(_links_above(tree, chain[0]))
     for name, link in tree.links.items():
-        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
+        frame = model.frames[link_frame(model, name)]
         joint = order.index(frame.parentJoint) if frame.parentJoint in order else BODY
         if joint == BODY and name not in above:
             continue
         turn = data.oMi[frame.parentJoint].rotation
         rotation, position = turn @ frame.placement.rotation, turn @ frame.placement.translation
         if joint == BODY:
-            position = data.oMf[model.getFrameId(name, pin.FrameType.BODY)].translation - hip
+            position = data.oMf[link_frame(model, name)].translation - hip
         for visual in link.iter("visual"):
             shape = _shape(visual, folder)
             if shape is not None:

@@ -90,8 +90,6 @@ class Tree:
         kind = joint.get("type", "")
         if kind not in TYPES:
             raise UrdfError(f"joint {quoted(name)} is of type {quoted(kind)}: hopopt reads {', '.join(TYPES)}")
-        if joint.find("mimic") is not None:
-            raise UrdfError(f"joint {quoted(name)} mimics another one, which a leg of independent drives cannot")
         for end, link in zip(("parent", "child"), self.ends(name), strict=True):
             if link not in self.links:
                 raise UrdfError(f"joint {quoted(name)} has the {end} link {quoted(link)}, which the file does not have")
@@ -141,13 +139,26 @@ class Tree:
             raise UrdfError(f"is asked for a joint twice: leg.joints names {_some(joints)}")
         if list(joints) != chain:
             raise UrdfError(f"has the joints in the order {', '.join(chain)}: write leg.joints so, from body to foot")
+        self._check_mimics(joints)
         return chain
+
+    def _check_mimics(self, joints: Sequence[str]) -> None:
+        """Refuse a joint of the leg that mimics another one, and one anywhere that mimics a joint of the leg."""
+        for name, joint in self.joints.items():
+            if (mimic := joint.find("mimic")) is None:
+                continue
+            if name in joints:
+                raise UrdfError(f"joint {quoted(name)} mimics another one, which a leg of independent drives cannot")
+            if (other := mimic.get("joint", "")) in joints:
+                raise UrdfError(
+                    f"joint {quoted(name)} mimics {quoted(other)} of the leg, but would be locked: leave {quoted(other)} out"
+                )
 
     def xml(self) -> str:
         """What matters to the motion, as URDF: no meshes, no materials, nothing that belongs to other programs."""
         robot = ET.Element("robot", name="leg")
         for name, link in self.links.items():
-            copy = ET.SubElement(robot, "link", name=name)
+            copy = ET.SubElement(robot, "link", name=link_in_xml(name))
             if (inertial := link.find("inertial")) is not None:
                 _copy(inertial, ET.SubElement(copy, "inertial"), ("origin", "mass", "inertia"))
         for name, joint in self.joints.items():
@@ -157,6 +168,11 @@ class Tree:
                 none = {"effort": "0", "velocity": "0"}
                 ET.SubElement(copy, "limit", none | _attributes(joint.find("limit")))
         return ET.tostring(robot, encoding="unicode")
+
+
+def link_in_xml(name: str) -> str:
+    """What ``Tree.xml`` calls a link: unlike all joints, which Pinocchio wants, though a URDF may use a name for both."""
+    return f"link {name}"
 
 
 def _by_name(root: ET.Element, tag: str) -> dict[str, ET.Element]:
@@ -204,7 +220,8 @@ def _attributes(child: ET.Element | None) -> dict[str, str]:
         else {name: child.get(name, "") for name in KEPT_ATTRIBUTES[child.tag] if name in child.attrib}
     )
     return {
-        k: v if k == "link" else " ".join(repr(float(x)) for x in BLANKS.split(v.strip())) for k, v in given.items()
+        k: link_in_xml(v) if k == "link" else " ".join(repr(float(x)) for x in BLANKS.split(v.strip()))
+        for k, v in given.items()
     }
 
 
