@@ -151,8 +151,12 @@ def test_drives_come_with_the_urdf_and_give_way_to_the_files(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("said", "instead", "sentence"),
     [
-        ('effort="150"', 'effort="0"', "m.toml: leg.knee.motor is missing, and the URDF states no usable effort"),
-        ('velocity="16"', 'velocity="0"', "m.toml: leg.ankle.motor is missing"),
+        (
+            'effort="150"',
+            'effort="0"',
+            "m.toml: leg.knee.motor.max_torque is missing, and the URDF states no usable effort",
+        ),
+        ('velocity="16"', 'velocity="0"', "m.toml: leg.ankle.motor.max_speed is missing"),
         ('lower="-2.4"', 'lower="-1e9"', "leg.urdf: leg.knee.lower = -1e+09 rad is a placeholder"),
         ('lower="-2.4"', 'lower="-10"', "leg.urdf: leg.knee.lower = -10 rad is a placeholder"),
         (

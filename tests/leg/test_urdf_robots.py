@@ -101,3 +101,56 @@ def test_a_joint_of_the_leg_mimics_none_and_is_mimicked_by_none(read: Any) -> No
     assert 'joint "knee" mimics another one' in refusal(read, robot(knee=knee))
     rod = FINGER + joint("rod", "thigh", "finger", inside=LIMIT + MIMIC.format("knee"))
     assert 'joint "rod" mimics "knee" of the leg' in refusal(read, robot(rod))
+
+
+def drives(leg: Any) -> list[tuple[float, float]]:
+    """(torque at standstill, speed at no torque) of each motor."""
+    return [(leg.drive(j, "motor", "max_torque")[1], leg.drive(j, "motor", "max_speed")[1]) for j in leg.joints]
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ("motor.rotor_inertia = 1e-5", [(40, 20), (60, 20)]),
+        ('motor.laws = ["four-quadrant"]', [(40, 20), (60, 20)]),
+        ("gear.efficiency = 0.9", [(40, 20), (60, 20)]),
+        ("gear.ratio = 10\nmotor.rotor_inertia = 1e-5", [(4, 200), (6, 200)]),
+        ("motor.max_torque = 50", [(50, 20), (50, 20)]),
+        ("motor.max_speed = 15", [(40, 15), (60, 15)]),
+        ("motor.max_speed = 15\nknee.motor.max_speed = 12", [(40, 15), (60, 12)]),
+        ("hip.motor.max_speed = 12\nhip.gear.ratio = 2", [(20, 12), (60, 20)]),
+    ],
+)
+def test_what_a_file_does_not_state_of_its_drives_comes_from_the_urdf(
+    lines: str, expected: list[tuple[float, float]], read: Any
+) -> None:
+    assert drives(read(robot(), lines).leg) == expected
+
+
+def test_a_rotor_alone_changes_nothing_else(read: Any) -> None:
+    with_rotor, without = (read(robot(), lines).leg for lines in ("motor.rotor_inertia = 1e-5", ""))
+    assert with_rotor.drive("knee", "motor", "rotor_inertia")[1] == 1e-5
+    assert with_rotor.model_copy(update={"motor": without.motor}) == without
+
+
+@pytest.mark.parametrize(
+    ("limit", "lines", "words"),
+    [
+        ('velocity="20"', "motor.rotor_inertia = 1e-5", "leg.knee.motor.max_speed is missing, and the URDF states no usable velocity"),
+        ('effort="40"', "motor.max_speed = 9.0", "leg.knee.motor.max_torque is missing, and the URDF states no usable effort of knee"),
+    ],
+)  # fmt: skip
+def test_a_drive_that_neither_states_is_asked_for(limit: str, lines: str, words: str, read: Any) -> None:
+    knee = joint("knee", "thigh", "shank", "0 0 -0.2", inside=LIMIT.replace(limit, ""))
+    assert words in refusal(read, robot(knee=knee), lines)
+    entry = words.split()[0]
+    assert drives(read(robot(knee=knee), lines, f"{entry}=30.0").leg)[1][entry.endswith("max_speed")] == 30
+
+
+def test_drives_of_which_the_urdf_knows_nothing(read: Any) -> None:
+    limit = '<limit lower="-2" upper="2"/>'
+    bare = robot(hip=joint("hip", "body", "thigh", inside=limit), knee=joint("knee", "thigh", "shank", "0 0 -0.2", inside=limit))  # fmt: skip
+    own = [f"{j}.motor = {{max_torque = {t}, max_speed = 9.0}}" for j, t in (("hip", 30.0), ("knee", 20.0))]
+    assert "leg.knee.motor is missing, and the URDF states no usable effort and velocity" in refusal(read, bare, own[0])
+    assert drives(read(bare, "\n".join(own)).leg) == [(30, 9), (20, 9)]
+    assert drives(read(bare, "motor.max_torque = 2.0\nmotor.max_speed = 100.0").leg) == [(2, 100), (2, 100)]

@@ -140,7 +140,7 @@ def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
             "com_position": item.com, "inertia_tensor": item.inertia,
         }  # fmt: skip
     body = {"links": tuple(links), "body": {"mass": found.body_mass}, "gear": {"ratio": 1.0}}
-    return _merged(body | tables, {} if "motor" in leg else _drives(found, leg, report))
+    return _merged(body | tables, _drives(found, leg, report))
 
 
 def _refuse_placeholders(found: Any, tables: Mapping[str, Any], report: Report) -> None:
@@ -174,24 +174,43 @@ def _name(link: str, taken: tuple[str, ...]) -> str:
 
 def _drives(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any]:
     """Motors from effort and velocity, taken for torque at standstill and speed at no torque: the conservative
-    reading, for the region then lies inside both limits. Joints without are reported."""
-    drives: dict[str, Any] = {}
+    reading, for the region then lies inside both limits. What [leg.motor] states holds for all joints; the rest comes
+    from the URDF, joint by joint. Joints without are reported."""
+    drives: dict[str, dict[str, Any]] = {}
+    common: dict[str, Any] = {}
+    for_all = _motor(leg)
     for item in found.links:
         own = leg.get(item.joint)
-        ratio = _ratio(own, leg)
+        ratio, given = _ratio(own, leg), _motor(own)
         values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
-        stated = {k: v for k, v in values.items() if math.isfinite(v)}
-        given = own.get("motor", {}) if isinstance(own, Mapping) else {}
-        drives[item.joint] = {"motor": stated}
-        if isinstance(given, Mapping) and not values.keys() <= stated.keys() | given.keys():
-            report.add(
-                f"leg.{item.joint}.motor",
-                f"is missing, and the URDF states no usable effort and velocity of {shown_path(item.joint)}: add it, or "
-                "[leg.motor] for all joints",
-            )
-            report.unreadable = True  # what is missing then would only be said again
-    common = next((d["motor"] for d in drives.values() if len(d["motor"]) == 2), None)
-    return {"motor": common, **drives} if common else drives
+        stated = {k: v for k, v in values.items() if math.isfinite(v) and k not in for_all}
+        if stated:
+            drives[item.joint] = {"motor": stated}
+        common = {k: v for k, v in (given | stated).items() if k in values and k not in for_all} | common
+        if missing := [entry for entry in values if entry not in (stated | given | for_all)]:
+            _report_missing(item.joint, missing, report)
+    return ({"motor": common} if common else {}) | drives
+
+
+MEANT = {"max_torque": "effort", "max_speed": "velocity"}  # entries of a motor: what a URDF has for them
+
+
+def _report_missing(joint: str, entries: list[str], report: Report) -> None:
+    """Report what neither the problem nor the URDF states of a joint's motor."""
+    entry = f".{entries[0]}" if len(entries) == 1 else ""
+    says = " and ".join(MEANT[entry] for entry in entries)
+    report.add(
+        f"leg.{joint}.motor{entry}",
+        f"is missing, and the URDF states no usable {says} of {shown_path(joint)}: add it, or "
+        f"{f'leg.motor{entry}' if entry else '[leg.motor]'} for all joints",
+    )
+    report.unreadable = True  # what is missing then would only be said again
+
+
+def _motor(holder: Any) -> Mapping[str, Any]:
+    """What a table states of its motor."""
+    motor = holder.get("motor") if isinstance(holder, Mapping) else None
+    return motor if isinstance(motor, Mapping) else {}
 
 
 def _ratio(*holders: Any) -> float:
