@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hopopt import load
@@ -154,3 +155,33 @@ def test_drives_of_which_the_urdf_knows_nothing(read: Any) -> None:
     assert "leg.knee.motor is missing, and the URDF states no usable effort and velocity" in refusal(read, bare, own[0])
     assert drives(read(bare, "\n".join(own)).leg) == [(30, 9), (20, 9)]
     assert drives(read(bare, "motor.max_torque = 2.0\nmotor.max_speed = 100.0").leg) == [(2, 100), (2, 100)]
+
+
+def test_a_continuous_joint_takes_its_limits_from_the_problem(read: Any) -> None:
+    turning = robot(knee=joint("knee", "thigh", "shank", "0 0 -0.2", "continuous", LIMIT.replace("40", "60")))
+    said = refusal(read, turning)
+    assert "leg.knee is of type continuous in leg.urdf" in said
+    assert said.endswith("give leg.knee.lower and leg.knee.upper [rad].")
+    assert "give leg.knee.upper [rad]." in refusal(read, turning, "knee.lower = -2.0")
+    assert read(turning, "knee = {lower = -2.0, upper = 2.0}") == read(robot())
+
+
+def test_a_foot_point_lies_in_the_frame_of_the_foot(read: Any) -> None:
+    """The foot link turned by 90 degrees about y: its x is down, its z is forward."""
+    sole = PARTS["sole"].replace('"0 0 -0.25"', '"0 0 -0.25" rpy="0 1.5707963267948966 0"')
+    at = read(robot(sole=sole), "foot_point = [0.04, 0.0, 0.12]").leg.link["shank"]
+    np.testing.assert_allclose(np.array(at.direction) * at.length, [0.12, 0, -0.29], atol=1e-15)
+    plain = read(robot()).leg.link["shank"]
+    assert (at.mass, at.com_position, at.inertia_tensor) == (plain.mass, plain.com_position, plain.inertia_tensor)
+
+
+@pytest.mark.parametrize("value", ["[0.1, 0.0]", "0.1", "[0.1, 0.0, nan]", '["a", 0.0, 0.0]', "[120.0, 0.0, 0.0]"])
+def test_what_is_no_foot_point_is_refused(value: str, read: Any) -> None:
+    said = refusal(read, robot(), f"foot_point = {value}")
+    assert "leg.foot_point = " in said
+    assert "three numbers from -3 to 3 m are needed, in the frame of foot, such as [0.12, 0.0, -0.04]" in said
+
+
+def test_a_foot_point_needs_a_urdf() -> None:
+    with pytest.raises(ProblemFileError, match="leg.foot_point has a meaning only beside leg.urdf"):
+        load("paper", ["leg.foot_point=[0.0, 0.0, 0.0]"])

@@ -26,6 +26,7 @@ RESERVED = (
     "supply",
     "urdf",
     "foot_frame",
+    "foot_point",
     "locked",
 )
 RESERVED_JOINTS = (*RESERVED, "foot", "com", "x", "z")  # points and guides of every leg have these names

@@ -12,6 +12,7 @@ from hopopt.design.fields import CATALOGUE_NAME
 from hopopt.problem.catalogue import names
 from hopopt.problem.catalogue_facts import CATALOGUE_PARTS
 from hopopt.problem.checking.entries import raw_schema
+from hopopt.problem.urdf import ENTRIES, FURTHEST_POINT
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 WRITTEN_ANEW = ("unit", "physical", "allowed", "title", "default", "description")  # keywords that are written anew
@@ -21,6 +22,7 @@ URDF_ENTRIES = {
     "urdf": "robot description that the leg is read from: beside this file or below, or example-robot-data/...",
     "foot_frame": "link of the URDF whose origin touches the ground",
 }
+FOOT_POINT = "point of the foot that touches the ground, in the frame of foot_frame (default: its origin) [m]"
 LOCKED = "joints of the URDF that do not move, each at its angle [rad]"
 NAMED_PART = "a joint or a link of the leg, by its name"
 Schema = dict[str, Any]
@@ -90,6 +92,10 @@ def _open(leg: Schema) -> None:
     for name in ("joint", "link"):
         del leg["properties"][name]
     leg["properties"] |= {name: {"type": "string", "description": words} for name, words in URDF_ENTRIES.items()}
+    number = {"type": "number", "minimum": -FURTHEST_POINT, "maximum": FURTHEST_POINT}
+    leg["properties"]["foot_point"] = {
+        "type": "array", "items": number, "minItems": 3, "maxItems": 3, "description": FOOT_POINT,
+    }  # fmt: skip
     leg["properties"]["locked"] = {
         "type": "object", "additionalProperties": {"type": "number"}, "description": LOCKED,
     }  # fmt: skip
@@ -104,7 +110,7 @@ def _complete() -> Schema:
     tables = {
         name: {"if": unnamed, "then": {"required": required[name.capitalize()]}} for name in ("body", "motor", "gear")
     }
-    stated = {name: tables.get(name, {}) for name in [*Leg.model_fields, *URDF_ENTRIES, "locked"]}
+    stated = {name: tables.get(name, {}) for name in [*Leg.model_fields, *ENTRIES]}
     either = {"anyOf": [{"required": required[kind]} for kind in ("Joint", "Link")]}
     needed = [name for name in required["Leg"] if name not in ("joint", "link")]
     leg = {

@@ -19,9 +19,10 @@ from hopopt.problem.checking.wording import is_number
 from hopopt.problem.reading import beside
 from hopopt.problem.render import shown, shown_path
 
-ENTRIES = ("urdf", "foot_frame", "locked")  # of [leg], besides what a leg without a URDF has
+ENTRIES = ("urdf", "foot_frame", "foot_point", "locked")  # of [leg], besides what a leg without a URDF has
 WHOLE_TURN = 6.27  # rad; nearly: files round it
 STRONGEST, FASTEST = 1000.0, 100.0  # N m, rad/s of a joint: more than any has; files say so where there is no limit
+FURTHEST_POINT = 3.0  # m, as a link's length
 ROBOTS = "example-robot-data"  # package of public robots; a path that begins with its name lies in it
 ROBOTS_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 
@@ -82,9 +83,8 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
         return {**data, "leg": rest}
     path = Path(given["urdf"])
     try:
-        found = read_leg(
-            read_regular(path, MAX_BYTES + 1), rest["joints"], given["foot_frame"], given.get("locked", {})
-        )
+        raw, point = read_regular(path, MAX_BYTES + 1), given.get("foot_point", (0.0, 0.0, 0.0))
+        found = read_leg(raw, rest["joints"], given["foot_frame"], given.get("locked", {}), point)
     except OSError as error:
         report.unusable(f"{shown_path(path.name)} cannot be read: {error.strerror}")
     except UrdfError as error:
@@ -93,6 +93,7 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
         tables = _tables(found, rest, report)
         report.urdf = path.name
         report.origins = dict.fromkeys(_entries(tables, "leg"), path.name) | report.origins
+        _refuse_continuous(found, rest, report)
         _refuse_placeholders(found, tables, report)
         return {**data, "leg": _merged(tables, rest)}
     return {**data, "leg": rest}
@@ -116,6 +117,9 @@ def _usable(given: Mapping[str, Any], leg: Mapping[str, Any], report: Report) ->
         report.add("leg.joints", "has to name the joints of the URDF that move, from the body to the foot")
     elif not isinstance(foot, str):
         report.add("leg.foot_frame", "has to name the link of the URDF whose origin touches the ground")
+    elif not _is_point(point := given.get("foot_point", (0.0, 0.0, 0.0))):
+        words = f"three numbers from {-FURTHEST_POINT:g} to {FURTHEST_POINT:g} m are needed, in the frame of {foot}"
+        report.add("leg.foot_point", f"= {shown(point)} is not allowed: {words}, such as [0.12, 0.0, -0.04]")
     elif not isinstance(locked, Mapping) or not all(map(_moderate, locked.values())):
         report.add(
             "leg.locked", "takes names of joints with the angle [rad] they are held at: locked = {hip_yaw = 0.0}"
@@ -141,6 +145,18 @@ def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
         }  # fmt: skip
     body = {"links": tuple(links), "body": {"mass": found.body_mass}, "gear": {"ratio": 1.0}}
     return _merged(body | tables, _drives(found, leg, report))
+
+
+def _refuse_continuous(found: Any, leg: Mapping[str, Any], report: Report) -> None:
+    """Report joints that turn without end, unless the problem file gives limits."""
+    for item in found.links:
+        own = leg.get(item.joint)
+        stated = own if isinstance(own, Mapping) else {}
+        missing = [f"leg.{item.joint}.{side}" for side in ("lower", "upper") if side not in stated]
+        if item.continuous and missing:
+            words = f"is of type continuous in {report.urdf}, and a leg's joint has limits: give {' and '.join(missing)} [rad]"
+            report.add(f"leg.{item.joint}", words)
+            report.unreadable = True  # what is missing then would only be said again
 
 
 def _refuse_placeholders(found: Any, tables: Mapping[str, Any], report: Report) -> None:
@@ -218,6 +234,13 @@ def _ratio(*holders: Any) -> float:
     gears = [holder.get("gear") for holder in holders if isinstance(holder, Mapping)]
     ratios: list[Any] = [gear.get("ratio") for gear in gears if isinstance(gear, Mapping)]
     return next((ratio for ratio in ratios if _moderate(ratio) and ratio > 0), 1.0)
+
+
+def _is_point(value: Any) -> bool:
+    """Whether a value is a place in the frame of a link."""
+    return (
+        isinstance(value, tuple) and len(value) == 3 and all(is_number(x) and abs(x) <= FURTHEST_POINT for x in value)
+    )
 
 
 def _moderate(value: Any) -> bool:

@@ -21,7 +21,8 @@ ROTATION_ROUNDING = 1e-10  # what rotations by a rounded half turn leave of a ze
 class MovingLink:
     """What moves with one joint, all joint angles zero, axes parallel to the robot's: unit axis of the joint (3),
     vector (3) [m] to the next joint or the foot, mass [kg], com (3) [m] from the joint, inertia (xx, yy, zz, xy, xz,
-    yz) [kg m^2] about it; limits lower, upper [rad], effort [N m], velocity [rad/s] (nan: not given)."""
+    yz) [kg m^2] about it; limits lower, upper [rad], effort [N m], velocity [rad/s] (nan: not given); whether the joint is
+    continuous, which has no lower and upper."""
 
     joint: str
     link: str
@@ -34,6 +35,7 @@ class MovingLink:
     upper: float
     effort: float
     velocity: float
+    continuous: bool
 
 
 @dataclass(frozen=True)
@@ -44,23 +46,27 @@ class UrdfLeg:
     links: tuple[MovingLink, ...]
 
 
-def read_leg(raw: bytes, joints: Sequence[str], foot: str, locked: Mapping[str, float]) -> UrdfLeg:
-    """The chain of ``joints`` down to the link ``foot``; every other joint is locked at ``locked`` [rad, m], or at
-    zero or its limit nearest to zero. Raises UrdfError."""
+def read_leg(
+    raw: bytes, joints: Sequence[str], foot: str, locked: Mapping[str, float], point: Sequence[float] = (0.0, 0.0, 0.0)
+) -> UrdfLeg:
+    """The chain of ``joints`` down to the ``point`` (3) [m] in the frame of the link ``foot``; every other joint is
+    locked at ``locked`` [rad, m], or at zero or its limit nearest to zero. Raises UrdfError."""
     tree = Tree(root_of(raw))
     chain = tree.chain_to(foot, joints)
     for name in locked:
         tree.known(name, "locked", [j for j in tree.movable if j not in joints])
-    return _reduced(tree, chain, foot, locked)
+    return _reduced(tree, chain, foot, np.array(point), locked)
 
 
-def _reduced(tree: Tree, chain: Sequence[str], foot: str, locked: Mapping[str, float]) -> UrdfLeg:
+def _reduced(
+    tree: Tree, chain: Sequence[str], foot: str, point: np.ndarray, locked: Mapping[str, float]
+) -> UrdfLeg:
     """The moving chain, everything else locked, by Pinocchio."""
     model = reduced_model(tree, chain, locked)
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     order = [model.getJointId(name) for name in chain]
-    positions = [data.oMi[k].translation for k in order] + [data.oMf[link_frame(model, foot)].translation]
+    positions = [data.oMi[k].translation for k in order] + [data.oMf[link_frame(model, foot)].act(point)]
     links = []
     for k, name, here, beyond in zip(order, chain, positions, positions[1:], strict=False):
         links.append(_moving_link(tree, model, data, k, name, beyond - here))
@@ -113,12 +119,13 @@ def _moving_link(
     model.joints[index].calc(joint_data, pin.neutral(model))
     limit, at = tree.joints[joint], model.joints[index].idx_v
     lower, upper = (next(iter(numbers(limit, "limit", side, 1, joint)), math.nan) for side in ("lower", "upper"))
-    if tree.joints[joint].get("type") == "continuous":
+    if continuous := tree.joints[joint].get("type") == "continuous":
         lower = upper = math.nan
     return MovingLink(
         joint, link, _clean(turn @ np.asarray(joint_data.S).reshape(6)[3:]), _clean(vector), float(inertia.mass),
         _clean(turn @ inertia.lever), moments, lower, upper,
         *(float(x) if 0 < x < 1e9 else math.nan for x in (model.effortLimit[at], model.velocityLimit[at])),
+        continuous=continuous,
     )  # fmt: skip
 
 
