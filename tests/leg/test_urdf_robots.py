@@ -10,6 +10,7 @@ import pytest
 from hopopt import load
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError
+from hopopt.problem.checking.hints import hints
 
 HEAD = 'name = "m"\n[leg]\nurdf = "leg.urdf"\njoints = ["hip", "knee"]\nfoot_frame = "foot"\n'
 START = "[start]\njoint_angles = [0.5, -1.0]\n"
@@ -183,5 +184,41 @@ def test_what_is_no_foot_point_is_refused(value: str, read: Any) -> None:
 
 
 def test_a_foot_point_needs_a_urdf() -> None:
-    with pytest.raises(ProblemFileError, match="leg.foot_point has a meaning only beside leg.urdf"):
+    with pytest.raises(ProblemFileError, match=r"leg\.foot_point has a meaning only beside leg\.urdf"):
         load("paper", ["leg.foot_point=[0.0, 0.0, 0.0]"])
+
+
+def test_a_foot_that_lies_at_its_joint_needs_a_point(read: Any) -> None:
+    said = refusal(read, robot(), "", 'leg.foot_frame="shank"')
+    assert said.endswith("leg.foot_frame lies 0 m from joint knee, and a link needs 0.01 m: give leg.foot_point, in the frame of that link [m].")  # fmt: skip
+    assert read(robot(), "foot_point = [0.0, 0.0, -0.25]", 'leg.foot_frame="shank"') == read(robot())
+
+
+def test_joints_that_meet_in_a_point_are_named(read: Any) -> None:
+    said = refusal(read, robot(knee=joint("knee", "thigh", "shank")))
+    assert said.endswith(
+        "leg.joints has hip and knee 0 m apart, and a link needs 0.01 m: leave one out, which locks it."
+    )
+
+
+SOLE = link("foot", inertial("0.05 0 -0.03", 0.2, 1e-4, 2e-4, 2e-4))
+ANKLE = PARTS["sole"].replace('"fixed"', '"revolute"').replace("</joint>", f'<axis xyz="0 -1 0"/>{LIMIT}</joint>')
+
+
+def test_a_short_sole_may_have_its_mass_beside_its_line(read: Any) -> None:
+    """The ankle 15 mm above the ground, the foot's centre of mass 58 mm ahead of it: a humanoid's foot, and no hint."""
+    design = read(robot(sole=ANKLE, foot=SOLE), "foot_point = [0.0, 0.0, -0.015]", 'leg.joints=["hip", "knee", "sole"]', "start.joint_angles=[0.5, -1.0, 0.5]")  # fmt: skip
+    assert design.leg.link["foot"].com_position == (0.05, 0.0, -0.03)
+    assert not [words for words in hints(design) if "com_position" in words]
+
+
+def test_a_mass_far_from_a_short_link_is_doubted_and_one_beyond_the_leg_refused(read: Any) -> None:
+    def with_mass_at(x: str) -> Any:
+        given = robot(sole=ANKLE, foot=SOLE.replace("0.05 0 -0.03", f"{x} 0 -0.03"))
+        return given, "foot_point = [0.0, 0.0, -0.015]", 'leg.joints=["hip", "knee", "sole"]', "start.joint_angles=[0.5, -1.0, 0.5]"  # fmt: skip
+
+    assert any(
+        "leg.foot.com_position is 0.301 m from the joint, 20.1 times" in x for x in hints(read(*with_mass_at("0.3")))
+    )
+    said = refusal(read, *with_mass_at("0.5"))
+    assert "leg.foot.com_position = [0.5, 0.0, -0.03] m is further from the joint than the whole leg is long" in said

@@ -18,10 +18,9 @@ from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import is_number
 from hopopt.problem.reading import beside
 from hopopt.problem.render import shown, shown_path
+from hopopt.problem.urdf_rules import urdf_rules
 
 ENTRIES = ("urdf", "foot_frame", "foot_point", "locked")  # of [leg], besides what a leg without a URDF has
-WHOLE_TURN = 6.27  # rad; nearly: files round it
-STRONGEST, FASTEST = 1000.0, 100.0  # N m, rad/s of a joint: more than any has; files say so where there is no limit
 FURTHEST_POINT = 3.0  # m, as a link's length
 ROBOTS = "example-robot-data"  # package of public robots; a path that begins with its name lies in it
 ROBOTS_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
@@ -93,8 +92,7 @@ def with_leg(data: dict[str, Any], report: Report) -> dict[str, Any]:
         tables = _tables(found, rest, report)
         report.urdf = path.name
         report.origins = dict.fromkeys(_entries(tables, "leg"), path.name) | report.origins
-        _refuse_continuous(found, rest, report)
-        _refuse_placeholders(found, tables, report)
+        urdf_rules(found, rest, tables, report)
         return {**data, "leg": _merged(tables, rest)}
     return {**data, "leg": rest}
 
@@ -145,40 +143,6 @@ def _tables(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any
         }  # fmt: skip
     body = {"links": tuple(links), "body": {"mass": found.body_mass}, "gear": {"ratio": 1.0}}
     return _merged(body | tables, _drives(found, leg, report))
-
-
-def _refuse_continuous(found: Any, leg: Mapping[str, Any], report: Report) -> None:
-    """Report joints that turn without end, unless the problem file gives limits."""
-    for item in found.links:
-        own = leg.get(item.joint)
-        stated = own if isinstance(own, Mapping) else {}
-        missing = [f"leg.{item.joint}.{side}" for side in ("lower", "upper") if side not in stated]
-        if item.continuous and missing:
-            words = f"is of type continuous in {report.urdf}, and a leg's joint has limits: give {' and '.join(missing)} [rad]"
-            report.add(f"leg.{item.joint}", words)
-            report.unreadable = True  # what is missing then would only be said again
-
-
-def _refuse_placeholders(found: Any, tables: Mapping[str, Any], report: Report) -> None:
-    """Report limits of the URDF that are none, where the problem file puts nothing in their place."""
-
-    def ours(path: str) -> bool:
-        return report.origins.get(path) == report.urdf
-
-    for item in found.links:
-        for side, value in (("lower", item.lower), ("upper", item.upper)):
-            if ours(path := f"leg.{item.joint}.{side}") and abs(value) >= WHOLE_TURN:
-                report.add(path, f"= {value:g} rad is a placeholder: a whole turn or more is no limit of a leg's joint")
-                report.unreadable = True  # what follows from it would only confuse
-        for entry, value, unit, most in (
-            ("max_torque", item.effort, "effort, N m", STRONGEST),
-            ("max_speed", item.velocity, "velocity, rad/s", FASTEST),
-        ):
-            path = f"leg.{item.joint}.motor.{entry}"
-            if entry in tables.get(item.joint, {}).get("motor", {}) and ours(path) and value >= most:
-                words = f"comes of {value:g} ({unit}), a placeholder: from {most:g} on it is no limit of a leg's drive"
-                report.add(path, words)
-                report.unreadable = True
 
 
 def _name(link: str, taken: tuple[str, ...]) -> str:

@@ -58,9 +58,7 @@ def read_leg(
     return _reduced(tree, chain, foot, np.array(point), locked)
 
 
-def _reduced(
-    tree: Tree, chain: Sequence[str], foot: str, point: np.ndarray, locked: Mapping[str, float]
-) -> UrdfLeg:
+def _reduced(tree: Tree, chain: Sequence[str], foot: str, point: np.ndarray, locked: Mapping[str, float]) -> UrdfLeg:
     """The moving chain, everything else locked, by Pinocchio."""
     model = reduced_model(tree, chain, locked)
     data = model.createData()

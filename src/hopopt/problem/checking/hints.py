@@ -4,6 +4,7 @@ Nothing here refuses a problem. Each hint is a sentence; it is shown before a so
 """
 
 from collections.abc import Iterable, Iterator
+from math import hypot
 
 import numpy as np
 
@@ -18,6 +19,7 @@ FASTEST, SLOWEST = 2700.0, 0.5  # rad/s: no-load speed of small motors at 26 000
 FURTHEST = 1.1 * np.pi  # rad: a joint turned by more than half a turn either way
 HEAVY = 3.0  # masses of the body in one link
 DIFFERENT = 0.1  # share by which a stated torque differs from what a datasheet implies
+FAR = 0.25  # lengths of the leg from a joint to its link's centre of mass, if it is twice the link's too; soles have 0.1
 DENSE = 500.0  # kg / m^3, mass of body and leg over the cube of the leg's reach; robots and animals have 10 to 100
 SLIPPERY = 0.05  # less than ice
 SHORT_STANCE = 0.01  # [s] on the paper's leg, of the longest stance
@@ -93,6 +95,12 @@ def _links(leg: Leg) -> Iterator[str]:
             yield (
                 f"leg.{name}.mass = {link.mass:g} kg is {times:.3g} times leg.body.mass = {leg.body.mass:g} kg"
                 f"{_meant(link.mass, 'kg', 'grams')}"
+            )
+        away = hypot(*(link.com_position or (0.0,)))
+        if away > max(2 * link.length, FAR * leg.length):
+            yield (
+                f"leg.{name}.com_position is {away:.3g} m from the joint, {away / link.length:.3g} times leg.{name}.length "
+                f"= {link.length:.3g} m: is it in m, from the joint, all joint angles zero?"
             )
         if link.inertia is not None and link.inertia > link.mass * link.length**2:
             yield (

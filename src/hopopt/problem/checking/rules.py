@@ -34,6 +34,7 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
         found += _joint_faults(f"leg.{name}", _table(leg, name))
     for name in links:
         found += _link_faults(f"leg.{name}", _table(leg, name))
+    found += _far_masses({f"leg.{name}": _table(leg, name) for name in links})
     for path, words in (*found, *_hop_faults(hop, joints)):
         if path not in refused:
             report.add(path, words)
@@ -80,20 +81,28 @@ def _vector_faults(path: str, table: Mapping[str, Any], entry: str) -> Iterator[
 
 
 def _solid_faults(path: str, link: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """A link's own tensor and centre of mass: given once, near the link, of a body that can exist."""
+    """A link's own tensor and centre of mass: given once, of a body that can exist."""
     for one, other in (("com", "com_position"), ("inertia", "inertia_tensor")):
         if link.get(one) is not None and link.get(other) is not None:
             yield f"{path}.{other}", f"says again what {path}.{one} says: remove one of them"
-    place, length, moments = link.get("com_position"), link.get("length"), link.get("inertia_tensor")
-    if _numbers(place, 3) and is_number(length) and np.linalg.norm(place) > 2 * length:
-        words = f"is further from the joint than twice {path}.length = {length} m"
-        yield f"{path}.com_position", f"= {shown(place)} m {words}"
+    moments = link.get("inertia_tensor")
     if _numbers(moments, 6):
         low, middle, high = principal_moments(moments)
         if low < 0 or not obeys_triangle(low, middle, high):
             words = f"has the principal moments {low:.3g}, {middle:.3g} and {high:.3g}, which no body has"
             remedy = "none is negative, each at most the sum of the others"
             yield f"{path}.inertia_tensor", f"= {shown(moments)} kg m^2 {words}: {remedy}"
+
+
+def _far_masses(links: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+    """Centres of mass further from their joint than the whole leg is long: a slip of the unit or a point."""
+    lengths = [link.get("length") for link in links.values()]
+    known = [length for length in lengths if is_number(length)]
+    for path, link in links.items():
+        place = link.get("com_position")
+        if len(known) == len(lengths) and _numbers(place, 3) and np.linalg.norm(place) > sum(known):
+            words = f"is further from the joint than the whole leg is long ({sum(known):.3g} m)"
+            yield f"{path}.com_position", f"= {shown(place)} m {words}"
 
 
 def _numbers(value: Any, count: int) -> TypeGuard[tuple[float, ...]]:
