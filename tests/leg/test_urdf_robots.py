@@ -9,7 +9,9 @@ import pytest
 
 from hopopt import load
 from hopopt.design import Design
+from hopopt.design.leg import physical_parameters
 from hopopt.errors import ProblemFileError
+from hopopt.leg.inertia import PAIRS
 from hopopt.problem.checking.hints import hints
 
 HEAD = 'name = "m"\n[leg]\nurdf = "leg.urdf"\njoints = ["hip", "knee"]\nfoot_frame = "foot"\n'
@@ -222,3 +224,57 @@ def test_a_mass_far_from_a_short_link_is_doubted_and_one_beyond_the_leg_refused(
     )
     said = refusal(read, *with_mass_at("0.5"))
     assert "leg.foot.com_position = [0.5, 0.0, -0.03] m is further from the joint than the whole leg is long" in said
+
+
+def test_what_is_fixed_to_a_link_is_part_of_it(read: Any) -> None:
+    """A motor fixed to the thigh, turned: mass, centre of mass and tensor by the parallel axis theorem."""
+    at, moments = np.array([0.03, 0.01, -0.15]), np.array([1e-3, 2e-3, 3e-3])
+    motor = link("motor", inertial("0 0 0", 0.6, *moments))
+    fixed = joint("bolts", "thigh", "motor", " ".join(map(str, at)), "fixed", "")
+    turned = fixed.replace("/></joint>", ' rpy="1.5707963267948966 0 0"/></joint>')
+    thigh = read(robot(motor + turned)).leg.link["thigh"]
+    com = (np.array([0, 0, -0.1]) + 0.6 * at) / 1.6
+    own, other = np.diag([0.004, 0.004, 0.001]), np.diag(moments[[0, 2, 1]])
+    tensor = sum(
+        inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))
+        for mass, r, inertia in ((1.0, [0, 0, -0.1] - com, own), (0.6, at - com, other))
+    )
+    assert thigh.mass == pytest.approx(1.6, abs=1e-14)
+    np.testing.assert_allclose(thigh.com_position, com, atol=1e-14)
+    np.testing.assert_allclose(thigh.inertia_tensor, [tensor[i] for i in PAIRS], atol=1e-14)
+
+
+def test_an_axis_counts_as_it_lies_in_the_robot(read: Any) -> None:
+    """A knee whose frame is turned, so that its axis is the robot's -y all the same; and one that is really tilted."""
+    quarter = 'origin xyz="0 0 -0.2" rpy="1.5707963267948966 0 0"/><axis xyz="0 0 1"'
+    knee = PARTS["knee"].replace('origin xyz="0 0 -0.2"/><axis xyz="0 -1 0"', quarter)
+    back = PARTS["sole"].replace('xyz="0 0 -0.25"', 'xyz="0 -0.25 0" rpy="-1.5707963267948966 0 0"')
+    shank = link("shank", inertial("0 -0.1 0", 0.5, 0.002, 0.0005, 0.002))
+    assert knee != PARTS["knee"]
+    turned, plain = read(robot(knee=knee, sole=back, shank=shank)).leg, read(robot()).leg
+    np.testing.assert_allclose(turned.joint["knee"].axis, plain.joint["knee"].axis, atol=1e-12)
+    for one, other in zip(turned.link.values(), plain.link.values(), strict=True):
+        np.testing.assert_allclose(one.direction, other.direction, atol=1e-12)
+        np.testing.assert_allclose(one.com_position, other.com_position, atol=1e-12)
+        np.testing.assert_allclose(one.inertia_tensor, other.inertia_tensor, atol=1e-12)
+    tilted = read(robot(knee=PARTS["knee"].replace('axis xyz="0 -1 0"', 'axis xyz="3 -4 0"'))).leg
+    np.testing.assert_allclose(tilted.joint["knee"].axis, [0.6, -0.8, 0], atol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["fixed", "floating"])
+@pytest.mark.parametrize("name", ["root_joint", "base"])
+def test_a_body_may_hang_on_the_world(kind: str, name: str, read: Any) -> None:
+    hung = link("world") + joint(name, "world", "body", "1 2 3", kind, "")
+    one, other = read(robot(hung)).leg, read(robot()).leg
+    assert physical_parameters(one) == pytest.approx(physical_parameters(other), rel=1e-12)
+    assert one.joint == other.joint
+
+
+def test_a_joint_called_as_the_world_of_pinocchio_is_refused(read: Any) -> None:
+    """Its links would otherwise be lumped into the world, and their mass be lost."""
+    hung = link("world") + joint("universe", "world", "body", kind="fixed", inside="")
+    assert 'joint "universe" has the name that Pinocchio gives the world' in refusal(read, robot(hung))
+
+
+def test_a_robot_in_two_pieces_is_refused(read: Any) -> None:
+    assert "has 2 links without a parent (body, finger): a robot is one tree" in refusal(read, robot(FINGER))

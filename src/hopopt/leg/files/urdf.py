@@ -14,6 +14,9 @@ import pinocchio as pin
 from hopopt.leg.files.urdf_xml import Tree, UrdfError, link_in_xml, numbers, quoted, root_of
 from hopopt.leg.inertia import PAIRS, obeys_triangle, principal_moments
 
+FREE_BASE = (
+    "free base of the robot"  # the joint that Pinocchio puts above the root; "root_joint", its own name, may be in use
+)
 ROTATION_ROUNDING = 1e-10  # what rotations by a rounded half turn leave of a zero
 
 
@@ -74,7 +77,7 @@ def _reduced(tree: Tree, chain: Sequence[str], foot: str, point: np.ndarray, loc
 def reduced_model(tree: Tree, chain: Sequence[str], locked: Mapping[str, float]) -> pin.Model:
     """The whole robot on a free base with all joints locked but those of the chain; UrdfError if Pinocchio cannot read it."""
     try:
-        whole = pin.buildModelFromXML(tree.xml(), pin.JointModelFreeFlyer())
+        whole = pin.buildModelFromXML(tree.xml(), pin.JointModelFreeFlyer(), FREE_BASE)
         fixed = [k for k in range(2, whole.njoints) if whole.names[k] not in chain]
         return pin.buildReducedModel(whole, fixed, _reference(whole, locked))
     except (ValueError, RuntimeError) as error:

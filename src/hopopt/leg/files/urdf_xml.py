@@ -23,7 +23,8 @@ KEPT_ATTRIBUTES = {  # of what matters to the motion: an element's attributes
     "inertia": ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "limit": ("lower", "upper", "effort", "velocity"),
 }  # fmt: skip
 MOVING = ("revolute", "continuous")
-TYPES = (*MOVING, "prismatic", "fixed")
+LOCKABLE = (*MOVING, "prismatic")  # joints of one coordinate
+TYPES = (*LOCKABLE, "floating", "fixed")
 
 
 class UrdfError(ValueError):
@@ -78,8 +79,8 @@ class Tree:
 
     @property
     def movable(self) -> list[str]:
-        """Names of the joints that are not fixed."""
-        return [name for name, joint in self.joints.items() if joint.get("type") != "fixed"]
+        """Names of the joints of one coordinate: a floating one only holds the robot in its world."""
+        return [name for name, joint in self.joints.items() if joint.get("type") in LOCKABLE]
 
     def ends(self, joint: str) -> tuple[str, str]:
         """Parent and child link of a joint."""
@@ -90,6 +91,8 @@ class Tree:
         kind = joint.get("type", "")
         if kind not in TYPES:
             raise UrdfError(f"joint {quoted(name)} is of type {quoted(kind)}: hopopt reads {', '.join(TYPES)}")
+        if name == "universe":
+            raise UrdfError('joint "universe" has the name that Pinocchio gives the world: give it another one')
         for end, link in zip(("parent", "child"), self.ends(name), strict=True):
             if link not in self.links:
                 raise UrdfError(f"joint {quoted(name)} has the {end} link {quoted(link)}, which the file does not have")
@@ -164,7 +167,7 @@ class Tree:
         for name, joint in self.joints.items():
             copy = ET.SubElement(robot, "joint", name=name, type=joint.get("type", ""))
             _copy(joint, copy, ("parent", "child", "origin", "axis"))
-            if joint.get("type") != "fixed":
+            if joint.get("type") in LOCKABLE:
                 none = {"effort": "0", "velocity": "0"}
                 ET.SubElement(copy, "limit", none | _attributes(joint.find("limit")))
         return ET.tostring(robot, encoding="unicode")
