@@ -235,9 +235,12 @@ def test_what_is_fixed_to_a_link_is_part_of_it(read: Any) -> None:
     thigh = read(robot(motor + turned)).leg.link["thigh"]
     com = (np.array([0, 0, -0.1]) + 0.6 * at) / 1.6
     own, other = np.diag([0.004, 0.004, 0.001]), np.diag(moments[[0, 2, 1]])
-    tensor = sum(
-        inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))
-        for mass, r, inertia in ((1.0, [0, 0, -0.1] - com, own), (0.6, at - com, other))
+    tensor = np.sum(
+        [
+            inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))
+            for mass, r, inertia in ((1.0, [0, 0, -0.1] - com, own), (0.6, at - com, other))
+        ],
+        axis=0,
     )
     assert thigh.mass == pytest.approx(1.6, abs=1e-14)
     np.testing.assert_allclose(thigh.com_position, com, atol=1e-14)

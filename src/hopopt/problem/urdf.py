@@ -187,10 +187,10 @@ def _report_missing(joint: str, entries: list[str], report: Report) -> None:
     report.unreadable = True  # what is missing then would only be said again
 
 
-def _motor(holder: Any) -> Mapping[str, Any]:
+def _motor(holder: Any) -> dict[str, Any]:
     """What a table states of its motor."""
     motor = holder.get("motor") if isinstance(holder, Mapping) else None
-    return motor if isinstance(motor, Mapping) else {}
+    return dict(motor) if isinstance(motor, Mapping) else {}
 
 
 def _ratio(*holders: Any) -> float:
