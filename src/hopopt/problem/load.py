@@ -19,7 +19,7 @@ from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.named_parts import gives, named, with_numbers
 from hopopt.problem.reading import MAX_DEPTH, beside, read_tables, too_deep
 from hopopt.problem.render import Row, as_json, design_hash, resolved_toml, rows, shown, shown_path
-from hopopt.problem.urdf import ENTRIES, located, with_leg
+from hopopt.problem.urdf.leg import ENTRIES, located, with_leg
 
 __all__ = ["Row", "as_json", "builtin_names", "design_hash", "load", "resolved_toml", "rows", "template"]
 

@@ -12,7 +12,7 @@ from hopopt.design.fields import CATALOGUE_NAME
 from hopopt.problem.catalogue import names
 from hopopt.problem.catalogue_facts import CATALOGUE_PARTS
 from hopopt.problem.checking.entries import raw_schema
-from hopopt.problem.urdf import ENTRIES, FURTHEST_POINT
+from hopopt.problem.urdf.leg import ENTRIES, FURTHEST_POINT
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 WRITTEN_ANEW = ("unit", "physical", "allowed", "title", "default", "description")  # keywords that are written anew

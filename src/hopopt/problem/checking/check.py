@@ -11,7 +11,7 @@ from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.rules import drive_rules, entry_rules, heat_rules, loss_rules, start_rules, stated_once
 from hopopt.problem.checking.wording import allowed, did_you_mean, hint, is_number
 from hopopt.problem.render import shown, shown_path
-from hopopt.problem.urdf import ENTRIES
+from hopopt.problem.urdf.leg import ENTRIES
 
 NEEDED = {  # what to write where a whole section is missing
     "leg": "the table [leg] with joints and links, and [leg.body], [leg.motor] and [leg.gear]",

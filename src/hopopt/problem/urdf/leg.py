@@ -18,7 +18,7 @@ from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.wording import is_number
 from hopopt.problem.reading import beside
 from hopopt.problem.render import shown, shown_path
-from hopopt.problem.urdf_rules import urdf_rules
+from hopopt.problem.urdf.rules import urdf_rules
 
 ENTRIES = ("urdf", "foot_frame", "foot_point", "locked")  # of [leg], besides what a leg without a URDF has
 FURTHEST_POINT = 3.0  # m, as a link's length
