@@ -10,6 +10,7 @@ import pytest
 from hopopt import load
 from hopopt.design import Design
 from hopopt.design.leg import physical_parameters
+from hopopt.drivetrain.motor import rated
 from hopopt.errors import ProblemFileError
 from hopopt.leg.inertia import PAIRS
 from hopopt.problem.checking.hints import hints
@@ -281,3 +282,16 @@ def test_a_joint_called_as_the_world_of_pinocchio_is_refused(read: Any) -> None:
 
 def test_a_robot_in_two_pieces_is_refused(read: Any) -> None:
     assert "has 2 links without a parent (body, finger): a robot is one tree" in refusal(read, robot(FINGER))
+
+
+DATASHEET = "{voltage = 24.0, torque_constant = 0.5, winding_resistance = 0.4}"
+
+
+def test_a_datasheet_counts_over_the_urdf(read: Any) -> None:
+    """Stall torque 0.5 * 24 / 0.4 = 30 N m, no-load speed 24 / 0.5 = 48 rad/s; the knee without one keeps its own."""
+    for_all = read(robot(), f"motor = {DATASHEET}").leg
+    assert [rated(for_all, name) for name in for_all.joints] == [pytest.approx((30, 48), rel=1e-15)] * 2
+    hip = read(robot(), f"hip.motor = {DATASHEET}").leg
+    assert [rated(hip, name) for name in hip.joints] == [pytest.approx((30, 48), rel=1e-15), (60, 20)]
+    fed = read(robot(), f"supply.voltage = 24.0\nknee.motor = {DATASHEET.replace('voltage = 24.0, ', '')}").leg
+    assert [rated(fed, name) for name in fed.joints] == [(40, 20), pytest.approx((30, 48), rel=1e-15)]

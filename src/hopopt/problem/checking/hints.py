@@ -19,7 +19,9 @@ FASTEST, SLOWEST = 2700.0, 0.5  # rad/s: no-load speed of small motors at 26 000
 FURTHEST = 1.1 * np.pi  # rad: a joint turned by more than half a turn either way
 HEAVY = 3.0  # masses of the body in one link
 DIFFERENT = 0.1  # share by which a stated torque differs from what a datasheet implies
-FAR = 0.25  # lengths of the leg from a joint to its link's centre of mass, if it is twice the link's too; soles have 0.1
+FAR = (
+    0.25  # lengths of the leg from a joint to its link's centre of mass, if it is twice the link's too; soles have 0.1
+)
 DENSE = 500.0  # kg / m^3, mass of body and leg over the cube of the leg's reach; robots and animals have 10 to 100
 SLIPPERY = 0.05  # less than ice
 SHORT_STANCE = 0.01  # [s] on the paper's leg, of the longest stance

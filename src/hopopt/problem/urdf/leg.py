@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
+from hopopt.drivetrain.motor import IMPLIES
 from hopopt.files import read_regular
 from hopopt.leg.files.urdf import read_leg
 from hopopt.leg.files.urdf_xml import MAX_BYTES, UrdfError
@@ -154,22 +155,30 @@ def _name(link: str, taken: tuple[str, ...]) -> str:
 
 def _drives(found: Any, leg: Mapping[str, Any], report: Report) -> dict[str, Any]:
     """Motors from effort and velocity, taken for torque at standstill and speed at no torque: the conservative
-    reading, for the region then lies inside both limits. What [leg.motor] states holds for all joints; the rest comes
-    from the URDF, joint by joint. Joints without are reported."""
+    reading, for the region then lies inside both limits. What [leg.motor] states holds for all joints, and a datasheet
+    implies its own; the rest comes from the URDF, joint by joint. Joints without are reported."""
     drives: dict[str, dict[str, Any]] = {}
     common: dict[str, Any] = {}
-    for_all = _motor(leg)
+    for_all, implied = _motor(leg), set[str]()
     for item in found.links:
         own = leg.get(item.joint)
         ratio, given = _ratio(own, leg), _motor(own)
+        known = for_all.keys() | (here := _implied(for_all | given, leg))
+        implied |= here
         values = {"max_torque": item.effort / ratio, "max_speed": item.velocity * ratio}
-        stated = {k: v for k, v in values.items() if math.isfinite(v) and k not in for_all}
+        stated = {k: v for k, v in values.items() if math.isfinite(v) and k not in known}
         if stated:
             drives[item.joint] = {"motor": stated}
-        common = {k: v for k, v in (given | stated).items() if k in values and k not in for_all} | common
-        if missing := [entry for entry in values if entry not in (stated | given | for_all)]:
+        common = {k: v for k, v in (given | stated).items() if k in values and k not in known} | common
+        if missing := [entry for entry in values if entry not in stated.keys() | given.keys() | known]:
             _report_missing(item.joint, missing, report)
-    return ({"motor": common} if common else {}) | drives
+    return {"motor": {} if implied else common} | drives
+
+
+def _implied(motor: Mapping[str, Any], leg: Mapping[str, Any]) -> set[str]:
+    """Which of max_torque and max_speed the datasheet of a motor implies, where it is not stated."""
+    known = motor.keys() | ({"voltage"} if "supply" in leg else set())
+    return {name for name, entries in IMPLIES.items() if name not in motor and known >= set(entries)}
 
 
 MEANT = {"max_torque": "effort", "max_speed": "velocity"}  # entries of a motor: what a URDF has for them
