@@ -185,3 +185,15 @@ def test_less_time_to_cool_and_lower_limits_cost_height(for_ever: Solution) -> N
     free = solve(load("paper", THERMAL), starts=1).clearance
     cooler = solve(load("paper", {**THERMAL, "leg.motor.winding_limit": 90.0, "hop.pause": PAUSE}), starts=1).clearance
     assert all(a > b + 1e-3 for a, b in pairwise([free, for_ever.clearance, cooler]))
+
+
+@pytest.mark.slow
+def test_a_periodic_hop_has_no_pause_and_no_cycle_that_grows_hotter_without_end() -> None:
+    """An unstable cycle would repeat itself too, with windings far below ambient."""
+    own = {"leg.motor.winding_limit": 150.0, "hop.kind": "periodic", "hop.clearance": 0.2}
+    found = solve(load("paper", {**THERMAL, **own}), starts=1)
+    assert found.verified
+    assert found.summary.heat is not None
+    for joint in found.summary.heat.values():
+        assert joint.winding_temperature_C is not None
+        assert joint.winding_temperature_C <= 150.0 + 0.0125

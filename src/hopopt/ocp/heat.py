@@ -14,6 +14,7 @@ from hopopt.ocp.drives import asked
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.problem import INF, BoundaryConstraint, Ends, Instant, PathConstraint, Phase, State, linkage
 
+COLDEST = -0.01  # of the range: a cycle that repeats where heat grows without end has rises far below ambient
 RISES = "rises"  # the state that is added: of winding and housing of each limited joint, one after the other
 
 
@@ -34,7 +35,7 @@ def with_heat(leg: MovingLeg, phase: Phase, motion: MotionAt) -> Phase:
         return phase
     scales = np.repeat([range_of(leg, joint) for joint in joints], 2)
     labels = tuple(f"{joint} {body}" for joint in joints for body in ("winding", "housing"))
-    own = State(RISES, len(labels), scale=scales, unit="K", labels=labels)
+    own = State(RISES, len(labels), lower=COLDEST * scales, scale=scales, unit="K", labels=labels)
     torques = [asked(leg, joint, motion) for joint in joints]
 
     def rates(s: Instant) -> Mapping[str, ca.SX]:
