@@ -6,6 +6,7 @@ from math import inf
 from hopopt.errors import UsageError
 
 MOST_AMOUNTS = {
+    "verify-best": 1000,
     "starts": 1000,  # as solver.starts
     "draws": 10_000,  # 4603 promise what 99.9 % of legs reach with confidence 0.99
     "hops": 1000,  # one after the other: a megabyte each

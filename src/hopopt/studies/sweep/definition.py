@@ -51,6 +51,7 @@ class Definition:
     sample: str | None = None
     seed: int = 0
     starts: int | None = None
+    preliminary: bool = False  # solved on the first mesh alone (studies/maps)
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -114,7 +115,7 @@ class Definition:
         return {
             "format": FORMAT, "problem": self.design.name, "problem_hash": design_hash(self.design),
             "objective": self.objective, "axes": axes, "sample": self.sample, "seed": self.seed,
-            "starts": self.starts, "points": len(self.points),
+            "starts": self.starts, "points": len(self.points), **({"preliminary": True} if self.preliminary else {}),
         }  # fmt: skip
 
 
@@ -126,6 +127,7 @@ def define(
     sample: str | None = None,
     seed: int = 0,
     starts: int | None = None,
+    preliminary: bool = False,
 ) -> Definition:
     """The study of ``design`` with the entries of ``vary`` varied: a text (60:160:11 or 60,80,100), a list of
     values, or, with a sample, (lower, upper). UsageError in a sentence if that makes no study."""
@@ -143,7 +145,7 @@ def define(
         count *= 1 if sample else len(a.values)
     if count > MOST_POINTS:
         raise UsageError(f"these are {count} points: a study has {MOST_POINTS} at most")
-    return Definition(design, objective, axes, sample, seed, starts)
+    return Definition(design, objective, axes, sample, seed, starts, preliminary)
 
 
 def parse(texts: Sequence[str]) -> dict[str, str]:

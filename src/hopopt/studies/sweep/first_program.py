@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,10 @@ NEIGHBOUR_ITERATIONS = 60  # iterations from a neighbour's multipliers
 FRACTIONS = np.linspace(0.0, 1.0, 9)  # of each phase, where its shape is taken
 
 Begin = Mapping[str, np.ndarray]  # what a neighbour begins from
-_compiled: dict[str, tuple[Hop, Transcription, NlpSolver]] = {}  # this process's last program of the first mesh
+KEPT_PROGRAMS = 2  # of the first mesh, by a process: for neighbours, and for starts
+FROM_NEIGHBOUR = CARRIED | {"ipopt.max_iter": NEIGHBOUR_ITERATIONS}
+
+_compiled: dict[str, tuple[Hop, Transcription, NlpSolver]] = {}  # this process's last programs of the first mesh
 
 
 @dataclass(frozen=True)
@@ -36,37 +40,46 @@ class Neighbour:
 
 
 def first_program(
-    definition: Definition, hop: Hop, values: Mapping[str, float], until: Deadline
-) -> tuple[Transcription, NlpSolver]:
-    """The first mesh's program of a point, compiled once for all points that differ in numbers of leg and start.
+    definition: Definition, hop: Hop, values: Mapping[str, float], until: Deadline,
+    options: Mapping[str, Any] = FROM_NEIGHBOUR,
+) -> tuple[Transcription, NlpSolver]:  # fmt: skip
+    """The first mesh's program of a point, compiled once for all points that differ in numbers of leg and start, with Ipopt's
+    ``options``.
 
     It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
     """
     form = {entry: values[entry] for entry in _formative(hop.leg, values)}
-    key = repr((definition.as_dict(), form))
+    key = repr((definition.as_dict(), form, options))
     if key not in _compiled:
-        _compiled.clear()
+        while len(_compiled) >= KEPT_PROGRAMS:
+            del _compiled[next(iter(_compiled))]
         try:
-            _compiled[key] = _ready(Hop(definition.design_with(form), definition.objective))
+            _compiled[key] = _ready(Hop(definition.design_with(form), definition.objective), options=options)
         except ProblemFileError:  # only its points are possible
-            return _ready(hop, until)[1:]
+            return _ready(hop, until, options)[1:]
     common, t, solver = _compiled[key]
     if common.dependent != hop.dependent:  # which joints a closed loop moves is form too
-        return _ready(hop, until)[1:]
+        return _ready(hop, until, options)[1:]
     t = with_numbers_of(t, hop.problem)
     return t, solver.on(t, until)
 
 
-def _ready(hop: Hop, until: Deadline = NEVER) -> tuple[Hop, Transcription, NlpSolver]:
-    """A problem with its first mesh's program, to be solved from a neighbour's multipliers."""
+def _ready(
+    hop: Hop, until: Deadline = NEVER, options: Mapping[str, Any] = FROM_NEIGHBOUR
+) -> tuple[Hop, Transcription, NlpSolver]:
+    """A problem with its first mesh's program, to be solved with Ipopt's options."""
     t = first_transcription(hop)
-    return hop, t, NlpSolver(t, CARRIED | {"ipopt.max_iter": NEIGHBOUR_ITERATIONS}, until=until)
+    return hop, t, NlpSolver(t, options, until=until)
 
 
 def compiling_shared(definition: Definition) -> AbstractContextManager[None]:
     """Derivatives are compiled where all points share them: where numbers of the leg and its start alone are varied."""
-    varied = (axis.entry for axis in definition.axes)
-    return nullcontext() if _formative(definition.design.leg, varied) else compiling()
+    return nullcontext() if formative_entries(definition) else compiling()
+
+
+def formative_entries(definition: Definition) -> list[str]:
+    """The varied entries that change a program's form or bounds, so that it is built anew for each of their values."""
+    return _formative(definition.design.leg, (axis.entry for axis in definition.axes))
 
 
 def _formative(leg: Leg, entries: Iterable[str]) -> list[str]:
@@ -78,11 +91,12 @@ def _formative(leg: Leg, entries: Iterable[str]) -> list[str]:
 def from_neighbour(hop: Hop, t: Transcription, solver: NlpSolver, source: Neighbour) -> StartOutcome:
     """The first mesh's program from a neighbour's optimum: with its multipliers, else without."""
     began, name, begin = time.perf_counter(), f"point {source.index}", source.begin
-    if len(begin["x"]) != len(t.scale) or len(begin["lam_g"]) != len(t.lbg):  # another mesh or other constraints
+    multipliers = (begin["lam_g"], begin["lam_x"]) if "lam_g" in begin else None  # a map keeps none
+    if len(begin["x"]) != len(t.scale) or (multipliers and len(multipliers[0]) != len(t.lbg)):  # another mesh or limits
         return StartOutcome(name, "does not fit", False, 0.0, 0, 0.0, {})
     z = begin["x"] / t.scale
-    s = solver.from_vector(z, (begin["lam_g"], begin["lam_x"]))
-    if not s.success:
+    s = solver.from_vector(z, multipliers) if multipliers else None
+    if s is None or not s.success:
         s = NlpSolver(t, {"ipopt.max_iter": hop.design.solver.max_iterations}, until=solver.until).from_vector(z)
     return outcome_of(name, s, time.perf_counter() - began)
 

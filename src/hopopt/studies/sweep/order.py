@@ -13,12 +13,15 @@ UNLIKE = 0.3  # of the scaled states: farther apart are optima of different kind
 DOUBT = 5e-4  # relative: how far below its neighbours' trend a point may lie
 
 
-def tree(points: np.ndarray, chosen: Sequence[int]) -> tuple[list[int], dict[int, int]]:
-    """An order of the chosen points (n, d), and of all but the seeds the point before it that is nearest (Prim)."""
+def tree(
+    points: np.ndarray, chosen: Sequence[int], first: int | None = None
+) -> tuple[list[int], dict[int, int]]:
+    """An order of the chosen points (n, d), and of all but the seeds the point before it that is nearest (Prim);
+    ``first``: the only seed, if it is given."""
     x = points[list(chosen)]
     n = len(x)
-    order = [int(np.argmin(np.linalg.norm(x - x.mean(axis=0), axis=1)))]
-    while len(order) < 1 + n // SEED_FOR:
+    order = [int(np.argmin(np.linalg.norm(x - x.mean(axis=0), axis=1))) if first is None else list(chosen).index(first)]
+    while first is None and len(order) < 1 + n // SEED_FOR:
         order.append(int(np.argmax(np.min([np.linalg.norm(x - x[s], axis=1) for s in order], axis=0))))
     away, parent, parents = np.full(n, np.inf), np.full(n, -1), dict[int, int]()
     for s in order:
@@ -63,7 +66,7 @@ def doubtful(
     x = definition.normalized
     good = [k for k, p in sorted(finished.items()) if p.verified]
     value = sign * np.array([finished[k].objective_value or 0.0 for k in good])
-    below = _below_trend(x[good], value)
+    below = below_trend(x[good], value)
     suspects = {k for k, low in zip(good, below, strict=True) if low}
     suspects |= {k for k, p in finished.items() if p.outcome not in (VERIFIED, IMPOSSIBLE)}
     worse = _contradicted(definition, finished, sign)
@@ -105,7 +108,7 @@ def _next_to(k: int, good: Sequence[int], x: np.ndarray) -> list[int]:
     return [g for g, d in zip(good, distance, strict=True) if g != k and d <= np.sort(distance)[count] + 1e-9]
 
 
-def _below_trend(x: np.ndarray, value: np.ndarray) -> np.ndarray:
+def below_trend(x: np.ndarray, value: np.ndarray) -> np.ndarray:
     """Which values lie below the parabola through their nearest neighbours, by more than such parabolas are wrong."""
     n, d = x.shape
     unknowns = 1 + 2 * d

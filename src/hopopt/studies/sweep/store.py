@@ -57,6 +57,7 @@ def read_definition(folder: Path) -> Definition:
         data = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
         vary = {a["entry"]: a.get("values") or a["range"] for a in data["axes"]}
         more = {name: data[name] for name in ("objective", "sample", "seed", "starts")}
+        more["preliminary"] = bool(data.get("preliminary"))
         found = define(load(folder / "problem.toml"), vary, **more)
         stamp(found)  # its points follow from it
     except FileNotFoundError:

@@ -1,0 +1,217 @@
+"""A map: every point of a study solved on the first mesh alone, warm from its neighbour, and some of them verified.
+
+The first point gets the search of a single solve; the families of hops that it finds are carried through the map, piece by
+piece, and each is followed where it could be the best. Points that failed or lie below the trend are solved again
+from all around them. What is given depends on the definition alone, not on the number of processes or on interruptions.
+"""
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from hopopt.amounts import check
+from hopopt.files import remove_abandoned
+from hopopt.ocp.objectives.registry import find
+from hopopt.planner.stopwatch import Countdown
+from hopopt.studies.faults import kept
+from hopopt.studies.maps.found import Map, Verified
+from hopopt.studies.maps.part_file import FOLDER, read_part, save_part
+from hopopt.studies.maps.piece import AGAIN, FIRST, PIECE, Part, solve_piece, solve_points_again
+from hopopt.studies.maps.pieces import neighbours, pieces
+from hopopt.studies.maps.search import first_search
+from hopopt.studies.maps.warm import MapPoint
+from hopopt.studies.sweep.definition import Definition
+from hopopt.studies.sweep.first_program import Neighbour
+from hopopt.studies.sweep.order import below_trend
+from hopopt.studies.sweep.point import solve_point
+from hopopt.studies.sweep.point_file import IMPOSSIBLE, Point
+from hopopt.studies.sweep.store import check_same, load_points, open_folder, save_point, save_tables
+from hopopt.studies.sweep.workers.crew import Workers
+from hopopt.studies.sweep.workers.processes import Progress, workers
+
+CHECKED = 5  # points drawn and verified, to see how far the first mesh is off
+GROUP = 8  # points that are solved again together
+
+
+def run_map(
+    definition: Definition,
+    *,
+    verify_best: int = 0,
+    checked: int = CHECKED,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    results: Path = Path("results"),
+    resume: Path | None = None,
+    progress: Progress | None = None,
+    opened: Callable[[Path], None] = lambda folder: None,
+) -> Map:
+    """The map of a definition, begun or resumed; ``opened`` is told the folder before the work.
+
+    verify_best: how many of the best points are solved and verified in full; checked: how many points drawn at random
+    """
+    began, say = time.perf_counter(), progress or (lambda text: None)
+    check("verify-best", verify_best, 0)
+    folder = _folder(definition, results, resume)
+    opened(folder)
+    for place in (folder, folder / "points", folder / FOLDER):
+        remove_abandoned(place)
+    with kept(folder, f"what is finished is kept: hopopt sweep --resume {folder}"):
+        with workers(count := processes or os.cpu_count() or 1, scheduler) as crew:
+            work = _Work(definition, folder, crew, say)
+            first = read_part(folder, FIRST, 0, definition) or _saved(folder, first_search(definition, count, say))
+            parts = work.pieces(first)
+            parts += work.again(parts)
+            points, solved_now, mapping = _latest(parts), work.solved, time.perf_counter() - began
+            drawn, best = _drawn(definition, points, checked), _best(definition, points, verify_best)
+            verified = work.verified(points, _hops(parts), list(dict.fromkeys([*drawn, *best])))
+        sampled, leading = (tuple(Verified(points[k], verified[k]) for k in chosen) for chosen in (drawn, best))
+        preliminary = tuple(points[k] for k in range(len(points)))
+        shown = tuple(verified.get(k, p) for k, p in enumerate(preliminary))
+        found = Map(
+            definition, shown, folder, time.perf_counter() - began, preliminary, first.words, sampled, leading, mapping,
+            solved_now,
+        )  # fmt: skip
+        save_tables(folder, definition, found.points, found.as_dict())
+        return found
+
+
+def _folder(definition: Definition, results: Path, resume: Path | None) -> Path:
+    if resume is not None:
+        check_same(resume, definition)
+    folder = resume or open_folder(definition, results)
+    (folder / FOLDER).mkdir(exist_ok=True)
+    return folder
+
+
+def _saved(folder: Path, part: Part) -> Part:
+    save_part(folder, part)
+    return part
+
+
+@dataclass
+class _Work:
+    """What the workers do for a map, each thing as it was kept if it is finished already.
+
+    solved: points that were solved now
+    """
+
+    definition: Definition
+    folder: Path
+    crew: Workers
+    say: Progress
+    solved: int = 0
+
+    def pieces(self, first: Part) -> list[Part]:
+        """Every piece, each as soon as the one that it begins from is there."""
+        (begin, families), *_ = first.exits.items()
+        whole = pieces(self.definition, begin)
+        home = {k: piece.number for piece in whole for k in piece.points}
+        done = {p.number: part for p in whole if (part := read_part(self.folder, PIECE, p.number, self.definition))}
+        count_down = Countdown(self.say, "designs", sum(len(p.points) for p in whole if p.number not in done))
+        waiting = [p for p in whole if p.number not in done]
+        while waiting or self.crew.busy:
+            ready = [p for p in waiting if p.entrance is None or home[p.entrance] in done]
+            for piece in ready[: self.crew.free]:
+                waiting.remove(piece)
+                if piece.entrance is None:
+                    known, before = families, None
+                else:
+                    known, before = _begun(done[home[piece.entrance]], piece.entrance)
+                self.crew.submit(solve_piece, self.definition, piece, known, before)
+            for part in self.crew.done():
+                save_part(self.folder, part)
+                done[part.number] = part
+                self.solved += len(part.points)
+                count_down.more(len(part.points))
+        return [done[p.number] for p in whole]
+
+    def again(self, parts: Sequence[Part]) -> list[Part]:
+        """Points that failed or lie below the trend of those around them, solved again from these."""
+        points, hops = _latest(parts), _hops(parts)
+        doubted = _doubted(self.definition, points)
+        groups = [doubted[at : at + GROUP] for at in range(0, len(doubted), GROUP)]
+        done = {n: part for n in range(len(groups)) if (part := read_part(self.folder, AGAIN, n, self.definition))}
+        waiting = [n for n in range(len(groups)) if n not in done]
+        if waiting:
+            left = sum(len(groups[n]) for n in waiting)
+            self.say(f"{left} of {len(points)} designs once more, from those around them")
+        while waiting or self.crew.busy:
+            for number in waiting[: self.crew.free]:
+                waiting.remove(number)
+                jobs = [(points[k], _around(self.definition, points, hops, k)) for k in groups[number]]
+                self.crew.submit(solve_points_again, self.definition, number, jobs)
+            for part in self.crew.done():
+                save_part(self.folder, part)
+                done[part.number] = part
+        return [done[n] for n in range(len(groups))]
+
+    def verified(
+        self, points: Mapping[int, MapPoint], hops: Mapping[int, np.ndarray], chosen: Sequence[int]
+    ) -> dict[int, Point]:
+        """The chosen points solved and verified in full, from their hops on the first mesh and by a search of their own."""
+        done = load_points(self.folder, self.definition).get(0, {})
+        waiting = [k for k in chosen if k not in done]
+        count_down = Countdown(self.say, "designs to be verified", len(waiting))
+        while waiting or self.crew.busy:
+            for k in waiting[: self.crew.free]:
+                waiting.remove(k)
+                self.crew.submit(solve_point, self.definition, k, [_neighbour(points[k], hops[k])])
+            for point, begin in self.crew.done():
+                save_point(self.folder, point, begin)
+                done[point.index] = point
+                count_down.more()
+        return done
+
+
+def _begun(part: Part, entrance: int) -> tuple[Mapping, int | None]:
+    """The families at a point of a finished piece, and the best of them."""
+    point = next(p for p in part.points if p.index == entrance)
+    return part.exits.get(entrance, {}), point.family if point.solved else None
+
+
+def _neighbour(point: MapPoint, x: np.ndarray) -> Neighbour:
+    """A point's hop of the first mesh, without multipliers, for itself to begin from."""
+    return Neighbour(point.index, 0, {"x": x.astype(float)})
+
+
+def _latest(parts: Sequence[Part]) -> dict[int, MapPoint]:
+    return {p.index: p for part in parts for p in part.points}
+
+
+def _hops(parts: Sequence[Part]) -> dict[int, np.ndarray]:
+    return {k: x for part in parts for k, x in part.x.items()}
+
+
+def _doubted(definition: Definition, points: Mapping[int, MapPoint]) -> list[int]:
+    """Possible points without a hop, and those that lie below the parabola through the hops around them."""
+    solved = [k for k, p in sorted(points.items()) if p.solved]
+    value = np.array([points[k].objective_value or 0.0 for k in solved]) * find(definition.objective).sign
+    low = below_trend(definition.normalized[solved], value) if solved else []
+    failed = [k for k, p in points.items() if not p.solved and p.outcome != IMPOSSIBLE]
+    return sorted([*failed, *(k for k, below in zip(solved, low, strict=True) if below)])
+
+
+def _around(
+    definition: Definition, points: Mapping[int, MapPoint], hops: Mapping[int, np.ndarray], k: int
+) -> list[tuple[int, np.ndarray]]:
+    """The hops of the points around one, each with its family."""
+    near = neighbours(definition, k, [g for g, p in points.items() if p.solved])
+    return [(points[g].family, hops[g]) for g in near]
+
+
+def _drawn(definition: Definition, points: Mapping[int, MapPoint], count: int) -> list[int]:
+    """So many of the points that have a hop, drawn with the study's seed."""
+    solved = sorted(k for k, p in points.items() if p.solved)
+    drawn = np.random.default_rng(definition.seed).permutation(len(solved))[:count]
+    return sorted(solved[n] for n in drawn)
+
+
+def _best(definition: Definition, points: Mapping[int, MapPoint], count: int) -> list[int]:
+    """The best points, the best first."""
+    signed_value = find(definition.objective).signed_value
+    solved = [p for p in points.values() if p.solved]
+    return [p.index for p in sorted(solved, key=lambda p: -signed_value(p.objective_value or 0.0))[:count]]
