@@ -8,7 +8,7 @@ below; of a class with no hops in it, ``asked.as_class`` does.
 # the old names are not in __all__: nobody need find them any more
 from hopopt.api.old_names import codesign as codesign  # pyright: ignore[reportDeprecated]
 from hopopt.api.old_names import front as front  # pyright: ignore[reportDeprecated]
-from hopopt.api.results import Front, RobustHop, Run, Study, Transition
+from hopopt.api.results import Front, Map, RobustHop, Run, Study, Transition
 from hopopt.api.solution import Comparison, HopsComparison, Ladder, Solution
 from hopopt.api.verbs import identify, pareto, read, robust, save, simulate, solve, sweep, transition
 from hopopt.design import Design
@@ -21,6 +21,7 @@ __all__ = [
     "Front",
     "HopsComparison",
     "Ladder",
+    "Map",
     "RobustHop",
     "Run",
     "Solution",

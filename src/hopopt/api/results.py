@@ -9,6 +9,7 @@ from hopopt.api.solution import Solution
 from hopopt.comparison.hops import transition
 from hopopt.comparison.robust import robust
 from hopopt.control import closed_loop
+from hopopt.studies.maps import found as maps
 from hopopt.studies.pareto import front
 from hopopt.studies.sweep import run
 
@@ -48,6 +49,11 @@ class Study(run.Study):
 
     def _repr_html_(self) -> str:
         return views.study_html(self)
+
+
+@dataclass(frozen=True, repr=False)
+class Map(maps.Map, Study):
+    """A study of the first mesh alone, with the points that were verified."""
 
 
 @dataclass

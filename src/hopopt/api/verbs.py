@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopopt.api.asked import Progress, as_class, renamed, told
-from hopopt.api.results import Front, RobustHop, Run, Study, Transition
+from hopopt.api.results import Front, Map, RobustHop, Run, Study, Transition
 from hopopt.api.solution import Solution
 from hopopt.comparison.hops import transition as transitions
 from hopopt.comparison.robust import robust as robustness
@@ -28,6 +28,7 @@ from hopopt.planner.reserve import plan_to_track
 from hopopt.problem.load import as_design
 from hopopt.storage import solution as storage
 from hopopt.studies import codesign as studies_codesign
+from hopopt.studies.maps.run import check_verify_best, run_map
 from hopopt.studies.pareto import trace as fronts
 from hopopt.studies.sweep.definition import define
 from hopopt.studies.sweep.run import run
@@ -128,6 +129,8 @@ def sweep(
     scheduler: str | None = None,
     results: str | Path | None = None,
     resume: str | Path | None = None,
+    preliminary: bool = False,
+    verify_best: int = 0,
     progress: Progress = False,
 ) -> Study:
     """Solve and verify a problem at every point of a study.
@@ -141,18 +144,25 @@ def sweep(
     scheduler: the address of a Dask scheduler, or "local" for a cluster of so many processes on this computer
     results: the folder below which a new one keeps every point (None: in a folder for temporary files)
     resume: the folder of a study that was stopped; it goes on there
+    preliminary: solve every point on the first mesh alone and verify some drawn ones; what is returned is a ``Map``
+    verify_best: of the preliminary points, how many of the best are verified
     progress: a function that is told a line of text, or True for lines on standard error
 
     Raises UsageError if the study makes no sense, ResultError if its folder cannot be used.
     """
-    definition = define(as_design(problem), vary, objective=objective, sample=sample, seed=seed, starts=starts)
+    check_verify_best(verify_best, preliminary)
+    definition = define(
+        as_design(problem), vary, objective=objective, sample=sample, seed=seed, starts=starts, preliminary=preliminary
+    )
     if results is None and resume is None:
         results = tempfile.mkdtemp(prefix="hopopt-")
-    found = run(
-        definition, processes=processes, scheduler=scheduler, results=Path(results or "."), progress=told(progress),
-        resume=None if resume is None else Path(resume),
-    )  # fmt: skip
-    return as_class(Study, found)
+    settings: dict[str, Any] = {
+        "processes": processes, "scheduler": scheduler, "results": Path(results or "."), "progress": told(progress),
+        "resume": None if resume is None else Path(resume),
+    }  # fmt: skip
+    if preliminary:
+        return as_class(Map, run_map(definition, verify_best=verify_best, **settings))
+    return as_class(Study, run(definition, **settings))
 
 
 @renamed(design="problem")

@@ -14,9 +14,9 @@ from hopopt.ocp.objectives.registry import find
 from hopopt.report.chart import Chart, round_numbers, span
 from hopopt.report.html import render
 from hopopt.storage.seal.digests import changed, manifest_of
-from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED, Point
+from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NO_LIMIT, NOT_SOLVED, NOT_VERIFIED, Point
 from hopopt.studies.sweep.run import Study
-from hopopt.studies.sweep.shown import NO_LIMIT, cell_edges, colors, entry_label, entry_unit, value
+from hopopt.studies.sweep.shown import cell_edges, colors, entry_label, entry_unit, value
 from hopopt.studies.sweep.store import FILES, load_points, read_definition
 
 MARKS = {NOT_VERIFIED: "×", NOT_SOLVED: "✕", IMPOSSIBLE: "+", ENDED: "!"}  # of points without a verified hop
@@ -59,7 +59,8 @@ def study_in(folder: Path) -> Study:
     for _, points in sorted(load_points(folder, definition).items()):
         latest |= points
     if not latest:
-        raise ResultError(f"{folder}: no point of this study is finished: hopopt sweep --resume {folder}")
+        verify, state = (" --verify-best 5", "verified") if definition.preliminary else ("", "finished")
+        raise ResultError(f"{folder}: no point of this study is {state}: hopopt sweep --resume {folder}{verify}")
     return Study(definition, tuple(latest[k] for k in sorted(latest)), folder, sum(p.seconds for p in latest.values()))
 
 
@@ -201,7 +202,7 @@ def _mark(
     study: Study, by_limit: Mapping[str, str], point: Point, chart: Chart, x: float, y: float, text: str = "",
     cell: tuple[float, ...] = (),
 ) -> Mark:  # fmt: skip
-    color = by_limit[point.limit or NO_LIMIT] if point.verified else ""
+    color = by_limit[point.kind] if point.verified else ""
     place = chart.x_zero + chart.x_scale * x, chart.y_zero + chart.y_scale * y
     words = _words(study, point) if len(study.points) * len(study.definition.axes) <= TITLED else ""
     return Mark(point, *place, color, words, text, cell)

@@ -8,10 +8,12 @@ from hopopt.cli.screen.console import Shown, table
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.answer.extras import CoDesign, FreeEntry
 from hopopt.planner.stopwatch import duration
+from hopopt.studies.maps.found import Map
 from hopopt.studies.pareto.front import Front
 from hopopt.studies.sweep.run import Study
 
 SHOWN = 60  # points; the rest is in the table's file
+LISTED = 12  # the best designs of a map
 
 
 def of_sweep(study: Study) -> Iterator[Shown]:
@@ -34,6 +36,61 @@ def of_sweep(study: Study) -> Iterator[Shown]:
         edge = f"; {study.at_the_edge}" if study.at_the_edge else ""
         yield f"best: {where}: clearance {best.clearance_m:.4f} m{edge}"
     yield f"results {study.folder}"
+
+
+def of_map(found: Map) -> Iterator[Shown]:
+    """The best designs, how far the first mesh was off where it was checked, which families are best, what was verified."""
+    goal, solved = find(found.definition.objective), [p for p in found.preliminary if p.solved]
+    checked = {s.preliminary.index: s.found for s in (*found.sampled, *found.best_verified)}
+    ranked = sorted(solved, key=lambda p: -goal.signed_value(p.objective_value or 0.0))
+    rows = []
+    for p in ranked[:LISTED]:
+        answer = checked.get(p.index)
+        state = "preliminary" if answer is None else answer.outcome
+        value = f"{answer.objective_value:.5g}" if answer is not None and answer.verified else ""
+        rows.append(
+            [*(f"{x:g}" for x in p.values.values()), f"{p.objective_value:.5g}", value, str(p.family or "-"), state]
+        )
+    of = f"{goal.name.replace('_', ' ')} {goal.unit}".removesuffix(" 1")
+    heads = [*(a.entry for a in found.definition.axes), f"{of}, preliminary", f"{of}, verified", "family", ""]
+    yield table(heads, rows, "the best designs: preliminary values are of the first mesh alone, and not verified")
+    if len(ranked) > LISTED:
+        yield f"… and {len(ranked) - LISTED} more in {found.folder / 'table.csv'}"
+    pace = f", {found.rate:.3g} designs a second" if found.rate else ""
+    yield f"{len(solved)} of {len(found.points)} designs have a preliminary hop{pace}; {duration(found.seconds)} in all"
+    yield from (f"{count} {outcome}" for outcome, count in found.without_hop.items())
+    yield from _families(found)
+    yield from _checked(found)
+    yield f"results {found.folder}"
+
+
+def _families(found: Map) -> Iterator[Shown]:
+    """What the hops of each family do, and where it is the best."""
+    for family, words in enumerate(found.families, 1):
+        yield f"family {family}, best at {found.best_in.get(family, 0)}: {words}"
+    if restarted := found.best_in.get(0):
+        yield f"no family led to a hop at {restarted}, but another start"
+    if found.switches:
+        yield f"another family than before is the best at {found.switches} designs"
+
+
+def _checked(found: Map) -> Iterator[Shown]:
+    """How far the first mesh was off where it was drawn to be verified, and the best of what was verified."""
+    off, drawn = found.differences, len(found.sampled)
+    if off:
+        middle = sorted(off)[len(off) // 2]
+        yield (
+            f"{drawn} designs drawn, {len(off)} verified: there the first mesh is off by {min(off):+.2%} to {max(off):+.2%} "
+            f"of the verified value, median {middle:+.2%}"
+        )
+    if found.missed:
+        yield f"at {found.missed} of these a search of its own finds a better hop than the families of the map: expect that elsewhere too"
+    for s in (s for s in (*found.sampled, *found.best_verified) if not s.found.verified):
+        yield f"number {s.preliminary.index + 1} was to be verified: {s.found.outcome}: {s.found.sentence}"
+    if found.best:
+        where = ", ".join(f"{entry} = {x:g}" for entry, x in found.best.values.items())
+        edge = f"; {found.at_the_edge}" if found.at_the_edge else ""
+        yield f"best that is verified: {where}: {found.best.objective_value:.5g} {find(found.definition.objective).unit}{edge}"
 
 
 def of_front(found: Front) -> Iterator[Shown]:

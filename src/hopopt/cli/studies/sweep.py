@@ -3,16 +3,17 @@
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from hopopt import amounts
 from hopopt.cli.expected_time import ExpectedTime
 from hopopt.cli.options import AsJson, Figures, Overrides, drawn, ended, note, repeated
 from hopopt.cli.screen.console import Shown, progress
-from hopopt.cli.screen.studies import of_sweep
+from hopopt.cli.screen.studies import of_map, of_sweep
 from hopopt.errors import UsageError
 from hopopt.plots.studies.sweep import save_all
 from hopopt.problem.load import load
+from hopopt.studies.maps.run import CHECKED, check_verify_best, run_map
 from hopopt.studies.sweep.definition import Definition, define, parse
 from hopopt.studies.sweep.recheck import Rechecked, recheck_study
 from hopopt.studies.sweep.run import run
@@ -37,6 +38,8 @@ def sweep(
     starts: int | None = None,
     processes: int | None = None,
     scheduler: str | None = None,
+    preliminary: bool = False,
+    verify_best: int = 0,
     resume: Path | None = None,
     results: Path = Path("results"),
     figures: Figures = True,
@@ -64,20 +67,28 @@ def sweep(
         How many points side by side (default: one for each core).
     scheduler
         Let the workers of a Dask scheduler do it: its address, or "local" for a cluster on this computer.
+    preliminary
+        Solve every point on the first mesh alone, warm from its neighbour: many designs a second, none of them verified but
+        five that are drawn.
+    verify_best
+        With --preliminary: how many of the best points are solved and verified in full.
     resume
         The folder of a study that was interrupted: it goes on where it stopped; nothing else need be given.
     results
         Folder for the results; each study gets a new folder inside it.
     """
-    definition = _definition(problem, vary, sample, seed, objective, set_, starts, resume)
+    definition = _definition(problem, vary, sample, seed, objective, set_, starts, resume, preliminary)
+    check_verify_best(verify_best, definition.preliminary)
     amounts.check_processes(processes)
     folders = [] if resume is None else [resume]
     try:
         with progress(json_, _expected(definition, processes, resume)) as say:
-            study = run(
-                definition, processes=processes, scheduler=scheduler, results=results, resume=resume, progress=say,
-                opened=folders.append,
-            )  # fmt: skip
+            settings: dict[str, Any] = {
+                "processes": processes, "scheduler": scheduler, "results": results, "resume": resume, "progress": say,
+                "opened": folders.append,
+            }  # fmt: skip
+            mapped = run_map(definition, verify_best=verify_best, **settings) if definition.preliminary else None
+            study = mapped or run(definition, **settings)
             if figures:
                 say("drawing")
                 safe = f"the data in {study.folder} are complete"
@@ -87,7 +98,7 @@ def sweep(
             raise
         kept = f"interrupted; what is finished is kept: hopopt sweep --resume {folders[-1]}"
         raise KeyboardInterrupt(kept) from None
-    return ended(study.as_dict(), json_, of_sweep(study), study.exit_code)
+    return ended(study.as_dict(), json_, of_map(mapped) if mapped else of_sweep(study), study.exit_code)
 
 
 def _expected(definition: Definition, processes: int | None, folder: Path | None) -> ExpectedTime:
@@ -95,6 +106,9 @@ def _expected(definition: Definition, processes: int | None, folder: Path | None
     finished = 0 if folder is None else len(list((folder / "points").glob("*.json")))
     side_by_side = min(processes or os.cpu_count() or 1, os.cpu_count() or 1)
     left = max(len(definition.points) - finished, 0)
+    if definition.preliminary:
+        parts = {"solve": 1.0, "design of a map": left / side_by_side, "point": CHECKED / side_by_side}
+        return ExpectedTime("map", definition.design, parts)
     return ExpectedTime("sweep", definition.design, {"point": 2.0 * left / side_by_side})  # measured on two cores
 
 
@@ -120,6 +134,7 @@ def _definition(
     set_: list[str] | None,
     starts: int | None,
     resume: Path | None,
+    preliminary: bool,
 ) -> Definition:
     """What is asked for; with only --resume, what that study's folder says."""
     if resume is not None and not (problem or vary or sample or set_):
@@ -128,9 +143,15 @@ def _definition(
             if asked not in ("clearance", 0, None, has := getattr(found, name)):
                 stated = "that of the problem" if has is None else has
                 raise UsageError(f"--{name} {asked}: of the study in {resume} it is {stated}: leave --{name} out")
+        if preliminary and not found.preliminary:
+            raise UsageError(
+                f"--preliminary: every point of the study in {resume} is verified: leave --preliminary out"
+            )
         return found
     design = load(problem or "paper", set_ or ())
-    return define(design, parse(vary or ()), objective=objective, sample=sample, seed=seed, starts=starts)
+    return define(
+        design, parse(vary or ()), objective=objective, sample=sample, seed=seed, starts=starts, preliminary=preliminary
+    )
 
 
 def rechecked(folder: Path, found: Sequence[Rechecked], doubts: Sequence[str]) -> Iterator[Shown]:

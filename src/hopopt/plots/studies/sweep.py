@@ -1,7 +1,7 @@
 """Figures of a design study: a curve over one entry, a map over two, one panel for each of more.
 
 Points and cells have the colour of the limit that holds their hop back; a map has its values written into its cells, or
-as contours where there are too many. Points without a verified hop are never left out: they are crosses, and hatched cells of a map.
+as contours where there are too many. Points without a hop are never left out: they are crosses, and hatched cells of a map.
 """
 
 from pathlib import Path
@@ -29,7 +29,7 @@ from hopopt.plots.style import (
 )
 from hopopt.studies.sweep.point_file import ENDED, IMPOSSIBLE, NOT_SOLVED, NOT_VERIFIED
 from hopopt.studies.sweep.run import Study
-from hopopt.studies.sweep.shown import NO_LIMIT, cell_edges, colors, entry_label, value
+from hopopt.studies.sweep.shown import cell_edges, colors, entry_label, kind_label, value
 
 ORANGE = COLOR["flight"]
 MOST_WRITTEN_CELLS = 120  # cells of a map that have room for their values
@@ -43,8 +43,9 @@ def figures(study: Study) -> dict[str, Figure]:
     """The study's figures by name."""
     axes = study.definition.axes
     draw = {1: _curve, 2: _map}.get(len(axes), _panels)
+    mark = ", preliminary: the first mesh alone" if study.definition.preliminary else ""
     figure = new_figure(
-        f"{called_after(study.definition.design)}: best {study.definition.objective} over {_listed(study)}"
+        f"{called_after(study.definition.design)}: best {study.definition.objective} over {_listed(study)}{mark}"
     )
     draw(figure, study)
     legend(figure)
@@ -70,7 +71,7 @@ def _goal(study: Study) -> str:
 
 
 def _heights(study: Study) -> np.ndarray:
-    """Clearance [m], or another objective's value; not-a-number where it is not verified."""
+    """Clearance [m], or another objective's value; not-a-number where there is none."""
     return np.array([value(study, p) for p in study.points])
 
 
@@ -98,15 +99,17 @@ def _panels(figure: Figure, study: Study) -> None:
 
 
 def _by_limit(ax: Axes, study: Study, x: np.ndarray, y: np.ndarray, size: float = 8) -> None:
-    """A dot for each verified point in the colour of its limit."""
-    for limit, color in colors(study).items():
-        at = [k for k, p in enumerate(study.points) if p.verified and (p.limit or NO_LIMIT) == limit]
-        ax.plot(x[at], y[at], "o", color=color, mec=BLACK, mew=0.6, ms=size, label=f"limit: {limit}", zorder=3)
+    """A dot for each verified point in the colour of its limit, and for each preliminary one in that of its family."""
+    for kind, color in colors(study).items():
+        at = [k for k, p in enumerate(study.points) if p.has_value and p.kind == kind]
+        ax.plot(
+            x[at], y[at], "o", color=color, mec=BLACK, mew=0.6, ms=size, label=kind_label(study.points[at[0]]), zorder=3
+        )
 
 
 def _failures_below(ax: Axes, study: Study, x: np.ndarray, z: np.ndarray) -> None:
     """Failed points as marks in a strip below the heights z, where the axis has no scale."""
-    if all(p.verified for p in study.points):
+    if all(p.has_value for p in study.points):
         return
     known = z[np.isfinite(z)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
@@ -165,9 +168,8 @@ def _cells(ax: Axes, study: Study, z: np.ndarray) -> None:
     for i, j in np.ndindex(z.shape):
         p, (a, b), (c, d) = grid[i, j], edges[0][i : i + 2], edges[1][j : j + 2]
         corners = [a, b, b, a], [c, c, d, d]
-        if p.verified:
-            limit = p.limit or NO_LIMIT
-            ax.fill(*corners, fc=by_limit[limit], ec="white", lw=0.5, alpha=0.75, label=f"limit: {limit}")
+        if p.has_value:
+            ax.fill(*corners, fc=by_limit[p.kind], ec="white", lw=0.5, alpha=0.75, label=kind_label(p))
             if z.size <= MOST_WRITTEN_CELLS:
                 size = min(TEXT, 20 * shortest)
                 ax.text((a + b) / 2, (c + d) / 2, f"{z[i, j]:#.4g}", fontsize=size, ha="center", va="center")

@@ -24,7 +24,7 @@ _one_at_a_time = threading.Lock()  # a worker of a scheduler may have several th
 class Part:
     """Points of a map that were solved together, and what others begin from.
 
-    kind: FIRST, PIECE or AGAIN
+    kind: FIRST, PIECE or, with its number, AGAIN
     number: of the piece or, of points that were solved again, of the group
     points: how each ended
     x: by point, variables [SI] of its hop, in single precision: they are many
@@ -63,7 +63,7 @@ def solve_piece(definition: Definition, piece: Piece, families: Families, before
 
 
 def solve_points_again(
-    definition: Definition, number: int, jobs: Sequence[tuple[MapPoint, Sequence[tuple[int, np.ndarray]]]]
+    definition: Definition, kind: str, number: int, jobs: Sequence[tuple[MapPoint, Sequence[tuple[int, np.ndarray]]]]
 ) -> Part:
     """Points again, each from the variables of other points, by their families."""
     points, x = list[MapPoint](), dict[int, np.ndarray]()
@@ -75,10 +75,12 @@ def solve_points_again(
             points.append(point if point.outcome != ENDED else old)
             if len(better):
                 x[old.index] = better.astype(np.float32)
-    return Part(AGAIN, number, tuple(points), x)
+    return Part(kind, number, tuple(points), x)
 
 
-def _timed(definition: Definition, k: int, job: Callable[..., Any], *given: Any, otherwise: Any) -> tuple[MapPoint, Any]:
+def _timed(
+    definition: Definition, k: int, job: Callable[..., Any], *given: Any, otherwise: Any
+) -> tuple[MapPoint, Any]:
     """What a job gives of a point, with its time; of one that a fault of hopopt ended the fault, and ``otherwise``."""
     began, found = perf_counter(), guarded(job, *given)
     if isinstance(found, Fault):

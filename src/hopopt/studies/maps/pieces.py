@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.first_program import formative_entries
@@ -91,9 +92,9 @@ def _over_grid(definition: Definition, first: int) -> tuple[list[int], dict[int,
     return sorted(range(len(step)), key=lambda k: (int(distance[k]), k)), parents
 
 
-def neighbours(definition: Definition, k: int, chosen: Sequence[int]) -> list[int]:
-    """The chosen points nearest to point k, two for each axis at most."""
-    x = definition.spaced
-    others = [g for g in chosen if g != k]
-    distance = np.linalg.norm(x[others] - x[k], axis=1)
-    return [others[g] for g in np.argsort(distance, kind="stable")[: 2 * x.shape[1]]]
+def neighbours(definition: Definition, chosen: Sequence[int]) -> dict[int, list[int]]:
+    """By point of the study, the chosen points nearest to it, two for each axis at most, the nearest first."""
+    x, every = definition.spaced, np.array(chosen, dtype=int)
+    count = min(2 * x.shape[1] + 1, len(every))
+    near = np.array(KDTree(x[every]).query(x, k=count)[1]).reshape(len(x), count)
+    return {k: [g for g in every[row].tolist() if g != k][: 2 * x.shape[1]] for k, row in enumerate(near)}

@@ -8,33 +8,35 @@ from all around them. What is given depends on the definition alone, not on the 
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hopopt.amounts import check
+from hopopt.errors import UsageError
 from hopopt.files import remove_abandoned
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.stopwatch import Countdown
 from hopopt.studies.faults import kept
+from hopopt.studies.maps.doubt import doubtful
 from hopopt.studies.maps.found import Map, Verified
 from hopopt.studies.maps.part_file import FOLDER, read_part, save_part
 from hopopt.studies.maps.piece import AGAIN, FIRST, PIECE, Part, solve_piece, solve_points_again
-from hopopt.studies.maps.pieces import neighbours, pieces
+from hopopt.studies.maps.pieces import pieces
 from hopopt.studies.maps.search import first_search
 from hopopt.studies.maps.warm import MapPoint
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.first_program import Neighbour
-from hopopt.studies.sweep.order import below_trend
 from hopopt.studies.sweep.point import solve_point
-from hopopt.studies.sweep.point_file import IMPOSSIBLE, Point
+from hopopt.studies.sweep.point_file import Point
 from hopopt.studies.sweep.store import check_same, load_points, open_folder, save_point, save_tables
 from hopopt.studies.sweep.workers.crew import Workers
 from hopopt.studies.sweep.workers.processes import Progress, workers
 
 CHECKED = 5  # points drawn and verified, to see how far the first mesh is off
 GROUP = 8  # points that are solved again together
+PASSES = 4  # in which points are solved again, at most
 
 
 def run_map(
@@ -54,7 +56,7 @@ def run_map(
     verify_best: how many of the best points are solved and verified in full; checked: how many points drawn at random
     """
     began, say = time.perf_counter(), progress or (lambda text: None)
-    check("verify-best", verify_best, 0)
+    check_verify_best(verify_best, definition.preliminary)
     folder = _folder(definition, results, resume)
     opened(folder)
     for place in (folder, folder / "points", folder / FOLDER):
@@ -77,6 +79,13 @@ def run_map(
         )  # fmt: skip
         save_tables(folder, definition, found.points, found.as_dict())
         return found
+
+
+def check_verify_best(count: int, preliminary: bool) -> None:
+    """UsageError for a number of best points to be verified that cannot be, or where all points are."""
+    check("verify-best", count, 0)
+    if count and not preliminary:
+        raise UsageError("--verify-best goes with --preliminary: without that every point is verified")
 
 
 def _folder(definition: Definition, results: Path, resume: Path | None) -> Path:
@@ -130,23 +139,37 @@ class _Work:
         return [done[p.number] for p in whole]
 
     def again(self, parts: Sequence[Part]) -> list[Part]:
-        """Points that failed or lie below the trend of those around them, solved again from these."""
-        points, hops = _latest(parts), _hops(parts)
-        doubted = _doubted(self.definition, points)
-        groups = [doubted[at : at + GROUP] for at in range(0, len(doubted), GROUP)]
-        done = {n: part for n in range(len(groups)) if (part := read_part(self.folder, AGAIN, n, self.definition))}
+        """Points that are to be doubted solved again from those around them, until that improves none."""
+        found = list[Part]()
+        for number in range(1, PASSES + 1):
+            points = _latest([*parts, *found])
+            jobs = doubtful(self.definition, points, number == 1)
+            done = self._again(number, jobs, points, _hops([*parts, *found]))
+            found += done
+            if not any(part.x for part in done):
+                break
+        return found
+
+    def _again(
+        self, number: int, jobs: Mapping[int, Sequence[int]], points: Mapping[int, MapPoint], hops: Mapping[int, np.ndarray]
+    ) -> list[Part]:  # fmt: skip
+        """These points, each from the hops at others."""
+        kind, every = f"{AGAIN}-{number}", list(jobs)
+        groups = [every[at : at + GROUP] for at in range(0, len(every), GROUP)]
+        done = {n: part for n in range(len(groups)) if (part := read_part(self.folder, kind, n, self.definition))}
         waiting = [n for n in range(len(groups)) if n not in done]
-        if waiting:
-            left = sum(len(groups[n]) for n in waiting)
-            self.say(f"{left} of {len(points)} designs once more, from those around them")
+        count_down = Countdown(
+            self.say, "designs once more, from those around them", sum(len(groups[n]) for n in waiting)
+        )
         while waiting or self.crew.busy:
-            for number in waiting[: self.crew.free]:
-                waiting.remove(number)
-                jobs = [(points[k], _around(self.definition, points, hops, k)) for k in groups[number]]
-                self.crew.submit(solve_points_again, self.definition, number, jobs)
+            for n in waiting[: self.crew.free]:
+                waiting.remove(n)
+                given = [(points[k], [(points[g].family, hops[g]) for g in jobs[k]]) for k in groups[n]]
+                self.crew.submit(solve_points_again, self.definition, kind, n, given)
             for part in self.crew.done():
                 save_part(self.folder, part)
                 done[part.number] = part
+                count_down.more(len(groups[part.number]))
         return [done[n] for n in range(len(groups))]
 
     def verified(
@@ -184,23 +207,6 @@ def _latest(parts: Sequence[Part]) -> dict[int, MapPoint]:
 
 def _hops(parts: Sequence[Part]) -> dict[int, np.ndarray]:
     return {k: x for part in parts for k, x in part.x.items()}
-
-
-def _doubted(definition: Definition, points: Mapping[int, MapPoint]) -> list[int]:
-    """Possible points without a hop, and those that lie below the parabola through the hops around them."""
-    solved = [k for k, p in sorted(points.items()) if p.solved]
-    value = np.array([points[k].objective_value or 0.0 for k in solved]) * find(definition.objective).sign
-    low = below_trend(definition.normalized[solved], value) if solved else []
-    failed = [k for k, p in points.items() if not p.solved and p.outcome != IMPOSSIBLE]
-    return sorted([*failed, *(k for k, below in zip(solved, low, strict=True) if below)])
-
-
-def _around(
-    definition: Definition, points: Mapping[int, MapPoint], hops: Mapping[int, np.ndarray], k: int
-) -> list[tuple[int, np.ndarray]]:
-    """The hops of the points around one, each with its family."""
-    near = neighbours(definition, k, [g for g, p in points.items() if p.solved])
-    return [(points[g].family, hops[g]) for g in near]
 
 
 def _drawn(definition: Definition, points: Mapping[int, MapPoint], count: int) -> list[int]:

@@ -40,7 +40,9 @@ def first_search(definition: Definition, processes: int, say: Progress) -> Part:
             continue
         if found:
             return _carried(definition, hop, k, found)
-        reason = NotSolvedError(f"{definition.design.name}: no hop was found at the designs where the map was to begin.")
+        reason = NotSolvedError(
+            f"{definition.design.name}: no hop was found at the designs where the map was to begin."
+        )
     raise reason
 
 

@@ -19,11 +19,10 @@ from hopopt.ocp.phases import STANCE
 from hopopt.studies.sweep.definition import Definition
 from hopopt.studies.sweep.first_program import first_program
 from hopopt.studies.sweep.order import UNLIKE
-from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, Point
+from hopopt.studies.sweep.point_file import IMPOSSIBLE, NOT_SOLVED, PRELIMINARY, Point
 
-PRELIMINARY = "preliminary"  # outcome of a point that was solved on the first mesh alone
 TOLERANCE = 1e-6  # of Ipopt: values within 3e-4 of those of the tightest, in half the iterations
-WARM_ITERATIONS, START_ITERATIONS = 60, 200  # at most, from a neighbour and from a start
+WARM_ITERATIONS, START_ITERATIONS = 40, 120  # at most, from a neighbour and from a start
 WARM = CARRIED | {"ipopt.tol": TOLERANCE, "ipopt.max_iter": WARM_ITERATIONS}
 COLD = {"ipopt.tol": TOLERANCE, "ipopt.max_iter": START_ITERATIONS}
 STARTS = 2  # of the problem, from which a point is solved where no family leads to a hop
@@ -40,15 +39,22 @@ class MapPoint(Point):
 
     family: which family of hops it is of, from 1; 0: of one that a restart found
     switched: whether it is another family than at the point that it began from
+    seen: families that were followed to it
     """
 
     family: int = RESTART
     switched: bool = False
+    seen: tuple[int, ...] = ()
 
     @property
     def solved(self) -> bool:
         """Whether it has a value."""
         return self.outcome == PRELIMINARY
+
+    @property
+    def kind(self) -> str:
+        """What it has the colour of: its family."""
+        return f"preliminary, family {self.family}" if self.family else "preliminary, found by a restart"
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,7 @@ def solved_at(definition: Definition, k: int, families: Families, before: int | 
     for family, s in distinct.items():
         gap = (top - hop.objective.signed_value(s.value)) / max(abs(top), s.least)
         kept[family] = Carried(s.z * t.scale, s.lam_g, s.lam_x, gap, place)
-    return _stated(hop, point, distinct[best].value, best, before), kept
+    return _stated(hop, replace(point, seen=tuple(sorted(found))), distinct[best].value, best, before), kept
 
 
 def _stated(hop: Hop, point: MapPoint, value: float, family: int, before: int | None) -> MapPoint:
@@ -161,14 +167,14 @@ def solved_from_points(
     to, and its variables, empty if it is the point as it was."""
     hop = Hop(definition.design_at(point.index), definition.objective)
     solver = _cold_program(definition, hop, point, NEVER.within(LONGEST))
-    best, x = point, np.zeros(0)
+    best, x, seen = point, np.zeros(0), tuple(sorted({*point.seen, *(family for family, _ in begins)}))
     for family, begin in begins:
         if len(begin) != len(solver.transcription.scale):  # another mesh
             continue
         s = solver.from_vector(begin.astype(float) / solver.transcription.scale)
         if s.success and _better(hop, s.value, best):
             best, x = _stated(hop, point, s.value, family, point.family), s.z * solver.transcription.scale
-    return replace(best, corrected=len(x) > 0), x
+    return replace(best, seen=seen, corrected=point.corrected or len(x) > 0), x
 
 
 def _better(hop: Hop, value: float, than: Point) -> bool:

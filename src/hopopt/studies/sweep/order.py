@@ -13,9 +13,7 @@ UNLIKE = 0.3  # of the scaled states: farther apart are optima of different kind
 DOUBT = 5e-4  # relative: how far below its neighbours' trend a point may lie
 
 
-def tree(
-    points: np.ndarray, chosen: Sequence[int], first: int | None = None
-) -> tuple[list[int], dict[int, int]]:
+def tree(points: np.ndarray, chosen: Sequence[int], first: int | None = None) -> tuple[list[int], dict[int, int]]:
     """An order of the chosen points (n, d), and of all but the seeds the point before it that is nearest (Prim);
     ``first``: the only seed, if it is given."""
     x = points[list(chosen)]

@@ -18,6 +18,8 @@ from hopopt.studies.sweep.definition import Definition
 SUM = 1e-9  # m: by which a clearance may differ from the sum of its parts
 VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE = "verified", "not verified", "not solved", "impossible problem"
 ENDED = "ended by a fault"  # of hopopt itself: such a point is not finished, and --resume solves it
+PRELIMINARY = "preliminary"  # of the first mesh alone: a point of a map (studies/maps)
+NO_LIMIT = "no limit"
 OUTCOMES = (VERIFIED, NOT_VERIFIED, NOT_SOLVED, IMPOSSIBLE, ENDED)
 
 
@@ -65,6 +67,16 @@ class Point:
     @property
     def verified(self) -> bool:
         return self.outcome == VERIFIED
+
+    @property
+    def has_value(self) -> bool:
+        """Whether its objective may be shown, as what it is: verified or preliminary."""
+        return self.outcome in (VERIFIED, PRELIMINARY)
+
+    @property
+    def kind(self) -> str:
+        """What it has the colour of: the limit that holds its hop back."""
+        return self.limit or NO_LIMIT
 
     @property
     def solved(self) -> bool:

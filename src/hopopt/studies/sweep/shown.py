@@ -10,19 +10,24 @@ from hopopt.studies.sweep.point_file import Point
 from hopopt.studies.sweep.run import Study
 
 LIMIT_COLORS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442", "#0072B2", "#D55E00", "#999999")  # in turn
-NO_LIMIT = "no limit"
 
 
 def value(study: Study, point: Point) -> float:
-    """Clearance [m], or another objective's value; not-a-number where it is not verified."""
-    found = point.clearance_m if study.definition.objective == "clearance" else point.objective_value
-    return float(found) if point.verified and found is not None else float("nan")
+    """Clearance [m], or another objective's value; not-a-number where it is neither verified nor preliminary."""
+    height = study.definition.objective == "clearance" and point.verified
+    found = point.clearance_m if height else point.objective_value
+    return float(found) if point.has_value and found is not None else float("nan")
 
 
 def colors(study: Study) -> dict[str, str]:
-    """By limit that holds a hop back, its colour; the most frequent one first."""
-    counted = Counter(p.limit or NO_LIMIT for p in study.points if p.verified)
-    return {limit: LIMIT_COLORS[k % len(LIMIT_COLORS)] for k, (limit, _) in enumerate(counted.most_common())}
+    """By limit that holds a hop back, or family of a preliminary one, its colour; the most frequent one first."""
+    counted = Counter(p.kind for p in study.points if p.has_value)
+    return {kind: LIMIT_COLORS[k % len(LIMIT_COLORS)] for k, (kind, _) in enumerate(counted.most_common())}
+
+
+def kind_label(point: Point) -> str:
+    """What its colour stands for, in a legend."""
+    return f"limit: {point.kind}" if point.verified else point.kind
 
 
 def entry_unit(design: Design, entry: str) -> str:
