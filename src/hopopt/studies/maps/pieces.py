@@ -11,7 +11,7 @@ from hopopt.studies.sweep.first_program import formative_entries
 from hopopt.studies.sweep.order import tree
 
 MOST_POINTS = 24  # from which on a piece is cut off; they take a second or two
-LEAST_POINTS = 4  # the same of small maps, which have this many pieces at least:
+LEAST_POINTS = 3  # the same of small maps, which have this many pieces at least:
 LEAST_PIECES = 12
 
 

@@ -77,7 +77,7 @@ def check_same(folder: Path, definition: Definition) -> None:
 
 def _same(folder: Path, data: Mapping[str, Any], definition: Definition) -> None:
     other = json.loads(json.dumps(stamp(definition)))
-    different = [name.replace("_", " ") for name in other if data.get(name) != other[name]]
+    different = [name.replace("_", " ") for name in {**other, **data} if data.get(name) != other.get(name)]
     if different:
         raise ResultError(f"{folder}: it holds another study (other {', '.join(different)}); leave --resume out")
 
