@@ -44,6 +44,7 @@ def run_map(
     *,
     verify_best: int = 0,
     checked: int = CHECKED,
+    to_verify: Callable[[Mapping[int, MapPoint], Mapping[int, np.ndarray]], Sequence[int]] | None = None,
     processes: int | None = None,
     scheduler: str | None = None,
     results: Path = Path("results"),
@@ -53,7 +54,8 @@ def run_map(
 ) -> Map:
     """The map of a definition, begun or resumed; ``opened`` is told the folder before the work.
 
-    verify_best: how many of the best points are solved and verified in full; checked: how many points drawn at random
+    verify_best: how many of the best points are solved and verified in full; checked: how many points drawn at random;
+    to_verify: which points besides, once all are solved
     """
     began, say = time.perf_counter(), progress or (lambda text: None)
     check_verify_best(verify_best, definition.preliminary)
@@ -69,7 +71,8 @@ def run_map(
             parts += work.again(parts)
             points, solved_now, mapping = _latest(parts), work.solved, time.perf_counter() - began
             drawn, best = _drawn(definition, points, checked), _best(definition, points, verify_best)
-            verified = work.verified(points, _hops(parts), list(dict.fromkeys([*drawn, *best])))
+            besides = to_verify(points, _hops(parts)) if to_verify else ()
+            verified = work.verified(points, _hops(parts), list(dict.fromkeys([*drawn, *best, *besides])))
         sampled, leading = (tuple(Verified(points[k], verified[k]) for k in chosen) for chosen in (drawn, best))
         preliminary = tuple(points[k] for k in range(len(points)))
         shown = tuple(verified.get(k, p) for k, p in enumerate(preliminary))

@@ -52,10 +52,13 @@ class Definition:
     seed: int = 0
     starts: int | None = None
     preliminary: bool = False  # solved on the first mesh alone (studies/maps)
+    listed: tuple[tuple[float, ...], ...] = ()  # the points, where they are neither a grid nor a sample
 
     @cached_property
     def points(self) -> np.ndarray:
         """The values of the varied entries at every point, (points, axes), in the entries' units."""
+        if self.listed:
+            return np.array(self.listed, dtype=float)
         if self.sample is None:
             return np.array(list(product(*(axis.values for axis in self.axes))), dtype=float)
         from scipy.stats import qmc  # takes a third of a second
@@ -69,8 +72,8 @@ class Definition:
 
     @property
     def shape(self) -> tuple[int, ...] | None:
-        """Counts along the axes of a grid; None for a sample."""
-        return None if self.sample else tuple(len(axis.values) for axis in self.axes)
+        """Counts along the axes of a grid; None for a sample or a list."""
+        return None if self.sample or self.listed else tuple(len(axis.values) for axis in self.axes)
 
     def values(self, k: int) -> dict[str, float]:
         """The varied entries at point k."""
@@ -96,8 +99,11 @@ class Definition:
     @cached_property
     def normalized(self) -> np.ndarray:
         """The points with every axis from 0 to 1, (points, axes): what counts as near."""
-        low, high = np.array([axis.range for axis in self.axes]).T
-        return (self.points - low) / np.where(high > low, high - low, 1.0)
+        points, ends = self.points, np.array([axis.range for axis in self.axes]).T
+        if self.listed and ends.min() > 0:  # of a list the numbers may be of any size
+            points, ends = np.log(points), np.log(ends)
+        low, high = ends
+        return (points - low) / np.where(high > low, high - low, 1.0)
 
     @cached_property
     def spaced(self) -> np.ndarray:
@@ -116,6 +122,7 @@ class Definition:
             "format": FORMAT, "problem": self.design.name, "problem_hash": design_hash(self.design),
             "objective": self.objective, "axes": axes, "sample": self.sample, "seed": self.seed,
             "starts": self.starts, "points": len(self.points), **({"preliminary": True} if self.preliminary else {}),
+            **({"listed": [list(row) for row in self.listed]} if self.listed else {}),
         }  # fmt: skip
 
 

@@ -26,7 +26,7 @@ from hopopt.problem.load import load, resolved_toml
 from hopopt.storage.folder import as_json, new_folder, reason_of, writing
 from hopopt.storage.seal.digests import changed, digest, manifest_of, seal
 from hopopt.studies.faults import Fault
-from hopopt.studies.sweep.definition import Definition, define
+from hopopt.studies.sweep.definition import Axis, Definition, define
 from hopopt.studies.sweep.point_file import ENDED, Point, point_files, read_point, write_point
 
 if TYPE_CHECKING:
@@ -58,7 +58,18 @@ def read_definition(folder: Path) -> Definition:
         vary = {a["entry"]: a.get("values") or a["range"] for a in data["axes"]}
         more = {name: data[name] for name in ("objective", "sample", "seed", "starts")}
         more["preliminary"] = bool(data.get("preliminary"))
-        found = define(load(folder / "problem.toml"), vary, **more)
+        design, listed = load(folder / "problem.toml"), tuple(map(tuple, data.get("listed", ())))
+        if listed:
+            found = Definition(
+                design,
+                data["objective"],
+                tuple(Axis(e, (), *r) for e, r in vary.items()),
+                listed=listed,
+                starts=data["starts"],
+                preliminary=True,
+            )
+        else:
+            found = define(design, vary, **more)
         stamp(found)  # its points follow from it
     except FileNotFoundError:
         raise ResultError(f"{folder}: no study to resume (sweep.json is missing)") from None

@@ -1,0 +1,149 @@
+"""What came of every pair of motor and gear: whether it clears what is asked for, what it weighs and costs, what it lacks."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from hopopt.studies.choose.pairs import Drives, Pair
+
+CLEARS, FAILS, DROPPED, UNWEIGHED = "clears", "does not clear", "cannot clear", "no mass is stated"
+NOT_SOLVED = "not solved"
+CLOSE = 5e-3  # share of the clearance by which a preliminary value may be off: so near to it, verification decides
+ORDERS: dict[str, Callable[["Candidate"], float | None]] = {  # by what candidates are sorted, the least first
+    "mass": lambda c: c.mass,
+    "price": lambda c: c.price,
+    "energy": lambda c: c.energy,
+    "peak-power": lambda c: c.peak_power,
+}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A pair, and what came of it.
+
+    outcome: CLEARS, FAILS, DROPPED, UNWEIGHED or NOT_SOLVED
+    mass: of all drives that it stands for, of all legs [kg]; price: of them [EUR]
+    body_mass: of the body that carries them [kg]
+    bound: clearance that no hop with it exceeds [m]
+    preliminary: clearance on the first mesh [m]
+    verified: clearance that is verified [m]
+    sentence: why it was not solved, or how its verification ended
+    lacks: what is exhausted longest in the push, where it does not clear: torque, speed or supply
+    energy: that its motors give in the push of that hop [J]; peak_power: the most that they give together [W]
+    ratio: of its gear
+    """
+
+    pair: Pair
+    outcome: str
+    mass: float | None = None
+    price: float | None = None
+    body_mass: float | None = None
+    bound: float | None = None
+    preliminary: float | None = None
+    verified: float | None = None
+    sentence: str = ""
+    lacks: str = ""
+    energy: float | None = None
+    peak_power: float | None = None
+    ratio: float = 1.0
+
+    @property
+    def clearance(self) -> float | None:
+        """The verified clearance, or else the preliminary one [m]."""
+        return self.preliminary if self.verified is None else self.verified
+
+    @property
+    def state(self) -> str:
+        """Whether its clearance is verified or preliminary."""
+        return "verified" if self.verified is not None else "preliminary" if self.preliminary is not None else ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {**asdict(self), "name": self.pair.name, "state": self.state}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """All candidates, those that clear first and sorted.
+
+    drives: which drives are chosen
+    wish: the clearance that is asked for [m]
+    by: what they are sorted by, one of ORDERS
+    candidates: all of them
+    folder: where the map of them is kept
+    seconds: of this run
+    """
+
+    drives: Drives
+    wish: float
+    by: str
+    candidates: tuple[Candidate, ...]
+    folder: Path | None
+    seconds: float
+
+    @property
+    def clearing(self) -> list[Candidate]:
+        """Those that clear, of each family of gears the ratio that clears most, the first the best."""
+        best = dict[tuple[str, str], Candidate]()
+        for c in (c for c in self.candidates if c.outcome == CLEARS):
+            other = best.get(c.pair.family)
+            if other is None or (c.clearance or 0.0) > (other.clearance or 0.0):
+                best[c.pair.family] = c
+        return sorted(best.values(), key=self._order)
+
+    @property
+    def others(self) -> list[Candidate]:
+        """Those that do not, the nearest to it first."""
+        return sorted(
+            (c for c in self.candidates if c.outcome != CLEARS), key=lambda c: -(c.clearance or c.bound or 0.0)
+        )
+
+    def _order(self, c: Candidate) -> tuple[bool, float, float]:
+        value = ORDERS[self.by](c)
+        return value is None, value or 0.0, -(c.clearance or 0.0)
+
+    @property
+    def front(self) -> list[Candidate]:
+        """Of all that were solved, those that no lighter one clears more than; by mass."""
+        found = list[Candidate]()
+        for c in sorted(
+            (c for c in self.candidates if c.clearance is not None),
+            key=lambda c: (c.mass or 0.0, -(c.clearance or 0.0)),
+        ):
+            if not found or (c.clearance or 0.0) > (found[-1].clearance or 0.0):
+                found.append(c)
+        return found
+
+    @property
+    def exit_code(self) -> int:
+        """0 one clears and is verified, 1 none clears, 3 those that clear are not verified."""
+        if not self.clearing:
+            return 1
+        return 0 if any(c.verified is not None for c in self.clearing) else 3
+
+    def as_dict(self) -> dict[str, Any]:
+        """What ``--json`` prints."""
+        d, chosen = self.drives, {c.pair.name for c in self.clearing}
+        return {
+            "problem": d.design.name, "clearance_m": self.wish, "by": self.by, "joints": list(d.joints), "legs": d.legs,
+            "present_drives_kg": d.present, "present_drives_from": d.assumed,
+            "candidates": [{**c.as_dict(), "best_ratio": c.pair.name in chosen} for c in (*self._sorted, *self.others)],
+            "seconds": self.seconds, "exit_code": self.exit_code, "result_dir": None if self.folder is None else str(self.folder),
+        }  # fmt: skip
+
+    @property
+    def _sorted(self) -> list[Candidate]:
+        return sorted((c for c in self.candidates if c.outcome == CLEARS), key=self._order)
+
+
+def outcome_of(clearance: float, wish: float, verified: bool) -> str:
+    """Whether a clearance is enough; a preliminary one that is CLOSE to it counts as enough until it is verified."""
+    return CLEARS if clearance >= wish * (1 - (0 if verified else CLOSE)) else FAILS
+
+
+def first_to_verify(candidates: Mapping[int, Candidate], by: str, count: int) -> list[int]:
+    """Numbers of the first so many of those that clear."""
+    likely = [k for k, c in candidates.items() if c.outcome == CLEARS]
+    value = {k: ORDERS[by](candidates[k]) for k in likely}
+    return sorted(likely, key=lambda k: (value[k] is None, value[k] or 0.0))[:count]

@@ -1,0 +1,206 @@
+"""Pairs of a motor and a gear of the catalogue, and the problem with each of them on its leg.
+
+A module's gear goes with its own motor alone; a motor whose own mass is stated goes with every gear that is sold by itself.
+The drives sit at the body, as the entry leg.body.mass counts them: it changes by what new and present drives differ.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hopopt.design import Design, Gear, Leg, Motor
+from hopopt.errors import UsageError
+from hopopt.problem.catalogue import Entry
+from hopopt.problem.checking.mass_law import mass_law
+from hopopt.problem.checking.wording import did_you_mean
+
+KINDS = {"motor": Motor, "gear": Gear}
+FAMILY = re.compile(r"(.+)-\d+")  # of a gear's name, whose last number is its ratio
+NEUTRAL = {
+    "inertia": 0.0,
+    "efficiency": 1.0,
+    "friction": 0.0,
+    "damping": 0.0,
+    "rotor_inertia": 0.0,
+}  # what does nothing
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A motor with a gear.
+
+    motor, gear: their names; one name for a module
+    mass: of both, for one joint [kg]; None where the catalogue does not state it
+    price: of both [EUR]; None where it is not stated
+    unverified: numbers that no source confirms, such as "motor.rotor_inertia"
+    """
+
+    motor: str
+    gear: str
+    mass: float | None
+    price: float | None
+    unverified: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.motor if self.module else f"{self.motor} with {self.gear}"
+
+    @property
+    def module(self) -> bool:
+        """Whether motor and gear come in one housing."""
+        return self.motor == self.gear
+
+    @property
+    def family(self) -> tuple[str, str]:
+        """Pairs with the same differ in the ratio of their gear alone."""
+        found = FAMILY.fullmatch(self.gear)
+        return self.motor, found[1] if found and not self.module else self.gear
+
+
+def pairs(entries: Mapping[str, Entry]) -> list[Pair]:
+    """Every motor with every gear that it can be bought with."""
+    motors = [e for e in entries.values() if "motor" in e.parts]
+    gears = [e for e in entries.values() if "gear" in e.parts and "motor" not in e.parts]
+    modules = [_pair(e, e) for e in motors if "gear" in e.parts]
+    return [*modules, *(_pair(m, g) for m in motors if "gear" not in m.parts or "motor" in m.masses for g in gears)]
+
+
+def _pair(motor: Entry, gear: Entry) -> Pair:
+    parts = (("motor", motor), ("gear", gear))
+    masses = [entry.masses.get(part) for part, entry in parts]
+    whole = _fact(motor, "motor", "module_mass") if motor is gear else None
+    mass = whole if whole is not None else None if None in masses else sum(m for m in masses if m is not None)
+    prices = [_fact(entry, part, "price") for part, entry in parts]
+    known = [p for p in prices if p is not None]
+    price = sum(known) if known and (motor is gear or len(known) == 2) else None
+    unsure = tuple(
+        f"{part}.{key}" for part, entry in parts for key, mark in entry.marks.get(part, {}).items() if mark == "U"
+    )
+    return Pair(motor.name, gear.name, mass, price, unsure)
+
+
+def _fact(entry: Entry, part: str, key: str) -> float | None:
+    """What an entry states beside the entries of a problem, if it states it."""
+    facts: Mapping[str, Mapping[str, Any]] = getattr(entry, "facts", {})
+    found = facts.get(part, {}).get(key)
+    return None if found is None else float(found)
+
+
+@dataclass(frozen=True)
+class Drives:
+    """Which drives of a problem are chosen, and what they weigh now.
+
+    joints: whose; all: whether these are all of the leg
+    legs: legs of the robot whose body the leg carries
+    present: mass of the present drives of one leg's chosen joints [kg]; assumed: where that is from, in words
+    """
+
+    design: Design
+    joints: tuple[str, ...]
+    legs: int
+    present: float
+    assumed: str
+
+    @property
+    def all(self) -> bool:
+        return len(self.joints) == len(self.design.leg.joints)
+
+    def added(self, pair: Pair) -> float:
+        """What the body weighs more with a pair than now [kg]."""
+        assert pair.mass is not None
+        return self.legs * (len(self.joints) * pair.mass - self.present)
+
+    def named(self, pair: Pair) -> dict[str, Any]:
+        """Entries of the problem with a pair, by the catalogue's names."""
+        paths = ["leg"] if self.all else [f"leg.{joint}" for joint in self.joints]
+        drives = {f"{path}.{part}": getattr(pair, part) for path in paths for part in KINDS}
+        return {**self._without_own, **drives, "leg.body.mass": self.design.leg.body.mass + self.added(pair)}
+
+    def numbers(self, pair: Pair, entries: Mapping[str, Entry], keys: Mapping[str, Sequence[str]]) -> dict[str, float]:
+        """The same as numbers alone, with the ``keys`` of motor and gear; those that the pair does not state do nothing."""
+        paths = ["leg"] if self.all else [f"leg.{joint}" for joint in self.joints]
+        found = {"leg.body.mass": self.design.leg.body.mass + self.added(pair)}
+        for part in KINDS:
+            stated = entries[getattr(pair, part)].parts[part]
+            for key in keys[part]:
+                value = stated.get(key, _neutral(part, key, stated))
+                found |= {f"{path}.{part}.{key}": float(value) for path in paths}
+        return found
+
+    def base(self, pair: Pair, entries: Mapping[str, Entry], keys: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+        """Entries that the problem of all pairs has, with the numbers of one of them and no names."""
+        paths = ["leg"] if self.all else [f"leg.{joint}" for joint in self.joints]
+        nameless = {f"{path}.{part}.catalogue": None for path in paths for part in KINDS}
+        return {**self._without_own, **nameless, **self.numbers(pair, entries, keys)}
+
+    @property
+    def _without_own(self) -> dict[str, Any]:
+        """Joints' own drives go where all joints get the same."""
+        own = ((j, part) for j in self.joints for part in KINDS if getattr(self.design.leg.joint[j], part) is not None)
+        return {f"leg.{j}.{part}": None for j, part in own} if self.all else {}
+
+
+def _neutral(part: str, key: str, stated: Mapping[str, float]) -> float:
+    """A value of an entry that is not stated with which it does nothing: a cap so high that it never acts, a winding whose
+    heat is that which the torque-speed line implies."""
+    if key in NEUTRAL:
+        return NEUTRAL[key]
+    if key == "winding_resistance":
+        return stated["max_speed"] / stated["max_torque"] * stated.get("torque_constant", 1.0) ** 2
+    if key == "torque_constant":
+        return (stated["max_torque"] / stated["max_speed"] * stated.get("winding_resistance", 1.0)) ** 0.5
+    return float(next(m.le for m in KINDS[part].model_fields[key].metadata if hasattr(m, "le")))
+
+
+def keys_of(chosen: Sequence[Pair], entries: Mapping[str, Entry], leg: Leg) -> dict[str, list[str]]:
+    """Entries of motor and gear that any of the pairs states, or the leg has."""
+    found = dict[str, list[str]]()
+    for part, kind in KINDS.items():
+        stated = {key for pair in chosen for key in entries[getattr(pair, part)].parts[part]}
+        numbers = [key for key, info in kind.model_fields.items() if (info.json_schema_extra or {}).get("physical")]  # type: ignore[union-attr]
+        present = {key for key in numbers if getattr(getattr(leg, part), key) is not None}
+        found[part] = [key for key in numbers if key in stated | present]
+    return found
+
+
+def drives(
+    design: Design, joints: Sequence[str] | None, legs: int, present: float | None, entries: Mapping[str, Entry]
+) -> Drives:
+    """The drives that are chosen; ``present``: the mass of the present ones of one leg [kg], if it is told. UsageError in a
+    sentence for joints that are none."""
+    chosen = tuple(joints or design.leg.joints)
+    for joint in chosen:
+        if joint not in design.leg.joints:
+            raise UsageError(f"--joints {joint}: the leg has no such joint{did_you_mean(joint, design.leg.joints)}")
+    if legs < 1 or (present is not None and not 0 <= present < 1000):
+        raise UsageError("--legs must be at least 1, and --present-mass between 0 and 1000 kg")
+    if present is not None:
+        return Drives(design, chosen, legs, present, "as --present-mass says")
+    found = [_present(design.leg, joint, entries) for joint in chosen]
+    if None not in [mass for mass, _ in found]:
+        known = all(sure for _, sure in found)
+        words = (
+            "as the catalogue states"
+            if known
+            else "by the catalogue's fit of mass to torque; --present-mass says otherwise"
+        )
+        return Drives(design, chosen, legs, sum(mass for mass, _ in found), words)
+    raise AssertionError("a present drive always has a mass")
+
+
+def _present(leg: Leg, joint: str, entries: Mapping[str, Entry]) -> tuple[float, bool]:
+    """Mass of a joint's present motor and gear [kg], and whether it is stated."""
+    names = {part: leg.drive(joint, part, "catalogue")[1] for part in ("motor", "gear")}
+    masses = [entries[n].masses.get(part) if n in entries else None for part, n in names.items()]
+    if None not in masses:
+        return sum(m for m in masses if m is not None), True
+    if names["motor"] == names["gear"] and names["motor"] in entries:
+        whole = _fact(entries[names["motor"]], "motor", "module_mass")
+        if whole is not None:
+            return whole, True
+    torque, ratio = (leg.drive(joint, *where)[1] for where in (("motor", "max_torque"), ("gear", "ratio")))
+    cap, most = leg.drive(joint, "motor", "torque_cap")[1], leg.drive(joint, "gear", "torque_cap")[1]
+    motor = min(torque, cap or torque)
+    return mass_law("motor").mass(motor) + mass_law("gear").mass(min(motor * ratio, most or motor * ratio)), False

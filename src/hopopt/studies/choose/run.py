@@ -1,0 +1,146 @@
+"""Which motor and which gear: every pair of the catalogue on a leg, those that cannot clear dropped by a closed bound.
+
+The rest are points of a map (studies/maps): solved on the first mesh alone, each warm from the pair most like it. The first
+that clear are solved and verified in full, the others are preliminary.
+"""
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hopopt.design import Design, refuse_landed
+from hopopt.errors import ProblemFileError, UsageError
+from hopopt.problem.catalogue import Entry, catalogue
+from hopopt.problem.load import changed
+from hopopt.studies.choose import choice
+from hopopt.studies.choose.bound import highest
+from hopopt.studies.choose.choice import ORDERS, Candidate, Choice, first_to_verify, outcome_of
+from hopopt.studies.choose.pairs import Drives, Pair, drives, keys_of, pairs
+from hopopt.studies.choose.push import push
+from hopopt.studies.maps.run import run_map
+from hopopt.studies.maps.warm import MapPoint
+from hopopt.studies.sweep.definition import Axis, Definition
+
+Say = Callable[[str], None]
+
+
+def choose(
+    design: Design,
+    clearance: float,
+    *,
+    joints: Sequence[str] | None = None,
+    legs: int = 1,
+    by: str = "mass",
+    verify: int = 3,
+    present_mass: float | None = None,
+    starts: int | None = None,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    results: Path = Path("results"),
+    resume: Path | None = None,
+    progress: Say | None = None,
+    opened: Callable[[Path], None] = lambda folder: None,
+    entries: Mapping[str, Entry] | None = None,
+) -> Choice:
+    """Every pair of motor and gear that lifts the leg's lowest point by a clearance [m], sorted.
+
+    joints: whose drives are chosen (None: all, with one pair); legs: of the robot, whose drives the body carries
+    by: mass, price, energy or peak-power; verify: how many of the first are verified in full
+    present_mass: of the present drives of one leg [kg]; entries: the catalogue, if it is another
+
+    UsageError for what cannot be asked. The rest as of a map.
+    """
+    began, known = time.perf_counter(), catalogue() if entries is None else entries
+    refuse_landed(design, "hopopt choose")
+    if not 0 < clearance < 20:
+        raise UsageError(f"--clearance {clearance:g}: it must be above 0 and below 20 m")
+    if by not in ORDERS:
+        raise UsageError(f"--by {by}: it is one of {', '.join(ORDERS)}")
+    if verify < 0:
+        raise UsageError(f"--verify {verify}: it must be at least 0")
+    chosen = drives(design, joints, legs, present_mass, known)
+    before = [_before(chosen, pair, clearance, known) for pair in pairs(known)]
+    left = [c for c in before if not c.outcome]
+    done = tuple(c for c in before if c.outcome)
+    if not left:
+        return Choice(chosen, clearance, by, done, None, time.perf_counter() - began)
+    definition = _definition(chosen, [c.pair for c in left], known, starts)
+    solved, folder = _solved(
+        definition, left, clearance, by, verify,
+        processes=processes or os.cpu_count() or 1, scheduler=scheduler, results=results, resume=resume, progress=progress,
+        opened=opened,
+    )  # fmt: skip
+    return Choice(chosen, clearance, by, (*solved, *done), folder, time.perf_counter() - began)
+
+
+def _before(chosen: Drives, pair: Pair, wish: float, entries: Mapping[str, Entry]) -> Candidate:
+    """A pair with what is known of it before it is solved; its outcome is empty if it is to be solved."""
+    count = len(chosen.joints) * chosen.legs
+    ratio = float(entries[pair.gear].parts["gear"]["ratio"])
+    price = None if pair.price is None else count * pair.price
+    if pair.mass is None:
+        return Candidate(pair, choice.UNWEIGHED, None, price, ratio=ratio)
+    found = Candidate(pair, "", count * pair.mass, price, chosen.design.leg.body.mass + chosen.added(pair), ratio=ratio)
+    try:
+        most = highest(changed(chosen.design, chosen.named(pair)))
+    except ProblemFileError as error:
+        return replace(found, outcome=choice.NOT_SOLVED, sentence=error.problems[0].removeprefix("override "))
+    return replace(found, bound=most, outcome=choice.DROPPED if most < wish else "")
+
+
+def _definition(chosen: Drives, left: Sequence[Pair], entries: Mapping[str, Entry], starts: int | None) -> Definition:
+    """The map of these pairs: each a point, entries in which they differ its axes."""
+    keys = keys_of(left, entries, chosen.design.leg)
+    rows = [chosen.numbers(pair, entries, keys) for pair in left]
+    base = changed(chosen.design, chosen.base(left[0], entries, keys))
+    table = {entry: np.array([row[entry] for row in rows]) for entry in rows[0]}
+    varied = {entry: column for entry, column in table.items() if np.ptp(column) > 0} or {
+        "leg.body.mass": table["leg.body.mass"]
+    }
+    axes = tuple(Axis(entry, (), float(column.min()), float(column.max())) for entry, column in varied.items())
+    points = tuple(tuple(float(column[k]) for column in varied.values()) for k in range(len(rows)))
+    return Definition(base, "clearance", axes, starts=starts, preliminary=True, listed=points)
+
+
+def _solved(
+    definition: Definition, left: Sequence[Candidate], wish: float, by: str, verify: int, **settings: Any
+) -> tuple[list[Candidate], Path]:
+    """The candidates as the map leaves them."""
+    known = dict[int, Candidate]()
+
+    def to_verify(points: Mapping[int, MapPoint], hops: Mapping[int, np.ndarray]) -> list[int]:
+        for k, p in points.items():
+            known[k] = _mapped(definition, left[k], p, hops.get(k), wish)
+        return first_to_verify(known, by, verify)
+
+    found = run_map(definition, checked=0, to_verify=to_verify, **settings)
+    for k, p in enumerate(found.points):
+        if p.verified and p.clearance_m is not None:
+            outcome = outcome_of(p.clearance_m, wish, True)
+            lacks = "" if outcome == choice.CLEARS else known[k].lacks
+            known[k] = replace(known[k], verified=p.clearance_m, outcome=outcome, lacks=lacks)
+        elif not isinstance(p, MapPoint):
+            known[k] = replace(known[k], sentence=f"{p.outcome}: {p.sentence}")
+    return [known[k] for k in range(len(left))], found.folder
+
+
+def _mapped(definition: Definition, c: Candidate, p: MapPoint, x: np.ndarray | None, wish: float) -> Candidate:
+    """A candidate with its preliminary hop."""
+    if not p.solved or p.objective_value is None or x is None:
+        return replace(c, outcome=choice.NOT_SOLVED, sentence=p.sentence)
+    seen = push(definition, p, x.astype(float))
+    outcome = outcome_of(p.objective_value, wish, False)
+    return replace(
+        c, outcome=outcome, preliminary=p.objective_value, energy=seen.energy, peak_power=seen.peak_power,
+        lacks=seen.exhausted or "mass",
+    )  # fmt: skip
+
+
+def written(found: Choice, candidate: Candidate) -> Design:
+    """The problem with a candidate's motor and gear by their names, and the body that carries them."""
+    return changed(found.drives.design, found.drives.named(candidate.pair))
