@@ -32,6 +32,7 @@ COMMANDS = {  # group of the help page -> command -> where its function is, and 
     "Studies": {
         "sensitivity": ("studies.sensitivity", "Say what to change first: what 1 % more of each value brings."),
         "sweep": ("studies.sweep", "Solve a problem at many values of one entry or several."),
+        "choose": ("studies.choose", "Find the motors and gears that lift the foot so high."),
         "pareto": ("studies.pareto", "Find the least energy, force or time for each clearance."),
         "families": ("studies.families", "Tell which kinds of hop a leg has, in words and a picture."),
     },

@@ -1,6 +1,7 @@
-"""What the command line shows of studies: the table of a sweep, that of a front, and that of a co-design's free numbers."""
+"""What the command line shows of studies: the table of a sweep, that of a front, that of motors and gears, and that of a co-design's free numbers."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from rich.table import Column
 
@@ -8,6 +9,7 @@ from hopopt.cli.screen.console import Shown, table
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.answer.extras import CoDesign, FreeEntry
 from hopopt.planner.stopwatch import duration
+from hopopt.studies.choose.choice import DROPPED, UNWEIGHED, Candidate, Choice
 from hopopt.studies.maps.found import Map
 from hopopt.studies.pareto.front import Front
 from hopopt.studies.sweep.run import Study
@@ -139,3 +141,53 @@ def _between(p: FreeEntry) -> list[str]:
             f"  without the {w.limit}{which}: {w.objective_value:.5g} at {w.optimal:.5g} {p.unit}".removesuffix(" 1")
         )
     return lines
+
+
+def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
+    """Pairs that clear, the first the best, what the others lack, and what the numbers rest on; ``file``: the leg written."""
+    heads = ("motor and gear", "drives kg", "body kg", "price EUR", "push J", "peak W", "clearance m", "")
+    rows = [
+        [
+            c.pair.name, *_figures(c.mass, c.body_mass), _figure(c.price), *_figures(c.energy, c.peak_power),
+            _figure(c.clearance, 4), f"{c.state}{'' if not c.pair.unverified else ', unverified numbers'}",
+        ]
+        for c in found.clearing
+    ]  # fmt: skip
+    legs = f" of {found.drives.legs} legs" if found.drives.legs > 1 else ""
+    yield table(heads, rows, f"clear {found.wish:g} m, by {found.by}: drives of {', '.join(found.drives.joints)}{legs}")
+    if not rows:
+        yield f"no pair clears {found.wish:g} m"
+    lost = [[c.pair.name, *_figures(c.mass), _figure(c.clearance, 4), _figure(c.bound), _why(c)] for c in found.others]
+    if lost:
+        yield table(
+            ("motor and gear", "drives kg", "clearance m", "at most m", "lacks"), lost, f"do not clear {found.wish:g} m"
+        )
+    d = found.drives
+    yield (
+        f"the body's {d.design.leg.body.mass:g} kg count {d.present:.3g} kg of present drives, {d.assumed}; new drives take their place "
+        "at the body"
+    )
+    solved = [c for c in found.candidates if c.clearance is not None]
+    preliminary = sum(c.verified is None for c in solved)
+    yield f"{len(found.candidates)} pairs: {len(solved)} solved, {preliminary} of them preliminary (first mesh alone, not verified)"
+    unsure = {key for c in found.clearing for key in c.pair.unverified}
+    if unsure:
+        yield f"those marked rest on numbers that no source confirms ({', '.join(sorted(unsure))}): hopopt actuators"
+    if file is not None:
+        yield f"{file} written: {found.clearing[0].pair.name}; hopopt solve {file}"
+    yield f"results {found.folder}" if found.folder else "nothing was solved"
+
+
+def _why(c: Candidate) -> str:
+    """Why a pair does not clear."""
+    if c.outcome in (DROPPED, UNWEIGHED):
+        return c.outcome if c.outcome == UNWEIGHED else f"{c.outcome}: power by the longest stance lifts it no higher"
+    return c.sentence or f"{c.lacks}, {c.state}"
+
+
+def _figures(*values: float | None) -> list[str]:
+    return [_figure(value) for value in values]
+
+
+def _figure(value: float | None, digits: int = 3) -> str:
+    return "-" if value is None else f"{value:.{digits}g}"
