@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hopopt.design import Design, Gear, Leg, Motor
+from hopopt.design import Design, Gear, Leg, Motor, physical_parameters
+from hopopt.drivetrain.motor import rated, torque_cap
 from hopopt.errors import UsageError
 from hopopt.problem.catalogue import Entry
 from hopopt.problem.checking.mass_law import mass_law
@@ -23,6 +24,9 @@ NEUTRAL = {
     "friction": 0.0,
     "damping": 0.0,
     "rotor_inertia": 0.0,
+    "no_load_current": 0.0,
+    "winding_to_housing": 1e-3,  # with the longest time constants a winding that hardly gets warm
+    "housing_to_ambient": 1e-3,
 }  # what does nothing
 
 
@@ -200,7 +204,7 @@ def _present(leg: Leg, joint: str, entries: Mapping[str, Entry]) -> tuple[float,
         whole = _fact(entries[names["motor"]], "motor", "module_mass")
         if whole is not None:
             return whole, True
-    torque, ratio = (leg.drive(joint, *where)[1] for where in (("motor", "max_torque"), ("gear", "ratio")))
-    cap, most = leg.drive(joint, "motor", "torque_cap")[1], leg.drive(joint, "gear", "torque_cap")[1]
+    torque, cap = rated(leg, joint)[0], torque_cap(leg, joint, physical_parameters(leg))
+    ratio, most = leg.drive(joint, "gear", "ratio")[1], leg.drive(joint, "gear", "torque_cap")[1]
     motor = min(torque, cap or torque)
     return mass_law("motor").mass(motor) + mass_law("gear").mass(min(motor * ratio, most or motor * ratio)), False

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopopt.drivetrain.limits import Line
-from hopopt.drivetrain.region import operating_region
+from hopopt.drivetrain.operating_region.limits import Line
+from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_limits
 from hopopt.leg.derived import velocity_limit
 from hopopt.leg.robot import BASE
