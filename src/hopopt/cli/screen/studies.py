@@ -9,7 +9,7 @@ from hopopt.cli.screen.console import Shown, table
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.answer.extras import CoDesign, FreeEntry
 from hopopt.planner.stopwatch import duration
-from hopopt.studies.choose.choice import DROPPED, UNWEIGHED, Candidate, Choice
+from hopopt.studies.choose.choice import DROPPED, UNWEIGHED, WEAK, Candidate, Choice
 from hopopt.studies.maps.found import Map
 from hopopt.studies.pareto.front import Front
 from hopopt.studies.sweep.run import Study
@@ -180,8 +180,10 @@ def of_choice(found: Choice, file: Path | None = None) -> Iterator[Shown]:
 
 def _why(c: Candidate) -> str:
     """Why a pair does not clear."""
-    if c.outcome in (DROPPED, UNWEIGHED):
-        return c.outcome if c.outcome == UNWEIGHED else f"{c.outcome}: power by the longest stance lifts it no higher"
+    if c.outcome in (WEAK, UNWEIGHED):
+        return c.outcome
+    if c.outcome == DROPPED:
+        return f"{c.outcome}: power over the longest stance, or speed, lifts it no higher"
     return c.sentence or f"{c.lacks}, {c.state}"
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from hopopt.studies.choose.pairs import Drives, Pair
 
 CLEARS, FAILS, DROPPED, UNWEIGHED = "clears", "does not clear", "cannot clear", "no mass is stated"
-NOT_SOLVED = "not solved"
+NOT_SOLVED, WEAK = "not solved", "cannot hold the start pose"
 CLOSE = 5e-3  # share of the clearance by which a preliminary value may be off: so near to it, verification decides
 ORDERS: dict[str, Callable[["Candidate"], float | None]] = {  # by what candidates are sorted, the least first
     "mass": lambda c: c.mass,
@@ -22,7 +22,7 @@ ORDERS: dict[str, Callable[["Candidate"], float | None]] = {  # by what candidat
 class Candidate:
     """A pair, and what came of it.
 
-    outcome: CLEARS, FAILS, DROPPED, UNWEIGHED or NOT_SOLVED
+    outcome: CLEARS, FAILS, DROPPED, WEAK, UNWEIGHED or NOT_SOLVED
     mass: of all drives that it stands for, of all legs [kg]; price: of them [EUR]
     body_mass: of the body that carries them [kg]
     bound: clearance that no hop with it exceeds [m]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hopopt.design import Design, Gear, Leg, Motor, physical_parameters
+from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import rated, torque_cap
 from hopopt.errors import UsageError
 from hopopt.problem.catalogue import Entry
@@ -18,6 +19,7 @@ from hopopt.problem.checking.wording import did_you_mean
 
 KINDS = {"motor": Motor, "gear": Gear}
 FAMILY = re.compile(r"(.+)-\d+")  # of a gear's name, whose last number is its ratio
+HEAT = (*BODIES, LIMIT, "continuous_torque")
 NEUTRAL = {
     "inertia": 0.0,
     "efficiency": 1.0,
@@ -159,13 +161,14 @@ def _neutral(part: str, key: str, stated: Mapping[str, float]) -> float:
 
 
 def keys_of(chosen: Sequence[Pair], entries: Mapping[str, Entry], leg: Leg) -> dict[str, list[str]]:
-    """Entries of motor and gear that any of the pairs states, or the leg has."""
+    """Entries of motor and gear that any of the pairs states, or the leg has; of heat only what the leg has, for each limit of
+    a winding adds states to the program of all pairs."""
     found = dict[str, list[str]]()
     for part, kind in KINDS.items():
         stated = {key for pair in chosen for key in entries[getattr(pair, part)].parts[part]}
         numbers = [key for key, info in kind.model_fields.items() if (info.json_schema_extra or {}).get("physical")]  # type: ignore[union-attr]
         present = {key for key in numbers if getattr(getattr(leg, part), key) is not None}
-        found[part] = [key for key in numbers if key in stated | present]
+        found[part] = [key for key in numbers if key in (stated - set(HEAT)) | present]
     return found
 
 

@@ -15,6 +15,8 @@ import numpy as np
 
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import ProblemFileError, UsageError
+from hopopt.leg.robot import build_robot
+from hopopt.ocp.guesses.feasibility import drives_too_weak
 from hopopt.problem.catalogue import Entry, catalogue
 from hopopt.problem.load import changed
 from hopopt.studies.choose import choice
@@ -87,10 +89,14 @@ def _before(chosen: Drives, pair: Pair, wish: float, entries: Mapping[str, Entry
         return Candidate(pair, choice.UNWEIGHED, None, price, ratio=ratio)
     found = Candidate(pair, "", count * pair.mass, price, chosen.design.leg.body.mass + chosen.added(pair), ratio=ratio)
     try:
-        most = highest(changed(chosen.design, chosen.named(pair)))
+        design = changed(chosen.design, chosen.named(pair))
     except ProblemFileError as error:
         return replace(found, outcome=choice.NOT_SOLVED, sentence=error.problems[0].removeprefix("override "))
-    return replace(found, bound=most, outcome=choice.DROPPED if most < wish else "")
+    most = highest(design)
+    if most < wish:
+        return replace(found, bound=most, outcome=choice.DROPPED, lacks="power or speed")
+    weak = drives_too_weak(design, build_robot(design.leg))
+    return replace(found, bound=most, outcome=choice.WEAK if weak else "", lacks="torque" if weak else "")
 
 
 def _definition(chosen: Drives, left: Sequence[Pair], entries: Mapping[str, Entry], starts: int | None) -> Definition:

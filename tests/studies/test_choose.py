@@ -1,0 +1,94 @@
+"""Which motor and gear: pairs that clear, what the others lack, and the leg that is written."""
+
+from pathlib import Path
+
+import pytest
+
+from hopopt.design import Design
+from hopopt.errors import UsageError
+from hopopt.planner.solve import solve
+from hopopt.problem.catalogue import catalogue
+from hopopt.problem.load import changed, load
+from hopopt.studies.choose.bound import highest
+from hopopt.studies.choose.choice import CLEARS, DROPPED, FAILS, UNWEIGHED, WEAK, Candidate, Choice
+from hopopt.studies.choose.pairs import drives, pairs
+from hopopt.studies.choose.run import choose, written
+from hopopt.verify.upper_bound import upper_bound
+from once import solved_once
+
+SOME = ("maxon-ec90-flat-260", "maxon-ec45-flat-30", "csg-20-100", "csf-25-50", "unitree-n5020-16")
+
+
+def some() -> dict:
+    return {name: catalogue()[name] for name in SOME}
+
+
+def test_pairs_are_motors_with_gears_that_are_sold_alone_and_modules_with_their_own() -> None:
+    found = {p.name for p in pairs(catalogue())}
+    assert "maxon-ec90-flat-260 with csg-20-100" in found
+    assert "cubemars-ak80-64" in found
+    assert not any("with cubemars" in name for name in found)
+    assert all(p.mass is None or p.mass > 0 for p in pairs(catalogue()))
+
+
+def test_the_body_carries_what_new_drives_weigh_more(tmp_path: Path) -> None:
+    design, known = load("paper"), catalogue()
+    chosen = drives(design, None, 4, 3.0, known)
+    pair = next(p for p in pairs(known) if p.name == "maxon-ec90-flat-260 with csf-25-50")
+    assert pair.mass == pytest.approx(0.98 + 1.5)
+    assert chosen.added(pair) == pytest.approx(4 * (2 * pair.mass - 3.0))
+    heavier = changed(design, chosen.named(pair))
+    assert heavier.leg.body.mass == pytest.approx(design.leg.body.mass + chosen.added(pair))
+    assert heavier.leg.gear.ratio == 50
+
+
+def test_no_hop_passes_the_bound_that_drops_pairs() -> None:
+    """The bound of the page, less what a supply does not let through."""
+    design = load("paper")
+    assert highest(design) == pytest.approx(upper_bound(design).clearance_m)
+    assert highest(design) > solved_once({}).clearance
+    fed = [
+        load("paper", {"supply.voltage": 48.0, "supply.power_cap": cap, "hop.stance_duration": [0.03, 0.1]})
+        for cap in (300.0, 600.0)
+    ]
+    assert highest(fed[0]) < highest(fed[1]) <= upper_bound(fed[1]).clearance_m
+    work = 300.0 * 0.1  # J in the longest stance lift the centre of mass by so much less than 600 W do
+    weight = 9.81 * 8.27
+    assert highest(fed[1]) - highest(fed[0]) == pytest.approx(work / weight, rel=1e-3)
+
+
+def test_what_cannot_be_asked_gets_one_sentence() -> None:
+    design = load("paper")
+    for wrong in ({"clearance": -1.0}, {"by": "colour"}, {"joints": ["ankle"]}, {"legs": 0}, {"verify": -1}):
+        with pytest.raises(UsageError):
+            choose(design, **{"clearance": 0.5, **wrong})
+
+
+@pytest.mark.slow
+def test_the_first_pair_is_verified_and_its_written_leg_hops_as_high(tmp_path: Path) -> None:
+    """Preliminary within 0.2 per cent of what a solve of the written leg finds, verified within 1e-5 m."""
+    design = load("paper")
+    found = choose(design, 0.3, verify=1, starts=2, processes=1, results=tmp_path, entries=some())
+    first = found.clearing[0]
+    assert found.exit_code == 0
+    assert first.verified is not None
+    assert first.verified >= 0.3
+    again: Design = written(found, first)
+    answer = solve(again, starts=2)
+    assert answer.verified
+    assert first.verified == pytest.approx(answer.clearance, abs=1e-5)
+    by_mass = [c.mass for c in found.clearing if c.mass is not None]
+    assert by_mass == sorted(by_mass)
+    outcomes = {c.pair.name: c.outcome for c in found.candidates}
+    assert outcomes["unitree-n5020-16 with csg-20-100"] == UNWEIGHED
+    assert outcomes["maxon-ec45-flat-30 with csf-25-50"] in (WEAK, DROPPED, FAILS)
+    assert CLEARS in outcomes.values()
+
+
+def test_of_a_gear_family_the_best_ratio_is_listed() -> None:
+    design, known = load("paper"), catalogue()
+    chosen = drives(design, None, 1, None, known)
+    own = [p for p in pairs(known) if p.motor == "maxon-ec90-flat-260" and p.gear in ("csg-17-80", "csg-17-100")]
+    tried = tuple(Candidate(p, CLEARS, p.mass, preliminary=0.5 + 0.1 * k) for k, p in enumerate(own))
+    listed = Choice(chosen, 0.4, "mass", tried, None, 0.0).clearing
+    assert [c.pair.name for c in listed] == [own[1].name]
