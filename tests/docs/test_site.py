@@ -37,7 +37,8 @@ def test_every_entry_of_every_built_in_problem_is_in_the_reference(builder: Modu
         for row in rows(load(name)):
             path = re.sub(rf"^leg\.({'|'.join(leg.joints)})\b", "leg.JOINT", row.path.partition("[")[0])
             path = re.sub(rf"^leg\.({'|'.join(leg.links)})\b", "leg.LINK", path)
-            assert path in known, row.path
+            inside = (key for key in known if key.startswith(f"{path}."))  # of a table that is not set
+            assert path in known or any(inside), row.path
     page = builder.key_page()
     assert all(f"| `{key}` |" in page for key in known)
     assert "| `hop.speed` | m/s | `0.0` | -20 to 20 | mean forward speed of a periodic hop; 0: in place |" in page

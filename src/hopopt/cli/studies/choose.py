@@ -33,9 +33,9 @@ def choose(
     figures: Figures = True,
     json_: AsJson = False,
 ) -> int:
-    """Find the motors and gears of the catalogue that lift the foot so high.
+    """Find the motors and gears that lift the foot so high.
 
-    Every pair on this leg: those that clear, the lightest first, and what the others lack.
+    Every pair of the catalogue on this leg: those that clear, the lightest first, and what the others lack.
     The first few are verified, the others are preliminary: of the first mesh alone.
 
     Exit code: 0 one clears and is verified, 1 none clears, 2 wrong usage, 3 none of those that clear is verified.
