@@ -8,7 +8,7 @@ from hopopt.design import Design
 from hopopt.errors import UsageError
 from hopopt.planner.solve import solve
 from hopopt.problem.catalogue import catalogue
-from hopopt.problem.load import changed, load
+from hopopt.problem.load import catalogue_of, changed, load
 from hopopt.studies.choose.bound import highest
 from hopopt.studies.choose.choice import CLEARS, DROPPED, FAILS, UNWEIGHED, WEAK, Candidate, Choice
 from hopopt.studies.choose.pairs import drives, pairs
@@ -40,6 +40,20 @@ def test_the_body_carries_what_new_drives_weigh_more(tmp_path: Path) -> None:
     heavier = changed(design, chosen.named(pair))
     assert heavier.leg.body.mass == pytest.approx(design.leg.body.mass + chosen.added(pair))
     assert heavier.leg.gear.ratio == 50
+
+
+def test_a_motor_of_ones_own_file_is_tried_by_its_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    own = "[motor.mine]\nmax_torque = 3.0\nmax_speed = 400.0\nrotor_inertia = 2e-5\nmass = 0.5\n"
+    (tmp_path / "my.toml").write_text(own)
+    (tmp_path / "leg.toml").write_text('extends = "paper"\ncatalogue = "my.toml"\n[leg.motor]\ntorque_cap = 1.5\n')
+    known = catalogue_of("leg.toml")
+    chosen = drives(load("leg.toml"), None, 1, 3.0, known)
+    pair = next(p for p in pairs(known) if p.name == "mine with csf-25-50")
+    leg = changed(chosen.design, chosen.named(pair)).leg
+    assert (leg.motor.max_torque, leg.motor.max_speed, leg.motor.rotor_inertia) == (3.0, 400.0, 2e-5)
+    assert leg.motor.torque_cap is None  # the leg's own cap is not the new motor's
+    assert leg.gear.catalogue == "csf-25-50"
 
 
 def test_no_hop_passes_the_bound_that_drops_pairs() -> None:

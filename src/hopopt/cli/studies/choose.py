@@ -8,7 +8,7 @@ from hopopt.cli.screen.console import progress
 from hopopt.cli.screen.studies import of_choice
 from hopopt.errors import UsageError
 from hopopt.plots.studies.choice import save
-from hopopt.problem.load import load, resolved_toml
+from hopopt.problem.load import catalogue_of, load, resolved_toml
 from hopopt.storage.folder import write_json
 from hopopt.studies.choose.run import choose as chosen
 from hopopt.studies.choose.run import written
@@ -78,7 +78,7 @@ def choose(
             found = chosen(
                 design, clearance, joints=listed, legs=legs, by=by, verify=verify, present_mass=present_mass, starts=starts,
                 processes=processes, scheduler=scheduler, results=results, resume=resume, progress=say,
-                opened=folders.append,
+                opened=folders.append, entries=catalogue_of(problem or "paper"),
             )  # fmt: skip
             if (folder := found.folder) is not None:
                 write_json(found.as_dict(), folder / "choice.json")

@@ -13,7 +13,8 @@ from hopopt.design import Design, Gear, Leg, Motor, physical_parameters
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import rated, torque_cap
 from hopopt.errors import UsageError
-from hopopt.problem.catalogue import Entry
+from hopopt.problem.catalogue import Entry, catalogue
+from hopopt.problem.catalogue_facts import problem_entries
 from hopopt.problem.checking.mass_law import mass_law
 from hopopt.problem.checking.wording import did_you_mean
 
@@ -101,6 +102,7 @@ class Drives:
     joints: whose; all: whether these are all of the leg
     legs: legs of the robot whose body the leg carries
     present: mass of the present drives of one leg's chosen joints [kg]; assumed: where that is from, in words
+    entries: motors and gears by their names
     """
 
     design: Design
@@ -108,6 +110,7 @@ class Drives:
     legs: int
     present: float
     assumed: str
+    entries: Mapping[str, Entry]
 
     @property
     def all(self) -> bool:
@@ -119,10 +122,19 @@ class Drives:
         return self.legs * (len(self.joints) * pair.mass - self.present)
 
     def named(self, pair: Pair) -> dict[str, Any]:
-        """Entries of the problem with a pair, by the catalogue's names."""
+        """Entries of the problem with a pair: by the catalogue's names, or by the numbers of a user's own file."""
         paths = ["leg"] if self.all else [f"leg.{joint}" for joint in self.joints]
-        drives = {f"{path}.{part}": getattr(pair, part) for path in paths for part in KINDS}
+        drives = {key: value for path in paths for part in KINDS for key, value in self._part(path, part, pair).items()}
         return {**self._without_own, **drives, "leg.body.mass": self.design.leg.body.mass + self.added(pair)}
+
+    def _part(self, path: str, part: str, pair: Pair) -> dict[str, Any]:
+        """Entries of the motor or the gear of a pair at a place of the problem."""
+        name, kind = getattr(pair, part), KINDS[part]
+        if name in catalogue():
+            return {f"{path}.{part}": name}
+        numbers, keys = self.entries[name].parts[part], problem_entries(part)
+        none = {key: None for key in (*keys, "catalogue") if not kind.model_fields[key].is_required()}
+        return {f"{path}.{part}.{key}": value for key, value in {**none, **numbers}.items()}
 
     def numbers(self, pair: Pair, entries: Mapping[str, Entry], keys: Mapping[str, Sequence[str]]) -> dict[str, float]:
         """The same as numbers alone, with the ``keys`` of motor and gear; those that the pair does not state do nothing."""
@@ -184,7 +196,7 @@ def drives(
     if legs < 1 or (present is not None and not 0 <= present < 1000):
         raise UsageError("--legs must be at least 1, and --present-mass between 0 and 1000 kg")
     if present is not None:
-        return Drives(design, chosen, legs, present, "as --present-mass says")
+        return Drives(design, chosen, legs, present, "as --present-mass says", entries)
     found = [_present(design.leg, joint, entries) for joint in chosen]
     if None not in [mass for mass, _ in found]:
         known = all(sure for _, sure in found)
@@ -193,7 +205,7 @@ def drives(
             if known
             else "by the catalogue's fit of mass to torque; --present-mass says otherwise"
         )
-        return Drives(design, chosen, legs, sum(mass for mass, _ in found), words)
+        return Drives(design, chosen, legs, sum(mass for mass, _ in found), words, entries)
     raise AssertionError("a present drive always has a mass")
 
 
