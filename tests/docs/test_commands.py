@@ -97,6 +97,8 @@ def test_every_command_runs(
     for name, other in (("mine", "objectives"), ("push", "own_controller")):
         (tmp_path / f"{name}.py").write_text(blocks(ROOT / "docs" / f"{other}.md", "python")[0])
     run(["new", "my_leg"])
+    own = "part,name,max_torque,max_speed\nmotor,mine,2.0,400\n"
+    (tmp_path / "my.csv").write_text(own)
     if any(word in ("RESULT", "FILE") or STORED.fullmatch(word) for words in commands(page) for word in words):
         assert run(["solve", "--starts", "1", "--no-figures"]) == 0
     if "comparison-" in page.read_text(encoding="utf-8"):

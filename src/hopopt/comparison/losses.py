@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from hopopt.comparison.compare import Comparison, Run
 from hopopt.control.closed_loop import simulate
 from hopopt.design import Design, physical_parameters
-from hopopt.drivetrain.gear import lossless_entries
+from hopopt.drivetrain.gear import ENTRIES, LOSSLESS, lossless_entries
 from hopopt.drivetrain.motor import own_voltage
+from hopopt.errors import NotSolvedError
 from hopopt.nlp.deadline import NEVER
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.from_known import solved_from_known
@@ -30,10 +31,12 @@ class CostOfLosses:
 
 def without_losses(design: Design) -> Design | None:
     """The problem with gears that lose nothing and a supply that never sags; None if it is such a problem."""
+    machine = {f"simulation.gear_{name}": value for name, value in zip(ENTRIES, LOSSLESS, strict=True)}
     entries = lossless_entries(physical_parameters(design.leg))
-    if not entries and design.leg.supply is None:
+    rubs = any(getattr(design.simulation, path.rpartition(".")[2]) != value for path, value in machine.items())
+    if not (entries or rubs or design.leg.supply):
         return None
-    lossless = changed(design, {**entries, **own_voltage(design.leg)})
+    lossless = changed(design, {**entries, **machine, **own_voltage(design.leg)})
     return lossless.model_copy(update={"leg": lossless.leg.model_copy(update={"supply": None})})
 
 
@@ -45,7 +48,11 @@ def cost_of_losses(comparison: Comparison, name: str, say: Callable[[str], None]
     run: Run = comparison.runs[name]
     say("ladder: the optimum and PD control without losses of gears and supply")
     pd = simulate(design, run.strategy).figures.clearance
-    found = _bound(design, bound, say)
+    try:
+        found = _bound(design, bound, say)
+    except NotSolvedError as error:  # all else of the ladder is there
+        say(f"ladder: no optimum without losses: {error}")
+        return None
     with_losses = run.figures.clearance
     return CostOfLosses(pd, pd - with_losses, found.clearance, found.clearance - bound.clearance, found.verified)
 

@@ -90,13 +90,15 @@ def entries_behind(leg: Leg, joint: str, cap: tuple[Entry, ...]) -> tuple[str, .
 
 
 def own_voltage(leg: Leg) -> dict[str, float]:
-    """The entry, by its path, that makes motors independent of what feeds them, where the supply's voltage tells their torque or
-    speed; with what [leg.motor] states beside it."""
-    if not any("leg.supply.voltage" in behind(leg, joint, name) for joint in leg.joints for name in IMPLIES):
-        return {}
-    stated = {f"leg.motor.{name}": value for name in IMPLIES if (value := getattr(leg.motor, name)) is not None}
-    assert leg.supply is not None
-    return {"leg.motor.voltage": leg.supply.voltage, **stated}
+    """Entries by their paths that make motors independent of what feeds them, where the supply's voltage tells their torque or
+    speed; with what is stated beside it."""
+    found = dict[str, float]()
+    for joint in leg.joints:
+        if leg.supply is not None and any("leg.supply.voltage" in behind(leg, joint, name) for name in IMPLIES):
+            found[f"leg.{joint}.motor.voltage"] = leg.supply.voltage
+            stated = {name: leg.drive(joint, "motor", name)[1] for name in IMPLIES if states(leg, joint, name)}
+            found |= {f"leg.{joint}.motor.{name}": value for name, value in stated.items()}
+    return found
 
 
 def state_ratings(leg: Leg, tables: dict[str, Any]) -> None:
@@ -129,5 +131,7 @@ class VoltageLine(NamedTuple):
 def voltage_line(leg: Leg, joint: str, p: Mapping[str, float]) -> VoltageLine:
     """The line of a joint's motor, from parameter values by their paths."""
     volts = p.get(leg.drive(joint, "motor", "voltage")[0], p.get("leg.supply.voltage"))
-    ratio, cap = p[leg.drive(joint, "gear", "ratio")[0]], torque_cap(leg, joint, p)
+    ratio, of_gear = p[leg.drive(joint, "gear", "ratio")[0]], p.get(leg.drive(joint, "gear", "torque_cap")[0])
+    caps = [torque_cap(leg, joint, p), None if of_gear is None else of_gear / ratio]
+    cap = min((each for each in caps if each is not None), default=None)
     return VoltageLine(volts, *motor_torque_and_speed(leg, joint, p), ratio, cap)

@@ -16,6 +16,7 @@ from hopopt.control.tracking.track import EARLY_LIFT_OFF, Track
 from hopopt.design import refuse_landed
 from hopopt.drivetrain.drives import LAW
 from hopopt.drivetrain.operating_region.half_planes import UNBOUNDED
+from hopopt.errors import UsageError
 from hopopt.export.plan import tracker_of
 from hopopt.planner.solution import Solution
 
@@ -43,6 +44,8 @@ def header(tracker: Track, problem: str, joints: Sequence[str]) -> str:
 
 def tables(tracker: Track) -> str:
     """All numbers of a tracker as C constants."""
+    if tracker.drive.gear.knots:
+        raise UsageError("the tracker in C knows one efficiency for each gear: give leg.gear.efficiency, not its table")
     o, n = tracker.options, len(tracker.rest)
     stance, bounds = tracker.plan.stance, {"upper": tracker.drive.upper, "lower": tracker.drive.lower}
     sizes = {"JOINTS": n, "PLACES": len(stance.places), "LINES": max(planes.shape[1] for planes in bounds.values())}

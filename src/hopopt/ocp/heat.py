@@ -9,6 +9,7 @@ import numpy as np
 
 from hopopt.drivetrain.heat import TwoBodies, limited
 from hopopt.drivetrain.supply import winding_heat
+from hopopt.errors import UsageError
 from hopopt.leg.limit_id import winding_temperature
 from hopopt.ocp.drives import asked
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
@@ -21,6 +22,13 @@ RISES = "rises"  # the state that is added: of winding and housing of each limit
 def heated(leg: MovingLeg) -> list[str]:
     """The joints whose windings have a limit."""
     return [joint for joint in leg.leg.joints if limited(leg.leg, joint)]
+
+
+def refuse_heat(leg: MovingLeg, what: str) -> None:
+    """UsageError where a winding has a limit, for a program that does not hand heat on from phase to phase."""
+    if joints := heated(leg):
+        path = winding_temperature(leg.leg, joints[0]).key
+        raise UsageError(f"{what} does not follow how hot motors get: leave out {path}")
 
 
 def range_of(leg: MovingLeg, joint: str) -> float:

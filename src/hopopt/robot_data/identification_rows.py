@@ -38,7 +38,8 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hopopt.design import Design
+from hopopt.design import Design, physical_parameters
+from hopopt.drivetrain.motor import torque_cap
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale, stall_torques
@@ -140,7 +141,8 @@ class LogRows:
     def _saturated(self, design: Design, k: int) -> np.ndarray:
         """A number for each stretch in which a drive is on its torque-speed line as it drives its joint; -1 elsewhere."""
         leg, joint, tau = design.leg, design.leg.joints[k], self.s.tau[:, k]
-        drive_cap, gear_cap = leg.drive(joint, "motor", "torque_cap")[1], leg.drive(joint, "gear", "torque_cap")[1]
+        drive_cap = torque_cap(leg, joint, physical_parameters(leg))
+        gear_cap = leg.drive(joint, "gear", "torque_cap")[1]
         cap = min(np.inf if drive_cap is None else drive_cap * self.ratio[k], np.inf if gear_cap is None else gear_cap)
         asked = np.nan_to_num(self.s.command[:, k]) * np.sign(tau)
         on = (asked > np.abs(tau) + SHORT_OF_COMMAND * self.stall[k]) & (

@@ -166,7 +166,7 @@ class _Scene:
 
     def __init__(self, robot: Robot, time_step: float, friction: float | None = None, dc_motors: bool = False):
         self.mj = library()
-        self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot, dc_motors))
+        self.model = self.mj.MjModel.from_xml_string(to_mjcf(robot, dc_motors, heat=False))
         self.motors = [voltage_line(robot.leg, joint, robot.parameters) for joint in robot.joints * dc_motors]
         self.data = self.mj.MjData(self.model)
         option, disable = self.model.opt, self.mj.mjtDisableBit

@@ -124,12 +124,13 @@ def _limits(robot: Robot, name: str) -> dict[str, str]:
 # ---- MJCF -------------------------------------------------------------------------------------------------
 
 
-def to_mjcf(robot: Robot, dc_motors: bool = False) -> str:
+def to_mjcf(robot: Robot, dc_motors: bool = False, heat: bool = True) -> str:
     """The leg as MJCF above a floor that the foot, a site and a contact point, can touch.
 
     dc_motors: its motors are MuJoCo's DC motors, which take a voltage [V], in place of motors that take a torque. They have
     back-EMF, a winding's resistance and a torque cap; what gears lose and how far a supply sags they do not know. UsageError
-    where the problem does not say at which voltage.
+    where the problem does not say at which voltage. heat: with the temperatures of their windings, by which their resistance
+    grows, so that a voltage gives less torque.
 
     The equality constraint "stance", inactive at first, pins the foot to the origin: the ideal ground. A motor takes its
     joint's torque [N m] and knows its limit at standstill; the rest of the operating region is left to the controller.
@@ -162,14 +163,14 @@ def to_mjcf(robot: Robot, dc_motors: bool = False) -> str:
     actuators = ET.SubElement(root, "actuator")
     for name in robot.joints:
         if dc_motors:
-            ET.SubElement(actuators, "dcmotor", _dc_motor(robot, name))
+            ET.SubElement(actuators, "dcmotor", _dc_motor(robot, name, heat))
             continue
         effort = effort_limit(operating_region(robot.leg, name, robot.parameters))
         ET.SubElement(actuators, "motor", name=name, joint=name, ctrlrange=_text((-effort, effort)))
     return _document(robot, root, TAKES_VOLTAGE if dc_motors else TAKES_TORQUE)
 
 
-def _dc_motor(robot: Robot, joint: str) -> dict[str, str]:
+def _dc_motor(robot: Robot, joint: str, heat: bool) -> dict[str, str]:
     """A joint's motor as MuJoCo's: voltage [V], stall torque and no-load speed in front of its gear, and its torque cap."""
     line = voltage_line(robot.leg, joint, robot.parameters)
     if line.voltage is None:
@@ -182,9 +183,8 @@ def _dc_motor(robot: Robot, joint: str) -> dict[str, str]:
     }  # fmt: skip
     if line.torque_cap is not None:
         numbers["saturation"] = _text((line.torque_cap, 0.0, 0.0))
-    if (
-        bodies := TwoBodies.of(robot.leg, joint, robot.parameters, REFERENCE)
-    ) is not None:  # a housing that stays as it is
+    bodies = TwoBodies.of(robot.leg, joint, robot.parameters, REFERENCE) if heat else None
+    if bodies is not None:  # MuJoCo's housing stays as it is
         of_winding = bodies.winding_to_housing, 0.0, bodies.winding_time_constant
         numbers["thermal"] = _text((*of_winding, bodies.copper, REFERENCE, REFERENCE))
     return numbers

@@ -121,11 +121,11 @@ def _all_phases(
 ) -> dict[str, Guess]:
     """The guesses of the phases that the objective has, with its controls."""
     more, rises = sum(c.size for c in hop.objective.controls(hop)), 2 * len(heated(hop))
-    stance, flight = _cold(hop, stance, 0, rises), _cold(hop, flight, 2 * len(hop.falling), rises)
+    stance, flight = _cold(hop, stance, 0), _cold(hop, flight, 2 * len(hop.falling))
     found = {STANCE: stance, FLIGHT: flight}
     found |= {
-        DESCENT: _cold(hop, down or landing_guess(hop, flight), 2 * len(hop.falling), rises),
-        LANDING: _cold(hop, landing or push_backwards(stance), 0, rises),
+        DESCENT: _cold(hop, down or landing_guess(hop, flight), 2 * len(hop.falling)),
+        LANDING: _cold(hop, landing or push_backwards(stance), 0),
     }
     of_leg = {name: with_drive_states(hop, guess, name in ON_GROUND) for name, guess in found.items()}
     return {phase.name: _widened(of_leg[phase.name], rises, more) for phase in hop.problem.phases}
@@ -143,10 +143,10 @@ def with_drive_states(hop: Hop, guess: Guess, on_ground: bool) -> Guess:
     )
 
 
-def _cold(hop: Hop, guess: Guess, of_body: int, rises: int) -> Guess:
+def _cold(hop: Hop, guess: Guess, of_body: int) -> Guess:
     """The guess without the rises of its motors' temperatures, if it has any; of_body: states of the body in its phase."""
     others = of_body + 2 * hop.n + hop.drive_states.size
-    return replace(guess, x=guess.x[:, :others]) if rises else guess
+    return replace(guess, x=guess.x[:, :others])
 
 
 def _widened(guess: Guess, rises: int, more: int) -> Guess:

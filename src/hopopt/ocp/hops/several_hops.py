@@ -12,6 +12,7 @@ import numpy as np
 
 from hopopt.ocp.free_parameters import FreeParameters
 from hopopt.ocp.guesses.motion import MovingLeg
+from hopopt.ocp.heat import refuse_heat
 from hopopt.ocp.hops.touchdown_impact import impact_leads_to, impact_limits, landing
 from hopopt.ocp.objectives.objective import cleared
 from hopopt.ocp.objectives.tie_break import EFFORT, effort
@@ -45,6 +46,7 @@ def several_hops(leg: MovingLeg, begin: JointState, end: JointState, clearances:
 
     clearances: what each hop must clear at least when its flight ends [m]; so many hops.
     """
+    refuse_heat(leg, "a plan of several hops")
     phases, transitions, last = list[Phase](), list[BoundaryConstraint](), len(clearances)
     for k, least in enumerate(clearances, 1):
         up, over, down = (numbered(phase, k) for phase in HOP_PHASES)

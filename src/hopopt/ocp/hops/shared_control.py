@@ -24,6 +24,7 @@ from hopopt.leg.robot import build_robot
 from hopopt.leg.scales import joint_inertias
 from hopopt.ocp.drives import motor_torques
 from hopopt.ocp.guesses.motion import FLIGHT, STANCE
+from hopopt.ocp.heat import refuse_heat
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import height, lowest_point
 from hopopt.ocp.objectives.tie_break import EFFORT, effort
@@ -58,6 +59,7 @@ class TrueLeg:
     def __init__(self, number: int, design: Design, gain: np.ndarray, start: np.ndarray):
         self.number, self.gain = number, np.asarray(gain, dtype=float)
         self.hop = Hop(with_torque_constants(design, self.gain))
+        refuse_heat(self.hop, "a plan that several legs share")
         self.phases = {
             STANCE: stance(self.hop, np.asarray(start, dtype=float), np.zeros(self.hop.n)),
             FLIGHT: flight(self.hop),

@@ -199,7 +199,8 @@ def heat_rules(leg: Leg, ambient: float, report: Report) -> None:
 
 def _uncapped(leg: Leg, joint: str) -> str:
     """What no cap bounds in a joint's drive, with the entries that would; empty if torque and speed have one."""
-    torque = leg.drive(joint, "motor", "torque_cap")[1] or leg.drive(joint, "gear", "torque_cap")[1]
+    caps = ("motor", "torque_cap"), ("motor", "current_cap"), ("gear", "torque_cap")
+    torque = any(leg.drive(joint, *cap)[1] for cap in caps)
     found = [] if torque else ["the torque (motor.torque_cap or gear.torque_cap)"]
     return " and ".join(found if leg.drive(joint, "gear", "speed_cap")[1] else [*found, "the speed (gear.speed_cap)"])
 

@@ -116,15 +116,20 @@ def _stated(hop: Hop, point: MapPoint, value: float, family: int, before: int | 
 def _found(
     definition: Definition, hop: Hop, point: MapPoint, families: Families
 ) -> tuple[dict[int, NlpSolution], Transcription]:
-    """What the families lead to that may be best here, else all of them, else the problem's starts; failures left out."""
+    """What the families lead to that may be best here, else all of them, else the problem's starts; failures left out.
+
+    Points of a list may be so unlike that no family leads from one to the best of another: there starts are tried as well.
+    """
     until, place, found = NEVER.within(LONGEST), definition.normalized[point.index], dict[int, NlpSolution]()
     t, solver = first_program(definition, hop, point.values, until, WARM)
     fitting = {f: c for f, c in families.items() if (len(c.x), len(c.lam_g)) == (len(t.scale), len(t.lbg))}
     likely = [f for f, c in fitting.items() if c.may_be_best(place)]
     for chosen in (likely, [f for f in fitting if f not in likely]):
         found = {f: s for f in chosen if (s := _warm(t, solver, fitting[f])).success}
-        if found:
+        if found and not definition.listed:
             return found, t
+        if found:
+            break
     cold = _cold_program(definition, hop, point, until)
     ended = next((s for s in _from_starts(hop, cold) if s.success), None)
     return found | ({} if ended is None else {RESTART: ended}), cold.transcription
