@@ -15,6 +15,7 @@ from hopopt.studies.choose.pairs import drives, pairs
 from hopopt.studies.choose.run import choose, written
 from hopopt.verify.upper_bound import upper_bound
 from once import solved_once
+from rarely import rarely
 
 SOME = ("maxon-ec90-flat-260", "maxon-ec45-flat-30", "csg-20-100", "csf-25-50", "unitree-n5020-16")
 
@@ -78,6 +79,7 @@ def test_what_cannot_be_asked_gets_one_sentence() -> None:
             choose(design, **{"clearance": 0.5, **wrong})
 
 
+@rarely
 @pytest.mark.slow
 def test_the_first_pair_is_verified_and_its_written_leg_hops_as_high(tmp_path: Path) -> None:
     """Preliminary within 0.2 per cent of what a solve of the written leg finds, verified within 1e-5 m."""
@@ -106,3 +108,23 @@ def test_of_a_gear_family_the_best_ratio_is_listed() -> None:
     tried = tuple(Candidate(p, CLEARS, p.mass, preliminary=0.5 + 0.1 * k) for k, p in enumerate(own))
     listed = Choice(chosen, 0.4, "mass", tried, None, 0.0).clearing
     assert [c.pair.name for c in listed] == [own[1].name]
+
+
+@pytest.mark.slow
+def test_every_pair_of_a_small_catalogue_is_tried_and_told(tmp_path: Path) -> None:
+    names = ("mini-cheetah", "maxon-ec90-flat-260", "csg-20-100", "csf-25-50")
+    entries = {name: catalogue()[name] for name in names}
+    found = choose(load("paper"), 0.3, verify=0, starts=1, processes=1, results=tmp_path, entries=entries)
+    assert len(found.candidates) == 5
+    assert found.exit_code == 3  # none of them is verified
+    by_name = {c.pair.name: c for c in found.candidates}
+    assert by_name["mini-cheetah"].outcome == CLEARS
+    assert all((c.outcome == CLEARS) == ((c.preliminary or 0.0) >= 0.2985) for c in found.candidates if c.preliminary)
+    assert all(c.lacks in ("torque", "speed", "supply", "mass") for c in found.others)
+    assert all(c.preliminary is None or c.preliminary < (c.bound or 0.0) for c in found.candidates)
+    leg = written(found, by_name["mini-cheetah"]).leg
+    assert (leg.motor.catalogue, leg.gear.catalogue) == ("mini-cheetah", "mini-cheetah")
+    again = choose(
+        load("paper"), 0.3, verify=0, starts=1, processes=1, results=tmp_path, entries=entries, resume=found.folder
+    )
+    assert [c.preliminary for c in again.candidates] == [c.preliminary for c in found.candidates]
