@@ -167,6 +167,7 @@ def _heats(hop: Solution) -> list[float]:
     return [speed / stall] * 2
 
 
+@rarely
 @pytest.mark.slow
 def test_clearance_falls_as_efficiency_falls_and_as_the_supply_weakens(hop: Solution) -> None:
     several = [{}, {"leg.gear.efficiency": 0.9}, {"leg.gear.efficiency": 0.7}]
