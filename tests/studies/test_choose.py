@@ -36,6 +36,7 @@ def test_the_body_carries_what_new_drives_weigh_more(tmp_path: Path) -> None:
     design, known = load("paper"), catalogue()
     chosen = drives(design, None, 4, 3.0, known)
     pair = next(p for p in pairs(known) if p.name == "maxon-ec90-flat-260 with csf-25-50")
+    assert pair.mass is not None
     assert pair.mass == pytest.approx(0.98 + 1.5)
     assert chosen.added(pair) == pytest.approx(4 * (2 * pair.mass - 3.0))
     heavier = changed(design, chosen.named(pair))

@@ -20,7 +20,7 @@ def figure(found: Choice) -> Figure:
     picture = new_figure(f"{called_after(found.drives.design)}: clearance of motors and gears by their mass")
     ax, front = picture.subplots(), found.front
     ax.axhline(found.wish, color=BLACK, lw=1.2, ls=":", label=f"asked for: {found.wish:g} m")
-    at = [(c.mass, c.clearance) for c in front]
+    at = [(c.mass or 0.0, c.clearance or 0.0) for c in front]
     ax.step(
         [x for x, _ in at], [y for _, y in at], where="post", color=GREY, lw=1.5, label="no lighter pair clears more"
     )
@@ -28,7 +28,8 @@ def figure(found: Choice) -> Figure:
         chosen = [c for c in found.candidates if c.clearance is not None and c.state == state]
         label = state if state == "verified" else "preliminary: first mesh alone, not verified"
         if chosen:
-            ax.plot([c.mass for c in chosen], [c.clearance for c in chosen], ls="none", label=label, zorder=3, **look)
+            x, y = [c.mass or 0.0 for c in chosen], [c.clearance or 0.0 for c in chosen]
+            ax.plot(x, y, ls="none", label=label, zorder=3, **look)
     named = {c.pair.name: c for c in (*front, *(c for c in found.clearing if c.outcome == CLEARS))}
     for name, c in named.items():
         place = {"xytext": (6, 6), "textcoords": "offset points", "fontsize": SMALL}

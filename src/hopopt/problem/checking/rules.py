@@ -11,6 +11,7 @@ from hopopt.design.fields import RESERVED, RESERVED_JOINTS
 from hopopt.drivetrain.gear import TABLE, efficiency_table
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import IMPLIES, lacking
+from hopopt.drivetrain.operating_region.limits import Entry
 from hopopt.drivetrain.supply import WINDING
 from hopopt.leg.inertia import obeys_triangle, principal_moments
 from hopopt.leg.kinematics import TwoJoints, joint_positions, loop_axes, reach, start_fault, two_joints, within_limits
@@ -199,7 +200,7 @@ def heat_rules(leg: Leg, ambient: float, report: Report) -> None:
 
 def _uncapped(leg: Leg, joint: str) -> str:
     """What no cap bounds in a joint's drive, with the entries that would; empty if torque and speed have one."""
-    caps = ("motor", "torque_cap"), ("motor", "current_cap"), ("gear", "torque_cap")
+    caps: tuple[Entry, ...] = ("motor", "torque_cap"), ("motor", "current_cap"), ("gear", "torque_cap")
     torque = any(leg.drive(joint, *cap)[1] for cap in caps)
     found = [] if torque else ["the torque (motor.torque_cap or gear.torque_cap)"]
     return " and ".join(found if leg.drive(joint, "gear", "speed_cap")[1] else [*found, "the speed (gear.speed_cap)"])

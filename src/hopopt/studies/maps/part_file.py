@@ -80,7 +80,7 @@ def _exits(found: Any) -> dict[int, Families]:
             k, family = map(int, at)
             values: Mapping[str, Any] = {name: found[f"{name} {k} {family}"] for name in ARRAYS}
             exits.setdefault(k, {})[family] = Carried(**{**values, "gap": float(values["gap"])})
-    return exits
+    return {k: own for k, own in exits.items()}
 
 
 @cache

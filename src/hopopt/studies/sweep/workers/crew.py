@@ -3,9 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from hopopt.studies.sweep.point_file import Point
-
-Kept = tuple[Point, Any]  # a point, and what a neighbour begins from
+Kept = Any  # what a job gives: a point and what a neighbour begins from, or a part of a map
 Job = Callable[..., Kept]
 HOW_TO_RESUME = "what is finished is kept, --resume goes on, with fewer --processes if memory is short"
 
