@@ -6,6 +6,7 @@ from hopopt.planner.answer.summary import Summary
 from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.motion import at_apex
 from hopopt.verify.hops.heat import JointHeat
+from hopopt.verify.whole_hop import SHARPER
 
 GRAVITY = 9.81  # m/s^2
 NO_HEAT = 1e-6  # J
@@ -55,7 +56,7 @@ def drive_lines(s: Summary) -> list[str]:
         return []
     words = f"heat of {', '.join(f'{name} {heat:.1f} J' for name, heat in known.items())}"
     if (sharper := s.objective_error.simulated.sharper_gears_m) is not None:
-        words += f"; simulated with gears that change sides ten times as sharply {sharper:.4f} m"
+        words += f"; simulated with gears that change sides {SHARPER:g} times as sharply {sharper:.4f} m"
     if (supply := s.supply) is None:
         return [words]
     sags = f"voltage down to {supply.lowest_voltage_V:.1f} V, up to {supply.peak_current_A:.0f} A, {supply.energy_J:.1f} J drawn"

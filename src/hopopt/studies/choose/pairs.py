@@ -9,16 +9,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hopopt.design import Design, Gear, Leg, Motor, physical_parameters
+from hopopt.design import Design, Leg, physical_parameters
 from hopopt.drivetrain.heat import BODIES, LIMIT
 from hopopt.drivetrain.motor import rated, torque_cap
 from hopopt.errors import UsageError
-from hopopt.problem.catalogue import Entry, catalogue
-from hopopt.problem.catalogue_facts import problem_entries
+from hopopt.problem.catalogue import Entry, catalogue, with_part
+from hopopt.problem.catalogue_facts import KINDS, problem_entries
 from hopopt.problem.checking.mass_law import mass_law
 from hopopt.problem.checking.wording import did_you_mean
 
-KINDS = {"motor": Motor, "gear": Gear}
 FAMILY = re.compile(r"(.+)-\d+")  # of a gear's name, whose last number is its ratio
 HEAT = (*BODIES, LIMIT, "continuous_torque")
 NEUTRAL = {
@@ -68,31 +67,23 @@ class Pair:
 
 def pairs(entries: Mapping[str, Entry]) -> list[Pair]:
     """Every motor with every gear that it can be bought with."""
-    motors = [e for e in entries.values() if "motor" in e.parts]
-    gears = [e for e in entries.values() if "gear" in e.parts and "motor" not in e.parts]
-    modules = [_pair(e, e) for e in motors if "gear" in e.parts]
-    return [*modules, *(_pair(m, g) for m in motors if "gear" not in m.parts or "motor" in m.masses for g in gears)]
+    motors, geared = with_part("motor", entries), with_part("gear", entries)
+    gears = [e for name, e in geared.items() if name not in motors]
+    modules = [_pair(e, e) for name, e in motors.items() if name in geared]
+    alone = (e for name, e in motors.items() if name not in geared or "motor" in e.masses)
+    return [*modules, *(_pair(motor, gear) for motor in alone for gear in gears)]
 
 
 def _pair(motor: Entry, gear: Entry) -> Pair:
     parts = (("motor", motor), ("gear", gear))
     masses = [entry.masses.get(part) for part, entry in parts]
-    whole = _fact(motor, "motor", "module_mass") if motor is gear else None
+    whole = motor.module_mass if motor is gear else None
     mass = whole if whole is not None else None if None in masses else sum(m for m in masses if m is not None)
-    prices = [_fact(entry, part, "price") for part, entry in parts]
-    known = [p for p in prices if p is not None]
+    prices = [entry.stated[part].get("price") for part, entry in parts]
+    known = [p for p in prices if isinstance(p, float)]
     price = sum(known) if known and (motor is gear or len(known) == 2) else None
-    unsure = tuple(
-        f"{part}.{key}" for part, entry in parts for key, mark in entry.marks.get(part, {}).items() if mark == "U"
-    )
+    unsure = tuple(f"{part}.{key}" for part, entry in parts for key in entry.unverified(part))
     return Pair(motor.name, gear.name, mass, price, unsure)
-
-
-def _fact(entry: Entry, part: str, key: str) -> float | None:
-    """What an entry states beside the entries of a problem, if it states it."""
-    facts: Mapping[str, Mapping[str, Any]] = getattr(entry, "facts", {})
-    found = facts.get(part, {}).get(key)
-    return None if found is None else float(found)
 
 
 @dataclass(frozen=True)
@@ -176,9 +167,9 @@ def keys_of(chosen: Sequence[Pair], entries: Mapping[str, Entry], leg: Leg) -> d
     """Entries of motor and gear that any of the pairs states, or the leg has; of heat only what the leg has, for each limit of
     a winding adds states to the program of all pairs."""
     found = dict[str, list[str]]()
-    for part, kind in KINDS.items():
+    for part in KINDS:
         stated = {key for pair in chosen for key in entries[getattr(pair, part)].parts[part]}
-        numbers = [key for key, info in kind.model_fields.items() if (info.json_schema_extra or {}).get("physical")]  # type: ignore[union-attr]
+        numbers = problem_entries(part)
         present = {key for key in numbers if getattr(getattr(leg, part), key) is not None}
         found[part] = [key for key in numbers if key in (stated - set(HEAT)) | present]
     return found
@@ -198,15 +189,10 @@ def drives(
     if present is not None:
         return Drives(design, chosen, legs, present, "as --present-mass says", entries)
     found = [_present(design.leg, joint, entries) for joint in chosen]
-    if None not in [mass for mass, _ in found]:
-        known = all(sure for _, sure in found)
-        words = (
-            "as the catalogue states"
-            if known
-            else "by the catalogue's fit of mass to torque; --present-mass says otherwise"
-        )
-        return Drives(design, chosen, legs, sum(mass for mass, _ in found), words, entries)
-    raise AssertionError("a present drive always has a mass")
+    words = "as the catalogue states"
+    if not all(known for _, known in found):
+        words = "by the catalogue's fit of mass to torque; --present-mass says otherwise"
+    return Drives(design, chosen, legs, sum(mass for mass, _ in found), words, entries)
 
 
 def _present(leg: Leg, joint: str, entries: Mapping[str, Entry]) -> tuple[float, bool]:
@@ -216,7 +202,7 @@ def _present(leg: Leg, joint: str, entries: Mapping[str, Entry]) -> tuple[float,
     if None not in masses:
         return sum(m for m in masses if m is not None), True
     if names["motor"] == names["gear"] and names["motor"] in entries:
-        whole = _fact(entries[names["motor"]], "motor", "module_mass")
+        whole = entries[names["motor"]].module_mass
         if whole is not None:
             return whole, True
     torque, cap = rated(leg, joint)[0], torque_cap(leg, joint, physical_parameters(leg))
