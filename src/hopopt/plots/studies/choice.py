@@ -31,9 +31,11 @@ def figure(found: Choice) -> Figure:
             x, y = [c.mass or 0.0 for c in chosen], [c.clearance or 0.0 for c in chosen]
             ax.plot(x, y, ls="none", label=label, zorder=3, **look)
     named = {c.pair.name: c for c in (*front, *(c for c in found.clearing if c.outcome == CLEARS))}
+    middle = sum(ax.get_xlim()) / 2
     for name, c in named.items():
-        place = {"xytext": (6, 6), "textcoords": "offset points", "fontsize": SMALL}
-        ax.annotate(name, (c.mass or 0.0, c.clearance or 0.0), **place)
+        mass = c.mass or 0.0
+        side = {"xytext": (6, 6), "ha": "left"} if mass < middle else {"xytext": (-6, 6), "ha": "right"}
+        ax.annotate(name, (mass, c.clearance or 0.0), textcoords="offset points", fontsize=SMALL, **side)
     legs = f" of {found.drives.legs} legs" if found.drives.legs > 1 else ""
     describe(ax, f"drives of {', '.join(found.drives.joints)}{legs} [kg]", "clearance [m]")
     ax.margins(x=0.15, y=0.1)
