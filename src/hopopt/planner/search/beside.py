@@ -7,7 +7,9 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import count
+from queue import Empty
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
@@ -104,7 +106,18 @@ def _given_up(pool: Any) -> None:
     """End what is left of processes of which one died, or whose work nobody waits for."""
     for more in [more for more, kept in _pools.items() if kept is pool]:
         del _pools[more]
-    pool.shutdown(wait=False, kill_workers=True)
+    end_at_once(pool, wait=False)
+
+
+def end_at_once(pool: Any, wait: bool = True) -> None:
+    """Kill a pool's processes, whatever they are at.
+
+    pool: joblib's, of processes; wait: until they have ended
+    """
+    with suppress(Empty):  # its thread would look for work that it has just given up, and complain
+        while True:
+            pool._work_ids.get_nowait()
+    pool.shutdown(wait=wait, kill_workers=True)
 
 
 class Beside:

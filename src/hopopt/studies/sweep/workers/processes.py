@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from hopopt.errors import HopoptError
-from hopopt.planner.search.beside import begin_worker
+from hopopt.planner.search.beside import begin_worker, end_at_once
 from hopopt.planner.stopwatch import duration
 from hopopt.studies.sweep.point_file import Point
 from hopopt.studies.sweep.workers.crew import HOW_TO_RESUME, Kept, Workers
@@ -51,7 +51,7 @@ def workers(count: int, scheduler: str | None = None) -> Iterator[Workers]:
     except BrokenProcessPool as error:
         raise HopoptError(f"a process of the study ended unexpectedly (out of memory?); {HOW_TO_RESUME}") from error
     finally:
-        executor.shutdown(kill_workers=True)
+        end_at_once(executor)
 
 
 def _first_of(futures: set[Any]) -> tuple[list[Kept], set[Any]]:
