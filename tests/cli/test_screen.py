@@ -184,8 +184,8 @@ def test_all_that_does_not_matter_is_one_line(hop: Solution) -> None:
 def test_a_foot_that_is_swung_onto_the_ground_is_named() -> None:
     """A fall from 0.8 m ends at 3.96 m/s, one of 8.8 m/s begins at 3.95 m."""
     fallen, swung = (Impact(0.0, 0.0, 6.4, 2.0, 6.4, v, 0.1, 10.0) for v in (3.96, 8.8))
-    assert hard(fallen, 0.8) == []
-    (line,) = hard(swung, 0.8)
+    assert hard(fallen, 0.8, 9.81) == []
+    (line,) = hard(swung, 0.8, 9.81)
     assert "as fast as by a fall from 3.95 m; hop.touchdown_speed limits that" in line
 
 

@@ -22,13 +22,14 @@ Gains = TypeVar("Gains")
 
 @dataclass(frozen=True)
 class Size:
-    """What a leg's gains scale with: its reach [m], the height of its start [m], the mass of all [kg], and the mean
-    inertia [kg m^2] at its joints at the start, rotors reflected."""
+    """What a leg's gains scale with: its reach [m], the height of its start [m], the mass of all [kg], the mean inertia
+    [kg m^2] at its joints at the start, rotors reflected, and gravity [m/s^2]."""
 
     reach: float
     start: float
     mass: float
     inertia: float
+    gravity: float
 
     @property
     def travel(self) -> float:
@@ -41,7 +42,8 @@ class Size:
         robot, start = build_robot(design.leg), start_angles(design)
         at_joints = np.diag(Machine(robot).mass_matrix(np.concatenate([np.zeros(BASE), start])))[BASE:]
         mass = float(sum(i.mass for i in robot.model.inertias))
-        return cls(reach(design.leg), float(-foot_offset(design.leg, start)[1]), mass, float(at_joints.mean()))
+        height, gravity = float(-foot_offset(design.leg, start)[1]), float(np.linalg.norm(design.leg.fall))
+        return cls(reach(design.leg), height, mass, float(at_joints.mean()), gravity)
 
 
 @cache
@@ -55,14 +57,15 @@ def factors(size: Size) -> dict[str, float]:
     travel, k_s by m g over the travel, plumb_k and plumb_d by times of sqrt(l / g)."""
     of = papers()
     length, mass, travel = size.reach / of.reach, size.mass / of.mass, size.travel / of.travel
-    k_p = mass * length
+    gravity = size.gravity / of.gravity
+    k_p = mass * gravity * length
     return {
         "k_p": k_p,
         "k_d": float(np.sqrt(k_p * (size.inertia / of.inertia))),
-        "k_s": mass / travel,
+        "k_s": mass * gravity / travel,
         "C_amp": travel,
-        "plumb_k": 1 / length,
-        "plumb_d": 1 / float(np.sqrt(length)),
+        "plumb_k": gravity / length,
+        "plumb_d": 1 / float(np.sqrt(length / gravity)),
     }
 
 

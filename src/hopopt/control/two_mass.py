@@ -16,6 +16,8 @@ from typing import Any, Self
 import numpy as np
 from scipy.optimize import brentq
 
+from hopopt.design import GRAVITY
+
 
 @dataclass(frozen=True)
 class TwoMass:
@@ -32,14 +34,16 @@ class TwoMass:
     l0: float
     C_amp: float
     C_max: float
-    g: float = 9.81
+    g: float = GRAVITY
 
     def __post_init__(self) -> None:
         if not (all(x > 0 for x in (self.m, self.m_e, self.k, self.l0, self.C_amp, self.g)) and 0 <= self.C_max < 1):
             raise ValueError(f"m, m_e, k, l0, C_amp and g must be greater than 0, and 0 <= C_max < 1: {self}")
 
     @classmethod
-    def from_loaded_length(cls, y_neu: float, m: float, m_e: float, k: float, g: float = 9.81, **rest: float) -> Self:
+    def from_loaded_length(
+        cls, y_neu: float, m: float, m_e: float, k: float, g: float = GRAVITY, **rest: float
+    ) -> Self:
         """The other reading of y_s.neu [m], that of its eq. 3: the length at which the spring carries the body."""
         return cls(m=m, m_e=m_e, k=k, l0=y_neu + m * g / k, g=g, **rest)
 

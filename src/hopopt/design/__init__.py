@@ -5,7 +5,7 @@ A problem is data. These classes say what a file may contain and nothing about h
 
 from hopopt.design.control import ControlSettings, Reserve
 from hopopt.design.fields import MOST_POINTS
-from hopopt.design.hop import Contact, HopSettings, Obstacle, StartPose
+from hopopt.design.hop import GRAVITY, Contact, Environment, HopSettings, Obstacle, StartPose
 from hopopt.design.leg import (
     LEAST_INERTIA,
     PAPERS_LENGTH,
@@ -24,6 +24,6 @@ from hopopt.design.simulation import Simulation, Uncertainty
 from hopopt.design.solver import Solver
 
 __all__ = [
-    "LEAST_INERTIA", "MOST_POINTS", "PAPERS_LENGTH", "Body", "Contact", "ControlSettings", "Design", "EfficiencyTable", "Gear", "HopSettings", "Joint", "Leg", "Link", "Motor", "Obstacle",
+    "GRAVITY", "LEAST_INERTIA", "MOST_POINTS", "PAPERS_LENGTH", "Body", "Contact", "ControlSettings", "Design", "EfficiencyTable", "Environment", "Gear", "HopSettings", "Joint", "Leg", "Link", "Motor", "Obstacle",
     "Reserve", "Simulation", "Solver", "StartPose", "Uncertainty", "as_changed", "physical_parameters", "refuse_landed", "unit",
 ]  # fmt: skip

@@ -1,6 +1,6 @@
 """What the leg is to do: the ground under it, where it starts, and the hop that is asked for."""
 
-from math import sqrt
+from math import cos, sin, sqrt
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -10,6 +10,7 @@ from hopopt.design.fields import Section, choice, quantity
 # Of the paper's leg, for which problems without these entries are completed: times [s] and a length [m]
 DURATIONS = {"stance_duration": (0.03, 0.4), "flight_duration": (0.03, 1.0), "landing_duration": (0.03, 1.0)}
 TOUCHDOWN_TIME, FOOT_WINDOW = 0.01, 0.1
+GRAVITY = 9.81  # [m/s^2], on earth
 
 
 class Contact(Section):
@@ -39,6 +40,13 @@ class Environment(Section):
     """What surrounds the leg."""
 
     temperature: float = quantity("of the air, with which motors begin", "degC", -60, 100, 25.0)
+    gravity: float = quantity("acceleration of free fall", "m/s^2", 0.1, 100, GRAVITY)
+    slope: float = quantity("by how much the ground rises along +x", "rad", -1.2, 1.2, 0.0)
+
+    @property
+    def fall(self) -> tuple[float, float, float]:
+        """Acceleration of free fall [m/s^2] along the ground (x), across (y) and away from it (z)."""
+        return (0.0 - self.gravity * sin(self.slope), 0.0, -self.gravity * cos(self.slope))
 
 
 class HopSettings(Section):
@@ -96,9 +104,9 @@ class HopSettings(Section):
     )  # fmt: skip
     counter_movement: bool = choice("may the body descend in stance", True)
 
-    def with_defaults(self, length: float) -> "HopSettings":
-        """The same with all that is left out, of a leg so many times as long as the paper's."""
-        time = sqrt(length)
+    def with_defaults(self, length: float, gravity: float) -> "HopSettings":
+        """The same with all that is left out, of a leg so many times as long as the paper's where gravity [m/s^2] is this."""
+        time = sqrt(length / (gravity / GRAVITY))
         found: dict[str, Any] = {name: tuple(time * end for end in ends) for name, ends in DURATIONS.items()}
         found |= {"touchdown_time": time * TOUCHDOWN_TIME, "foot_window": length * FOOT_WINDOW}
         return self.model_copy(update={name: value for name, value in found.items() if getattr(self, name) is None})

@@ -6,7 +6,7 @@ from copy import copy as copy_of
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, create_model, model_serializer, model_validator
+from pydantic import BaseModel, PrivateAttr, create_model, model_serializer, model_validator
 
 from hopopt.design.fields import (
     CATALOGUE,
@@ -23,6 +23,7 @@ from hopopt.design.fields import (
     choice,
     quantity,
 )
+from hopopt.design.hop import GRAVITY
 
 PAPERS_LENGTH = 0.38 + 0.361  # [m] of the paper's leg
 LEAST_INERTIA = 1e-8  # [kg m^2] of a link: what a point mass is given
@@ -198,6 +199,7 @@ class Leg(Section):
     supply: Supply | None = choice("what feeds the motors (default: a stiff supply)", None)
     joint: dict[str, Joint]
     link: dict[str, Link]
+    _fall: Vector = PrivateAttr((0.0, 0.0, -GRAVITY))
 
     @model_validator(mode="before")
     @classmethod
@@ -215,6 +217,17 @@ class Leg(Section):
         data = handler(self)
         joint, link = data.pop("joint"), data.pop("link")
         return {**data, **joint, **link}
+
+    @property
+    def fall(self) -> Vector:
+        """Acceleration of free fall [m/s^2] where the leg stands: along the ground, across, and away from it."""
+        return self._fall
+
+    def falling(self, fall: Vector) -> "Leg":
+        """The leg where things fall so [m/s^2], which its problem says (``Environment.fall``)."""
+        there = self.model_copy()
+        there._fall = fall
+        return there
 
     @property
     def length(self) -> float:

@@ -44,9 +44,14 @@ class Design(Section):
         return hash(repr(self))
 
     @property
+    def surroundings(self) -> Environment:
+        """What surrounds the leg, whether the problem says so or not."""
+        return self.environment or Environment()
+
+    @property
     def ambient(self) -> float:
         """Temperature around the leg [degC]."""
-        return (self.environment or Environment()).temperature
+        return self.surroundings.temperature
 
     def of_kind(self, kind: str) -> "Design":
         """The same problem of another kind of hop (``hop.kind``)."""
@@ -54,11 +59,14 @@ class Design(Section):
 
     @model_validator(mode="after")
     def _whole_hop(self) -> "Design":
-        """All points above the ground unless some are named, and what else the hop leaves out as it suits the leg's size."""
-        hop = self.hop.with_defaults(self.leg.length / PAPERS_LENGTH)
+        """All points above the ground unless some are named, and what else the hop leaves out as it suits the leg's size; the
+        leg is where its problem says."""
+        around = self.surroundings
+        hop = self.hop.with_defaults(self.leg.length / PAPERS_LENGTH, around.gravity)
         if not hop.above_ground:
             hop = hop.model_copy(update={"above_ground": (*self.leg.joints, "foot")})
         object.__setattr__(self, "hop", hop)  # frozen, but not yet anyone's
+        object.__setattr__(self, "leg", self.leg.falling(around.fall))
         return self
 
 

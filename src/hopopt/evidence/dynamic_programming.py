@@ -45,6 +45,8 @@ def reduced(design: Design) -> Design:
     refuse_landed(design, "dynamic programming")
     if not two_joints(design.leg):
         raise UsageError(f"{design.name}: the reduced hop needs a leg of two joints in the x-z plane")
+    if design.surroundings.slope:
+        raise UsageError(f"{design.name}: the reduced hop is one on level ground: leave out environment.slope")
     height = float(start_place(design)[1])
     longest = design.hop.stance_duration[1]
     plain = {

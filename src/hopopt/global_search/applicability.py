@@ -16,6 +16,8 @@ def applies(design: Design) -> str | None:
         return "the leg leaves the x-z plane"
     if not two_joints(leg):
         return "a link points across the x-z plane, so that it does not move in it"
+    if design.surroundings.slope:
+        return "the ground slopes"
     if "z" not in leg.guides:
         return "no guide lets the body rise"
     if any(leg.drive(joint, "motor", entry)[1] is not None for joint in leg.joints for entry in UNKNOWN):

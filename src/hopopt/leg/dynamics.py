@@ -49,9 +49,12 @@ class LegDynamics:
     def __init__(self, robot: Robot, p: Mapping[str, Any]):
         self.robot, self.n = robot, len(robot.joints)
         self.bodies, self.link_points = link_bodies(robot.leg, p), link_points(robot.leg, p)
-        self.gravity = ca.DM(robot.model.gravity.linear[PLANE_ROWS])
         self.contact, self.loops = contact_axes(robot.leg), loop_axes(robot.leg)
         self.slider = "x" not in robot.leg.guides
+        fall = robot.model.gravity.linear[PLANE_ROWS]
+        self.fall = ca.DM(
+            [0.0, fall[1]] if self.slider else fall
+        )  # of the centre of mass in flight, where no guide holds it
 
     def points(self, q: ca.SX) -> dict[str, ca.SX]:
         """World (x, z) [m] of each joint, of the foot and of the centre of mass ("com")."""
@@ -119,6 +122,6 @@ class LegDynamics:
         """The first equation with f = 0: the centre of mass falls freely where the guides carry no force; symbols as in
         stance."""
         q, v, jacobian = self.flight_pose(com, com_v, q_j, v_j)
-        base_a = self.gravity - jacobian @ a_j + ca.jtimes(v[:BASE], q_j, v_j)
+        base_a = self.fall - jacobian @ a_j + ca.jtimes(v[:BASE], q_j, v_j)
         a = ca.vertcat(base_a, a_j)
         return LegMotion(q, v, a, self.inverse_dynamics(q, v, a)[BASE:], ca.SX.zeros(len(self.contact)))

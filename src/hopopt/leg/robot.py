@@ -89,9 +89,10 @@ def link_points(leg: Leg, p: Mapping[str, Any]) -> dict[str, tuple[int, tuple[An
 
 
 def build_robot(leg: Leg, parameters: Mapping[str, float] | None = None) -> Robot:
-    """The Pinocchio model of the leg; ``parameters`` overrides design parameters by path (SI)."""
+    """The Pinocchio model of the leg where it stands; ``parameters`` overrides design parameters by path (SI)."""
     p = {**physical_parameters(leg), **(parameters or {})}
     model, bodies = pin.Model(), link_bodies(leg, p)
+    model.gravity.linear = np.array(leg.fall)
     kinds = [pin.JointModelPX(), pin.JointModelPZ()]
     kinds += [pin.JointModelRevoluteUnaligned(np.array(unit(leg.joint[name].axis))) for name in leg.joints]
     for name, kind, body in zip(("x", "z", *leg.joints), kinds, bodies, strict=True):

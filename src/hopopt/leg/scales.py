@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from hopopt.design import PAPERS_LENGTH, Design, Leg, Reserve, physical_parameters
+from hopopt.design import GRAVITY, PAPERS_LENGTH, Design, Leg, Reserve, physical_parameters
 from hopopt.drivetrain.motor import stall_torque, torque_cap
 
 FORCE_RANGE = 5.0  # [weights of the leg]: a push-off's peak
@@ -19,34 +19,53 @@ RESERVED_FORCE, RESERVED_HEIGHT = 20.0, 0.005  # [N, m] of [reserve] on the pape
 class Scale:
     """A leg's own units over those of the paper's leg, for which defaults are stated: there every factor is 1.
 
-    length: of its reach. mass: of all it carries, and so of its weight. stall: of what its drives give at standstill, on average.
+    length: of its reach. mass: of all it carries. stall: of what its drives give at standstill, on average. gravity: where it stands.
     """
 
     length: float
     mass: float
     stall: float
+    gravity: float = 1.0
 
     @classmethod
     def of(cls, leg: Leg) -> Self:
         """The units of a leg."""
         mass = sum((leg.body.mass, *(link.mass for link in leg.link.values())))
-        return cls(leg.length / PAPERS_LENGTH, mass / PAPERS_MASS, float(standstill_torques(leg).mean()) / PAPERS_STALL)
+        stall, gravity = float(standstill_torques(leg).mean()) / PAPERS_STALL, float(np.linalg.norm(leg.fall)) / GRAVITY
+        return cls(leg.length / PAPERS_LENGTH, mass / PAPERS_MASS, stall, gravity)
 
     @property
     def time(self) -> float:
-        """Of sqrt(length / gravity); speeds along the ground have the same factor, speeds of joints its inverse."""
-        return float(np.sqrt(self.length))
+        """Of sqrt(length / gravity); speeds of joints have its inverse."""
+        return float(np.sqrt(self.length / self.gravity))
+
+    @property
+    def speed(self) -> float:
+        """Of sqrt(length gravity), as for speeds along the ground."""
+        return float(np.sqrt(self.length * self.gravity))
+
+    @property
+    def force(self) -> float:
+        """Of its weight."""
+        return self.mass * self.gravity
 
     def unit(self, name: str) -> float:
         """Of quantities in a unit; 1 for one that is not known."""
-        work, time = self.mass * self.length, self.time
-        known = {"m": self.length, "s": time, "m/s": time, "rad/s": 1 / time, "N": self.mass, "N s": self.mass * time}
+        work, time = self.force * self.length, self.time
+        known = {
+            "m": self.length,
+            "s": time,
+            "m/s": self.speed,
+            "rad/s": 1 / time,
+            "N": self.force,
+            "N s": self.force * time,
+        }
         return (known | {"N m": work, "J": work, "W": work / time}).get(name, 1.0)
 
     def states(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Of q and v (2 + n each): the body's place and speed, then those of n joints."""
         q, v = np.ones(2 + n), np.full(2 + n, 1 / self.time)
-        q[:2], v[:2] = self.length, self.time
+        q[:2], v[:2] = self.length, self.speed
         return q, v
 
     @property
@@ -58,7 +77,7 @@ class Scale:
 def reserve_of(design: Design) -> Reserve:
     """The problem's [reserve], with what it leaves out."""
     scale, r = Scale.of(design.leg), design.reserve
-    default = {"ground_force": RESERVED_FORCE * scale.mass, "height": RESERVED_HEIGHT * scale.length}
+    default = {"ground_force": RESERVED_FORCE * scale.force, "height": RESERVED_HEIGHT * scale.length}
     return r.model_copy(update={name: x for name, x in default.items() if getattr(r, name) is None})
 
 
@@ -97,7 +116,7 @@ def force_range(model: pin.Model) -> float:
 
 def descent_range(leg: Leg) -> float:
     """Speed downwards [m/s] by which excess is measured."""
-    return DESCENT_RANGE * Scale.of(leg).time
+    return DESCENT_RANGE * Scale.of(leg).speed
 
 
 def friction_needed(along: np.ndarray, up: np.ndarray, given: float | None, allowed: Any) -> float:

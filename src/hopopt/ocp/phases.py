@@ -60,7 +60,7 @@ def joint_speed(leg: MovingLeg) -> float:
 
 def body_speed(leg: MovingLeg) -> float:
     """Scale of the body's speed [m/s]."""
-    return BODY_SPEED * leg.scale.time
+    return BODY_SPEED * leg.scale.speed
 
 
 def length(leg: MovingLeg) -> float:
@@ -70,7 +70,7 @@ def length(leg: MovingLeg) -> float:
 
 def _acceleration(leg: MovingLeg) -> float:
     """Scale of joint accelerations [rad/s^2]."""
-    return ACCELERATION / leg.scale.length
+    return ACCELERATION * leg.scale.gravity / leg.scale.length
 
 
 def stance(leg: MovingLeg, q: Given = None, v: Given = None) -> LegPhase:
@@ -131,7 +131,7 @@ def flight(leg: MovingLeg) -> LegPhase:
     return _phase(
         leg, FLIGHT, states, controls,
         lambda s: {
-            "com": s.com_v, "com_v": leg.dynamics(s).gravity[leg.falling], "q": s.v, "v": leg.flight_acceleration(s),
+            "com": s.com_v, "com_v": leg.dynamics(s).fall[leg.falling], "q": s.v, "v": leg.flight_acceleration(s),
         },
         leg.design.hop.flight_duration,
     )  # fmt: skip

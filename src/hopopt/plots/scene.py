@@ -146,7 +146,7 @@ class HopScene:
             push = (
                 FORCE
                 * self._scale.length
-                / self._scale.mass
+                / self._scale.force
                 * np.array([force[0], force[1] if len(force) == 3 else 0.0, force[-1]])
             )
             self._push.points = np.array([[foot, foot + push]], dtype=np.float32)

@@ -106,7 +106,7 @@ class HopFigures:
         lift = self.lift_off
         if not self.flies:
             return f"the foot never leaves the ground ({self.trace.outcome})"
-        if lift["vertical_m_s"] <= SIMULATED_SLACK * self.scale.time:
+        if lift["vertical_m_s"] <= SIMULATED_SLACK * self.scale.speed:
             return f"the leg folds at {lift['time_s']:.3f} s without a push"
         if not self._in_window.any():
             return f"the foot is never within {self.design.hop.foot_window:g} m of the hip's plumb line in flight"
@@ -153,7 +153,7 @@ class HopFigures:
 
     @property
     def _gravity(self) -> float:
-        return float(np.linalg.norm(self.trace.robot.model.gravity.linear))
+        return float(-self.trace.robot.model.gravity.linear[2])
 
     @property
     def lift_off(self) -> dict[str, float]:
@@ -241,16 +241,16 @@ class HopFigures:
             found.append(f"needs friction {self.slip_ratio:.4g}, the ground has {friction:g}")
         if self.slip_distance > SIMULATED_SLACK * scale.length:
             found.append(f"the foot slips {1e3 * self.slip_distance:.0f} mm in stance")
-        if (pull := -float(trace.f[self.stance, 1].min())) > PULL * scale.mass:
+        if (pull := -float(trace.f[self.stance, 1].min())) > PULL * scale.force:
             found.append(f"the ground would have to pull with {pull:.0f} N")
         least, lowest = self.design.contact.least_force, float(self.trace.f[self.stance, 1][:-1].min(initial=np.inf))
-        if least and least - lowest > PULL * scale.mass:
+        if least and least - lowest > PULL * scale.force:
             found.append(f"{least - lowest:.0f} N less than the least ground force")
         deepest = hop.least_height - SIMULATED_SLACK * scale.length
         for name in (joint for joint in hop.above_ground if joint != "foot"):
             if hop.least_height and (z := float(trace.points[name][span, 1].min())) < deepest:
                 found.append(f"{name} down to {z:.3f} m")
-        if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SIMULATED_SLACK * scale.time:
+        if not hop.counter_movement and float(trace.v[self.stance, 1].min()) < -SIMULATED_SLACK * scale.speed:
             found.append("the body descends in stance")
         return found
 

@@ -147,7 +147,7 @@ def _inverse_dynamics(machine: Machine, phase: str, table: Table) -> Check:
         missing = pin.rnea(machine.model, machine.data, q, v, a) - given
         missing[machine.held] = 0.0  # what a guide holds
         wrong.append(np.abs(missing).max())
-    size = max(LEAST_FORCE_SCALE * Scale.of(machine.leg).mass, np.abs(table.tau).max(), np.abs(table.f).max())
+    size = max(LEAST_FORCE_SCALE * Scale.of(machine.leg).force, np.abs(table.tau).max(), np.abs(table.f).max())
     at = table.t.ravel()[int(np.argmax(wrong))]
     return Check(f"{phase} inverse dynamics", float(np.max(wrong) / size), 1e-9, "relative", f"at {at:.4f} s")
 

@@ -38,7 +38,9 @@ def upper_bound(design: Design) -> UpperBound:
     start = float(at["com"][1] - at["foot"][1])
     power = sum(most_power(region) for region in regions)
     height, speed = _stretched(robot, np.array([most_speed(region) for region in regions]))
-    by_energy = np.inf if design.hop.periodic else start + design.hop.stance_duration[1] * power / weight
+    downhill = machine.mass * abs(machine.gravity[0]) * (height + abs(float(at["com"][0] - at["foot"][0])))
+    given = design.hop.stance_duration[1] * power + downhill
+    by_energy = np.inf if design.hop.periodic else start + given / weight
     by_speed = height + speed**2 / (2 * -machine.gravity[1])
     clearance = min(by_energy, by_speed) + _below_com(robot)
     return UpperBound(*map(float, (clearance, by_energy, by_speed, power, speed)))

@@ -2,19 +2,19 @@
 
 import numpy as np
 
+from hopopt.design import GRAVITY, Environment
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.answer.touchdown import Impact
 from hopopt.planner.motion import at_apex
 from hopopt.verify.hops.heat import JointHeat
 from hopopt.verify.whole_hop import SHARPER
 
-GRAVITY = 9.81  # m/s^2
 NO_HEAT = 1e-6  # J
 NO_STEP = 1e-6  # of the clearance: a step that is none
 SWUNG = 1.5  # clearances: a foot that lands as from a higher fall did not only fall
 
 
-def hop_lines(s: Summary) -> list[str]:
+def hop_lines(s: Summary, around: Environment) -> list[str]:
     """Where the clearance comes from; durations, speeds at lift-off and the greatest ground force."""
     p, stance, flight, lift = s.parts, s.phases["stance"], s.phases["flight"], s.lift_off
     lands = "".join(
@@ -40,7 +40,8 @@ def hop_lines(s: Summary) -> list[str]:
         *box,
         *drive_lines(s),
         *heat_lines(s),
-        *orbit_lines(s),
+        *orbit_lines(s, around.gravity),
+        *_where(around),
     ]
 
 
@@ -80,14 +81,23 @@ def _hot(h: JointHeat) -> str:
     return ", ".join(words)
 
 
-def orbit_lines(s: Summary) -> list[str]:
-    """The cycle of a periodic hop, or how a hop comes to rest, and the impact."""
+def _where(around: Environment) -> list[str]:
+    """Where the leg hops, unless on level ground on earth."""
+    gravity = f"gravity is {around.gravity:g} m/s^2" if around.gravity != GRAVITY else ""
+    slope = (
+        f"the ground rises by {around.slope:g} rad along +x; heights are perpendicular to it" if around.slope else ""
+    )
+    return [line] if (line := "; ".join(filter(None, (gravity, slope)))) else []
+
+
+def orbit_lines(s: Summary, gravity: float) -> list[str]:
+    """The cycle of a periodic hop, or how a hop comes to rest, and the impact; gravity [m/s^2]."""
     if (end := s.landing) is not None:
         return [
             f"at rest after {end.rest_s:.3f} s in the pose of the start, {end.step_m:+.3f} m along; the ground pushes with at "
             f"most {end.peak_ground_force_N:.0f} N meanwhile, and the body is no lower than {end.deepest_m:.3f} m",
             _impact_line(end),
-            *hard(end, s.clearance_m),
+            *hard(end, s.clearance_m, gravity),
         ]
     if (o := s.orbit) is None:
         return []
@@ -95,7 +105,7 @@ def orbit_lines(s: Summary) -> list[str]:
     return [
         f"period {o.period_s:.3f} s, {way}; the orbit closes to {o.closure:.0e}",
         _impact_line(o),
-        *hard(o, s.clearance_m),
+        *hard(o, s.clearance_m, gravity),
     ]
 
 
@@ -107,9 +117,9 @@ def _impact_line(o: Impact) -> str:
     )
 
 
-def hard(o: Impact, clearance: float) -> list[str]:
+def hard(o: Impact, clearance: float, gravity: float) -> list[str]:
     """What a foot means that lands much faster than it would fall, and which entries limit that."""
-    fall = o.foot_speed_m_s**2 / (2 * GRAVITY)
+    fall = o.foot_speed_m_s**2 / (2 * gravity)
     if fall < SWUNG * clearance:
         return []
     return [

@@ -179,7 +179,7 @@ def _active_at_the_ground(plan: Motion, stance: Samples) -> dict[str, np.ndarray
 
 def unloaded(plan: Motion, stance: Samples) -> float:
     """Largest horizontal force [N] on a foot that carries hardly anything."""
-    carries = UNLOADED * Scale.of(plan.design.leg).mass
+    carries = UNLOADED * Scale.of(plan.design.leg).force
     return float(np.abs(stance.f[stance.f[:, -1] < carries, :-1]).max(initial=0.0))
 
 

@@ -20,7 +20,7 @@ class Impact(Strict):
 
     closure: float = stated("difference of the state after the impact from that in which stance begins [rad, rad/s]")
     step_m: float = stated("how far ahead of where it stood the foot lands [m]")
-    work_J: float = stated("net work of the joints over the hop, which the impact takes [J]")
+    work_J: float = stated("net work of the joints over the hop, for the impact and on a slope the climb [J]")
     impulse_Ns: float = stated("of the ground on the foot at touchdown [N s]")
     impact_loss_J: float = stated("kinetic energy that the impact takes [J]")
     foot_speed_m_s: float = stated("of the foot just before touchdown [m/s]")

@@ -65,7 +65,7 @@ def motion(hop: Hop, plan: Motion) -> dict[str, float]:
     return {
         "stance": plan.lift_off, "sway": float(x[lowest] / size), "lean": float(x[-1] / size),
         "dip": float((z[0] - z[lowest]) / size), "swing": float((x[farthest] - x[0]) / size),
-        "drift": float(stance.com_v[-1, 0] / Scale.of(hop.leg).time), "knee": float(min(below, default=size) / size),
+        "drift": float(stance.com_v[-1, 0] / Scale.of(hop.leg).speed), "knee": float(min(below, default=size) / size),
     }  # fmt: skip
 
 

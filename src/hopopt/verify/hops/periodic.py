@@ -85,10 +85,12 @@ def touchdown_checks(found: Touchdown, tables: Mapping[str, Table], late: float,
 
 
 def energy_check(name: str, machine: Machine, found: Touchdown, tables: Mapping[str, Table]) -> Check:
-    """Net work of the joints over all phases against what the impact takes, relative to the work done."""
+    """Net work of the joints over all phases against what the impact takes and what the step climbs, relative to the work
+    done."""
     small = SMALL * Scale.of(machine.leg).unit("J")
     net, moved = np.sum([joint_work(table) for table in tables.values()], axis=0)
-    return Check(name, float(abs(net - found.loss) / max(moved, small)), BALANCE, "relative")
+    climbed = -machine.mass * machine.gravity[0] * found.place[0]
+    return Check(name, float(abs(net - found.loss - climbed) / max(moved, small)), BALANCE, "relative")
 
 
 def impact_checks(machine: Machine, design: Design, found: Touchdown) -> Iterator[Check]:
