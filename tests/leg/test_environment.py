@@ -88,7 +88,7 @@ def test_a_slope_is_a_leg_that_leans_with_its_guides() -> None:
         np.testing.assert_allclose(pin.rnea(robot.model, machine.data, *state), expected, rtol=0, atol=1e-10)
         tau = expected[BASE:]
         falling = pin.aba(turned, data, *state[:2], np.r_[0.0, 0.0, tau])
-        np.testing.assert_allclose(machine.acceleration(*state[:2], tau, False), falling, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(machine.acceleration(state[0], state[1], tau, False), falling, rtol=1e-9, atol=1e-9)
 
 
 def assert_thrown(t: np.ndarray, places: np.ndarray, slope: float) -> None:

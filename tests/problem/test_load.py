@@ -77,7 +77,7 @@ def test_paper_states_the_defaults():
     design = load()
     assert design.solver == type(design.solver)()
     left_out = type(design.hop)(above_ground=("hip", "knee", "foot"))  # all, which [] stands for
-    assert design.hop == left_out.with_defaults(1.0)
+    assert design.hop == left_out.with_defaults(1.0, 9.81)
 
 
 @pytest.mark.parametrize("given", [(), None])
