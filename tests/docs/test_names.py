@@ -13,7 +13,7 @@ import pytest
 
 import hopopt as ho
 from hopopt import api
-from hopopt.cli.main import app
+from hopopt.cli.main import WITH, app
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "src" / "hopopt").rglob("*.py"))
@@ -141,7 +141,7 @@ def commands() -> set[str]:
 def options() -> set[str]:
     """Of all commands."""
     arguments = (argument for name in commands() for argument in app[name].assemble_argument_collection())
-    return {name for argument in arguments for name in argument.names} | {"--version", "--install-completion"}
+    return {name for argument in arguments for name in argument.names} | {"--version", "--install-completion", WITH}
 
 
 @pytest.mark.parametrize("where", WHERE)

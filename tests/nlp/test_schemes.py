@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hopopt.errors import UsageError
 from hopopt.nlp.schemes import HERMITE_SIMPSON, TRAPEZOIDAL, Scheme, lagrange, radau, scheme
 
 ALL = [radau(d) for d in (1, 2, 3, 4, 5, 7)] + [HERMITE_SIMPSON, TRAPEZOIDAL]
@@ -86,5 +87,5 @@ def test_schemes_are_found_by_name() -> None:
     assert scheme("radau", 5).order == 9
     assert scheme("hermite-simpson") is HERMITE_SIMPSON
     assert all(scheme(s.name).c == s.c for s in ALL)
-    with pytest.raises(ValueError, match="there is no scheme 'euler'"):
+    with pytest.raises(UsageError, match="there is no scheme 'euler'"):
         scheme("euler")

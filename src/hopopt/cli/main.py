@@ -57,6 +57,7 @@ COMMANDS = {  # group of the help page -> command -> where its function is, and 
     },
 }
 QUESTION = "How high can a leg possibly lift its foot in a hop with the motors it has?"
+WITH = "--with"  # of every command
 BEGIN = f"""{QUESTION}
 
 Begin with:
@@ -76,7 +77,7 @@ def command_line(first_page: bool = False) -> App:
     made = App(
         name="hopopt",
         help=QUESTION,
-        help_epilogue="Start with: hopopt solve --objective clearance",
+        help_epilogue=f"Start with: hopopt solve --objective clearance\n\n{WITH} my_module goes with every command: a module of your own.",
         help_format="plaintext",  # of the first page: to import Markdown would take a quarter of its time
         version_flags=["--version"],
         suppress_keyboard_interrupt=False,  # run says what became of the work
@@ -117,18 +118,17 @@ def _ended_as_by_ctrl_c(*signals: signal.Signals) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code."""
-    words = sys.argv[1:] if arguments is None else arguments
+    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         if any("\0" in word for word in words):
             raise UsageError("an argument holds a NUL character, which no name and no number has")
         if not words:
             print(BEGIN)
             return 0
+        words = with_modules(words)
         named = words[0] in app and words[0] not in app.help_flags
         asked = app if named else command_line(first_page=True)
-        result = asked(
-            arguments, exit_on_error=False, print_error=False, result_action="return_value", help_on_error=False
-        )
+        result = asked(words, exit_on_error=False, print_error=False, result_action="return_value", help_on_error=False)
         return result if isinstance(result, int) else 0
     except CycloptsError as error:
         print(f"hopopt: {error}", file=sys.stderr)
@@ -152,6 +152,23 @@ def run(arguments: list[str] | None = None) -> int:
         where = f"{error.filename!s:.200}: " if error.filename else ""
         print(f"hopopt: {where}{reason_of(error)}", file=sys.stderr)
         return 2
+
+
+def with_modules(words: list[str]) -> list[str]:
+    """The words of a command line without ``--with my_module``, each of these modules of the user's own imported."""
+    rest, modules = list[str](), list[str]()
+    given = iter(words)
+    for word in given:
+        if word == WITH or word.startswith(f"{WITH}="):
+            modules.append(word.partition("=")[2] or next(given, ""))
+        else:
+            rest.append(word)
+    if modules:
+        from hopopt.extensions import load
+
+        for module in modules:
+            load(module)
+    return rest
 
 
 def _entry_meant(words: list[str]) -> str:

@@ -218,7 +218,7 @@ def answering(design: Design, bound: Solution) -> Solution:
     are no part of what is asked. UsageError if it answers another question."""
     if bound.objective != COMPARED_OBJECTIVE:
         raise UsageError(f"the bound given is of the objective {bound.objective}: strategies are compared by clearance")
-    if bound.summary.functions.limits:
+    if bound.summary.functions.constraints:
         raise UsageError("the bound given: it keeps limits of your own, which no strategy keeps: solve without them")
     others = {name: getattr(design, name) for name in ("reserve", "simulation", "solver", "control", "uncertainty")}
     same = bound.design.model_copy(update=others)

@@ -25,6 +25,7 @@ from hopopt.control.similarity import Size, factors
 from hopopt.control.strategies import BUILT_IN
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
+from hopopt.extensions import carried
 from hopopt.sim.hop_metrics import HopFigures
 
 LIMIT_PENALTY = 0.05  # [m] on the paper's leg that a hop counts less for every limit it does not keep
@@ -102,7 +103,7 @@ def tune(
     with Parallel(n_jobs=processes or os.cpu_count() or 1, backend="loky") as run:
 
         def side_by_side(function: Any, places: Any) -> Any:
-            return run(delayed(function)(x) for x in places)
+            return run(delayed(carried(function))(x) for x in places)
 
         found = differential_evolution(
             search.cost, search.bounds, init=search.first(seed), rng=seed, integrality=search.discrete,  # type: ignore
@@ -112,7 +113,7 @@ def tune(
         gains = np.array([1 - NEARBY_MOTORS, 1 + NEARBY_MOTORS])
         best, untuned = search.options(found.x), search.options(search.untuned()[0])
         jobs = [(best, 1.0), (untuned, 1.0), *((best, gain) for gain in gains)]
-        hops: Any = run(delayed(search.trial)(*job) for job in jobs)
+        hops: Any = run(delayed(carried(search.trial))(*job) for job in jobs)
     return Tuned(strategy, hops[0], hops[1], (hops[2].clearance, hops[3].clearance), int(found.nfev))
 
 

@@ -52,7 +52,8 @@ def paper_strategy(solution: Solution, hop: PaperHop | None = None) -> PaperCont
 
     None where the optimum is no bound on clearance (another objective, user-defined constraints), and where there is no hop.
     """
-    if not solution.verified or solution.objective != COMPARED_OBJECTIVE or solution.summary.functions.limits:
+    own = solution.summary.functions.constraints or solution.design.hop.constraints
+    if not solution.verified or solution.objective != COMPARED_OBJECTIVE or own:
         return None
     hop = hop or paper_hop(solution.design)
     if hop is None:

@@ -13,6 +13,7 @@ from hopopt.control.setting import Setting
 from hopopt.control.tracking.receding_horizon import TrackWithinLimits
 from hopopt.control.tracking.track import Track
 from hopopt.errors import UsageError
+from hopopt.extensions import Registry, known, origin
 from hopopt.sim.controller import Controller, Measurement
 from hopopt.user_code import last_line, load
 
@@ -59,40 +60,49 @@ class Guarded:
             raise UsageError(f"strategy {self.name}: {words}") from error
 
 
-BUILT_IN = {
-    s.name: s
-    for s in (
-        Strategy("force", "the paper's force control with motor saturation", Force),
-        Strategy("force_braked", "the same, its reference followed in flight without overshoot", Force, BRAKED),
-        Strategy("force_tuck", "the paper's force control, then a full tuck", Force, TUCK),
-        Strategy("position", "the paper's position control", Position),
-        Strategy("position_soft", "the same, as soft as fits the paper's figures", partial(Position, k_p=SOFT)),
-        Strategy("position_tuck", "the paper's position control, then a full tuck", Position, TUCK),
-        Strategy(
-            "force_tuned", "force_tuck with gains tuned on the paper's leg", partial(Force, **BEST["force"]), TUCK
-        ),
-        Strategy("position_tuned", "position_tuck with such gains", partial(Position, **BEST["position"]), TUCK),
-        Strategy("track", "the optimum tracked, LQG feedback", Track, needs_plan=True),
-        Strategy(
-            "track_mpc", "the optimum tracked within all limits, a receding horizon", TrackWithinLimits, needs_plan=True
-        ),
-        Strategy("track_pd", "the optimum tracked, PD feedback", Track, {"feedback": "pd"}, needs_plan=True),
-    )
-}
+BUILT_IN: Registry[Any] = Registry(
+    "strategy",
+    {
+        s.name: s
+        for s in (
+            Strategy("force", "the paper's force control with motor saturation", Force),
+            Strategy("force_braked", "the same, its reference followed in flight without overshoot", Force, BRAKED),
+            Strategy("force_tuck", "the paper's force control, then a full tuck", Force, TUCK),
+            Strategy("position", "the paper's position control", Position),
+            Strategy("position_soft", "the same, as soft as fits the paper's figures", partial(Position, k_p=SOFT)),
+            Strategy("position_tuck", "the paper's position control, then a full tuck", Position, TUCK),
+            Strategy(
+                "force_tuned", "force_tuck with gains tuned on the paper's leg", partial(Force, **BEST["force"]), TUCK
+            ),
+            Strategy("position_tuned", "position_tuck with such gains", partial(Position, **BEST["position"]), TUCK),
+            Strategy("track", "the optimum tracked, LQG feedback", Track, needs_plan=True),
+            Strategy(
+                "track_mpc",
+                "the optimum tracked within all limits, a receding horizon",
+                TrackWithinLimits,
+                needs_plan=True,
+            ),
+            Strategy("track_pd", "the optimum tracked, PD feedback", Track, {"feedback": "pd"}, needs_plan=True),
+        )
+    },
+)
 
 
 def find(name: str) -> Strategy:
     """The strategy called ``name``; UsageError, with what there is, if it cannot be found."""
     if name in BUILT_IN:
-        return BUILT_IN[name]
+        found = BUILT_IN[name]
+        return found if isinstance(found, Strategy) else _others(name, f"from {origin('strategy', name)}", found)
     if ":" in name:
         return _others(name, "your own strategy", _load(name))
     others = {e.name: e for e in entry_points(group=ENTRY_POINT_GROUP)}
     if name in others:
         return _others(name, f"from {others[name].value}", others[name].load())
+    if known("strategy", name):
+        return find(name)
     raise UsageError(
         f"there is no strategy {name!r}: choose one of {', '.join([*BUILT_IN, *others])}, "
-        "or give a class of your own as package.module:Class"
+        "give the module that has it with --with, or a class of your own as package.module:Class"
     )
 
 

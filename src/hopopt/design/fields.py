@@ -40,6 +40,12 @@ def quantity(meaning: str, unit: str, low: float, high: float, default: Any = ..
     return Field(default, ge=low, le=high, allow_inf_nan=False, description=meaning, json_schema_extra=extra)
 
 
+def named(meaning: str, default: Any, kind: str, *built_in: str) -> Any:
+    """Declare one or several names of a registry of this ``kind`` (extensions.py), of which these are built in."""
+    extra = {"unit": "", "physical": False, "allowed": "", "registry": kind, "words": list(built_in)}
+    return Field(default, description=meaning, json_schema_extra=extra)
+
+
 def choice(meaning: str, default: Any = ..., *, unit: str = "", allowed: str = "", **bounds: Any) -> Any:
     """Declare an entry that is not a single physical number: the unit of a list, what is ``allowed`` in words."""
     extra = {"unit": unit, "physical": False, "allowed": allowed}
@@ -52,6 +58,8 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
+EntryName = Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,200}$")]  # in a registry
+ModuleName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_.]{0,199}$")]
 Number = Annotated[float, Field(ge=-1e3, le=1e3, allow_inf_nan=False)]
 Speed = Annotated[float, Field(ge=0, le=6000, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.05, le=1, allow_inf_nan=False)]

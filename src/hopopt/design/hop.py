@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from hopopt.design.fields import Section, choice, quantity
+from hopopt.design.fields import EntryName, Section, choice, named, quantity
 
 # Of the paper's leg, for which problems without these entries are completed: times [s] and a length [m]
 DURATIONS = {"stance_duration": (0.03, 0.4), "flight_duration": (0.03, 1.0), "landing_duration": (0.03, 1.0)}
@@ -103,6 +103,9 @@ class HopSettings(Section):
         "one from cold)", "s", 0, 1e5, None,
     )  # fmt: skip
     counter_movement: bool = choice("may the body descend in stance", True)
+    constraints: tuple[EntryName, ...] | None = named(
+        "path constraints of your own that hold too, by their names (docs/extending.md)", None, "constraint"
+    )
 
     def with_defaults(self, length: float, gravity: float) -> "HopSettings":
         """The same with all that is left out, of a leg so many times as long as the paper's where gravity [m/s^2] is this."""

@@ -15,12 +15,14 @@ from hopopt.design.fields import (
     FORWARD,
     MOST_POINTS,
     RESERVED,
+    EntryName,
     Number,
     Section,
     Share,
     Speed,
     Vector,
     choice,
+    named,
     quantity,
 )
 from hopopt.design.hop import GRAVITY
@@ -63,11 +65,11 @@ class Motor(Section):
         "rad/s", 1.0, 6000, None, physical=True,
     )  # fmt: skip
     rotor_inertia: float = quantity("rotor inertia, motor side", "kg m^2", 0.0, 0.05, 0.0, physical=True)
-    laws: tuple[Literal["paper", "four-quadrant"], ...] = choice(
+    laws: tuple[EntryName, ...] = named(
         "torque-speed laws, all of which hold: the paper's |tau| <= tau_max (1 - |w| / omega_max), "
         "or the four-quadrant line in which braking is not weakened by speed; [] leaves the caps on torque and speed",
-        ("paper",),
-    )
+        ("paper",), "law", "paper", "four-quadrant",
+    )  # fmt: skip
     torque_cap: float | None = quantity("drive's torque limit, motor side", "N m", 1e-6, 1000, None, physical=True)
     voltage: float | None = quantity(
         "at which its torque and speed are meant (default: the supply's)", "V", 0.1, 1000, None, physical=True

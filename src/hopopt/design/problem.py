@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import ValidationError, model_validator
 
 from hopopt.design.control import ControlSettings, Reserve
-from hopopt.design.fields import Section, choice
+from hopopt.design.fields import ModuleName, Section, choice
 from hopopt.design.hop import Contact, Environment, HopSettings, StartPose
 from hopopt.design.leg import PAPERS_LENGTH, Leg
 from hopopt.design.simulation import Simulation, Uncertainty
@@ -38,6 +38,10 @@ class Design(Section):
     reserve: Reserve = Reserve()
     control: ControlSettings = ControlSettings()
     uncertainty: Uncertainty = Uncertainty()
+    needs: tuple[ModuleName, ...] | None = choice(
+        "modules of your own that names in it come from, which no file loads (--with)", None,
+        allowed='a list of modules, such as ["my_module"],',
+    )  # fmt: skip
 
     def __hash__(self) -> int:
         """Of every entry, so that what is made of a problem can be kept for it."""

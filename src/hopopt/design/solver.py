@@ -1,12 +1,10 @@
 """How a problem is solved: the transcription, its first mesh, tolerances and starting points."""
 
-from typing import Literal
-
-from hopopt.design.fields import Section, choice, quantity
+from hopopt.design.fields import EntryName, Section, choice, named, quantity
 
 
 class Solver(Section):
-    scheme: Literal["radau", "hermite-simpson", "trapezoidal"] = choice("transcription", "radau")
+    scheme: EntryName = named("transcription", "radau", "scheme", "radau", "hermite-simpson", "trapezoidal")
     degree: int = choice("collocation points an interval (radau only)", 3, ge=1, le=9)
     stance_intervals: int = choice("intervals of the first mesh, stance", 40, ge=1, le=2000)
     flight_intervals: int = choice("intervals of the first mesh, flight", 10, ge=1, le=2000)

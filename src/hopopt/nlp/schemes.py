@@ -15,6 +15,8 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.polynomial import legendre
 
+from hopopt.extensions import Registry
+
 
 @dataclass(frozen=True)
 class Scheme:
@@ -88,16 +90,15 @@ TRAPEZOIDAL = Scheme("trapezoidal", (0.0, 1.0), (0.0, 1.0), 2)
 HERMITE_SIMPSON = Scheme("hermite-simpson", (0.0, 0.5, 1.0), (0.0, 0.5, 1.0), 4)
 
 
-SCHEMES = {s.name: s for s in (TRAPEZOIDAL, HERMITE_SIMPSON)}  # and radau of every degree
+SCHEMES = Registry("scheme", {s.name: s for s in (TRAPEZOIDAL, HERMITE_SIMPSON)})  # and radau of every degree
 HIGHEST_DEGREE = 12  # degree of a stored radau scheme
 
 
 def scheme(name: str, degree: int = 4) -> Scheme:
-    """The scheme called ``radau``, ``hermite-simpson`` or ``trapezoidal`` (or as ``Scheme.name`` spells it)."""
+    """The scheme called ``radau``, ``hermite-simpson`` or ``trapezoidal`` (or as ``Scheme.name`` spells it), or an added one;
+    UsageError if there is none."""
     if name == "radau":
         return radau(degree)
-    if found := SCHEMES.get(name) or next(
-        (r for k in range(1, HIGHEST_DEGREE + 1) if (r := radau(k)).name == name), None
-    ):
-        return found
-    raise ValueError(f"there is no scheme {name!r}: use radau, {' or '.join(reversed(SCHEMES))}")
+    if name in SCHEMES:
+        return SCHEMES[name]
+    return next((r for k in range(1, HIGHEST_DEGREE + 1) if (r := radau(k)).name == name), None) or SCHEMES[name]

@@ -12,11 +12,14 @@ from typing import Any, TypeVar
 import casadi as ca
 import numpy as np
 
+from hopopt.design import Design
 from hopopt.errors import UsageError
+from hopopt.extensions import function
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
+from hopopt.ocp.rules import RULES, is_rule, named_constraints
 from hopopt.user_code import last_line, load
 
 CUSTOM_FIGURE = "user_objective"
@@ -136,21 +139,30 @@ def _hint(error: BaseException) -> str:
     return ""
 
 
-def custom(function: Any) -> Custom:
-    """A function, its name ``module:function``, or a ``Custom``, as a ``Custom``; UsageError if it cannot be called."""
-    if isinstance(function, Custom):
-        return function
-    name = function if isinstance(function, str) else ""
-    found = load(function) if name else function
+def custom(given: Any, name: str = "") -> Custom:
+    """A function, its name ``module:function``, or a ``Custom``, as a ``Custom``; UsageError if it cannot be called.
+
+    name: what it is called (default: module:function)
+    """
+    if isinstance(given, Custom):
+        return given
+    name = given if isinstance(given, str) else name
+    found = load(given) if isinstance(given, str) else given
     if not callable(found):
         raise UsageError(f"{name or repr(found)} is not a function")
     name = name or f"{getattr(found, '__module__', '?')}:{getattr(found, '__qualname__', type(found).__name__)}"
     return Custom(name, found, getattr(found, "hopopt_terms", Terms(lower=0.0)))
 
 
-def as_objective(function: Any) -> HopObjective:
+def named_custom(design: Design) -> tuple[Custom, ...]:
+    """The constraints that a problem names and that are functions of an instant."""
+    names = (name for name in named_constraints(design) if not is_rule(name))
+    return tuple(custom(function(name) if ":" in name else RULES[name], name) for name in names)
+
+
+def as_objective(given: Any) -> HopObjective:
     """A user-defined function as an objective of the hop."""
-    c = custom(function)
+    c = custom(given)
     terms = c.terms
     more: dict[str, Any] = dict(AT_CLEARANCE) if terms.clearance else {"ends": "free"}
     if terms.running:

@@ -7,7 +7,7 @@ import casadi as ca
 
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.ocp.custom import Custom, checked
+from hopopt.ocp.custom import Custom, checked, named_custom
 from hopopt.ocp.custom import path as custom_path
 from hopopt.ocp.drives import carried_on
 from hopopt.ocp.free_parameters import FreeParameters
@@ -20,14 +20,17 @@ from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.objectives.tie_break import EFFORT, LOOPED, effort, largest_effort
 from hopopt.ocp.phases import LegPhase
 from hopopt.ocp.problem import Ends, Objective, PathConstraint, Phase, Problem
-from hopopt.ocp.rules import RULES, added_rules
+from hopopt.ocp.rules import rules_of
 
 FIXED = FreeParameters()
 SEQUENCES = {"periodic": hop_after_hop, "landing": to_rest}  # by hop.kind; of a single hop the objective's
 
 
 class Hop(MovingLeg):
-    """One hop of a leg towards an objective; ``problem`` is what the transcription sees."""
+    """One hop of a leg towards an objective; ``problem`` is what the transcription sees.
+
+    constraints: the user's own that were given beside the problem; own: these and those that the problem names
+    """
 
     def __init__(
         self, design: Design, objective: str | HopObjective = "clearance", free_parameters: FreeParameters = FIXED,
@@ -40,13 +43,13 @@ class Hop(MovingLeg):
         if fault := self.objective.fault(design):
             raise UsageError(f"objective {self.objective.name}: {fault}")
         super().__init__(design)
-        self.rules, self.added_rules = tuple(RULES), added_rules()
+        self.rules, self.own = rules_of(design), (*named_custom(design), *constraints)
         if design.hop.lands and (self.loops or len(self.falling) < 2):
             raise UsageError(
                 f'hop.kind = "{design.hop.kind}" needs a leg in a plane whose body moves along x and z (leg.guides): this one\'s '
                 'guides or joints hold the foot on the ground as well; set hop.kind = "single"'
             )
-        for c in (*constraints, *((self.objective.custom,) if self.objective.custom else ())):
+        for c in (*self.own, *((self.objective.custom,) if self.objective.custom else ())):
             checked(c, self, c is self.objective.custom)
 
     def with_solver_of(self, design: Design) -> "Hop":
@@ -82,7 +85,7 @@ class Hop(MovingLeg):
     def _extended(self, phase: LegPhase) -> Phase:
         """A phase with what the objective and the user's own constraints add to it."""
         motion = phase.motion
-        own = (custom_path(c, self, phase.kind, motion) for c in self.constraints)
+        own = (custom_path(c, self, phase.kind, motion) for c in self.own)
         path: list[PathConstraint] = [c for group in (self.objective.path(self, phase), *own) for c in group]
         integrands = {EFFORT: effort(self, motion), **self.objective.integrands(self, motion)}
         return phase.with_more(self.objective.controls(self), path, integrands)

@@ -1,18 +1,21 @@
 """The physical rules of a phase: which path constraints hold on the ground and which in the air, each stated at one instant.
 
-A rule is a function of the leg and of the kind of phase, "stance" or "flight"; ``RULES`` lists them all. What others add to
-it is a user-defined limit: answers name it, and it is checked by its value.
+A rule is a function of the leg and of the kind of phase, "stance" or "flight". What others add to ``RULES`` holds where a
+problem names it. It is a user-defined limit: answers name it, and it is checked by its value.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from hopopt.design import Design
 from hopopt.drivetrain.operating_region.limits import BACKWARD, FORWARD
 from hopopt.drivetrain.operating_region.region import operating_region
 from hopopt.drivetrain.supply import power_limits
+from hopopt.extensions import Registry, arguments
 from hopopt.leg.limit_id import Kind, LimitId, motor_power
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import descent_range
@@ -124,17 +127,29 @@ def counter_movement(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
     return (PathConstraint(NO_DESCENT, lambda s: motion(s).v[1], 0.0, INF, descent_range(leg.leg), unit="m/s"),)
 
 
-RULES: list[Rule] = [drives, mechanical_power, supply, ground, heights, counter_movement]
-BUILT_IN = tuple(RULES)
+BUILT_IN: tuple[Rule, ...] = (drives, mechanical_power, supply, ground, heights, counter_movement)
+RULES: Registry[Any] = Registry(
+    "constraint", {}
+)  # of the user's own: such rules, or functions of an instant (custom.py)
 
 
-def added_rules() -> tuple[str, ...]:
-    """Names of the rules that were added to RULES, as module:function."""
-    return tuple(f"{rule.__module__}:{rule.__qualname__}" for rule in RULES if rule not in BUILT_IN)
+def rules_of(design: Design) -> tuple[Rule, ...]:
+    """The rules that hold in a hop: those that are built in, and others that the problem names."""
+    return (*BUILT_IN, *(RULES[name] for name in named_constraints(design) if is_rule(name)))
+
+
+def named_constraints(design: Design) -> tuple[str, ...]:
+    """Names of the user's own constraints that a problem has."""
+    return design.hop.constraints or ()
+
+
+def is_rule(name: str) -> bool:
+    """Whether a constraint of the user's own is stated of the leg and the kind of phase; else it is of an instant (custom.py)."""
+    return ":" not in name and arguments(RULES[name]) == 2
 
 
 def path_constraints(leg: MovingLeg, kind: str) -> tuple[PathConstraint, ...]:
-    """All path constraints of a phase of that kind; those of rules that were added are user-defined."""
+    """All path constraints of a phase of that kind; those of rules that are not built in are user-defined."""
     return tuple(
         c if rule in BUILT_IN else replace(c, name=LimitId(Kind.USER, str(c.name), unit=c.unit))
         for rule in leg.rules

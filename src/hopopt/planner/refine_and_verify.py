@@ -121,10 +121,10 @@ def with_costates(refinement: Refinement) -> Refinement:
 def judged(hop: Hop, refined: Refined, clock: Stopwatch | None = None) -> Answer:
     """A refined solution with its verdict."""
     goal, solution = hop.objective, refined.solution
-    stated, own = stated_figure(hop, solution), (goal if goal.custom else None, hop.constraints)
+    stated, own = stated_figure(hop, solution), (goal if goal.is_function else None, hop.constraints)
     plan = Motion(hop.design, goal.name, solution.phases, stated=stated, own=own)
     claims = {**plan.claims(), **stated}
-    verdict = judge(plan, solution, goal, hop.constraints, claims, refined.errors, refined.change, clock)
+    verdict = judge(plan, solution, goal, hop.own, claims, refined.errors, refined.change, clock)
     return Answer(hop, refined, plan, claims, verdict)
 
 

@@ -8,18 +8,18 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hopopt.design.names import names_in
 from hopopt.errors import ResultError, UsageError
+from hopopt.extensions import absent, doubts, function, known, needs, used
 from hopopt.nlp.mesh import PhaseMesh
 from hopopt.nlp.refinement.mesh_refinement import Refinement
-from hopopt.nlp.schemes import scheme
 from hopopt.nlp.solver.ipopt import Bounds, NlpSolution
 from hopopt.nlp.transcription import Transcription
-from hopopt.ocp.custom import Custom
+from hopopt.ocp.custom import Custom, custom
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import find
 from hopopt.ocp.problem import Problem
-from hopopt.ocp.rules import added_rules
 from hopopt.optimality.minimum_principle.free_switches import Resolved
 from hopopt.planner.answer.extras import Functions
 from hopopt.planner.answer.program_figures import FigureSource, figures
@@ -76,10 +76,14 @@ class Solution(Motion):
     @property
     def shown(self) -> Summary:
         """The summary as it may be shown: of files that are in doubt nothing is called verified."""
+        needed = tuple(doubts(self.summary.extensions))
         if not self.doubts:
-            return self.summary
+            return replace(self.summary, notes=(*needed, *self.summary.notes)) if needed else self.summary
         note = f"{'; '.join(self.doubts)}: hopopt verify {self.result_dir} says what still stands"
-        notes, reported = (note, *self.summary.notes), {"verified": False, "status": "changed after it was stored"}
+        notes, reported = (
+            (note, *needed, *self.summary.notes),
+            {"verified": False, "status": "changed after it was stored"},
+        )
         return replace(
             self.summary, **reported, exit_code=3, failed_checks=("files as they were written",), notes=notes
         )
@@ -106,7 +110,14 @@ def summarize(
     names = tuple(c.name for c in hop.constraints)
     summary = Summary(
         version=VERSION,
-        functions=Functions(goal.name if goal.custom else None, names, rules=hop.added_rules),
+        functions=Functions(goal.name if goal.is_function else None, names),
+        extensions=used(
+            [
+                *((kind, name) for _, kind, name in names_in(hop.design)),
+                ("objective", goal.name),
+                *(("constraint", n) for n in names),
+            ]
+        ),
         **figures(FigureSource(hop, plan, solution, verdict)),
         mesh=tuple(refinement.history),
         refinement_ended=refinement.ended,
@@ -136,7 +147,10 @@ def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]
     they do not run it."""
     objective, constraints = solution.summary.functions.objective, solution.summary.functions.constraints
     goal, own = solution.own
-    _check_rules(solution)
+    goal = goal or (find(objective) if objective and known("objective", objective) else None)
+    own = own or tuple(custom(function(name), name) for name in constraints if known("constraint", name))
+    if wanted := absent([e.module for e in solution.summary.extensions]):
+        raise UsageError(f"{solution.result_dir or solution.design.name} {needs(wanted)}")
     if (goal.name if goal else None) != objective or sorted(c.name for c in own) != sorted(constraints):
         options = [f"--objective {objective}"] * bool(objective) + [f"--constraint {name}" for name in constraints]
         what = "was found without user-defined functions: give none"
@@ -144,20 +158,6 @@ def own_functions(solution: Solution) -> tuple[HopObjective, tuple[Custom, ...]]
             what = f"was found with user-defined functions and needs their module: add {' '.join(options)}"
         raise UsageError(f"{solution.result_dir} {what}")
     return goal or find(solution.objective), own
-
-
-def _check_rules(solution: Solution) -> None:
-    """UsageError unless the limits that were added to RULES are those that the solution was found with."""
-    stored, present = solution.summary.functions.rules, added_rules()
-    where = solution.result_dir or solution.design.name
-    if missing := [name for name in stored if name not in present]:
-        modules = ", ".join(dict.fromkeys(name.partition(":")[0] for name in missing))
-        example = f"python -c \"import {modules}; from hopopt.cli.main import main; main(['verify', '{where}'])\""
-        raise UsageError(
-            f"{where} was found with limits added to RULES ({', '.join(missing)}) and needs their module: {example}"
-        )
-    if more := [name for name in present if name not in stored]:
-        raise UsageError(f"{where} was found without the limits that RULES has now ({', '.join(more)}): take them out")
 
 
 def hop_of(solution: Solution) -> Hop:
@@ -174,7 +174,7 @@ def stored_nlp(solution: Solution, problem: Problem | None = None) -> NlpSolutio
         edges = trajectory.edges / trajectory.duration
         free = np.flatnonzero(np.diff(trajectory.arc)) + 1
         mesh[name] = PhaseMesh(tuple(edges.tolist()), tuple(free.tolist()))
-    t = Transcription(problem, scheme(next(iter(solution.phases.values())).scheme.name), mesh)
+    t = Transcription(problem, next(iter(solution.phases.values())).scheme, mesh)
     if len(kkt["z"]) != len(t.scale):
         raise ResultError(f"{solution.result_dir}: mesh and NLP vectors do not belong together")
     bounds = Bounds(*(kkt.pop(side.name) for side in fields(Bounds)))

@@ -11,6 +11,7 @@ from typing import Any
 from hopopt.design import Design
 from hopopt.drivetrain.motor import IMPLIES
 from hopopt.errors import ProblemFileError, UsageError
+from hopopt.extensions import absent
 from hopopt.problem.catalogue import Entry, catalogue, problems_folder
 from hopopt.problem.catalogue_files import read_own
 from hopopt.problem.checking.check import check
@@ -27,11 +28,14 @@ BARE_NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}")  # no separators, n
 EXCLUSIVE = (("hip_height", "joint_angles"), ("joint_angles", "hip_height"))  # the later layer's start counts
 
 
-def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[str] = ()) -> Design:
+def load(
+    source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[str] = (), *, without_modules: bool = False
+) -> Design:
     """The problem called ``source``: a built-in name, or the path of a .toml file.
 
     ``overrides`` are laid over the file: texts such as "leg.gear.ratio=80", or a mapping of paths or nested
-    tables to values (None takes an entry out). Raises ProblemFileError with one sentence for each fault.
+    tables to values (None takes an entry out). without_modules: names of modules that are not here are no faults.
+    Raises ProblemFileError with one sentence for each fault.
     """
     report = Report(str(source))
     data, own = dict[str, Any](), dict[str, Entry]()
@@ -39,7 +43,7 @@ def load(source: str | Path = "paper", overrides: Mapping[str, Any] | Sequence[s
         own |= _own_entries(layer.pop("catalogue", None), report)
         _lay_over(data, with_numbers(_in_leg(_plain(layer)), data, own, label, report), label, report)
     _lay_overrides(data, overrides, own, report)
-    return _checked(data if report.unreadable else with_leg(data, report), report)
+    return _checked(data if report.unreadable else with_leg(data, report), report, without_modules)
 
 
 def catalogue_of(source: str | Path = "paper") -> dict[str, Entry]:
@@ -80,11 +84,11 @@ def changed(design: Design, entries: Mapping[str, Any]) -> Design:
     report = Report(design.name, design.name)
     data = design.model_dump(exclude_none=True)
     _lay_overrides(data, entries, {}, report)
-    return _checked(data, report)
+    return _checked(data, report, without_modules=bool(absent(design.needs or ())))
 
 
-def _checked(data: dict[str, Any], report: Report) -> Design:
-    design = None if report.unreadable else check(data, report)
+def _checked(data: dict[str, Any], report: Report, without_modules: bool = False) -> Design:
+    design = None if report.unreadable else check(data, report, without_modules)
     if design is None or report.sentences:
         raise ProblemFileError(report.source, report.sentences)
     return design

@@ -100,7 +100,7 @@ def _rows(path: str, section: BaseModel) -> Iterator[Row]:
             for key, item in value.items():
                 yield from _rows(f"{path}.{key}", item)
         elif value is not None or not (
-            name in ("motor", "gear", "supply", "environment") or "Overrides" in type(section).__name__
+            name in ("motor", "gear", "supply", "environment", "needs") or "Overrides" in type(section).__name__
         ):
             unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
             yield Row(here, value, unit, info.description or "")

@@ -15,7 +15,16 @@ from hopopt.problem.checking.entries import raw_schema
 from hopopt.problem.urdf.leg import ENTRIES, FURTHEST_POINT
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
-WRITTEN_ANEW = ("unit", "physical", "allowed", "title", "default", "description")  # keywords that are written anew
+WRITTEN_ANEW = (
+    "unit",
+    "physical",
+    "allowed",
+    "title",
+    "default",
+    "description",
+    "registry",
+    "words",
+)  # keywords that are written anew
 OWN_CATALOGUE = "a .toml or .csv file of motors and gears of your own, beside this file or below"
 EXTENDS = "a built-in problem, or a file in the same folder, whose entries count where this file has none"
 URDF_ENTRIES = {
@@ -43,7 +52,7 @@ def problem_schema() -> Schema:
     found["properties"]["catalogue"] = {"type": "string", "description": OWN_CATALOGUE}
     found["properties"]["extends"] = {"type": "string", "description": EXTENDS}
     head = {"$schema": DRAFT, "title": "hopopt problem", "description": (Design.__doc__ or "").split("\n")[0]}
-    return {**head, **found, "allOf": [_complete()]}
+    return {**head, **found, "allOf": [_complete(), _of_nobody_else()]}
 
 
 def _plain(value: Any) -> Any:
@@ -60,6 +69,8 @@ def _keywords(value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
         yield "description", f"{value['description']} [{unit}]" if unit not in ("", "1") else value["description"]
     if value.get("default") is not None and not isinstance(value["default"], Mapping):
         yield "default", value["default"]
+    if "registry" in value:
+        value = _with_names(value)
     for key, inner in value.items():
         if key in ("properties", "$defs"):
             yield words.get(key, key), {name: _plain(schema) for name, schema in inner.items()}
@@ -67,6 +78,16 @@ def _keywords(value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield key, inner.replace("#/$defs/", "#/definitions/")
         elif key not in WRITTEN_ANEW:
             yield words.get(key, key), _plain(inner)
+
+
+def _with_names(value: Mapping[str, Any]) -> dict[str, Any]:
+    """One or several names of a registry, of which an editor completes those that are built in."""
+    name = value.get("items", value)
+    words = {"enum": value["words"]}
+    either = {"anyOf": [*([words] if value["words"] else []), {"type": "string", "pattern": name["pattern"]}]}
+    if "items" in value:
+        return {**value, "items": either}
+    return {k: x for k, x in value.items() if k not in ("type", "pattern")} | either
 
 
 def _catalogue(part: str) -> Schema:
@@ -101,6 +122,15 @@ def _open(leg: Schema) -> None:
     }  # fmt: skip
     either = [{"$ref": "#/definitions/Joint"}, {"$ref": "#/definitions/Link"}]
     leg["additionalProperties"] = {"anyOf": either, "description": NAMED_PART}
+
+
+def _of_nobody_else() -> Schema:
+    """Names of a file that says it ``needs`` no module: they are built in, and an editor tells when one is misspelt."""
+    tables = raw_schema()["$defs"]
+    laws, scheme = tables["Motor"]["properties"]["laws"]["words"], tables["Solver"]["properties"]["scheme"]["words"]
+    motor = {"properties": {"laws": {"items": {"enum": laws}}}}
+    then = {"leg": {"properties": {"motor": motor}}, "solver": {"properties": {"scheme": {"enum": scheme}}}}
+    return {"if": {"not": {"required": ["needs"]}}, "then": {"properties": then}}
 
 
 def _complete() -> Schema:

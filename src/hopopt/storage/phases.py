@@ -1,11 +1,13 @@
 """A phase of a plan in a result's netCDF file: its table with units, and its collocation data."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
 from hopopt.leg.kinematics import contact_axes
-from hopopt.nlp.schemes import scheme
+from hopopt.nlp.schemes import SCHEMES, Scheme, scheme
 from hopopt.nlp.trajectory import PhaseTrajectory
 from hopopt.planner.solution import Solution
 from hopopt.storage.netcdf import Group
@@ -49,7 +51,7 @@ def phase_group(solution: Solution, table: Table, trajectory: PhaseTrajectory) -
         "direction": (["xyz"[axis] for axis in contact_axes(solution.design.leg)], "axes of the ground force, z up"),
     }
     found |= {name: ((name,), np.array(words), {"long_name": text}) for name, (words, text) in labels.items()}
-    return Group(found, {"scheme": trajectory.scheme.name})
+    return Group(found, dict(_stored(trajectory.scheme)))
 
 
 def _described(unit: str, text: str) -> dict[str, str]:
@@ -59,7 +61,23 @@ def _described(unit: str, text: str) -> dict[str, str]:
 def trajectory_of(group: Group) -> PhaseTrajectory:
     """The trajectory that ``phase_group`` wrote."""
     arrays = {name: group[name] for name in ("edges", "x_start", "xdot", "u", "arc")}
-    return PhaseTrajectory(scheme(str(group.attributes["scheme"])), **arrays)
+    return PhaseTrajectory(_scheme(group.attributes), **arrays)
+
+
+def _stored(used: Scheme) -> Iterator[tuple[str, Any]]:
+    """A scheme by its name; one of the user's own whole, so that it is read without its module."""
+    yield "scheme", used.name
+    if used.name in SCHEMES.added:
+        yield "abscissae", " ".join(map(repr, used.c))
+        yield "control_abscissae", " ".join(map(repr, used.control_c))
+        yield "order", used.order
+
+
+def _scheme(stored: Mapping[str, Any]) -> Scheme:
+    if "abscissae" not in stored:
+        return scheme(str(stored["scheme"]))
+    c, control_c = (tuple(map(float, str(stored[name]).split())) for name in ("abscissae", "control_abscissae"))
+    return Scheme(str(stored["scheme"]), c, control_c, int(np.ravel(stored["order"])[0]))
 
 
 def table_of(group: Group) -> Table:

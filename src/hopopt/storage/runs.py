@@ -18,9 +18,12 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.design.names import names_in
 from hopopt.errors import ResultError
+from hopopt.extensions import used
 from hopopt.leg.robot import Robot, build_robot
 from hopopt.problem.load import design_hash, load, resolved_toml
+from hopopt.record import as_data
 from hopopt.sim.trace import Event, Trace
 from hopopt.storage.folder import new_work_folder, published, reason_of, write_json
 from hopopt.storage.netcdf import Group, to_bytes
@@ -69,7 +72,9 @@ def _save_data(what: str, design: Design, data: Mapping[str, Any], traces: Mappi
     work = None
     try:
         work = new_work_folder(results)
-        write_json(data, work / f"{what}.json")
+        wanted = [*((kind, name) for _, kind, name in names_in(design)), *(("strategy", name) for name in traces)]
+        modules = {"extensions": [as_data(e) for e in found]} if (found := used(wanted)) else {}
+        write_json({**data, **modules}, work / f"{what}.json")
         (work / "problem.toml").write_text(resolved_toml(design), encoding="utf-8")
         if traces:  # a study of the optimum itself has none
             (work / "runs.nc").write_bytes(_netcdf(design, traces))
@@ -139,7 +144,7 @@ def read_data(folder: Path, what: str) -> tuple[Design, Mapping[str, Any]]:
         data = json.loads((folder / f"{what}.json").read_text(encoding="utf-8"))
         if not isinstance(data, dict):
             raise TypeError(f"{what}.json is no JSON object")
-        return load(folder / "problem.toml"), data
+        return load(folder / "problem.toml", without_modules=True), data
 
 
 @contextmanager

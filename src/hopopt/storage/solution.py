@@ -23,6 +23,7 @@ from typing import Any
 
 from hopopt.design import Design
 from hopopt.errors import ResultError
+from hopopt.extensions import note_needed
 from hopopt.ocp.custom import CUSTOM_FIGURE
 from hopopt.planner.answer.summary import Summary
 from hopopt.planner.solution import Solution
@@ -86,7 +87,7 @@ def save(solution: Solution, results: str | Path = "results", figures: Figures |
 
 def _save_data(solution: Solution, results: Path) -> Solution:
     work = new_work_folder(results)
-    name = folder_name(solution.design, solution.objective, solution.summary.functions.limits)
+    name = folder_name(solution.design, solution.objective, solution.summary.functions.constraints)
 
     def placed(folder: Path) -> Solution:
         return solution.noted(result_dir=folder, summary=replace(solution.summary, result_dir=str(folder)))
@@ -197,7 +198,9 @@ def read(folder: str | Path) -> Solution:
         )
     figures = {name: x for name in (*MEASURES, CUSTOM_FIGURE) if (x := summary.figure(name)) is not None}
     doubts = (*changed(folder), *(f"summary.json contradicts itself: {words}" for words in contradictions))
-    solution = Solution(load(problem), objective, phases, summary, kkt, folder, kept, doubts=doubts, stated=figures)
+    note_needed(e.module for e in summary.extensions)
+    design = load(problem, without_modules=True)
+    solution = Solution(design, objective, phases, summary, kkt, folder, kept, doubts=doubts, stated=figures)
     solution.__dict__["tables"] = tables
     return solution
 

@@ -8,6 +8,7 @@ from traceback import format_exception
 from typing import Any
 
 from hopopt.errors import HopoptError, SolverError, one_line
+from hopopt.extensions import carried
 from hopopt.files import write_whole
 
 TRACEBACK_KEPT = "its traceback lies in the folder, in *.traceback.txt: please report it"
@@ -49,7 +50,7 @@ def side_by_side(
         return
     from joblib import Parallel, delayed
 
-    tasks = (delayed(_keyed)(key, job, arguments) for key, arguments in given.items())
+    tasks = (delayed(carried(_keyed))(key, job, arguments) for key, arguments in given.items())
     yield from Parallel(n_jobs=processes, backend="loky", return_as="generator_unordered")(tasks)  # type: ignore[misc]
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from hopopt import extensions
 from hopopt.cli.options import AsJson, Constraints, Own, Solved, ended, note
 from hopopt.cli.screen.answer import reached
 from hopopt.cli.screen.checks import certificate, checks
@@ -41,9 +42,9 @@ def verify(result: Path, *, objective: Own = None, constraint: Constraints = Non
             raise UsageError("a study takes no user-defined functions: leave out --objective and --constraint")
         return verify_study(result, json_)
     solution = with_functions(read(result), objective, constraint or ())
-    for words in solution.doubts:
-        note(words)
     verdict = recheck(solution)
+    for words in (*solution.doubts, *extensions.doubts(solution.summary.extensions)):
+        note(words)
     verdict = verdict.with_checks((), control_check(solution))
     made, code = bool(verdict.conditions), 0 if verdict.verified else 3
     data = {

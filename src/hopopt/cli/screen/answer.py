@@ -49,7 +49,7 @@ def headed(s: Summary, **parts: Sequence[str]) -> Iterator[Shown]:
     """Title and headline, and below them each part's lines under its name."""
     changed = " and ".join(s.overrides or ())
     which = f"{s.problem}{f' with {changed}' if changed else ''}, objective {s.objective}"
-    which += f", limited by {' and '.join(limits)} too" if (limits := s.functions.limits) else ""
+    which += f", limited by {' and '.join(limits)} too" if (limits := s.own_limits) else ""
     yield marked(f"[bold]{escape(s.title or s.problem)}[/bold]  ({escape(which)})")
     yield marked(_headline(s))
     yield from (NamedLines(name.replace("_", " "), lines) for name, lines in parts.items())

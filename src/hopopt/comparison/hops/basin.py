@@ -9,6 +9,7 @@ import numpy as np
 from hopopt.comparison.hops.trials import Hops, HopsTrial, moved, reached_apex
 from hopopt.control.closed_loop import make_controller
 from hopopt.control.strategies import find
+from hopopt.extensions import carried
 from hopopt.leg.scales import Scale
 from hopopt.sim.state import State
 
@@ -58,4 +59,4 @@ def side_by_side(function: Callable[..., Any], jobs: Sequence[tuple[Any, ...]]) 
     """A function's values for jobs, on as many processes."""
     from joblib import Parallel, delayed
 
-    return list(Parallel(n_jobs=len(jobs), backend="loky")(delayed(function)(*job) for job in jobs))  # type: ignore[arg-type]
+    return list(Parallel(n_jobs=len(jobs), backend="loky")(delayed(carried(function))(*job) for job in jobs))  # type: ignore[arg-type]

@@ -16,6 +16,7 @@ from hopopt.control.strategies import find
 from hopopt.design import Design, Uncertainty, as_changed
 from hopopt.drivetrain.gear import TABLE, efficiency_table
 from hopopt.errors import UsageError
+from hopopt.extensions import carried
 from hopopt.leg.inertia import scaled
 from hopopt.leg.kinematics import start_angles
 from hopopt.planner.answer.extras import Attained, CanBeHad
@@ -154,7 +155,7 @@ def reached(
     from joblib import Parallel, delayed
 
     data, chunks = design.model_dump(exclude_none=True), [draws[k::processes] for k in range(processes)]
-    jobs = (delayed(_reached)(data, name, reference, chunk, options) for chunk in chunks if chunk)
+    jobs = (delayed(carried(_reached))(data, name, reference, chunk, options) for chunk in chunks if chunk)
     parts: Any = Parallel(n_jobs=processes, backend="loky")(jobs)
     clearances, outcomes = np.empty(len(draws)), [""] * len(draws)
     for k, part in enumerate(parts):

@@ -8,6 +8,7 @@ from typing import Any
 
 from hopopt.drivetrain.operating_region.half_planes import HalfPlane, pair
 from hopopt.drivetrain.operating_region.limits import Line
+from hopopt.extensions import Registry
 
 
 def paper_law(torque: Any, speed: Any) -> list[HalfPlane]:
@@ -21,4 +22,4 @@ def four_quadrant_law(torque: Any, speed: Any) -> list[HalfPlane]:
 
 
 Law = Callable[[Any, Any], list[HalfPlane]]  # of 1 / stall torque [1/(N m)] and 1 / no-load speed [s/rad]
-LAWS: dict[str, Law] = {"paper": paper_law, "four-quadrant": four_quadrant_law}
+LAWS: Registry[Law] = Registry("law", {"paper": paper_law, "four-quadrant": four_quadrant_law})

@@ -64,6 +64,11 @@ class HopObjective(Directed):
     tie_break: Callable[[MovingLeg], float] = tie_break_of
     calm_first: bool = False
 
+    @property
+    def is_function(self) -> bool:
+        """Whether it is a function of the user's that has no name in the registry."""
+        return self.custom is not None and ":" in self.name
+
 
 def lowest_point(hop: MovingLeg, name: str) -> tuple[BoundaryConstraint, ...]:
     """When flight ends every point of the leg is at least as high as the parameter ``name`` [m], the foot within

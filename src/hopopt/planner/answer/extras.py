@@ -13,12 +13,6 @@ class Functions(Strict):
 
     objective: str | None = stated("module:function, or null")
     constraints: tuple[str, ...] = stated("module:function of each")
-    rules: tuple[str, ...] = if_any("module:function of each limit that was added to RULES", default=())
-
-    @property
-    def limits(self) -> tuple[str, ...]:
-        """Everything that limits the hop besides the problem, by name."""
-        return (*self.constraints, *self.rules)
 
 
 @dataclass(frozen=True)

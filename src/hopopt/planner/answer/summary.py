@@ -8,6 +8,7 @@ schema repeats (``hopopt schema summary``). SI units throughout.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from hopopt.extensions import Extension
 from hopopt.nlp.refinement.mesh_refinement import MeshStep
 from hopopt.optimality.directions.flat_directions import Flat
 from hopopt.optimality.second_order import Curvature
@@ -40,6 +41,7 @@ class Summary(Measures, MotionFigures, ProgramFigures, Verification):
 
     version: int = stated("of these keys", ge=OLDEST, le=VERSION)
     functions: Functions = stated("user-defined functions that it was found with")
+    extensions: tuple[Extension, ...] = if_any("modules of the user's own that names in it come from", default=())
     mesh: tuple[MeshStep, ...] = stated("every solve of the refinement")
     refinement_ended: str = stated("why refinement ended")
     starts: Starts = stated("where the starts ended")
@@ -58,6 +60,12 @@ class Summary(Measures, MotionFigures, ProgramFigures, Verification):
     searched: bool | None = if_any("whether enough starts were asked for to search for the best hop (two or more)")
     families: tuple[HopFamily, ...] | None = if_any("kinds of hops that were found")
     global_: GlobalMethod | None = if_any("what a global method says", alias="global")
+
+    @property
+    def own_limits(self) -> tuple[str, ...]:
+        """Names of the user's own constraints that it was found with."""
+        kinds = [entry.partition(" ") for module in self.extensions for entry in module.entries]
+        return (*self.functions.constraints, *(name for kind, _, name in kinds if kind == "constraint"))
 
     def figure(self, name: str) -> float | None:
         """A figure by its key, such as ``objective_figure`` [the figure's unit]; None where it is not stated."""

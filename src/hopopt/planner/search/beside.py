@@ -14,9 +14,9 @@ from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from hopopt.design import Design
+from hopopt.extensions import carried
 from hopopt.nlp.solver.compiled import make_library, missing
 from hopopt.ocp.hop import Hop
-from hopopt.ocp.rules import RULES
 
 T = TypeVar("T")
 LONGEST_IDLE = 10.0  # s after which a process that has nothing to do ends
@@ -71,7 +71,7 @@ def _submitted(pool: Any, function: Callable[..., Any], given: tuple[Any, ...]) 
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
     try:
-        return pool.submit(function, *given)
+        return pool.submit(carried(function), *given)
     except BrokenProcessPool:
         _given_up(pool)
         return None
@@ -141,7 +141,7 @@ class Beside:
         """A future of another process; None where there is none: then it is done here."""
         if self._pool is None:
             return None
-        return _submitted(self._pool, _in_worker, (self._number, self._recipe, self.hop.rules, function, given))
+        return _submitted(self._pool, _in_worker, (self._number, self._recipe, function, given))
 
     def __enter__(self) -> "Beside":
         return self
@@ -155,11 +155,8 @@ def _nothing(hop: Hop) -> None:
     """So that a process imports what it needs before there is work for it."""
 
 
-def _in_worker(
-    number: int, recipe: tuple[Any, ...], rules: Any, function: Callable[..., T], given: tuple[Any, ...]
-) -> T:
+def _in_worker(number: int, recipe: tuple[Any, ...], function: Callable[..., T], given: tuple[Any, ...]) -> T:
     if number not in _held:
-        RULES[:] = rules  # what was added to them this process does not know
         _held.clear()
         _held[number] = Hop(Design.model_validate(recipe[0]), *recipe[1:])
     return function(_held[number], *given)

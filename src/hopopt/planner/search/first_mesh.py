@@ -103,7 +103,7 @@ def _not_used(hop: Hop) -> str | None:
     """Why the global method is of no use here, or None."""
     if hop.design.hop.lands:
         return "it knows a hop from rest to the apex alone"
-    if hop.objective.name not in GRID_OBJECTIVES or hop.constraints:
+    if hop.objective.name not in GRID_OBJECTIVES or hop.constraints or hop.design.hop.constraints:
         return "it knows heights alone, without user-defined constraints"
     return applies(hop.design)
 

@@ -1,12 +1,14 @@
 """What is wrong with a problem: each fault that pydantic finds, as a sentence for its author, then the rules between entries."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
+from hopopt import extensions
 from hopopt.design import Design, Leg
-from hopopt.problem.checking.entries import entry_at, homes, unit_of
+from hopopt.design.names import names_in
+from hopopt.problem.checking.entries import entry_at, homes, unit_of, words_of
 from hopopt.problem.checking.faults import Report
 from hopopt.problem.checking.rules import drive_rules, entry_rules, heat_rules, loss_rules, start_rules, stated_once
 from hopopt.problem.checking.wording import allowed, did_you_mean, hint, is_number
@@ -27,8 +29,11 @@ REFUSED = {  # pydantic's kinds of faults of a value in the project's words
 }
 
 
-def check(data: dict[str, Any], report: Report) -> Design | None:
-    """The design in the nested tables ``data``, or None and every fault in ``report``."""
+def check(data: dict[str, Any], report: Report, without_modules: bool = False) -> Design | None:
+    """The design in the nested tables ``data``, or None and every fault in ``report``.
+
+    without_modules: names of modules that are not here are no faults, so that what else there is can be shown
+    """
     tables = {**data, "leg": _gathered(data["leg"], report)} if isinstance(data.get("leg"), dict) else data
     design = _validated(tables, report)
     entry_rules(data, report)
@@ -48,7 +53,35 @@ def check(data: dict[str, Any], report: Report) -> Design | None:
         stated_once(start, report)
     if (leg := sound("leg")) and (start := sound("start")):
         start_rules(leg, start, sound("hop"), report)
+    if design:
+        design = _with_modules(design, report, without_modules)
     return None if report.faults else design
+
+
+def _with_modules(design: Design, report: Report, without_modules: bool) -> Design:
+    """The problem with the modules that its names come from; names that are nowhere are reported."""
+    extensions.note_needed(wanted := extensions.absent(design.needs or ()))
+    needed = dict.fromkeys(design.needs or ())
+    for at, kind, name in names_in(design):
+        listed = isinstance(at[-1], int)
+        entry = entry_at(at[:-1] if listed else at) or {}
+        if name in entry["words"]:
+            continue
+        if extensions.known(kind, name):
+            needed[extensions.origin(kind, name) or ""] = None
+        elif not without_modules:
+            report.add(_path(at), f"= {shown(name)} {_not_there(name, kind, entry, wanted)}")
+    return design.model_copy(update={"needs": tuple(filter(None, needed)) or None})
+
+
+def _not_there(name: str, kind: str, entry: Mapping[str, Any], wanted: Sequence[str]) -> str:
+    """What to say of a name that its registry does not have."""
+    if wanted:
+        return extensions.needs(wanted)
+    own = f"a {kind} of your own needs the module that has it, --with my_module"
+    if not words_of(entry):
+        return f"is none that there is: {own}"
+    return f"is not allowed: {allowed(entry)} is needed{hint(name, entry, in_list=True) or f'; {own}'}"
 
 
 def _gathered(table: Mapping[str, Any], report: Report) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
+from hopopt import extensions
 from hopopt.design import Design
 
 Entry = Mapping[str, Any]  # of pydantic's schema, a reference resolved
@@ -49,6 +50,8 @@ def bounds_of(entry: Entry) -> tuple[float, float]:
 
 def words_of(entry: Entry) -> Sequence[str]:
     """The words that an entry, or each entry of a list, may be."""
+    if "registry" in entry:
+        return list(dict.fromkeys([*entry["words"], *extensions.names(entry["registry"])]))
     return entry.get("enum") or _item(entry).get("enum", ())
 
 

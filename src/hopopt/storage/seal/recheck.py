@@ -8,7 +8,7 @@ import numpy as np
 
 from hopopt.nlp.refinement.interval_errors import IntervalErrors, interval_errors
 from hopopt.nlp.solver.ipopt import NlpSolution
-from hopopt.ocp.custom import as_objective, custom
+from hopopt.ocp.custom import as_objective, custom, named_custom
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.optimality.second_order import Curvature
@@ -45,16 +45,17 @@ def reverified(solution: Solution) -> Solution:
 
 def _recheck(solution: Solution) -> Verdict:
     goal, constraints = own_functions(solution)
+    own = (*named_custom(solution.design), *constraints)
     claims = stated_claims(solution, goal)
     co_design = tuple(co_design_checks(goal, solution.summary.objective_value, solution.summary.codesign))
     of_file = [_agreement(solution)]
     if not has_multipliers(solution):
         missing = Check("first-order conditions", float("inf"), KKT, "scaled", "the file holds no multipliers")
-        checks = (missing, *plan_checks(solution, goal, constraints, claims), *co_design)
+        checks = (missing, *plan_checks(solution, goal, own, claims), *co_design)
         return Verdict(checks, of_file=(*of_file, motion_check(solution)))
     hop, nlp, program, errors = stored_program(solution)
     change = solution.summary.check("change of the objective").residual
-    found = judge(solution, program, goal, constraints, claims, errors, change).with_checks(co_design)
+    found = judge(solution, program, goal, own, claims, errors, change).with_checks(co_design)
     of_file += [
         _same_program(solution, nlp),
         _same_limits(nlp),

@@ -13,8 +13,7 @@ import numpy as np
 from hopopt.amounts import check
 from hopopt.design import Design
 from hopopt.errors import ProblemFileError, UsageError
-from hopopt.ocp.objectives.registry import check_known
-from hopopt.ocp.rules import added_rules
+from hopopt.ocp.objectives.registry import find
 from hopopt.problem.load import changed
 from hopopt.problem.render import design_hash, rows, shown, shown_path
 
@@ -138,9 +137,7 @@ def define(
 ) -> Definition:
     """The study of ``design`` with the entries of ``vary`` varied: a text (60:160:11 or 60,80,100), a list of
     values, or, with a sample, (lower, upper). UsageError in a sentence if that makes no study."""
-    check_known(objective)
-    if added := added_rules():
-        raise UsageError(f"a study takes no limits that are added to RULES: take out {', '.join(added)}")
+    find(objective)
     if not vary:
         raise UsageError(f"nothing is varied: {HOW_TO_VARY}")
     check("seed", seed, 0)

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+from hopopt.extensions import carried
+
 Kept = Any  # what a job gives: a point and what a neighbour begins from, or a part of a map
 Job = Callable[..., Kept]
 HOW_TO_RESUME = "what is finished is kept, --resume goes on, with fewer --processes if memory is short"
@@ -29,7 +31,7 @@ class Workers:
         if self.executor is None:
             self.results.append(job(*arguments))
         else:
-            self.running.add(self.executor(job, *arguments))
+            self.running.add(self.executor(carried(job), *arguments))
 
     def done(self) -> list[Kept]:
         """What has finished since, at least one."""
