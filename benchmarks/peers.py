@@ -23,7 +23,7 @@ from typing import Any
 
 HERE = Path(__file__).parent / "peers"
 INDEX = {"yapss": "yapss", "rockit": "rockit-meco", "maptor": "maptor", "asset": "asset_asrl", "dymos": "dymos"}
-PROBLEMS = ("effort", "denham", "arm", "jump", "hop")
+PROBLEMS = ("effort", "denham", "arm", "jump", "rail", "hop")
 LONGEST = 400  # [s] for one package and problem
 Answer = dict[str, Any]
 

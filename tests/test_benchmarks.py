@@ -16,6 +16,7 @@ ACCURACY = {
     "denham": 1e-6,
     "arm": 3e-4,
     "jump": 1e-6,
+    "rail": 4e-4,
     "hop": 2e-3,
 }  # bang-bang in 20 intervals: smeared
 
@@ -100,6 +101,48 @@ def test_full_force_is_the_best_jump(scripts: dict[str, ModuleType]) -> None:
         (0.0, 1.0), [0.0, 0.0], events=stroke, rtol=1e-11, atol=1e-12,
     )  # fmt: skip
     assert p.HASTE * push.t[-1] - push.y[1, -1] == pytest.approx(p.jump_optimum(), abs=1e-8)
+
+
+@pytest.mark.parametrize("phase", [0, 1], ids=["stance", "flight"])
+def test_the_leg_posed_by_hand_moves_by_its_energies(phase: int, scripts: dict[str, ModuleType]) -> None:
+    """Its rates against Lagrange's equations of three bodies and two rotors, the centre of mass a coordinate of its own."""
+    import casadi as ca
+
+    p = scripts["posed"]
+    q, v = ca.SX.sym("q", 3), ca.SX.sym("v", 3)  # hip's height, thigh, shank; in stance the foot on the ground
+    knee = ca.vertcat(p.LINK * ca.sin(q[1]), q[0] - p.LINK * ca.cos(q[1]))
+    places = (
+        (p.BODY, ca.vertcat(0, q[0])),
+        (p.THIGH, (ca.vertcat(0, q[0]) + knee) / 2),
+        (p.SHANK, knee + p.LINK / 2 * ca.vertcat(ca.sin(q[2]), -ca.cos(q[2]))),
+    )
+    moving = sum(m / 2 * ca.sumsqr(ca.jtimes(place, q, v)) for m, place in places)
+    turning = p.ROD / 2 * (p.THIGH * v[1] ** 2 + p.SHANK * v[2] ** 2) + p.ROTOR / 2 * (v[1] ** 2 + (v[2] - v[1]) ** 2)
+    energy, height = moving + turning, sum(m * place[1] for m, place in places)
+    mass = ca.hessian(energy, v)[0]
+    rest = ca.jtimes(ca.gradient(energy, v), q, v) - ca.gradient(energy, q) + p.GRAVITY * ca.gradient(height, q)
+    at = ca.Function("at", [q, v], [mass, rest, height / p.WHOLE, ca.jtimes(height, q, v) / p.WHOLE])
+    rng, hip, bend = np.random.default_rng(0), 0.3, -0.6
+    for _ in range(5):
+        a, b, w, u = rng.uniform(-1, 1, 4)
+        torques = p.TORQUE * np.array([0, hip - bend, bend])
+        if phase == 0:
+            state, place, speed = [a, w], [2 * p.LINK * np.cos(a), a, -a], [-2 * p.LINK * np.sin(a) * w, w, -w]
+        else:
+            place, speed = [0.9, a, b], [0.4, w, u]
+            state = [a, b, w, u, 0.0, 0.0]
+        matrix, forces, _, _ = (np.asarray(each).squeeze() for each in at(place, np.array(speed) * p.RATE))
+        rates, path, _ = p.rail().phases[phase].at(state, [hip, bend], np)
+        if phase == 1:
+            found = np.array(rates[2:4]) * p.RATE
+            assert found == pytest.approx(np.linalg.solve(matrix, torques - forces)[1:], rel=1e-10)
+            continue
+        held = np.array([-2 * p.LINK * np.sin(a), 1, -1])  # how all move with the thigh
+        turn, lift = rates[1] * p.RATE, -2 * p.LINK * np.cos(a) * (w * p.RATE) ** 2
+        acceleration = held * turn + [lift, 0, 0]
+        left = matrix @ acceleration + forces - torques  # what the ground gives
+        assert held @ left == pytest.approx(0, abs=1e-10 * np.abs(forces).max())
+        assert path[-1] * p.WHOLE * p.GRAVITY == pytest.approx(left[0], rel=1e-10)
 
 
 def test_mesh_size_and_warm_measure_the_same_hop(scripts: dict[str, ModuleType]) -> None:

@@ -66,31 +66,39 @@ def make_phase(p: Phase) -> Any:
 
 
 def add_ends(posed: Posed, phases: list[Any], program: Any) -> None:
-    """What the ends of the phases cost, and what must hold there."""
+    """What the end of the last phase costs, and what must hold between phases and there."""
+    if len(phases) > 1:
+        add_link(posed, phases, program)
     if posed.name == "hop":
-        return add_hop_ends(posed, phases, program)
-    nx = len(posed.phases[0].x)
+        return add_hop_top(posed, phases[1])
+    nx = len(posed.phases[-1].x)
     args = vf.Arguments(nx + 1)
     last = [args[k] for k in range(nx)]
-    cost, _ = posed.ends([last], [last], [args[nx]], [], Symbols)
+    unused = [[args[0]] * len(p.x) for p in posed.phases[:-1]]  # their rows are the link's
+    cost, _ = posed.ends([last] * len(phases), [*unused, last], [args[nx]] * len(phases), [], Symbols)
     if not isinstance(cost, float):
-        phases[0].addStateObjective("Back", cost, range(nx + 1))
+        phases[-1].addStateObjective("Back", cost, range(nx + 1))
 
 
-def add_hop_ends(posed: Posed, phases: list[Any], program: Any) -> None:
-    """The link at lift-off, and the heights at the end, which are at least a static parameter of flight."""
+def add_link(posed: Posed, phases: list[Any], program: Any) -> None:
+    """The state at lift-off is that of both phases."""
     n0, n1 = (len(p.x) for p in posed.phases)
     args = vf.Arguments(n0 + n1)
     last, first = [args[k] for k in range(n0)], [args[n0 + k] for k in range(n1)]
-    gap = posed.ends([None, first], [last, [args[n0 + k] for k in range(n1)]], [], [args[0]], Symbols)[1][:n1]
+    gap = posed.ends([None, first], [last, first], [], [args[0]], Symbols)[1][:n1]
     program.addLinkEqualCon(vf.stack(gap), phases[0], "Back", range(n0), [], [], phases[1], "Front", range(n1), [], [])
+
+
+def add_hop_top(posed: Posed, flight: Any) -> None:
+    """The heights at the end, which are at least a static parameter of flight."""
+    n0, n1 = (len(p.x) for p in posed.phases)
     args = vf.Arguments(n1 + 1)
     top, clearance = [args[k] for k in range(n1)], args[n1]
     rows = posed.ends([None, top], [[args[k] for k in range(n0)], top], [], [clearance], Symbols)[1][n1:]
-    phases[1].setStaticParams(np.array(posed.parameter_guess))
+    flight.setStaticParams(np.array(posed.parameter_guess))
     for row, pair in zip(rows, posed.constraints[n1:], strict=True):
-        bound(phases[1], "Func", "Back", pair, row, range(n1), [], [0])
-    phases[1].addValueObjective("StaticParams", 0, -1.0)
+        bound(flight, "Func", "Back", pair, row, range(n1), [], [0])
+    flight.addValueObjective("StaticParams", 0, -1.0)
 
 
 def run(posed: Posed) -> Run:

@@ -127,6 +127,68 @@ def jump_optimum() -> float:
     return HASTE * t - a / b * (1 - exp(-b * t))
 
 
+BODY, THIGH, SHANK, LINK = 5.6, 1.87, 0.8, 0.37  # [kg], and the length [m] of both links, uniform rods
+TORQUE, RATE, ROTOR = 200.0, 12.57, 0.119  # at the joint: [N m], [rad/s], [kg m^2]
+WHOLE, ROD = BODY + THIGH + SHANK, LINK**2 / 12
+P, R = (THIGH / 2 + SHANK) * LINK, SHANK * LINK / 2  # how far each link carries the centre of mass down, times the mass
+
+
+def rail() -> Posed:
+    """A leg posed by hand, its hip and its foot on one vertical line: stance has one degree of freedom, flight the links'
+    two and the centre of mass, which falls. The height of the foot at the end, with |torque| + |rate| <= 1 at hip and knee.
+
+    Angles from straight down of thigh (a) and shank (b), a = -b in stance; rates in units of RATE, torques of TORQUE.
+    """
+    infinite, links = (-inf, inf), [(-0.6, 1.3), (-2.4, 1.0)]
+
+    def region(torque: Any, rate: Any) -> list[Any]:
+        return [torque + rate, torque - rate, rate - torque, -torque - rate]
+
+    def stance(x: Any, u: Any, m: Any) -> tuple[Any, Any, Any]:
+        (a, w), (hip, knee), s, c = x, u, m.sin(x[0]), m.cos(x[0])
+        arm = (4 * BODY + 9 / 4 * THIGH + SHANK / 4) * LINK**2  # of what moves up and down
+        mass = arm * s * s + (THIGH + SHANK) * LINK**2 / 4 * c * c + (THIGH + SHANK) * ROD + 5 * ROTOR
+        bent = (arm - (THIGH + SHANK) * LINK**2 / 4) * s * c * w * w * RATE**2
+        weight = (2 * BODY + 3 / 2 * THIGH + SHANK / 2) * LINK  # times 1 / WHOLE: height of the centre of mass over cos(a)
+        rate = ((hip - 2 * knee) * TORQUE + GRAVITY * weight * s - bent) / mass
+        force = 1 - (s * rate + c * w * w * RATE**2) * (weight / (WHOLE * GRAVITY))  # of the ground, by weight
+        return [w * RATE, rate / RATE], [*region(hip, w), *region(knee, -2 * w), force], 0.0
+
+    def flight(x: Any, u: Any, m: Any) -> tuple[Any, Any, Any]:
+        (a, b, v, w, _, fall), (hip, knee) = x, u
+        sa, ca, sb, cb = m.sin(a), m.cos(a), m.sin(b), m.cos(b)
+        aa = (THIGH / 4 + SHANK) * LINK**2 + THIGH * ROD + 2 * ROTOR - sa * sa * (P * P / WHOLE)
+        bb = SHANK * LINK**2 / 4 + SHANK * ROD + ROTOR - sb * sb * (R * R / WHOLE)
+        ab = (ca * cb + sa * sb) * (LINK * R) - sa * sb * (P * R / WHOLE) - ROTOR
+        by_a = (cb * sa - sb * ca) * (LINK * R)  # - d(ab)/da without the centre of mass, d(ab)/db likewise
+        up = (hip - knee) * TORQUE - ((by_a - sa * cb * (P * R / WHOLE)) * w * w - sa * ca * (P * P / WHOLE) * v * v) * RATE**2
+        low = knee * TORQUE - ((-by_a - ca * sb * (P * R / WHOLE)) * v * v - sb * cb * (R * R / WHOLE) * w * w) * RATE**2
+        whole = aa * bb - ab * ab
+        rates = [(bb * up - ab * low) / whole, (aa * low - ab * up) / whole]
+        path = [*region(hip, v), *region(knee, w - v), b - a]
+        return [v * RATE, w * RATE, *(r / RATE for r in rates), fall, -GRAVITY + 0.0 * fall], path, 0.0
+
+    def ends(first: Any, last: Any, T: Any, p: Any, m: Any) -> tuple[Any, Any]:
+        (a, w), up = last[0], (2 * BODY + 3 / 2 * THIGH + SHANK / 2) * LINK / WHOLE
+        landed = [a, -a, w, -w, up * m.cos(a), -up * m.sin(a) * w * RATE]
+        foot = last[1][4] - (LINK - P / WHOLE) * m.cos(last[1][0]) - (LINK - R / WHOLE) * m.cos(last[1][1])
+        return -foot, [x - y for x, y in zip(first[1], landed, strict=True)]
+
+    low, bounds = 1.2, [(-inf, 1.0)] * 4
+    first = [low, -low, -0.1, 0.1, 0.3, 2.0]
+    phases = (
+        Phase(20, stance, [(0.075, 1.2), infinite], [infinite] * 2, points(low, 0), [(0.075, 1.2), infinite], (0.01, 0.5),
+              straight([low, 0], [0.3, -0.4], 2, 0.2), [*bounds, *bounds, (0.0, inf)]),
+        Phase(20, flight, [*links, *[infinite] * 4], [infinite] * 2, [*links, *[infinite] * 4], [*links, *[infinite] * 4],
+              (0.01, 1.0), straight([0.3, -0.3, -0.4, 0.4, 0.6, 2.5], [1.0, -1.2, 0, 0, 0.9, 0], 2, 0.3),
+              [*bounds, *bounds, (-2.4, -0.15)]),
+    )  # fmt: skip
+    return Posed("rail", phases, RAIL, ends, [(0.0, 0.0)] * len(first))
+
+
+RAIL = -0.9312189  # [m], on 320 + 320 intervals; 160 + 160 differ by 1.3e-7
+
+
 @dataclass(frozen=True)
 class Formulas:
     """A function as elementary steps [operation, result, arguments ...] on numbered registers; sizes of its outputs."""
@@ -197,7 +259,7 @@ def hop(folder: Path) -> Posed:
 
 def posed(name: str, folder: Path) -> Posed:
     """The problem of that name; KeyError if there is none."""
-    return {"effort": effort, "denham": denham, "arm": arm, "jump": jump, "hop": lambda: hop(folder)}[name]()
+    return {"effort": effort, "denham": denham, "arm": arm, "jump": jump, "rail": rail, "hop": lambda: hop(folder)}[name]()
 
 
 @dataclass(frozen=True)
