@@ -149,7 +149,9 @@ def rail() -> Posed:
         arm = (4 * BODY + 9 / 4 * THIGH + SHANK / 4) * LINK**2  # of what moves up and down
         mass = arm * s * s + (THIGH + SHANK) * LINK**2 / 4 * c * c + (THIGH + SHANK) * ROD + 5 * ROTOR
         bent = (arm - (THIGH + SHANK) * LINK**2 / 4) * s * c * w * w * RATE**2
-        weight = (2 * BODY + 3 / 2 * THIGH + SHANK / 2) * LINK  # times 1 / WHOLE: height of the centre of mass over cos(a)
+        weight = (
+            2 * BODY + 3 / 2 * THIGH + SHANK / 2
+        ) * LINK  # times 1 / WHOLE: height of the centre of mass over cos(a)
         rate = ((hip - 2 * knee) * TORQUE + GRAVITY * weight * s - bent) / mass
         force = 1 - (s * rate + c * w * w * RATE**2) * (weight / (WHOLE * GRAVITY))  # of the ground, by weight
         return [w * RATE, rate / RATE], [*region(hip, w), *region(knee, -2 * w), force], 0.0
@@ -161,8 +163,12 @@ def rail() -> Posed:
         bb = SHANK * LINK**2 / 4 + SHANK * ROD + ROTOR - sb * sb * (R * R / WHOLE)
         ab = (ca * cb + sa * sb) * (LINK * R) - sa * sb * (P * R / WHOLE) - ROTOR
         by_a = (cb * sa - sb * ca) * (LINK * R)  # - d(ab)/da without the centre of mass, d(ab)/db likewise
-        up = (hip - knee) * TORQUE - ((by_a - sa * cb * (P * R / WHOLE)) * w * w - sa * ca * (P * P / WHOLE) * v * v) * RATE**2
-        low = knee * TORQUE - ((-by_a - ca * sb * (P * R / WHOLE)) * v * v - sb * cb * (R * R / WHOLE) * w * w) * RATE**2
+        up = (hip - knee) * TORQUE - (
+            (by_a - sa * cb * (P * R / WHOLE)) * w * w - sa * ca * (P * P / WHOLE) * v * v
+        ) * RATE**2
+        low = (
+            knee * TORQUE - ((-by_a - ca * sb * (P * R / WHOLE)) * v * v - sb * cb * (R * R / WHOLE) * w * w) * RATE**2
+        )
         whole = aa * bb - ab * ab
         rates = [(bb * up - ab * low) / whole, (aa * low - ab * up) / whole]
         path = [*region(hip, v), *region(knee, w - v), b - a]
@@ -259,7 +265,9 @@ def hop(folder: Path) -> Posed:
 
 def posed(name: str, folder: Path) -> Posed:
     """The problem of that name; KeyError if there is none."""
-    return {"effort": effort, "denham": denham, "arm": arm, "jump": jump, "rail": rail, "hop": lambda: hop(folder)}[name]()
+    return {"effort": effort, "denham": denham, "arm": arm, "jump": jump, "rail": rail, "hop": lambda: hop(folder)}[
+        name
+    ]()
 
 
 @dataclass(frozen=True)

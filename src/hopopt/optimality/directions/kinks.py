@@ -25,8 +25,8 @@ NEARLY_AT_LIMIT = 1e-3  # share of its range by which a limit may be missed wher
 LEAST_ACTING_SHARE = 1e-6  # of the largest multiplier: a limit with less does not act
 SAME_GRADIENT = 1e-9  # 1 - cosine of the gradients of limits that are one and the same
 DAMPED = 1e-12  # of the squared lengths of gradients, in the search for those that depend on others
-ROUNDS, DRAWN = 4, 3  # of that search: refinements, random vectors
-TAKES_PART = 1e-5  # of the largest component of what depends
+ROUNDS, DRAWN = 8, 16  # of that search: inverse iterations, random vectors, twice as many where all of them depend
+TAKES_PART = 1e-5  # component of a direction of length 1, above which a row takes part
 DEPENDS = 1e-8  # singular value below which gradients of length 1 depend on each other
 DIFFERS = 1e-3  # share of the larger by which derivatives to two sides differ, if they do
 
@@ -145,21 +145,21 @@ def _partners(g: np.ndarray, t: Transcription, rows: Matrix, acting: np.ndarray)
 def _dependent(rows: Matrix) -> tuple[np.ndarray, np.ndarray]:
     """Which rows take part in a vanishing sum of multiples of rows, (d,), and a basis of such multiples, (d, k).
 
-    Random vectors are projected on those that A' maps to nothing; what takes part in them is few rows, whose null space a
-    dense decomposition gives.
+    Random vectors are projected on those that A' maps to almost nothing, by inverse iteration; of the few directions
+    that remain, those that it maps to nothing are a small singular value decomposition's (Rayleigh and Ritz).
     """
     lengths = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1))).ravel()
     A: Any = sparse.csc_matrix(sparse.diags(1 / np.where(lengths > 0, lengths, 1.0)) @ rows)
-    solver = splu(sparse.csc_matrix(A.T @ A + DAMPED * sparse.identity(A.shape[1])))
-    part = np.zeros(A.shape[0], dtype=bool)
-    for r in np.random.default_rng(0).standard_normal((DRAWN, A.shape[0])):
+    solver, count = splu(sparse.csc_matrix(A.T @ A + DAMPED * sparse.identity(A.shape[1]))), min(DRAWN, A.shape[0])
+    while True:
+        block = np.random.default_rng(0).standard_normal((A.shape[0], count))
         for _ in range(ROUNDS):
-            r = r - A @ solver.solve(A.T @ r)
-        part |= np.abs(r) > max(TAKES_PART * np.abs(r).max(), TAKES_PART)
-    places = np.flatnonzero(part)
-    if not len(places):
-        return places, np.zeros((0, 0))
-    left, sizes, _ = np.linalg.svd(A[places].toarray(), full_matrices=True)
-    zero = np.concatenate([sizes, np.zeros(len(places) - len(sizes))]) < DEPENDS
-    taking = np.abs(left[:, zero]).max(axis=1, initial=0.0) > TAKES_PART
-    return places[taking], left[np.ix_(taking, zero)] / lengths[places[taking], None]
+            block, _ = np.linalg.qr(block - A @ solver.solve(A.T @ block))
+        _, sizes, directions = np.linalg.svd(A.T @ block, full_matrices=bool(count > A.shape[1]))
+        zero = np.concatenate([sizes, np.zeros(count - len(sizes))]) < DEPENDS
+        if not zero.all() or count == A.shape[0]:
+            break
+        count = min(2 * count, A.shape[0])
+    basis = block @ directions[zero].T
+    taking = np.abs(basis).max(axis=1, initial=0.0) > TAKES_PART
+    return np.flatnonzero(taking), basis[taking] / lengths[taking, None]
