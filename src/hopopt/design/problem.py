@@ -14,6 +14,18 @@ from hopopt.design.solver import Solver
 from hopopt.errors import UsageError
 
 
+class OwnParameter(Section):
+    """A number of the user's own, which functions of the user's use."""
+
+    value: float = choice("its value", ge=-1e12, le=1e12, allow_inf_nan=False)
+    lower: float | None = choice("least value that it may have", None, ge=-1e12, le=1e12, allow_inf_nan=False)
+    upper: float | None = choice("greatest value that it may have", None, ge=-1e12, le=1e12, allow_inf_nan=False)
+    unit: str = choice(
+        "of its values", "", pattern=r"^[^\x00-\x1f\x7f]{0,30}$", allowed="text of at most 30 characters"
+    )
+    meaning: str = choice("one line", "", pattern=r"^[^\x00-\x1f\x7f]{0,200}$", allowed="one line of text")
+
+
 class Design(Section):
     """A whole problem: the leg, the ground, where the hop starts, what it may do and how it is solved."""
 
@@ -42,6 +54,10 @@ class Design(Section):
         "modules of your own that names in it come from, which no file loads (--with)", None,
         allowed='a list of modules, such as ["my_module"],',
     )  # fmt: skip
+
+    parameters: dict[str, OwnParameter] | None = choice(
+        "numbers of your own, by name, that functions of your own use (docs/objectives.md)", None
+    )
 
     def __hash__(self) -> int:
         """Of every entry, so that what is made of a problem can be kept for it."""

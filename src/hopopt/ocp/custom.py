@@ -13,13 +13,14 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.design.parameters import own_entry, own_numbers
 from hopopt.errors import UsageError
 from hopopt.extensions import function
 from hopopt.leg.limit_id import Kind, LimitId
 from hopopt.ocp.guesses.motion import MotionAt, MovingLeg
 from hopopt.ocp.objectives.objective import AT_CLEARANCE, HopObjective
 from hopopt.ocp.problem import INF, Ends, Instant, PathConstraint
-from hopopt.ocp.rules import RULES, is_rule, named_constraints
+from hopopt.ocp.rules import RULES, Rule, is_rule, named_constraints
 from hopopt.user_code import last_line, load
 
 CUSTOM_FIGURE = "user_objective"
@@ -33,7 +34,8 @@ class Moment:
     x, z and joints; joint torques tau; points: name -> (x, z) of every joint, "foot" and "com"; com_v; ground force f
     along x (y, if the leg leaves the plane) and z: f[-1] is its vertical part.
 
-    At the end of the hop there is no a, tau or f; ``lift_off`` is the last instant of stance, ``t`` the whole duration.
+    p: numbers of the user's own by name (``parameters`` of the problem). At the end of the hop there is no a, tau or f;
+    ``lift_off`` is the last instant of stance, ``t`` the whole duration.
     """
 
     t: Any
@@ -46,6 +48,7 @@ class Moment:
     tau: Any = None
     f: Any = None
     lift_off: "Moment | None" = None
+    p: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -160,6 +163,11 @@ def named_custom(design: Design) -> tuple[Custom, ...]:
     return tuple(custom(function(name) if ":" in name else RULES[name], name) for name in names)
 
 
+def as_rule(c: Custom) -> Rule:
+    """A constraint that a problem names, as what holds in every phase of a kind."""
+    return lambda leg, kind: path(c, leg, kind, leg.motion_in(kind))
+
+
 def as_objective(given: Any) -> HopObjective:
     """A user-defined function as an objective of the hop."""
     c = custom(given)
@@ -195,7 +203,7 @@ def moment(hop: MovingLeg, motion: MotionAt, s: Instant) -> Moment:
     def make() -> Moment:
         m = motion(s)
         points, com_v = _points(hop, s, m.q, m.v)
-        return Moment(s.t, phase, m.q, m.v, points, com_v, m.a, m.tau, m.f)
+        return Moment(s.t, phase, m.q, m.v, points, com_v, m.a, m.tau, m.f, p=_own(hop, s.p))
 
     return s.once("moment", make)
 
@@ -206,7 +214,12 @@ def end(hop: MovingLeg, e: Ends) -> Moment:
     (q0, v0), (q1, v1) = hop.stance_pose(stance), hop.flight_pose(flight)
     lift_off = Moment(e.duration["stance"], "stance", q0, v0, *_points(hop, stance, q0, v0))
     whole = sum(e.duration.values(), ca.SX(0))
-    return Moment(whole, "flight", q1, v1, *_points(hop, flight, q1, v1), lift_off=lift_off)
+    return Moment(whole, "flight", q1, v1, *_points(hop, flight, q1, v1), lift_off=lift_off, p=_own(hop, e.p))
+
+
+def _own(hop: MovingLeg, p: Mapping[str, Any]) -> dict[str, Any]:
+    """The numbers of the user's own by name, as symbols."""
+    return {name: p[own_entry(name)] for name in own_numbers(hop.design)}
 
 
 def _points(hop: MovingLeg, s: Instant, q: ca.SX, v: ca.SX) -> tuple[dict[str, ca.SX], ca.SX]:
@@ -219,7 +232,7 @@ def _points(hop: MovingLeg, s: Instant, q: ca.SX, v: ca.SX) -> tuple[dict[str, c
 def checked(c: Custom, hop: MovingLeg, is_objective: bool) -> Custom:
     """The function, tried on symbols of the hop; UsageError if it does not give what it must, or nothing that moves."""
     at_end = is_objective and not c.terms.running
-    trial = symbols(hop.n, tuple(hop.robot.points), at_end, forces=hop.contact_axes)
+    trial = symbols(hop.n, tuple(hop.robot.points), at_end, own_numbers(hop.design), forces=hop.contact_axes)
     value = c(trial, 1 if is_objective else None)
     if not ca.symvar(value):
         raise UsageError(f"{c.name} does not depend on the hop: it returned {np.array(ca.DM(value)).ravel().tolist()}")
@@ -232,13 +245,15 @@ def checked(c: Custom, hop: MovingLeg, is_objective: bool) -> Custom:
     return c
 
 
-def symbols(n: int, names: tuple[str, ...], at_end: bool, phase: str = "stance", forces: int = 2) -> Moment:
-    """A moment made of free symbols, for a leg of n joints with points of these names."""
+def symbols(
+    n: int, names: tuple[str, ...], at_end: bool, p: Mapping[str, float], phase: str = "stance", forces: int = 2
+) -> Moment:
+    """A moment made of free symbols, for a leg of n joints with points of these names; ``p``: numbers of the user's own."""
 
     def plain(phase: str, **more: Any) -> Moment:
         points = {name: ca.SX.sym(name, 2) for name in (*names, "com")}
         q, v, com_v = ca.SX.sym("q", n + 2), ca.SX.sym("v", n + 2), ca.SX.sym("com_v", 2)
-        return Moment(ca.SX.sym("t"), phase, q, v, points, com_v, **more)
+        return Moment(ca.SX.sym("t"), phase, q, v, points, com_v, p=p, **more)
 
     if at_end:
         return plain("flight", lift_off=plain("stance"))

@@ -7,7 +7,7 @@ import casadi as ca
 
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.ocp.custom import Custom, checked, named_custom
+from hopopt.ocp.custom import Custom, as_rule, checked, named_custom
 from hopopt.ocp.custom import path as custom_path
 from hopopt.ocp.drives import carried_on
 from hopopt.ocp.free_parameters import FreeParameters
@@ -43,7 +43,8 @@ class Hop(MovingLeg):
         if fault := self.objective.fault(design):
             raise UsageError(f"objective {self.objective.name}: {fault}")
         super().__init__(design)
-        self.rules, self.own = rules_of(design), (*named_custom(design), *constraints)
+        named = named_custom(design)
+        self.rules, self.own = (*rules_of(design), *map(as_rule, named)), (*named, *constraints)
         if design.hop.lands and (self.loops or len(self.falling) < 2):
             raise UsageError(
                 f'hop.kind = "{design.hop.kind}" needs a leg in a plane whose body moves along x and z (leg.guides): this one\'s '
@@ -72,7 +73,7 @@ class Hop(MovingLeg):
             self.design.name,
             tuple(self._extended(phase) for phase in sequence.phases),
             self._towards(1.0),
-            (*self.free_parameters.parameters(self.robot.parameters), *goal.parameters(self)),
+            (*self.free_parameters.parameters(self.numbers), *goal.parameters(self)),
             (
                 *sequence.transitions,
                 *drives,
@@ -85,7 +86,7 @@ class Hop(MovingLeg):
     def _extended(self, phase: LegPhase) -> Phase:
         """A phase with what the objective and the user's own constraints add to it."""
         motion = phase.motion
-        own = (custom_path(c, self, phase.kind, motion) for c in self.own)
+        own = (custom_path(c, self, phase.kind, motion) for c in self.constraints)
         path: list[PathConstraint] = [c for group in (self.objective.path(self, phase), *own) for c in group]
         integrands = {EFFORT: effort(self, motion), **self.objective.integrands(self, motion)}
         return phase.with_more(self.objective.controls(self), path, integrands)

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from hopopt.design import Design
+from hopopt.design.problem import OwnParameter
 from hopopt.leg.scales import reserve_of
 
 
@@ -98,12 +99,14 @@ def _rows(path: str, section: BaseModel) -> Iterator[Row]:
             yield from _rows(here, value)
         elif isinstance(value, dict):  # leg.joint and leg.link: their tables sit in [leg] itself
             for key, item in value.items():
-                yield from _rows(f"{path}.{key}", item)
+                yield from _rows(f"{path or name}.{key}", item)
         elif value is not None or not (
-            name in ("motor", "gear", "supply", "environment", "needs") or "Overrides" in type(section).__name__
+            name in ("motor", "gear", "supply", "environment", "needs", "parameters")
+            or "Overrides" in type(section).__name__
         ):
             unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
-            yield Row(here, value, unit, info.description or "")
+            of_own = isinstance(section, OwnParameter) and name in ("value", "lower", "upper")
+            yield Row(here, value, section.unit if of_own else unit, info.description or "")
 
 
 def _toml(table: Mapping[str, Any], notes: Mapping[str, str], path: str = "") -> str:

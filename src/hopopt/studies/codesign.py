@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from hopopt.amounts import check
-from hopopt.design import Design, Leg, physical_parameters
+from hopopt.design import Design, Leg
+from hopopt.design.parameters import variable_numbers
 from hopopt.errors import NotSolvedError, ProblemFileError, UsageError
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.ipopt import NlpSolution
@@ -212,7 +213,7 @@ def _parameters(hop: Hop, best: NlpSolution, until: Deadline) -> list[FreeEntry]
 
 
 def _coupling(c: Coupling, hop: Hop, best: NlpSolution) -> CouplingHeld:
-    values = {**physical_parameters(hop.leg), **{k: float(v[0]) for k, v in best.parameters.items()}}
+    values = {**variable_numbers(hop.design), **{k: float(v[0]) for k, v in best.parameters.items()}}
     total = c.value(values)
     active = bool(np.isclose(total, c.lower) or np.isclose(total, c.upper))
     return CouplingHeld(c.text, c.equation(), active)
@@ -234,7 +235,7 @@ def _unknown(leg: Leg, entry: str, known: Mapping[str, float]) -> str:
 
 def checked(design: Design, free: Mapping[str, tuple[float, float]], couple: Sequence[str] = ()) -> FreeParameters:
     """The free parameters that are asked for, if the problem can have it; UsageError in a sentence if not."""
-    known = physical_parameters(design.leg)
+    known = variable_numbers(design)
     if not free:
         raise UsageError("nothing is free: give --free leg.gear.ratio=50:200, say")
     bounds = FreeParameters(dict(free))

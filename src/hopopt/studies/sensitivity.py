@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Design, Leg, physical_parameters
+from hopopt.design.parameters import variable_numbers
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import foot_jacobian, joint_positions, start_angles
 from hopopt.leg.limit_id import Kind, LimitId, kind_of
@@ -102,7 +103,7 @@ def with_own_drives(solution: Solution) -> Solution:
     for _, joint, part, entry in drive_entries(leg):
         data["leg"][joint].setdefault(part, {})[entry] = leg.drive(joint, part, entry)[1]
     design = Design.model_validate(data)
-    p = np.array(list(physical_parameters(design.leg).values()))
+    p = np.array(list(variable_numbers(design).values()))
     return replace(solution, design=design, kkt={**solution.kkt, "p": p})
 
 

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.design.parameters import own_entry, own_numbers
 from hopopt.drivetrain.dynamics import added_states
 from hopopt.drivetrain.gear import any_lossy
 from hopopt.errors import UsageError
@@ -63,6 +64,12 @@ class MovingLeg:
                 raise UsageError(
                     f"{design.name}: this leg closes a loop with its guides in stance, where drives cannot have states of their own"
                 )
+
+    @cached_property
+    def numbers(self) -> dict[str, float]:
+        """Every number of the problem that is a parameter of its program, by path."""
+        own = {own_entry(name): value for name, value in own_numbers(self.design).items()}
+        return {**self.robot.parameters, **own}
 
     @cached_property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:

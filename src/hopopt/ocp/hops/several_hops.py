@@ -64,9 +64,7 @@ def several_hops(leg: MovingLeg, begin: JointState, end: JointState, clearances:
             else landing(leg, down, numbered(STANCE, k + 1))
         )
     goal = Objective(EFFORT, lambda e: sum((e.integral[p.name][EFFORT] for p in phases), ca.SX(0)), unit="s")
-    return Problem(
-        leg.design.name, tuple(phases), goal, FreeParameters().parameters(leg.robot.parameters), tuple(transitions)
-    )
+    return Problem(leg.design.name, tuple(phases), goal, FreeParameters().parameters(leg.numbers), tuple(transitions))
 
 
 def _named(leg: MovingLeg, part: LegPhase, name: str) -> Phase:

@@ -65,7 +65,7 @@ class TrueLeg:
             FLIGHT: flight(self.hop),
         }
         self.transitions = lift_off(self.hop, STANCE, FLIGHT)
-        self.numbers = {name: float(value) for name, value in self.hop.robot.parameters.items()}
+        self.numbers = {name: float(value) for name, value in self.hop.numbers.items()}
 
     def name(self, variable: str) -> str:
         """What one of its variables is called in the program."""

@@ -1,6 +1,7 @@
 """User-defined functions, checked on the plan's table: evaluated in numbers, with Pinocchio's points, between the nodes."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -15,27 +16,30 @@ from hopopt.verify.measures import SAMPLES_OF_INTERVAL, dense, integral, normali
 from hopopt.verify.table import Table
 
 CLAIM = 1e-4  # relative
+NO_NUMBERS: Mapping[str, float] = MappingProxyType({})
 SAMPLE_STRIDE = 8  # of the fine normalised times, where a constraint is looked at
 
 
 def custom_checks(
-    robot: Robot, tables: Mapping[str, Table], goal: HopObjective, constraints: Sequence[Custom], claim: float | None
-) -> list[Check]:
-    """The claimed value of a user-defined objective, and every user-defined constraint in its phases."""
+    robot: Robot, tables: Mapping[str, Table], goal: HopObjective, constraints: Sequence[Custom], claim: float | None,
+    numbers: Mapping[str, float] = NO_NUMBERS,
+) -> list[Check]:  # fmt: skip
+    """The claimed value of a user-defined objective, and every user-defined constraint in its phases; ``numbers``: of the
+    user's own, by name."""
     checks = []
     if goal.custom is not None and claim is not None:
-        value = _objective(robot, tables, goal.custom)
+        value = _objective(robot, tables, goal.custom, numbers)
         wrong = abs(value - claim) / max(abs(claim), 1e-3 * goal.custom.terms.scale)
         checks.append(Check(f"claimed {goal.name}", wrong, CLAIM, "relative"))
     for c in constraints:
         for phase, table in tables.items():
             if kind(phase) in c.terms.phases:
-                checks.append(_constraint(robot, phase, table, c))
+                checks.append(_constraint(robot, phase, table, c, numbers))
     return checks
 
 
-def _constraint(robot: Robot, phase: str, table: Table, c: Custom) -> Check:
-    value = along(robot, phase, table, c, SAMPLES_OF_INTERVAL[::SAMPLE_STRIDE])
+def _constraint(robot: Robot, phase: str, table: Table, c: Custom, numbers: Mapping[str, float]) -> Check:
+    value = along(robot, phase, table, c, SAMPLES_OF_INTERVAL[::SAMPLE_STRIDE], numbers)
     low, high = c.terms.lower, c.terms.upper
     excess = np.maximum(low - value, value - high).max(axis=-1) / c.terms.scale
     k, i = np.unravel_index(int(np.argmax(excess)), excess.shape)
@@ -43,11 +47,13 @@ def _constraint(robot: Robot, phase: str, table: Table, c: Custom) -> Check:
     return Check(f"{phase} {c.name}", float(max(excess[k, i], 0.0)), LIMIT, "of its range", f"at {t:.4f} s")
 
 
-def _objective(robot: Robot, tables: Mapping[str, Table], c: Custom) -> float:
+def _objective(robot: Robot, tables: Mapping[str, Table], c: Custom, numbers: Mapping[str, float]) -> float:
     if c.terms.running:
-        return sum(integral(t, along(robot, phase, t, c, SAMPLES_OF_INTERVAL)[..., 0]) for phase, t in tables.items())
+        return sum(
+            integral(t, along(robot, phase, t, c, SAMPLES_OF_INTERVAL, numbers)[..., 0]) for phase, t in tables.items()
+        )
     stance, flight = (tables[phase] for phase in CUSTOM_PHASES)
-    end = symbols(len(robot.joints), tuple(robot.points), True)
+    end = symbols(len(robot.joints), tuple(robot.points), True, numbers)
     assert end.lift_off is not None
     start = stance.t[0, 0]
     numbers = [
@@ -58,9 +64,16 @@ def _objective(robot: Robot, tables: Mapping[str, Table], c: Custom) -> float:
     return float(function(*numbers))  # type: ignore[arg-type]
 
 
-def along(robot: Robot, phase: str, table: Table, c: Custom, normalised_times: np.ndarray) -> np.ndarray:
+def along(
+    robot: Robot,
+    phase: str,
+    table: Table,
+    c: Custom,
+    normalised_times: np.ndarray,
+    numbers: Mapping[str, float] = NO_NUMBERS,
+) -> np.ndarray:
     """The function's values (N, k, m) at the same normalised times of every interval."""
-    m = symbols(len(robot.joints), tuple(robot.points), False, kind(phase), table.f.shape[-1])
+    m = symbols(len(robot.joints), tuple(robot.points), False, numbers, kind(phase), table.f.shape[-1])
     function = ca.Function("along", [*_inputs(m), m.a, m.tau, m.f], [ca.densify(c(m))])
     machine, at = Machine(robot), normalised_times_of(table)
     arrays = [dense(at, getattr(table, name), normalised_times) for name in ("t", "q", "v", "a", "tau", "f")]

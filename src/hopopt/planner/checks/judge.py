@@ -7,6 +7,7 @@ use, and the whole hop simulated in one piece. The certificate of first-order op
 from collections.abc import Mapping, Sequence
 
 from hopopt.design import Design
+from hopopt.design.parameters import own_numbers
 from hopopt.nlp.refinement.interval_errors import IntervalErrors
 from hopopt.nlp.refinement.tightening_cost import tightening_cost
 from hopopt.nlp.solver.ipopt import NlpSolution
@@ -61,7 +62,7 @@ def plan_checks(
     plan: Motion, goal: HopObjective, constraints: Sequence[Custom], claims: Mapping[str, float]
 ) -> list[Check]:
     """The checks of a plan's table by code that the planner did not use; arguments as those of ``judge``."""
-    own = custom_checks(plan.robot, plan.tables, goal, constraints, claims.get(CUSTOM_FIGURE))
+    own = custom_checks(plan.robot, plan.tables, goal, constraints, claims.get(CUSTOM_FIGURE), own_numbers(plan.design))
     return [*verify_plan(plan.design, plan.tables, claims, goal.ends), *own]
 
 

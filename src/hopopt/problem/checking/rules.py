@@ -36,6 +36,7 @@ def entry_rules(data: Mapping[str, Any], report: Report) -> None:
     for name in links:
         found += _link_faults(f"leg.{name}", _table(leg, name))
     found += _far_masses({f"leg.{name}": _table(leg, name) for name in links})
+    found += _parameter_faults(_table(data, "parameters"))
     for path, words in (*found, *_hop_faults(hop, joints)):
         if path not in refused:
             report.add(path, words)
@@ -65,6 +66,18 @@ def _chain_faults(joints: list[str], links: list[str]) -> Iterator[tuple[str, st
         yield "leg.links", f"names {len(links)} where leg.joints names {len(joints)}: each joint carries one link"
     for name in sorted(set(joints) & set(links)):
         yield "leg.links", f"has {shown(name)}, which is a joint too: their tables would both be [leg.{name}]"
+
+
+def _parameter_faults(table: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for name in table:
+        path, own = f"parameters.{name}", _table(table, name)
+        if not NAME.fullmatch(name):
+            yield path, "is no name of a number: a letter, then at most 31 letters, digits, _ or -"
+        value, low, high = (own.get(key) for key in ("value", "lower", "upper"))
+        for bound, sign, words in ((low, 1, "below"), (high, -1, "above")):
+            if is_number(value) and is_number(bound) and sign * (value - bound) < 0:
+                side = "lower" if sign > 0 else "upper"
+                yield f"{path}.value", f"= {shown(value)} is {words} {path}.{side} = {shown(bound)}: change one of them"
 
 
 def _joint_faults(path: str, joint: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -9,7 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hopopt.design import Leg, physical_parameters
+from hopopt.design import Design
+from hopopt.design.parameters import variable_numbers
 from hopopt.errors import ProblemFileError
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.compiled import compiling
@@ -48,7 +49,7 @@ def first_program(
 
     It is compiled, and scaled, for the study's own problem, so that no point's answer depends on another's.
     """
-    form = {entry: values[entry] for entry in _formative(hop.leg, values)}
+    form = {entry: values[entry] for entry in _formative(hop.design, values)}
     key = repr((definition.as_dict(), form, options))
     if key not in _compiled:
         while len(_compiled) >= KEPT_PROGRAMS:
@@ -79,12 +80,12 @@ def compiling_shared(definition: Definition) -> AbstractContextManager[None]:
 
 def formative_entries(definition: Definition) -> list[str]:
     """The varied entries that change a program's form or bounds, so that it is built anew for each of their values."""
-    return _formative(definition.design.leg, (axis.entry for axis in definition.axes))
+    return _formative(definition.design, (axis.entry for axis in definition.axes))
 
 
-def _formative(leg: Leg, entries: Iterable[str]) -> list[str]:
+def _formative(design: Design, entries: Iterable[str]) -> list[str]:
     """Those of the entries that are not just numbers of a program, but change its form or its bounds."""
-    numbers = physical_parameters(leg)
+    numbers = variable_numbers(design)
     return [entry for entry in entries if entry not in numbers and not entry.startswith("start.")]
 
 
