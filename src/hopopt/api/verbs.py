@@ -26,6 +26,7 @@ from hopopt.planner import solution
 from hopopt.planner import solve as planner
 from hopopt.planner.reserve import plan_to_track
 from hopopt.problem.load import as_design
+from hopopt.problem.own import check_can_be_sent, name_of, with_constraints
 from hopopt.storage import solution as storage
 from hopopt.studies import codesign as studies_codesign
 from hopopt.studies.maps.run import check_verify_best, run_map
@@ -121,7 +122,8 @@ def sweep(
     problem: Problem,
     vary: Mapping[str, Any],
     *,
-    objective: str = "clearance",
+    objective: Objective = "clearance",
+    constraints: Sequence[Constraint] = (),
     sample: str | None = None,
     seed: int = 0,
     starts: int | None = None,
@@ -137,7 +139,8 @@ def sweep(
 
     problem: a problem, its name or file
     vary: entry -> "lower:upper:count", a list of values or, with a sample, (lower, upper)
-    objective: the name of one
+    objective: the name of one, or a function of your own
+    constraints: path constraints of your own, functions or their names
     sample: "lhs:40" or "sobol:64" for so many points of a design of experiments; None: a grid
     seed: of the sample
     starts, processes: as in ``solve``
@@ -151,8 +154,10 @@ def sweep(
     Raises UsageError if the study makes no sense, ResultError if its folder cannot be used.
     """
     check_verify_best(verify_best, preliminary)
+    check_can_be_sent(processes, objective, *constraints)
+    design = with_constraints(as_design(problem), constraints)
     definition = define(
-        as_design(problem), vary, objective=objective, sample=sample, seed=seed, starts=starts, preliminary=preliminary
+        design, vary, objective=name_of(objective), sample=sample, seed=seed, starts=starts, preliminary=preliminary
     )
     if results is None and resume is None:
         results = tempfile.mkdtemp(prefix="hopopt-")
@@ -168,8 +173,9 @@ def sweep(
 @renamed(design="problem")
 def pareto(
     problem: Problem,
-    against: str = "energy",
+    against: Objective = "energy",
     *,
+    constraints: Sequence[Constraint] = (),
     points: int = 8,
     lowest: float | None = None,
     starts: int | None = None,
@@ -180,7 +186,8 @@ def pareto(
     """The Pareto front of the clearance against an economical objective.
 
     problem: a problem, its name or file
-    against: energy, absolute_work, electrical_energy, time, saturation, peak_torque or peak_force
+    against: energy, absolute_work, electrical_energy, time, saturation, peak_torque or peak_force; or a function of your own
+    constraints: path constraints of your own, functions or their names
     points: how many hops, 3 to 1000, the two ends counted
     lowest: the clearance [m] at which it begins (None, and of a periodic hop at least: a fifth of the highest)
     starts, processes: as in ``solve``
@@ -189,8 +196,9 @@ def pareto(
 
     Raises UsageError for what is no front, NotSolvedError if an end cannot be solved.
     """
+    check_can_be_sent(processes, against, *constraints)
     found = fronts.front(
-        as_design(problem), against, points=points, lowest=lowest, starts=starts, processes=processes,
+        with_constraints(as_design(problem), constraints), name_of(against), points=points, lowest=lowest, starts=starts, processes=processes,
         results=None if results is None else Path(results), progress=told(progress),
     )  # fmt: skip
     return Front.with_methods(found)
@@ -231,6 +239,7 @@ def simulate(
 def robust(
     problem: Problem | solution.Solution,
     *,
+    constraints: Sequence[Constraint] = (),
     share: float = 0.95,
     confidence: float = 0.95,
     draws: int = 200,
@@ -243,6 +252,7 @@ def robust(
     """The plan and tracker with the greatest clearance that a share of the legs within ``[uncertainty]`` reaches.
 
     problem: a problem, its name or file, or its highest hop
+    constraints: path constraints of your own, functions or their names, where the hop is not given
     share, confidence: the share of all legs that must reach it, and the confidence of that statement
     draws: fresh legs on which the promise stands
     evaluations: reserves that are tried, and programs for several legs at most
@@ -252,7 +262,8 @@ def robust(
 
     Raises UsageError without uncertainty and for promises that so few draws cannot make, NotSolvedError without a plan.
     """
-    design, bound = _with_hop(problem)
+    check_can_be_sent(processes, *constraints)
+    design, bound = _with_hop(problem, constraints)
     found = robustness.robust(
         design, share=share, confidence=confidence, draws=draws, evaluations=evaluations, seed=seed, starts=starts,
         processes=processes or os.cpu_count() or 1, bound=bound, progress=told(progress),
@@ -265,6 +276,7 @@ def transition(
     begin: solution.Solution | None = None,
     clearances: Sequence[float] = (),
     *,
+    constraints: Sequence[Constraint] = (),
     most: int = transitions.MOST,
     starts: int | None = None,
     processes: int | None = None,
@@ -275,13 +287,15 @@ def transition(
     problem: the periodic hop on which they end; or a problem, its name or file, whose highest one is solved for
     begin: the periodic hop from which they start; None from rest
     clearances: what each hop must clear at least [m]; so many hops
+    constraints: path constraints of your own, functions or their names, where the periodic hop is not given
     most: how many hops are tried at most, where ``clearances`` does not say it
     starts, processes: of the periodic hop that is solved for, as in ``solve``
     progress: a function that is told a line of text, or True for lines on standard error
 
     Raises UsageError for hops that are not periodic or of another leg, NotSolvedError if no number of hops leads there.
     """
-    design, orbit = _with_hop(problem)
+    check_can_be_sent(processes, *constraints)
+    design, orbit = _with_hop(problem, constraints)
     found = transitions.transition(
         design, begin=begin, orbit=orbit, clearances=clearances, most=most, starts=starts,
         processes=processes or os.cpu_count() or 1, progress=told(progress),
@@ -289,9 +303,15 @@ def transition(
     return Transition.with_methods(found)
 
 
-def _with_hop(problem: Problem | solution.Solution) -> tuple[Design, solution.Solution | None]:
-    """The problem, and its hop if it was given as that."""
-    return (problem.design, problem) if isinstance(problem, solution.Solution) else (as_design(problem), None)
+def _with_hop(
+    problem: Problem | solution.Solution, constraints: Sequence[Constraint]
+) -> tuple[Design, solution.Solution | None]:
+    """The problem, and its hop if it was given as that; UsageError for constraints that come too late for it."""
+    if not isinstance(problem, solution.Solution):
+        return with_constraints(as_design(problem), constraints), None
+    if constraints:
+        raise UsageError("this hop is solved already: give its problem, or solve it with these constraints")
+    return problem.design, problem
 
 
 def identify(problem: Problem, *runs: str | Path, known: Sequence[str] = ()) -> "Identification":

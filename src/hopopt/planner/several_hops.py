@@ -3,10 +3,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.design.parameters import own_numbers
 from hopopt.errors import NotSolvedError
 from hopopt.leg.kinematics import start_angles
 from hopopt.nlp.deadline import NEVER, Deadline
@@ -24,7 +26,9 @@ from hopopt.ocp.phases import DESCENT, FLIGHT, STANCE
 from hopopt.optimality.certificate import certify
 from hopopt.optimality.violations import violations
 from hopopt.planner.attempts import SEVERAL_HOPS, Attempt, AttemptOutcome, tried_again
+from hopopt.planner.checks.custom_check import custom_checks
 from hopopt.planner.checks.judge import numerical_checks
+from hopopt.planner.checks.program_limits import program_limits
 from hopopt.planner.checks.verdict import Verdict
 from hopopt.planner.motion import Motion
 from hopopt.planner.refine_and_verify import aims_of
@@ -154,6 +158,9 @@ def _judged(hop: Hop, refinement: Refinement, count: int, begin: JointState, end
         *numerical_checks(design, solution, refinement.errors, refinement.change),
         *several_hops_checks(hop.robot, design, [motion.tables for motion in hops], *states),
     ]
+    if design.hop.constraints:
+        own = (custom_checks(hop.robot, m.tables, hop.objective, hop.own, None, own_numbers(design)) for m in hops)
+        checks += [*chain.from_iterable(own), *program_limits(solution, refinement.errors, ())]
     return HopsPlan(hops, solution.objective, Verdict(tuple(checks), conditions=certify(solution).checks))
 
 

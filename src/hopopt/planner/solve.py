@@ -51,6 +51,7 @@ from hopopt.planner.solution import Solution, stored_nlp
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.checking.hints import hints
 from hopopt.problem.load import as_design
+from hopopt.problem.own import named_apart
 
 TIME_LIMIT = 600.0  # s; one random leg in ten takes over a minute from two starts, the slowest known 270 s
 SEARCHING = (
@@ -83,11 +84,11 @@ def solve(
     """
     seconds = TIME_LIMIT if time_limit is None else time_limit
     end, until = NEVER.within(seconds), NEVER.within(SEARCHING * seconds)
-    design = as_design(design)
+    design, functions = named_apart(as_design(design), constraints)
     check("starts", starts)
     say, clock = progress or (lambda text: None), Stopwatch()
     asked, design = design, with_tighter_tolerances(design) if structure else design
-    hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in constraints))
+    hop = Hop(design, given(objective), constraints=tuple(custom(c) for c in functions))
     if faults := joints_without_inertia(hop.design, hop.robot):
         raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
     clock.mark("model")

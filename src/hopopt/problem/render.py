@@ -105,8 +105,9 @@ def _rows(path: str, section: BaseModel) -> Iterator[Row]:
             or "Overrides" in type(section).__name__
         ):
             unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
-            of_own = isinstance(section, OwnParameter) and name in ("value", "lower", "upper")
-            yield Row(here, value, section.unit if of_own else unit, info.description or "")
+            if isinstance(section, OwnParameter) and name in ("value", "lower", "upper"):
+                unit = section.unit
+            yield Row(here, value, unit, info.description or "")
 
 
 def _toml(table: Mapping[str, Any], notes: Mapping[str, str], path: str = "") -> str:

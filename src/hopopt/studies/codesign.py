@@ -46,6 +46,7 @@ from hopopt.planner.solve import SEARCHING, TIME_LIMIT, best_of, trial_of
 from hopopt.planner.stopwatch import Stopwatch
 from hopopt.problem.checking.wording import did_you_mean
 from hopopt.problem.load import as_design, changed
+from hopopt.problem.own import named_apart
 from hopopt.problem.render import rows
 from hopopt.record import computed
 from hopopt.storage.seal.recheck import CONFIRMED, co_design_checks
@@ -76,12 +77,12 @@ def codesign(
     """
     seconds = TIME_LIMIT if time_limit is None else time_limit
     until = NEVER.within(SEARCHING * seconds)
-    design = as_design(design)
+    design, functions = named_apart(as_design(design), constraints)
     check("starts", starts)
     say, clock, count = progress or (lambda text: None), Stopwatch(), starts or design.solver.starts
     side_by_side = processes or os.cpu_count() or 1
     free_parameters = checked(design, free, couple)
-    own = tuple(custom(c) for c in constraints)
+    own = tuple(custom(c) for c in functions)
     hop = Hop(design, given(objective), free_parameters, own)
     found = _found(hop, count, side_by_side, clock, say, until)
     late = (LATE,) if until.passed else ()

@@ -7,12 +7,13 @@ from cyclopts import Parameter
 
 from hopopt import amounts
 from hopopt.cli.expected_time import ExpectedTime
-from hopopt.cli.options import AsJson, Figure, Overrides, Problem, drawn, ended, note
+from hopopt.cli.options import AsJson, Constraints, Figure, Overrides, Problem, drawn, ended, note
 from hopopt.cli.screen.console import progress
 from hopopt.cli.screen.studies import of_front
 from hopopt.errors import UsageError
 from hopopt.plots.studies.pareto import save
 from hopopt.problem.load import load
+from hopopt.problem.own import name_of, with_constraints
 from hopopt.studies.pareto.front import Front
 from hopopt.studies.pareto.trace import front
 
@@ -22,6 +23,7 @@ def pareto(
     *,
     against: str = "energy",
     points: int = 8,
+    constraint: Constraints = None,
     lowest: Annotated[float | None, Parameter(name="--from")] = None,
     set_: Overrides = None,
     starts: int | None = None,
@@ -40,7 +42,8 @@ def pareto(
     Parameters
     ----------
     against
-        What is to be small: energy, absolute_work, electrical_energy, time, saturation, peak_torque or peak_force.
+        What is to be small: energy, absolute_work, electrical_energy, time, saturation, peak_torque or peak_force; or a function
+        of your own as module:function (docs/objectives.md).
     points
         How many hops, 3 to 1000, the two ends counted.
     lowest
@@ -57,12 +60,13 @@ def pareto(
     amounts.check_processes(processes)
     if lowest is not None and not 0 <= lowest < 20:
         raise UsageError(f"--from {lowest}: a clearance from 0 to 20 m is needed")
-    design, begun, stopped = load(problem, set_ or ()), list[Front](), False
+    design = with_constraints(load(problem, set_ or ()), constraint or ())
+    begun, stopped = list[Front](), False
     try:
         parts = {"solve": 2.0, "point of a front": float(points)}
         with progress(json_, ExpectedTime("pareto", design, parts)) as say:
             front(
-                design, against, points=points, lowest=lowest, starts=starts, processes=processes, results=results,
+                design, name_of(against), points=points, lowest=lowest, starts=starts, processes=processes, results=results,
                 progress=say, begun=begun.append,
             )  # fmt: skip
     except KeyboardInterrupt:

@@ -7,12 +7,13 @@ from typing import Annotated, Any
 
 from hopopt import amounts
 from hopopt.cli.expected_time import ExpectedTime
-from hopopt.cli.options import AsJson, Figures, Overrides, drawn, ended, note, repeated
+from hopopt.cli.options import AsJson, Constraints, Figures, Overrides, drawn, ended, note, repeated
 from hopopt.cli.screen.console import Shown, progress
 from hopopt.cli.screen.studies import of_map, of_sweep
 from hopopt.errors import UsageError
 from hopopt.plots.studies.sweep import save_all
 from hopopt.problem.load import load
+from hopopt.problem.own import name_of, with_constraints
 from hopopt.studies.maps.run import CHECKED, check_verify_best, run_map
 from hopopt.studies.sweep.definition import Definition, define, parse
 from hopopt.studies.sweep.recheck import Rechecked, recheck_study
@@ -34,6 +35,7 @@ def sweep(
     sample: str | None = None,
     seed: int = 0,
     objective: str = "clearance",
+    constraint: Constraints = None,
     set_: Overrides = None,
     starts: int | None = None,
     processes: int | None = None,
@@ -60,7 +62,7 @@ def sweep(
     seed
         Seed of the sample.
     objective
-        What to make as large, or as small, as possible: as in hopopt solve, but no function of your own.
+        What to make as large, or as small, as possible: as in hopopt solve.
     starts
         Starting points of those points that have no neighbour yet (default: the problem's solver.starts).
     processes
@@ -77,7 +79,7 @@ def sweep(
     results
         Folder for the results; each study gets a new folder inside it.
     """
-    definition = _definition(problem, vary, sample, seed, objective, set_, starts, resume, preliminary)
+    definition = _definition(problem, vary, sample, seed, objective, constraint, set_, starts, resume, preliminary)
     check_verify_best(verify_best, definition.preliminary)
     amounts.check_processes(processes)
     folders = [] if resume is None else [resume]
@@ -131,13 +133,14 @@ def _definition(
     sample: str | None,
     seed: int,
     objective: str,
+    constraint: list[str] | None,
     set_: list[str] | None,
     starts: int | None,
     resume: Path | None,
     preliminary: bool,
 ) -> Definition:
     """What is asked for; with only --resume, what that study's folder says."""
-    if resume is not None and not (problem or vary or sample or set_):
+    if resume is not None and not (problem or vary or sample or set_ or constraint):
         found = read_definition(resume)
         for name, asked in {"objective": objective, "seed": seed, "starts": starts}.items():
             if asked not in ("clearance", 0, None, has := getattr(found, name)):
@@ -148,9 +151,15 @@ def _definition(
                 f"--preliminary: every point of the study in {resume} is verified: leave --preliminary out"
             )
         return found
-    design = load(problem or "paper", set_ or ())
+    design = with_constraints(load(problem or "paper", set_ or ()), constraint or ())
     return define(
-        design, parse(vary or ()), objective=objective, sample=sample, seed=seed, starts=starts, preliminary=preliminary
+        design,
+        parse(vary or ()),
+        objective=name_of(objective),
+        sample=sample,
+        seed=seed,
+        starts=starts,
+        preliminary=preliminary,
     )
 
 

@@ -1,5 +1,6 @@
 """What an objective of a hop consists of, and the clearance that an economical hop must reach."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -63,6 +64,11 @@ class HopObjective(Directed):
     custom: Any = None
     tie_break: Callable[[MovingLeg], float] = tie_break_of
     calm_first: bool = False
+
+    @property
+    def short(self) -> str:
+        """Its name in a sentence or a folder's name; of a function without its module."""
+        return re.sub(r"[^A-Za-z0-9_-]+", "_", self.name.rpartition(":")[2]).strip("_")
 
     @property
     def is_function(self) -> bool:

@@ -28,7 +28,7 @@ def custom_checks(
     user's own, by name."""
     checks = []
     if goal.custom is not None and claim is not None:
-        value = _objective(robot, tables, goal.custom, numbers)
+        value = objective_of(robot, tables, goal.custom, numbers)
         wrong = abs(value - claim) / max(abs(claim), 1e-3 * goal.custom.terms.scale)
         checks.append(Check(f"claimed {goal.name}", wrong, CLAIM, "relative"))
     for c in constraints:
@@ -47,7 +47,8 @@ def _constraint(robot: Robot, phase: str, table: Table, c: Custom, numbers: Mapp
     return Check(f"{phase} {c.name}", float(max(excess[k, i], 0.0)), LIMIT, "of its range", f"at {t:.4f} s")
 
 
-def _objective(robot: Robot, tables: Mapping[str, Table], c: Custom, numbers: Mapping[str, float]) -> float:
+def objective_of(robot: Robot, tables: Mapping[str, Table], c: Custom, numbers: Mapping[str, float]) -> float:
+    """What a user-defined objective is of a plan, by its table [the objective's unit]."""
     if c.terms.running:
         return sum(
             integral(t, along(robot, phase, t, c, SAMPLES_OF_INTERVAL, numbers)[..., 0]) for phase, t in tables.items()
@@ -56,12 +57,12 @@ def _objective(robot: Robot, tables: Mapping[str, Table], c: Custom, numbers: Ma
     end = symbols(len(robot.joints), tuple(robot.points), True, numbers)
     assert end.lift_off is not None
     start = stance.t[0, 0]
-    numbers = [
+    at_ends = [
         *_numbers(Machine(robot), flight.t[-1, -1] - start, flight.q[-1, -1], flight.v[-1, -1]),
         *_numbers(Machine(robot), stance.t[-1, -1] - start, stance.q[-1, -1], stance.v[-1, -1]),
     ]
     function = ca.Function("objective", [*_inputs(end), *_inputs(end.lift_off)], [c(end, 1)])
-    return float(function(*numbers))  # type: ignore[arg-type]
+    return float(function(*at_ends))  # type: ignore[arg-type]
 
 
 def along(

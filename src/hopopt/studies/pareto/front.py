@@ -3,12 +3,15 @@
 import csv
 import io
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from hopopt.design import Design
+from hopopt.extensions import known, missing
 from hopopt.files import write_whole
+from hopopt.ocp.custom import CUSTOM_FIGURE
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import find
 from hopopt.planner.solution import Solution
@@ -99,5 +102,17 @@ def read_front(folder: Path) -> Front:
     data = json.loads((folder / "front.json").read_text(encoding="utf-8"))
     points = [FrontPoint(**point) for point in data["points"]]
     stored = next(Path(p.result_dir).name for p in points if p.result_dir)
-    design = load(folder / "points" / stored / "problem.toml")
-    return Front(design, find(data["against"]), folder, points, complete=data["complete"])
+    design = load(folder / "points" / stored / "problem.toml", without_modules=True)
+    return Front(design, _against(data), folder, points, complete=data["complete"])
+
+
+def _against(data: Mapping[str, Any]) -> HopObjective:
+    """The other objective; of one whose module is not here what the folder says of it."""
+    name = data["against"]
+    if known("objective", name):
+        return find(name)
+
+    def absent(hop: Any, ends: Any) -> Any:
+        raise missing("objective", name)
+
+    return HopObjective(name, data["meaning"], data["unit"], absent, CUSTOM_FIGURE, maximize=False)

@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from hopopt.design import Design
+from hopopt.design.parameters import own_numbers
 from hopopt.errors import NotSolvedError, SolverError, UsageError, one_line
+from hopopt.extensions import known
 from hopopt.nlp.deadline import NEVER
 from hopopt.nlp.solver.ipopt import CARRIED, NlpSolver
 from hopopt.nlp.solver.reuse import with_numbers_of
@@ -23,6 +25,7 @@ from hopopt.nlp.transcription import Transcription
 from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HopObjective
 from hopopt.ocp.objectives.registry import OBJECTIVES, find
+from hopopt.planner.checks.custom_check import objective_of
 from hopopt.planner.refine_and_verify import refined_and_verified
 from hopopt.planner.search.first_mesh import search_first_mesh
 from hopopt.planner.search.multistart import Progress, StartOutcome, first_transcription, outcome_of
@@ -78,14 +81,14 @@ def front(
     found = Front(design, goal)
     if results is not None:
         with writing(f"{results}: the front", "choose another folder"):
-            found.folder = new_folder(results / f"{design.name}-pareto-{against}")
+            found.folder = new_folder(results / f"{design.name}-pareto-{goal.short}")
             (found.folder / "points").mkdir()
     if begun:
         begun(found)
     with kept(found.folder, "the points that are finished are kept there"):
-        _keep(found, TOP, top, top.clearance, MEASURES[goal.figure](top.robot, top.tables, top.design.hop), 0.0)
+        _keep(found, TOP, top, top.clearance, _cost(goal, top), 0.0)
         chain = Chain(design, goal, lowest, starts or design.solver.starts, processes or os.cpu_count() or 1, say)
-        least = _refined(found, chain, 0, LEAST.format(goal.name.replace("_", " ")))
+        least = _refined(found, chain, 0, LEAST.format(goal.short.replace("_", " ")))
         reached = least.clearance if least is not None and least.verified else lowest
         chain.between(reached, top.clearance, points)
         count_down = Countdown(say, "points of the front", len(chain.clearances) - 1)
@@ -99,16 +102,28 @@ def front(
 
 def _goal(design: Design, against: str, points: int) -> HopObjective:
     # The highest hop does not land, so that it has no impact.
-    choices = [o.name for o in OBJECTIVES.values() if o.ends == "required clearance" and o.name != "impact"]
-    if against not in choices:
+    choices = [n for n in OBJECTIVES.built_in if find(n).ends == "required clearance" and n != "impact"]
+    if against not in choices and (against in OBJECTIVES.built_in or not known("objective", against)):
         close = did_you_mean(against, choices)
         raise UsageError(f"there is no front against {against!r}{close}: choose one of {', '.join(choices)}")
     if not 3 <= points <= MOST_POINTS:
         raise UsageError(f"a front has at least 3 points and at most {MOST_POINTS}")
     goal = find(against)
+    if goal.ends != "required clearance" or goal.maximize:
+        raise UsageError(
+            f"{against}: a front asks how little of it a clearance needs: mark it as "
+            "hopopt.objective(clearance=True, maximize=False)"
+        )
     if fault := goal.fault(changed(design, {"hop.clearance": 0.0})):
         raise UsageError(f"objective {against}: {fault}")
     return goal
+
+
+def _cost(goal: HopObjective, top: Solution) -> float:
+    """What the highest hop happens to cost [the goal's unit]."""
+    if goal.custom is not None:
+        return objective_of(top.robot, top.tables, goal.custom, own_numbers(top.design))
+    return MEASURES[goal.figure](top.robot, top.tables, top.design.hop)
 
 
 class Chain:

@@ -19,10 +19,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopopt.design.names import names_in
 from hopopt.errors import ResultError, UsageError
+from hopopt.extensions import Extension, doubts, note_needed, used
 from hopopt.files import write_whole
 from hopopt.ocp.objectives.registry import find
 from hopopt.problem.load import load, resolved_toml
+from hopopt.record import adapter, as_data
 from hopopt.storage.folder import as_json, new_folder, reason_of, writing
 from hopopt.storage.seal.digests import changed, digest, manifest_of, seal
 from hopopt.studies.faults import Fault
@@ -48,17 +51,20 @@ def open_folder(definition: Definition, results: Path) -> Path:
 
 def stamp(definition: Definition) -> dict[str, Any]:
     """What must be the same for a study to be continued."""
-    return {**definition.as_dict(), "hopopt": version("hopopt")}
+    names = [*((kind, name) for _, kind, name in names_in(definition.design)), ("objective", definition.objective)]
+    modules = {"extensions": [as_data(e) for e in found]} if (found := used(names)) else {}
+    return {**definition.as_dict(), "hopopt": version("hopopt"), **modules}
 
 
 def read_definition(folder: Path) -> Definition:
     """The definition of the study in a folder; ResultError in a sentence if there is none."""
     try:
         data = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
+        note_needed(module["module"] for module in data.get("extensions", ()))
         vary = {a["entry"]: a.get("values") or a["range"] for a in data["axes"]}
         more = {name: data[name] for name in ("objective", "sample", "seed", "starts")}
         more["preliminary"] = bool(data.get("preliminary"))
-        design, listed = load(folder / "problem.toml"), tuple(map(tuple, data.get("listed", ())))
+        design, listed = load(folder / "problem.toml", without_modules=True), tuple(map(tuple, data.get("listed", ())))
         if listed:
             found = Definition(
                 design,
@@ -84,11 +90,18 @@ def read_definition(folder: Path) -> Definition:
 def check_same(folder: Path, definition: Definition) -> None:
     """ResultError, naming what differs, unless the folder holds this very study."""
     _same(folder, stamp(read_definition(folder)), definition)
+    recorded = json.loads((folder / "sweep.json").read_text(encoding="utf-8")).get("extensions", ())
+    if wrong := doubts(adapter(Extension).validate_python(module) for module in recorded):
+        raise ResultError(f"{folder}: {'; '.join(wrong)}: its points would not belong together; begin another study")
 
 
 def _same(folder: Path, data: Mapping[str, Any], definition: Definition) -> None:
     other = json.loads(json.dumps(stamp(definition)))
-    different = [name.replace("_", " ") for name in {**other, **data} if data.get(name) != other.get(name)]
+    different = [
+        name.replace("_", " ")
+        for name in {**other, **data}
+        if name != "extensions" and data.get(name) != other.get(name)
+    ]
     if different:
         raise ResultError(f"{folder}: it holds another study (other {', '.join(different)}); leave --resume out")
 

@@ -1,0 +1,175 @@
+"""Functions and numbers of a user's own in solves and studies: by name in every process, stored, and read elsewhere."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import hopopt as ho
+from hopopt import extensions
+from hopopt.cli.main import run
+from hopopt.errors import ProblemFileError, UsageError
+from hopopt.ocp.custom import Moment
+from hopopt.ocp.hop import Hop
+from hopopt.ocp.hops.several_hops import JointState, several_hops
+from hopopt.ocp.hops.shared_control import TrueLeg
+from hopopt.ocp.rules import RULES
+from hopopt.problem.own import with_constraints
+from hopopt.studies.pareto.front import FrontPoint, read_front
+from once import solved_once
+from rarely import rarely
+from registries import clean_registries
+
+MOST = {"parameters.most": {"value": 400.0, "lower": 100.0, "upper": 2000.0, "unit": "N"}}
+MODULE = """
+import casadi as ca
+import hopopt as ho
+
+
+@ho.constraint(unit="N", scale=400.0, phases=("stance",))
+def soft(now):
+    return now.p["most"] - now.f[-1]
+
+
+@ho.objective(unit="m", scale=0.5)
+def com_rise(end):
+    return end.points["com"][1] - end.lift_off.points["com"][1]
+"""
+
+
+@ho.constraint(unit="N", scale=400.0, phases=("stance",))
+def soft(now: Moment) -> Any:
+    return now.p["most"] - now.f[-1]
+
+
+@pytest.fixture(autouse=True)
+def _registries() -> Iterator[None]:
+    with clean_registries():
+        RULES["soft"] = soft
+        yield
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"parameters.most.value": 50.0}, "parameters.most.value = 50.0 is below parameters.most.lower = 100.0"),
+        ({"parameters.most.value": 5e3}, "parameters.most.value = 5000.0 is above parameters.most.upper = 2000.0"),
+        ({"parameters.2nd.value": 1.0}, "parameters.2nd is no name of a number"),
+        ({"parameters.most.most": 1.0}, "parameters.most.most is not a known key"),
+    ],
+)
+def test_a_number_of_ones_own_that_cannot_be_is_said_in_a_sentence(changes: dict[str, float], words: str) -> None:
+    with pytest.raises(ProblemFileError) as refused:
+        ho.load("paper", MOST | changes)
+    assert words in refused.value.problems[0]
+
+
+def test_a_named_constraint_holds_in_every_kind_of_hop() -> None:
+    design = ho.load("paper", MOST | {"hop.constraints": ["soft"]})
+    for kind in ("single", "landing", "periodic"):
+        hop = Hop(design.of_kind(kind))
+        held = {phase.name for phase in hop.problem.phases for c in phase.path if str(c.name) == "soft"}
+        assert held == ({"stance", "landing"} if kind == "landing" else {"stance"})
+        assert "parameters.most.value" in {p.name for p in hop.problem.parameters}
+    rest = JointState(np.array([1.0, -2.0]), np.zeros(2))
+    way = several_hops(Hop(design.of_kind("periodic")), rest, rest, [0.0, 0.0])
+    assert sum(str(c.name) == "soft" for phase in way.phases for c in phase.path) == 2
+    one_of_several = TrueLeg(1, design, np.ones(2), np.array([1.0, -2.0]))
+    assert "soft" in {str(c.name) for c in one_of_several.phases["stance"].phase.path}
+
+
+def test_what_cannot_go_to_worker_processes_is_said_before_the_work() -> None:
+    held = ca.SX.sym("x")
+
+    def closure(now: Moment) -> Any:
+        return 500 + 0 * held - now.f[-1]
+
+    with pytest.raises(UsageError, match=r"closure cannot go to worker processes .*: give processes=1"):
+        ho.sweep("paper", {"leg.gear.ratio": [70, 80]}, constraints=[closure], processes=2)
+
+
+def test_a_front_needs_an_objective_that_a_clearance_is_asked_with() -> None:
+    with pytest.raises(UsageError, match="objective\\(clearance=True, maximize=False\\)"):
+        ho.pareto("paper", lambda now: now.f[-1], processes=1)
+
+
+def test_a_hop_that_is_solved_takes_no_more_constraints(hop: ho.Solution) -> None:
+    with pytest.raises(UsageError, match="solved already"):
+        ho.robust(hop, constraints=[soft], processes=1)
+
+
+def test_a_stored_front_is_read_without_its_module(tmp_path: Path, hop: ho.Solution) -> None:
+    stored = ho.save(hop, tmp_path / "points")
+    assert stored.result_dir is not None
+    point = FrontPoint("least swing", 0.5, 0.5, 2.0, True, result_dir=str(stored.result_dir))
+    about = {"against": "gone:swing", "unit": "J", "meaning": "its own", "complete": True, "points": [vars(point)]}
+    (tmp_path / "front.json").write_text(json.dumps(about))
+    front = read_front(tmp_path)
+    assert (front.against.unit, front.points[0].value) == ("J", 2.0)
+    assert run(["show", str(tmp_path)]) == 0
+
+
+@pytest.mark.slow
+def test_a_limits_own_number_has_the_derivative_that_solving_again_gives() -> None:
+    named = {"hop.constraints": ["soft"]}
+    low, at, high = (solved_once(MOST | named | {"parameters.most.value": most}) for most in (390.0, 400.0, 410.0))
+    slope = next(i for i in ho.Solution.with_methods(at).sensitivity() if i.name == "parameters.most.value")
+    assert slope.unit == "N"
+    assert slope.m_per_unit == pytest.approx((high.clearance - low.clearance) / 20, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_limits_own_number_can_be_free() -> None:
+    best = ho.solve(
+        ho.load("paper", MOST), free={"parameters.most.value": (300.0, 420.0)}, constraints=["soft"], starts=1
+    )
+    assert best.verified
+    assert best.design.parameters is not None
+    assert best.design.parameters["most"].value == 420.0
+    assert best.summary.peak_vertical_force_N == pytest.approx(420, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["periodic", pytest.param("landing", marks=rarely)])
+def test_other_hops_keep_it(kind: str) -> None:
+    found = solved_once(MOST | {"hop.constraints": ["soft"], "hop.kind": kind})
+    assert found.verified
+    assert found.summary.peak_vertical_force_N <= 400 * (1 + 1e-3)
+    assert found.summary.check("stance soft").passed
+
+
+@pytest.mark.slow
+def test_a_study_of_ones_own_is_stored_and_read_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each command in a process of its own, the study's points in two more."""
+    (tmp_path / "ours_studied.py").write_text(MODULE)
+    (tmp_path / "leg.toml").write_text(
+        'extends = "paper"\nname = "mine"\n[parameters.most]\nvalue = 400.0\nunit = "N"\n'
+    )
+    monkeypatch.chdir(tmp_path)
+
+    def hopopt(*words: str) -> "subprocess.CompletedProcess[str]":
+        return subprocess.run([sys.executable, "-m", "hopopt", *words], capture_output=True, text=True, check=False)
+
+    asked = ["--objective", "ours_studied:com_rise", "--constraint", "ours_studied:soft", "--starts", "1", "--json"]
+    done = hopopt(
+        "sweep", "leg.toml", "--vary", "parameters.most.value=400,600", *asked, "--processes", "2", "--no-figures"
+    )
+    study = json.loads(done.stdout)
+    assert study["outcomes"] == {"verified": 2}
+    values = [p["objective_value"] for p in study["points"]]
+    assert values[0] < values[1]
+    folder = study["result_dir"]
+    again = hopopt("verify", folder, "--with", "ours_studied")
+    assert again.returncode == 0, again.stderr
+    without = hopopt("verify", folder)
+    assert without.returncode == 2
+    assert "--with ours_studied" in without.stderr
+    (recorded,) = json.loads((Path(folder) / "sweep.json").read_text())["extensions"]
+    assert recorded["digest"] == extensions.digest_of("ours_studied")
+    assert with_constraints(ho.load("leg.toml"), ["ours_studied:soft"]).needs == ("ours_studied",)
