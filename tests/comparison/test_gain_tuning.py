@@ -15,6 +15,7 @@ from hopopt.comparison.gain_tuning import (
     Tuned,
     text,
     tune,
+    tuned_nearby,
 )
 from hopopt.control.closed_loop import simulate
 from hopopt.control.paper_pd import PaperOptions
@@ -130,3 +131,24 @@ def test_what_cannot_be_tuned_is_said_before_the_first_is(
         "hopopt.comparison.gain_tuning.differential_evolution", lambda *given, **more: pytest.fail("tuned")
     )
     assert "has no gains to tune" in refusal(["tune", "--strategy", strategies, "--processes", "1"], capsys)
+
+
+@pytest.mark.parametrize("best_k_s", [0.1, 1.0, 1.4, 30.0])
+def test_a_few_hops_about_the_tuck_are_never_below_it(best_k_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the height does with a gain; hops beyond a limit come last, however high they are."""
+    search = GainSearch(DESIGN.model_dump(exclude_none=True), "force")
+
+    def trial(self: GainSearch, options: dict[str, Any]) -> GainTrial:
+        off = abs(np.log(options["k_s"] / (best_k_s * self.gains["k_s"])))
+        stiff = options["k_p"] > 1.2 * self.gains["k_p"]
+        return GainTrial(options, 1.0 - 0.1 * off + stiff, ("knee into its end stop",) if stiff else ())
+
+    monkeypatch.setattr(GainSearch, "trial", trial)
+    near = tuned_nearby(DESIGN, "force")
+    untuned = trial(search, {**search.gains, "retraction": "tuck"})
+    assert near.untuned == untuned
+    assert near.best.clearance >= untuned.clearance
+    assert not near.best.limits_exceeded
+    assert (near.best.clearance > untuned.clearance) == (best_k_s != 1.0)
+    assert 5 <= near.evaluations <= 8
+    assert near.found.startswith("force_tuned: ")

@@ -85,7 +85,8 @@ def test_a_bounce_is_no_hop() -> None:
     run = three_hops().run
     trace = run.trace
     last = trace.events[-1]
-    bounced = replace(trace, events=[*trace.events[:-1], replace(last, kind="touchdown")])
+    at_once = [replace(last, kind=kind) for kind in ("lift-off", "touchdown")]
+    bounced = replace(trace, events=[*trace.events, *at_once])
     assert len(landings(bounced)) == 3
     short = [replace(last, kind="lift-off", t=last.t + 0.01), replace(last, kind="touchdown", t=last.t + 0.05)]
     assert len(landings(replace(trace, events=[*trace.events, *short]))) == 3

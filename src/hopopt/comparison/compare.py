@@ -109,7 +109,7 @@ class Comparison:
         counts = self.solution.verified and not f.no_hop
         row |= {"share_of_bound": f.clearance / self.bound if counts else None, "gap": self.gap(name)}
         row |= {"overshoot_m": run and run.overshoot, "feedback_moves": run and run.moves}
-        row["left_early"] = self.left_early(name)
+        row |= {"limited_by": run.limited_by if run else "", "left_early": self.left_early(name)}
         if name in self.mujoco:
             row["mujoco_clearance_m"] = self.mujoco[name]
         if name in PAPER and is_the_papers(self.solution.design.leg):
@@ -172,7 +172,8 @@ def compare(
             notes.append(f"nothing is tracked, as no plan keeps the problem's [reserve] back: {error}")
     reference = None if plan is None else reference_of(plan)
     for name in TUNED:
-        if tune and (name in names or f"{name}_tuned" in names):
+        near = f"{name}_tuned" in names and not is_the_papers(design.leg)
+        if near or (tune and (name in names or f"{name}_tuned" in names)):
             strategy, found = tuned(design, name, tune, say)
             chosen = [s for s in chosen if s.name != strategy.name] + [strategy]
             notes.append(found)
@@ -228,11 +229,17 @@ def answering(design: Design, bound: Solution) -> Solution:
 
 
 def tuned(design: Design, name: str, evaluations: int, say: Callable[[str], None]) -> tuple[Strategy, str]:
-    """A strategy of the paper with the best gains that so many simulated hops find, and what was found in words."""
-    from hopopt.comparison.gain_tuning import tune
+    """A strategy of the paper with the best gains that so many simulated hops find, or without a number the few about its
+    untuned ones; and what was found in words."""
+    from hopopt.comparison.gain_tuning import tune, tuned_nearby
 
     say(f"tuning {name}")
-    found, strategy = tune(design, name, evaluations=evaluations, progress=say), find(name)
+    strategy = find(name)
+    if not evaluations:
+        near = tuned_nearby(design, name)
+        meaning = f"{strategy.meaning}, best of {near.evaluations} tries on this leg"
+        return Strategy(f"{name}_tuned", meaning, strategy.make, near.best.options), near.found
+    found = tune(design, name, evaluations=evaluations, progress=say)
     meaning = f"{strategy.meaning}, best of {evaluations} tries"
     return Strategy(f"{name}_tuned", meaning, strategy.make, found.best.options), found.found
 

@@ -22,7 +22,7 @@ from hopopt.amounts import check
 from hopopt.control.closed_loop import make_controller, simulate
 from hopopt.control.paper_pd import PaperOptions
 from hopopt.control.similarity import Size, factors
-from hopopt.control.strategies import BUILT_IN
+from hopopt.control.strategies import BEST, BUILT_IN
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
 from hopopt.extensions import carried
@@ -38,6 +38,7 @@ STRATEGY_CHOICES = {  # what else each strategy may choose
     "force": {"retraction": ("reference", "tuck"), "stance": ("reference", "step")},
     "position": {"retraction": ("reference", "tuck")},
 }
+FACTOR = 1.5  # of a gain from one hop to the next about the untuned ones
 POPULATION = 12  # trials in each generation
 NEARBY_MOTORS = 0.02  # motors so much weaker or stronger show whether a clearance is a lucky one
 
@@ -55,6 +56,25 @@ class GainTrial:
     def penalised_clearance(self) -> float:
         """Clearance less a penalty for the limits that were not kept [m]."""
         return self.clearance - self.price * len(self.limits_exceeded)
+
+
+@dataclass(frozen=True)
+class Nearby:
+    """A strategy's best trial of a few, beside that of the tuck it began from."""
+
+    strategy: str
+    best: GainTrial
+    untuned: GainTrial
+    evaluations: int
+
+    @property
+    def found(self) -> str:
+        """What was found, in a sentence."""
+        gains = ", ".join(f"{name} {self.best.options[name]:.4g}" for name in GAINS)
+        return (
+            f"{self.strategy}_tuned: {self.best.clearance:.3f} m with {gains}, best of {self.evaluations} hops from {self.strategy}_tuck, "
+            f"{self.untuned.clearance:.3f} m; --tune 60 looks further"
+        )
 
 
 @dataclass(frozen=True)
@@ -115,6 +135,29 @@ def tune(
         jobs = [(best, 1.0), (untuned, 1.0), *((best, gain) for gain in gains)]
         hops: Any = run(delayed(carried(search.trial))(*job) for job in jobs)
     return Tuned(strategy, hops[0], hops[1], (hops[2].clearance, hops[3].clearance), int(found.nfev))
+
+
+def tuned_nearby(design: Design, strategy: str) -> Nearby:
+    """The best of a few hops about the tuck's own gains: those of the paper's leg that were tuned there, scaled, then one gain after
+    another by a factor, up or down. Never lower than the tuck, nor less within the limits. Raises UsageError as ``check_search``
+    does."""
+    check_search(design, [strategy], 2 * POPULATION, 0)
+    search, tuck = GainSearch(design.model_dump(exclude_none=True), strategy), {"retraction": "tuck"}
+    on_papers = PaperOptions.of(design, BEST[strategy])
+    untuned = search.trial({**search.gains, **tuck})
+    tried = [untuned, search.trial({**{name: getattr(on_papers, name) for name in GAINS}, **tuck})]
+    best = max(tried, key=_within_limits_first)
+    for name in GAINS:
+        for factor in (FACTOR, 1 / FACTOR):
+            tried.append(search.trial({**best.options, name: best.options[name] * factor}))
+            if _within_limits_first(tried[-1]) > _within_limits_first(best):
+                best = tried[-1]
+                break
+    return Nearby(strategy, best, untuned, len(tried))
+
+
+def _within_limits_first(trial: GainTrial) -> tuple[bool, float]:
+    return not trial.limits_exceeded and trial.clearance > 0, trial.clearance
 
 
 def check_search(design: Design, strategies: Sequence[str], evaluations: int, seed: int) -> None:
@@ -196,7 +239,8 @@ class GainSearch:
         hop: HopFigures = simulate(
             design, BUILT_IN[self.strategy], options=options, torque_gain=gains, past_apex=True
         ).figures
-        return GainTrial(options, hop.clearance, tuple(hop.limits_exceeded), LIMIT_PENALTY * hop.scale.length)
+        clearance = 0.0 if hop.no_hop else hop.clearance
+        return GainTrial(options, clearance, tuple(hop.limits_exceeded), LIMIT_PENALTY * hop.scale.length)
 
     def cost(self, x: np.ndarray) -> float:
         """What the search makes small: minus the clearance less its penalties [m]."""

@@ -68,6 +68,11 @@ class Run:
         """How much shorter the leg is at its clearance than the reference it follows in flight [m]; None without one."""
         return self.controller.overshoot(self.figures) if isinstance(self.controller, PaperStrategy) else None
 
+    @property
+    def limited_by(self) -> str:
+        """What held a hop of the paper's strategies down, in words; empty for others."""
+        return self.controller.limited_by(self.figures) if isinstance(self.controller, PaperStrategy) else ""
+
 
 def make_plant(design: Design, torque_gain: np.ndarray | None = None, finer: int = 1, compiled: bool = False) -> Plant:
     """The leg of a problem with its drives and gear losses, on ideal ground, or where the foot may slip.

@@ -17,21 +17,24 @@ from typing import Any
 
 import numpy as np
 
+from hopopt.control.draw_up import MARGIN, Aim, DrawingUp, LiftOff
 from hopopt.control.setting import Setting, chosen, one_of
 from hopopt.control.similarity import scaled
 from hopopt.control.two_mass import TwoMass
 from hopopt.design import Design
 from hopopt.errors import UsageError
-from hopopt.leg.kinematics import TwoJoints, foot_offset, reach, tucked, two_joints
+from hopopt.leg.kinematics import TwoJoints, foot_offset, reach, two_joints
 from hopopt.leg.robot import BASE
 from hopopt.leg.scales import Scale
 from hopopt.sim.controller import Measurement
 from hopopt.sim.hop_metrics import HopFigures
 from hopopt.sim.machine import StanceTerms
+from hopopt.sim.state import BOUNCE
 
 RATE_STEP = 1e-5  # [m] on the paper's leg: step of the reference's own derivative
-JOINT_MARGIN = 0.03  # [rad] that references keep from the joint limits
 SHORTEST_BRAKING = 1e-3  # [m] on the paper's leg, over which a landing brakes at least
+STILL_MOVING = 0.1  # share of a drive's no-load speed, above which a joint has not come to rest
+NEAR = 1.5  # margins from a joint limit, within which a pose is at it
 BRAKING = 0.5  # share of the drives' braking torque that a braked servo counts on: links are coupled
 
 
@@ -103,14 +106,22 @@ class PaperStrategy:
             np.array([getattr(self.leg.joint[j], side) for j in self.leg.joints]) for side in ("lower", "upper")
         )
         self.shortest, self.step = (length * Scale.of(self.leg).length for length in (SHORTEST_BRAKING, RATE_STEP))
-        self.tuck = tucked(self.leg, setting.design.hop.foot_window, JOINT_MARGIN)
-        self.quick = setting.no_load_speed / 2
+        self.drawing_up, self.aim = self._drawing_up(setting), None
+        self.bounce = BOUNCE * Scale.of(self.leg).time
+        self.no_load = setting.no_load_speed
+        self.quick = self.no_load / 2
         self.settled = (setting.design.simulation.speed_window + 1) * setting.period
         self.lowest = float(-foot_offset(self.leg, setting.start)[1])
         self.pushed: float | None = 0.0  # when the push began [s]; None in flight and while landing
         self.left = 0.0  # when the last push ended [s]; a bounce on landing is no lift-off
         self.begin = self._begin(self.lowest)
         self.rise = 0.0  # [s] from lift-off to the apex, from the speed when the foot was last down
+
+    def _drawing_up(self, setting: Setting) -> DrawingUp | None:
+        if self.options.retraction != "tuck":
+            return None
+        window = setting.design.hop.foot_window
+        return DrawingUp(setting.robot, self.drive, setting.regions(), setting.no_load_speed, window, self.options.k_p)
 
     def _begin(self, height: float) -> float:
         """Time since mid-stance [s] at which the reference has this height [m] of the body, on its way up."""
@@ -122,6 +133,7 @@ class PaperStrategy:
         if not now.contact:
             if self.pushed is not None:
                 self.pushed, self.left = None, now.t - now.since
+                self.aim = self._aim(now)
             return self.swing(now)
         s = self.machine.stance_terms(now.q, now.v)
         self.rise = self.machine.com_velocity(s.q, s.v)[1] / self.two_mass.g
@@ -140,6 +152,8 @@ class PaperStrategy:
         Large errors are made good at half the no-load speed at most: from there the drive can still brake. A braked
         servo comes no faster than sqrt(2 a e), with the deceleration a that its drive has at this speed.
         """
+        if self.drawing_up and self.aim and now.t - self.left < max(self.rise, self.aim.at):
+            return self.drawing_up.torque(now.q, now.v, self.aim.pose)
         angles, rates = self.desired(now)
         error = angles - now.q
         inertia = np.diag(self.machine.mass_matrix(np.concatenate([np.zeros(BASE), now.q])))[BASE:]
@@ -150,6 +164,12 @@ class PaperStrategy:
             quickest = np.sqrt(2 * BRAKING * strength / inertia * np.abs(error))
             approach = np.clip(approach, -quickest, quickest)
         return damping * (approach + rates - now.v)
+
+    def _aim(self, now: Measurement) -> Aim | None:
+        """Where to draw the leg up to, from the lift-off on; None where the reference goes on."""
+        if self.drawing_up is None or self.rise < self.bounce / 2:
+            return None
+        return self.drawing_up.aim(LiftOff(now.q, now.v, self.rise * self.two_mass.g))
 
     def land(self, now: Measurement, s: StanceTerms) -> np.ndarray:
         """Torques (n) [N m] that brake the body evenly, to stand at the height of the start."""
@@ -190,15 +210,38 @@ class PaperStrategy:
         length = -float(foot_offset(self.leg, trace.q[k, BASE:])[1])
         return float(self.two_mass.flight_reference(trace.t[k] - hop.lift_off["time_s"])[0]) - length
 
+    def limited_by(self, hop: HopFigures) -> str:
+        """What held a hop down, in words: of its push, then of how far the leg is drawn up; empty where there is none."""
+        if hop.highest is None or hop.no_hop:
+            return ""
+        mean, lasted = hop.saturation_mean, hop.lift_off["time_s"]
+        busiest = max(mean, key=lambda joint: mean[joint])
+        longest = hop.design.hop.stance_duration[1]
+        push = f"pushes {lasted:.3f} s of {longest:.3g} s, {busiest} at {mean[busiest]:.0%} of what its drive gives"
+        return f"{push}; {self._drawn_up(hop, hop.highest)}"
+
+    def _drawn_up(self, hop: HopFigures, k: int) -> str:
+        """What ends the drawing up of the leg by sample k, in words."""
+        q, v = hop.trace.q[k, BASE:], hop.trace.v[k, BASE:]
+        if self.drawing_up is None:
+            return "in flight it follows its reference"
+        busy = np.abs(v) / self.no_load
+        if busy.max() > STILL_MOVING:
+            return f"{self.leg.joints[int(busy.argmax())]} still turns at the clearance: the flight is too short for its drive"
+        near = np.minimum(q - self.lower, self.upper - q)
+        if near.min() < NEAR * MARGIN:
+            return f"drawn up until {self.leg.joints[int(near.argmin())]} is at its limit"
+        return "drawn up to the pose that is highest on its way"
+
     @property
     def landing_length(self) -> float:
         """y_des [m] at touchdown."""
         return float(self.two_mass.touchdown_reference(0.0)[0])
 
     def desired(self, now: Measurement) -> tuple[np.ndarray, np.ndarray]:
-        """Joint angles [rad] and speeds [rad/s] to strive for (paper's eq. 16); tucked up to the apex if so asked."""
+        """Joint angles [rad] and speeds [rad/s] to strive for (paper's eq. 16); the landing's after a tuck."""
         if not now.contact and self.options.retraction == "tuck":
-            return self.tuck if now.t - self.left < self.rise else self.angles(self.landing_length), np.zeros(2)
+            return self.angles(self.landing_length), np.zeros(2)
         return self.with_rates(*self.length(now))
 
     def with_rates(self, y: float, rate: float) -> tuple[np.ndarray, np.ndarray]:

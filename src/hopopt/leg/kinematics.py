@@ -195,14 +195,13 @@ def start_fault(design: Design, solutions: list[np.ndarray]) -> str:
     return f"it needs joint angles {poses}, outside the limits ({limits})"
 
 
-def tucked(leg: Leg, window: float, margin: float = 0.0) -> np.ndarray:
-    """Joint angles [rad] at least ``margin`` [rad] within the limits that lift the foot highest, within the
+def tucked(leg: Leg, window: float) -> np.ndarray:
+    """Joint angles [rad] within the limits that lift the foot highest, within the
     foot window ``window`` [m] of the hip's plumb line (or nearest to it).
 
     Not the pose that clears most at the apex: that depends on masses and on every joint (ocp/guesses/posture.py).
     """
     lower, upper = (np.array([getattr(leg.joint[j], side) for j in leg.joints]) for side in ("lower", "upper"))
-    lower, upper = lower + margin, upper - margin
 
     def foot(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         offset = foot_offset(leg, q)

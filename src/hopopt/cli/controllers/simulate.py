@@ -81,6 +81,7 @@ def simulate(
             "hops": hops,
             **run.figures.as_dict(),
             "overshoot_m": run.overshoot,
+            "limited_by": run.limited_by,
             "feedback_moves": run.moves,
             "lift_offs": run.trace.times_of("lift-off"),
             "touchdowns": run.trace.times_of("touchdown"),

@@ -89,6 +89,8 @@ def run(row: Mapping[str, Any]) -> Iterator[Shown]:
         yield f"  no hop: {row['no_hop']}"
     if (short := row["overshoot_m"]) is not None and short > OVERSHOOT * row["clearance_m"]:
         yield f"  {_overshoot(short)}; the strategy {BRAKED} follows it without"
+    if words := row.get("limited_by"):
+        yield f"  {words}"
     if row["limits_exceeded"]:
         yield f"  limits of the problem not kept: {', '.join(row['limits_exceeded'])}"
     if words := _restless(row["feedback_moves"]):
@@ -125,6 +127,8 @@ def _in_the_way(name: str, row: Mapping[str, Any]) -> Iterator[Shown]:
         yield f"{name} clears less than half of the bound: it loses most by {part}, {100 * row['gap'][key]:.1f} cm"
     if (short := row["overshoot_m"]) is not None and short > OVERSHOOT * row["clearance_m"]:
         yield f"{name}: {_overshoot(short)}; {BRAKED} follows it without"
+    if words := row.get("limited_by"):
+        yield f"{name}: {words}"
 
 
 def run_table(rows: Mapping[str, Any]) -> Table:

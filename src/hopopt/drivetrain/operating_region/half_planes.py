@@ -83,6 +83,13 @@ class OperatingRegion:
         empty = lower > upper
         return np.where(empty, 0.0, lower), np.where(empty, 0.0, upper)
 
+    def torques_at(self, w: Any) -> tuple[list[Any], list[Any]]:
+        """What bounds the torque [N m] below and above at a speed w [rad/s], a number or a symbol; it is nothing where a bound
+        below is greater than one above."""
+        most = [] if self.power is None else [self.power / (w * w + (self.power / UNBOUNDED) ** 2) ** 0.5]
+        below, above = ([(1 - h.b * w) / h.a for h in self.planes if sign * h.a > 0] for sign in (-1, 1))
+        return [-UNBOUNDED, *below, *(-x for x in most)], [UNBOUNDED, *above, *most]
+
     def clamp(self, w: Any, tau: Any) -> Any:
         """tau [N m] brought into the region at speed w [rad/s] (the paper's eq. 14), arrays alike: ``within`` for figures."""
         lower, upper = self.torque_bounds(w)

@@ -1,0 +1,62 @@
+"""Legs drawn up in flight: what is expected at lift-off is what the plant then shows, within every limit."""
+
+import numpy as np
+import pytest
+
+from hopopt.control.closed_loop import Run, make_controller, simulate
+from hopopt.control.draw_up import LiftOff
+from hopopt.control.paper_pd import PaperStrategy
+from hopopt.control.strategies import find
+from hopopt.problem.load import load
+
+QUICK = {"simulation.control_rate": 1000.0, "simulation.encoder_bits": 0, "simulation.speed_window": 1}
+
+
+def hop(name: str, strategy: str) -> Run:
+    return simulate(load(name, QUICK), find(strategy), past_apex=True)
+
+
+@pytest.mark.parametrize("name", ["hyq_leg", pytest.param("solo12_leg", marks=pytest.mark.slow), "paper"])
+def test_a_tuck_keeps_the_limits_clears_more_and_comes_as_high_as_it_expects(name: str) -> None:
+    """The servo of HyQ's knee once overran its drive, Solo's clearance came long before the apex.
+
+    The flights are computed in CasADi with long steps, the plant is Pinocchio's: they agree to 2 % of the leg's length."""
+    plain, tuck = hop(name, "force"), hop(name, "force_tuck")
+    controller, f = tuck.controller, tuck.figures
+    assert isinstance(controller, PaperStrategy)
+    assert controller.aim is not None
+    assert f.limits_exceeded == []
+    assert f.clearance > plain.figures.clearance + 0.05 * f.design.leg.length
+    assert f.clearance == pytest.approx(controller.aim.height, abs=0.02 * f.design.leg.length)
+    assert tuck.limited_by.startswith("pushes 0.")
+    assert "drawn up until" in tuck.limited_by
+    assert plain.limited_by.endswith("in flight it follows its reference")
+
+
+def test_no_pose_near_the_chosen_one_is_worth_more() -> None:
+    """By flights computed anew, at both sides of every joint's angle."""
+    controller = make_controller(load("go2_leg"), find("force_tuck"))
+    assert isinstance(controller, PaperStrategy)
+    drawing = controller.drawing_up
+    assert drawing is not None
+    off = LiftOff(np.array([0.64, -1.28]), np.array([-7.5, 15.0]), 1.8)
+    best = drawing.aim(off)
+    assert best is not None
+    sides = np.vstack([0.1 * np.eye(2), -0.1 * np.eye(2)])
+    poses = np.clip(best.pose + sides, drawing.lower + 0.03, drawing.upper - 0.03)
+    worth, _ = drawing.heights(off, poses)
+    assert worth.max() <= best.height + 1e-3
+    slower = drawing.aim(LiftOff(off.q, off.v / 2, 1.2))
+    assert slower is not None
+    assert slower.height < best.height
+
+
+def test_the_servo_asks_no_drive_for_more_than_braking_allows() -> None:
+    """It slows down towards the pose: at twice the speed from which the drive stops in time it brakes."""
+    controller = make_controller(load("paper"), find("force_tuck"))
+    assert isinstance(controller, PaperStrategy)
+    drawing = controller.drawing_up
+    assert drawing is not None
+    pose = np.array([0.5, -1.5])
+    assert drawing.torque(pose - 0.2, np.zeros(2), pose)[0] > 0
+    assert drawing.torque(pose - [0.01, 0.0], np.array([10.0, 0.0]), pose)[0] < 0
