@@ -63,7 +63,7 @@ PACKAGES = {  # one row each, from the ground up: what of hopopt it may import, 
         "storage", "studies", "paper", "comparison", "evidence", "report",
     ),
     "api": (
-        "extensions", "errors", "design", "leg", "problem", "ocp", "control", "planner", "storage", "studies", "comparison", "robot_data", "plots",
+        "extensions", "errors", "design", "leg", "problem", "ocp", "nlp", "control", "planner", "storage", "studies", "comparison", "robot_data", "plots",
     ),
     "cli": (
         "extensions", "files", "amounts", "errors", "record", "user_code", "design", "drivetrain", "leg", "problem", "ocp", "sim", "nlp", "control", "verify", "global_search",

@@ -8,9 +8,10 @@ below; of a class with no hops in it, ``asked.as_class`` does.
 # the old names are not in __all__: nobody need find them any more
 from hopopt.api.old_names import codesign as codesign  # pyright: ignore[reportDeprecated]
 from hopopt.api.old_names import front as front  # pyright: ignore[reportDeprecated]
+from hopopt.api.program import Program, ProgramSolution
 from hopopt.api.results import Front, Map, RobustHop, Run, Study, Transition
 from hopopt.api.solution import Comparison, HopsComparison, Ladder, Solution
-from hopopt.api.verbs import identify, pareto, read, robust, save, simulate, solve, sweep, transition
+from hopopt.api.verbs import identify, pareto, program, read, robust, save, simulate, solve, sweep, transition
 from hopopt.design import Design
 from hopopt.ocp.custom import constraint, objective
 from hopopt.problem.load import load
@@ -22,6 +23,8 @@ __all__ = [
     "HopsComparison",
     "Ladder",
     "Map",
+    "Program",
+    "ProgramSolution",
     "RobustHop",
     "Run",
     "Solution",
@@ -32,6 +35,7 @@ __all__ = [
     "load",
     "objective",
     "pareto",
+    "program",
     "read",
     "robust",
     "save",

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopopt.api.asked import Progress, as_class, renamed, told
+from hopopt.api.program import Program, ProgramSolution
 from hopopt.api.results import Front, Map, RobustHop, Run, Study, Transition
 from hopopt.api.solution import Solution
 from hopopt.comparison.hops import transition as transitions
@@ -21,10 +22,14 @@ from hopopt.control.strategies import find
 from hopopt.design import Design, refuse_landed
 from hopopt.errors import UsageError
 from hopopt.ocp.custom import Custom, Moment
+from hopopt.ocp.free_parameters import FreeParameters
+from hopopt.ocp.hop import Hop
 from hopopt.ocp.objectives.objective import HopObjective
+from hopopt.ocp.objectives.registry import find as find_objective
 from hopopt.planner import solution
 from hopopt.planner import solve as planner
 from hopopt.planner.reserve import plan_to_track
+from hopopt.planner.search.multistart import first_transcription
 from hopopt.problem.load import as_design
 from hopopt.problem.own import check_can_be_sent, name_of, with_constraints
 from hopopt.storage import solution as storage
@@ -55,6 +60,7 @@ def solve(
     structure: bool = False,
     cross_check: bool = False,
     time_limit: float | None = None,
+    guess: "solution.Solution | ProgramSolution | None" = None,
     progress: Progress = False,
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified; with ``free``, of the best leg.
@@ -68,12 +74,15 @@ def solve(
     processes: how many are solved side by side (None: the cores)
     structure: solve the best once more with the switches of its drives at free times
     cross_check: solve with another solver and other schemes too
+    guess: a hop that was solved, or a solution of a ``program``, from which it is solved as well; with ``starts=1`` that
+        and one start
     time_limit: [s] after which the best hop so far is the answer (None: 600)
     progress: a function that is told a line of text, or True for lines on standard error
 
     A hop that fails verification has ``verified`` False. Raises NotSolvedError, with the worst constraints, for none,
     UsageError for what is no problem or cannot be asked of it.
     """
+    begin = guess.nlp if isinstance(guess, ProgramSolution) else guess
     if free is None:
         if couple:
             raise UsageError(
@@ -81,7 +90,7 @@ def solve(
             )
         found = planner.solve(
             as_design(problem), objective, constraints=constraints, starts=starts, processes=processes,
-            structure=structure, cross_check=cross_check, time_limit=time_limit, progress=told(progress),
+            structure=structure, cross_check=cross_check, time_limit=time_limit, guess=begin, progress=told(progress),
         )  # fmt: skip
         return Solution.with_methods(found)
     if structure or cross_check:
@@ -89,9 +98,33 @@ def solve(
         raise UsageError(f"{asked} goes with a design that is given: ask it of the design that free finds")
     found = studies_codesign.codesign(
         as_design(problem), free, objective, couple=couple, constraints=constraints, starts=starts, processes=processes,
-        time_limit=time_limit, progress=told(progress),
+        time_limit=time_limit, guess=begin, progress=told(progress),
     )  # fmt: skip
     return Solution.with_methods(found)
+
+
+def program(
+    problem: Problem | solution.Solution,
+    objective: Objective = "clearance",
+    *,
+    constraints: Sequence[Constraint] = (),
+    free: Mapping[str, tuple[float, float]] | None = None,
+    couple: Sequence[str] = (),
+) -> Program:
+    """The nonlinear program of a problem on its first mesh, at hand: expressions, names, bounds, sparsity, dynamics, solver.
+
+    problem: a problem, its name or file; or a hop, whose program on its last mesh is meant, with its vectors as the guess
+    objective, constraints, free, couple: as in ``solve``; of a hop they are its own
+
+    Raises UsageError for what is no problem or cannot be asked of it.
+    """
+    if isinstance(problem, solution.Solution):
+        nlp = solution.stored_nlp(problem)
+        return Program(solution.hop_of(problem), nlp.transcription, nlp.z)
+    design = with_constraints(as_design(problem), constraints)
+    parameters = studies_codesign.checked(design, free, couple) if free else FreeParameters()
+    hop = Hop(design, find_objective(name_of(objective)), parameters)
+    return Program(hop, first_transcription(hop))
 
 
 def read(folder: str | Path) -> Solution:

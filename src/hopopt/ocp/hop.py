@@ -58,7 +58,7 @@ class Hop(MovingLeg):
         part of ``problem``."""
         other = copy(self)
         other.design = self.design.model_copy(update={"solver": design.solver})
-        if other.tie_break != self.tie_break:
+        if other.tie_break != self.tie_break or other.design.solver.options != self.design.solver.options:
             other.__dict__.pop("problem", None)
         return other
 
@@ -81,6 +81,7 @@ class Hop(MovingLeg):
                 *goal.boundary(self),
                 *self.free_parameters.boundary(self),
             ),
+            self.design.solver.options,
         )
 
     def _extended(self, phase: LegPhase) -> Phase:

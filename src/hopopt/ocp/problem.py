@@ -214,13 +214,17 @@ class Phase:
 
 @dataclass(frozen=True)
 class Problem:
-    """A whole multi-phase problem; phases in the order in which they run."""
+    """A whole multi-phase problem; phases in the order in which they run.
+
+    solver_options: what the problem asks of every solver of it, by CasADi's names
+    """
 
     name: str
     phases: tuple[Phase, ...]
     objective: Objective
     parameters: tuple[Parameter, ...] = ()
     boundary: tuple[BoundaryConstraint, ...] = ()
+    solver_options: Mapping[str, Any] = field(default_factory=dict)
     kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def once(self, name: Any, make: Callable[[], Any]) -> Any:

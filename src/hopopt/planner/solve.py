@@ -35,6 +35,7 @@ from hopopt.planner.search.beside import make_missing
 from hopopt.planner.search.calm_first import calmest
 from hopopt.planner.search.families import families, told_apart
 from hopopt.planner.search.first_mesh import SEARCH, FirstMesh, looked_closer, search_first_mesh
+from hopopt.planner.search.from_known import GUESS, Known, from_motion
 from hopopt.planner.search.multistart import (
     Progress,
     StartOutcome,
@@ -69,6 +70,7 @@ def solve(
     structure: bool = False,
     cross_check: bool = False,
     time_limit: float | None = None,
+    guess: Known | None = None,
     progress: Progress | None = None,
 ) -> Solution:
     """The best hop of a leg: solved from several starts, refined, verified.
@@ -79,7 +81,7 @@ def solve(
     (optimality/minimum_principle/free_switches.py), with tighter tolerances (planner/attempts.py); cross_check: solved by another
     solver and other schemes too, in the summary's ``second_opinions`` (planner/checks/cross_check.py); time_limit [s] (default:
     TIME_LIMIT): when it is reached the best hop so far is the answer, or the reason why there is none; progress is called
-    with a line of text now and then. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
+    with a line of text now and then; guess: a hop from which it is solved as well. Raises NotSolvedError, with the worst constraints, if no start leads to a solution. A solution that fails verification is
     returned with ``verified`` False. UsageError for what is no problem.
     """
     seconds = TIME_LIMIT if time_limit is None else time_limit
@@ -92,7 +94,7 @@ def solve(
     if faults := joints_without_inertia(hop.design, hop.robot):
         raise NotSolvedError(f"{design.name}: the leg cannot hop from its start.", [*faults, *hints(design)])
     clock.mark("model")
-    hop, best, found = _found(hop, asked, starts, processes, structure, say, clock, until)
+    hop, best, found = _found(hop, asked, starts, processes, structure, say, clock, until, guess)
     if cross_check:
         found |= cross_check_entries(hop, best, found["notes"], say, end)
         clock.mark("second opinions")
@@ -102,11 +104,12 @@ def solve(
 
 def _found(
     hop: Hop, asked: Design, starts: int | None, processes: int | None, structure: bool, say: Progress, clock: Stopwatch,
-    until: Deadline,
+    until: Deadline, guess: Known | None,
 ) -> tuple[Hop, Solution, dict[str, Any]]:  # fmt: skip
     """The best hop that is found in the time that is left, with its problem, and what its summary says of the search."""
     count = starts or hop.design.solver.starts
     economical = from_highest(hop, count, say, until=until)
+    economical += [] if guess is None else [from_motion(hop, guess, GUESS, until)]
     searched = search_first_mesh(hop, count, processes, say, economical, until)
     outcomes = searched.outcomes
     clock.mark("starts")

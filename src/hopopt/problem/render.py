@@ -101,7 +101,7 @@ def _rows(path: str, section: BaseModel) -> Iterator[Row]:
             for key, item in value.items():
                 yield from _rows(f"{path or name}.{key}", item)
         elif value is not None or not (
-            name in ("motor", "gear", "supply", "environment", "needs", "parameters")
+            name in ("motor", "gear", "supply", "environment", "needs", "parameters", "ipopt")
             or "Overrides" in type(section).__name__
         ):
             unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""

@@ -30,7 +30,7 @@ from hopopt.planner.attempts import CODESIGN, Attempt, tried_again
 from hopopt.planner.checks.verdict import Verification
 from hopopt.planner.refine_and_verify import refine_outcome, refined_and_verified
 from hopopt.planner.search.first_mesh import search_first_mesh
-from hopopt.planner.search.from_known import from_motion
+from hopopt.planner.search.from_known import GUESS, Known, from_motion
 from hopopt.planner.search.multistart import (
     Progress,
     StartOutcome,
@@ -66,6 +66,7 @@ def codesign(
     starts: int | None = None,
     processes: int | None = None,
     time_limit: float | None = None,
+    guess: Known | None = None,
     progress: Progress | None = None,
 ) -> Solution:
     """The best hop with the best design parameters: ``free`` maps entries to their (lowest, highest) values.
@@ -84,17 +85,19 @@ def codesign(
     free_parameters = checked(design, free, couple)
     own = tuple(custom(c) for c in functions)
     hop = Hop(design, given(objective), free_parameters, own)
-    found = _found(hop, count, side_by_side, clock, say, until)
+    found = _found(hop, count, side_by_side, clock, say, until, guess)
     late = (LATE,) if until.passed else ()
     return found.with_summary(time_limit_s=seconds, notes=(*late, *found.summary.notes))
 
 
-def _found(hop: Hop, count: int, side_by_side: int, clock: Stopwatch, say: Progress, until: Deadline) -> Solution:
+def _found(
+    hop: Hop, count: int, side_by_side: int, clock: Stopwatch, say: Progress, until: Deadline, guess: Known | None
+) -> Solution:
     """The best hop with the best parameters that is found in the time that is left."""
     reported = _of_codesign(say)
-    outcomes = search_first_mesh(
-        hop, count, side_by_side, reported, _begun(hop, count, side_by_side, reported, until), until
-    ).outcomes
+    begun = [] if guess is None else [from_motion(hop, guess, GUESS, until)]
+    begun += _begun(hop, count, side_by_side, reported, until)
+    outcomes = search_first_mesh(hop, count, side_by_side, reported, begun, until).outcomes
     answer = _confirmed(hop, outcomes, count, side_by_side, clock, say, until)
 
     def again(attempt: Attempt, other: Hop) -> Solution | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hopopt.errors import SolverError, one_line
+from hopopt.errors import SolverError, UsageError, one_line
 from hopopt.nlp.deadline import NEVER, Deadline
 from hopopt.nlp.solver.casadi_solver import CasadiSolver
 from hopopt.nlp.solver.known_optima import KnownOptima
@@ -57,6 +57,11 @@ LEAST_MAGNITUDE = 1e-2  # of the objective's scale
 SHORTEST, LONGEST = 1e-3, 600.0  # s that one solve is given, whatever the deadline
 PUNCTUAL = 0.9  # share of the time that a solver was made with, beyond which, or its inverse, it is made again
 FOREIGN = "NonIpopt_Exception_Thrown"  # how Ipopt ends at an error that is not its own
+REFUSED = "Invalid_Option"  # how it ends where it cannot do what an option asks
+NOT_HERE = (
+    "Ipopt cannot do here what {} ask: a linear solver other than mumps needs its library where Ipopt finds it; "
+    "leave it out, or install it"
+)
 ENDED_BY_ANOTHER = (
     "Ipopt was ended by an error in what it calls, of which CasADi tells no more: it may be a function of the problem's, or "
     "too little memory. Try fewer intervals and, if you gave functions of your own, the problem without them."
@@ -145,8 +150,8 @@ class NlpSolver:
         self.transcription, self.known, self.until = transcription, known, until
         undamped = UNDAMPED if transcription.scheme.starts_at_node else {}
         scaled = {"ipopt.obj_scaling_factor": 1.0 / transcription.problem.objective.scale}
-        settings = OPTIONS | undamped | scaled | transcription.program.options | dict(options or {})
-        self._settings = settings
+        settings = OPTIONS | undamped | scaled | transcription.program.options
+        self._settings = settings | dict(transcription.problem.solver_options) | dict(options or {})
         self.solver = self._built()
 
     def _built(self) -> CasadiSolver:
@@ -182,10 +187,13 @@ class NlpSolver:
         other.transcription, other.until = transcription, until
         return other
 
-    def from_vector(self, z: np.ndarray, multipliers: Multipliers = None) -> NlpSolution:
-        """Solve from a scaled vector at the program's own parameter values; for meshes of one arc a phase."""
+    def from_vector(
+        self, z: np.ndarray, multipliers: Multipliers = None, bounds: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> NlpSolution:
+        """Solve from a scaled vector at the program's own parameter values; for meshes of one arc a phase, or with ``bounds``,
+        lower and upper, of the variables."""
         t = self.transcription
-        return self._solve(z, t.parameter_values(), Bounds(*t.bounds({}), t.lbg, t.ubg), multipliers)
+        return self._solve(z, t.parameter_values(), Bounds(*(bounds or t.bounds({})), t.lbg, t.ubg), multipliers)
 
     def again(self, last: NlpSolution, bounds: Bounds) -> NlpSolution:
         """Solve from the point and multipliers of an earlier solution of the same program, within other bounds."""
@@ -205,6 +213,8 @@ class NlpSolver:
         stats = self.solver.stats()
         if stats["return_status"] == FOREIGN:
             raise SolverError(ENDED_BY_ANOTHER)
+        if stats["return_status"] == REFUSED:
+            raise UsageError(NOT_HERE.format(", ".join(t.problem.solver_options) or "its options"))
         z, g, lam_g, lam_x = (np.array(result[k]).ravel() for k in ("x", "g", "lam_g", "lam_x"))
         phases, values = t.unpack(z, p)
         return NlpSolution(

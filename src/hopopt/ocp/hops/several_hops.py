@@ -64,7 +64,8 @@ def several_hops(leg: MovingLeg, begin: JointState, end: JointState, clearances:
             else landing(leg, down, numbered(STANCE, k + 1))
         )
     goal = Objective(EFFORT, lambda e: sum((e.integral[p.name][EFFORT] for p in phases), ca.SX(0)), unit="s")
-    return Problem(leg.design.name, tuple(phases), goal, FreeParameters().parameters(leg.numbers), tuple(transitions))
+    numbers = FreeParameters().parameters(leg.numbers)
+    return Problem(leg.design.name, tuple(phases), goal, numbers, tuple(transitions), leg.design.solver.options)
 
 
 def _named(leg: MovingLeg, part: LegPhase, name: str) -> Phase:

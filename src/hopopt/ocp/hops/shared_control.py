@@ -139,7 +139,8 @@ def under_one_controller(legs: Sequence[TrueLeg]) -> Problem:
 
     objective = Objective(CLEARANCE, reached, True, "m", believed.hop.objective.scale(believed.hop))
     phases = tuple(_side_by_side(legs, name) for name in believed.phases)
-    return Problem(f"{believed.hop.design.name}-shared", phases, objective, parameters, tuple(boundary))
+    name, options = f"{believed.hop.design.name}-shared", believed.hop.design.solver.options
+    return Problem(name, phases, objective, parameters, tuple(boundary), options)
 
 
 def _side_by_side(legs: Sequence[TrueLeg], name: str) -> Phase:
