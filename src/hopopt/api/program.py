@@ -1,5 +1,6 @@
 """The nonlinear program of a problem, at hand: CasADi's expressions, names, bounds, sparsity, guess, dynamics, and its solver."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -131,7 +132,7 @@ class Program:
 
     @cached_property
     def row_names(self) -> tuple[str, ...]:
-        """Of g: phase, what the row states, its interval and the place in it from 0 to 1 ("stance q[hip] 3+0.645")."""
+        """Of g: phase, what the row states, its interval and the place in it from 0 to 1 ("stance motion of q[hip] 3+0.645")."""
         return row_names(self.transcription)
 
     @cached_property
@@ -237,7 +238,7 @@ class Program:
         try:
             solver = NlpSolver(t, settings)
         except RuntimeError as error:
-            raise UsageError(f"Ipopt does not take these options ({one_line(error)[-200:]})") from None
+            raise UsageError(f"Ipopt does not take these options ({_reason(error)})") from None
         found = solver.from_vector(z, bounds=(self.lbx, self.ubx))
         account = solver.solver.stats()["iterations"]
         return ProgramSolution(found, {name: np.array(values) for name, values in account.items()}, self.hop.design)
@@ -247,6 +248,11 @@ def guess_vector(t: Transcription, known: "Known | ProgramSolution") -> np.ndarr
     """A hop as the variables of a program, scaled; UsageError if it is one of other phases or joints."""
     guess, free = guess_of(t, known.nlp if isinstance(known, ProgramSolution) else known)
     return t.pack(guess, free)
+
+
+def _reason(error: RuntimeError) -> str:
+    """What CasADi says, without the places in its sources."""
+    return re.split(r"\.cpp:\d+: ", one_line(error))[-1][:200]
 
 
 def _derivatives(stage: ca.Function) -> ca.Function:

@@ -21,12 +21,13 @@ def _variables(t: Transcription) -> Iterator[str]:
 
 
 def row_names(t: Transcription) -> tuple[str, ...]:
-    """Of every row: its phase, what it states, and where, such as "stance knee operating region 3"; intervals count from 0."""
+    """Of every row: its phase, what it states, and where: "stance motion of q[hip] 3+0.645" is in interval 3, at 0.645 of it."""
     return tuple(name for rows in t.rows for name in _rows(rows))
 
 
 def _rows(rows: Rows) -> Iterator[str]:
     phase = f"{rows.phase} " if rows.phase else ""
+    phase += "motion of " if rows.kind == "defect" else ""
     if not len(rows.interval):
         yield from (f"{phase}{label}" for label in rows.labels)
     for k, place in zip(rows.interval, rows.place, strict=True):
