@@ -1,42 +1,50 @@
 #ifndef HOPOPT_TRACKER_H
 #define HOPOPT_TRACKER_H
 
-#include <math.h>
 #include <string.h>
+#include <tgmath.h>
+
+#ifndef HOPOPT_REAL
+#define HOPOPT_REAL float /* -DHOPOPT_REAL=double where the processor has doubles and memory for them */
+#endif
+typedef HOPOPT_REAL hopopt_real;
+#define HOPOPT_R(number) ((hopopt_real)(number))
 
 /* @TABLES@ */
 
 #define HOPOPT_STATES (2 * HOPOPT_JOINTS)
 
 /* A planned phase: at HOPOPT_PLACES places of every interval the time since the phase began [s]; joint angles [rad],
-   speeds [rad/s], torques [N m] and their integrals since then [N m s]. For every control period the error's change by
-   itself (A) and by torque (B), the feedback (K) and the filter (L), matrices row by row. */
+   speeds [rad/s], torques [N m] and their integrals since then [N m s]. At the knots, some of the control
+   periods, the error's change by itself (A) and by torque (B), the feedback (K) and the filter (L), matrices row by row; in
+   between they change linearly. */
 typedef struct {
-    int intervals, periods;
-    const double *t, *q, *v, *tau, *impulse, *A, *B, *K, *L;
+    int intervals, knots;
+    const unsigned short *knot;
+    const hopopt_real *t, *q, *v, *tau, *impulse, *A, *B, *K, *L;
 } hopopt_phase;
 
 static const hopopt_phase hopopt_stance = {
-    HOPOPT_STANCE_INTERVALS, HOPOPT_STANCE_PERIODS, hopopt_stance_t, hopopt_stance_q, hopopt_stance_v,
+    HOPOPT_STANCE_INTERVALS, HOPOPT_STANCE_KNOTS, hopopt_stance_knot, hopopt_stance_t, hopopt_stance_q, hopopt_stance_v,
     hopopt_stance_tau, hopopt_stance_impulse, hopopt_stance_A, hopopt_stance_B, hopopt_stance_K, hopopt_stance_L};
 static const hopopt_phase hopopt_flight = {
-    HOPOPT_FLIGHT_INTERVALS, HOPOPT_FLIGHT_PERIODS, hopopt_flight_t, hopopt_flight_q, hopopt_flight_v,
+    HOPOPT_FLIGHT_INTERVALS, HOPOPT_FLIGHT_KNOTS, hopopt_flight_knot, hopopt_flight_t, hopopt_flight_q, hopopt_flight_v,
     hopopt_flight_tau, hopopt_flight_impulse, hopopt_flight_A, hopopt_flight_B, hopopt_flight_K, hopopt_flight_L};
 
 /* What the tracker remembers between two calls; all zeros before a hop: hopopt_reset. */
 typedef struct {
     int known, contact, lost, early;
-    double t, error[HOPOPT_STATES], extra[HOPOPT_JOINTS], q[HOPOPT_JOINTS], v[HOPOPT_JOINTS], given[HOPOPT_JOINTS];
+    hopopt_real t, error[HOPOPT_STATES], extra[HOPOPT_JOINTS], q[HOPOPT_JOINTS], v[HOPOPT_JOINTS], given[HOPOPT_JOINTS];
 } hopopt_tracker;
 
 static inline void hopopt_reset(hopopt_tracker *s) { memset(s, 0, sizeof *s); }
 
-static inline double hopopt_duration(const hopopt_phase *p) { return p->t[p->intervals * HOPOPT_PLACES - 1]; }
+static inline hopopt_real hopopt_duration(const hopopt_phase *p) { return p->t[p->intervals * HOPOPT_PLACES - 1]; }
 
-static inline double hopopt_within(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
+static inline hopopt_real hopopt_within(hopopt_real x, hopopt_real low, hopopt_real high) { return x < low ? low : x > high ? high : x; }
 
 /* The last of `count` ascending times, `stride` apart, that is not above x; the first if all are. */
-static inline int hopopt_find(const double *t, int count, int stride, double x) {
+static inline int hopopt_find(const hopopt_real *t, int count, int stride, hopopt_real x) {
     int low = 0, high = count;
     while (high - low > 1) {
         int middle = (low + high) / 2;
@@ -46,22 +54,22 @@ static inline int hopopt_find(const double *t, int count, int stride, double x) 
 }
 
 /* q, v, tau of a phase at t [s] since it began, clipped to it: the polynomial through the places of an interval. */
-static inline void hopopt_at(const hopopt_phase *p, double t, double *q, double *v, double *tau) {
-    t = hopopt_within(t, 0.0, hopopt_duration(p));
+static inline void hopopt_at(const hopopt_phase *p, hopopt_real t, hopopt_real *q, hopopt_real *v, hopopt_real *tau) {
+    t = hopopt_within(t, HOPOPT_R(0.0), hopopt_duration(p));
     const int k = hopopt_find(p->t, p->intervals, HOPOPT_PLACES, t + HOPOPT_EDGE), at = k * HOPOPT_PLACES;
-    const double place = (t - p->t[at]) / (p->t[at + HOPOPT_PLACES - 1] - p->t[at]);
-    double weight[HOPOPT_PLACES], sum = 0.0;
+    const hopopt_real place = (t - p->t[at]) / (p->t[at + HOPOPT_PLACES - 1] - p->t[at]);
+    hopopt_real weight[HOPOPT_PLACES], sum = HOPOPT_R(0.0);
     for (int i = 0; i < HOPOPT_PLACES; i++) {
-        const double gap = place - hopopt_places[i];
-        if (gap == 0.0) {
+        const hopopt_real gap = place - hopopt_places[i];
+        if (gap == HOPOPT_R(0.0)) {
             memset(weight, 0, sizeof weight);
-            weight[i] = sum = 1.0;
+            weight[i] = sum = HOPOPT_R(1.0);
             break;
         }
         sum += weight[i] = hopopt_weights[i] / gap;
     }
     for (int j = 0; j < HOPOPT_JOINTS; j++) {
-        q[j] = v[j] = tau[j] = 0.0;
+        q[j] = v[j] = tau[j] = HOPOPT_R(0.0);
         for (int i = 0; i < HOPOPT_PLACES; i++) {
             const int from = (at + i) * HOPOPT_JOINTS + j;
             q[j] += weight[i] / sum * p->q[from];
@@ -73,93 +81,108 @@ static inline void hopopt_at(const hopopt_phase *p, double t, double *q, double 
 
 /* Integral of a joint's planned torque from the phase's beginning to t [s]. Over the last short span of a phase its
    rounding counts: the operations and their order are those of the Python tracker. */
-static inline double hopopt_impulse(const hopopt_phase *p, double t, int joint) {
+static inline hopopt_real hopopt_impulse(const hopopt_phase *p, hopopt_real t, int joint) {
     const int last = p->intervals * HOPOPT_PLACES - 1;
     const int k = hopopt_find(p->t, last + 1, 1, t), next = k < last ? k + 1 : last;
-    const double here = p->impulse[k * HOPOPT_JOINTS + joint], there = p->impulse[next * HOPOPT_JOINTS + joint];
-    const double span = p->t[next] - p->t[k];
-    return span > 0.0 ? (there - here) / span * (t - p->t[k]) + here : here;
+    const hopopt_real here = p->impulse[k * HOPOPT_JOINTS + joint], there = p->impulse[next * HOPOPT_JOINTS + joint];
+    const hopopt_real span = p->t[next] - p->t[k];
+    return span > HOPOPT_R(0.0) ? (there - here) / span * (t - p->t[k]) + here : here;
 }
 
 /* q, v now, and the torque whose impulse over the next period is the plan's. */
-static inline void hopopt_planned(const hopopt_phase *p, double since, double *q, double *v, double *tau) {
-    const double end = hopopt_duration(p), from = hopopt_within(since, 0.0, end);
-    const double to = hopopt_within(since + HOPOPT_PERIOD, 0.0, end);
+static inline void hopopt_planned(const hopopt_phase *p, hopopt_real since, hopopt_real *q, hopopt_real *v, hopopt_real *tau) {
+    const hopopt_real end = hopopt_duration(p), from = hopopt_within(since, HOPOPT_R(0.0), end);
+    const hopopt_real to = hopopt_within(since + HOPOPT_PERIOD, HOPOPT_R(0.0), end);
     hopopt_at(p, since, q, v, tau);
     for (int j = 0; j < HOPOPT_JOINTS; j++) {
-        if (since > end) v[j] = tau[j] = 0.0;
+        if (since > end) v[j] = tau[j] = HOPOPT_R(0.0);
         else if (to - from >= HOPOPT_EDGE)
             tau[j] = (hopopt_impulse(p, to, j) - hopopt_impulse(p, from, j)) / (to - from);
     }
 }
 
 /* A torque [N m] brought within the joint's cap on power and its operating region at speed w [rad/s]. */
-static inline double hopopt_clamp(int joint, double w, double tau) {
+static inline hopopt_real hopopt_clamp(int joint, hopopt_real w, hopopt_real tau) {
     if (fabs(tau * w) > hopopt_power[joint]) tau = copysign(hopopt_power[joint] / fabs(w), tau);
-    double high = INFINITY, low = -INFINITY;
+    hopopt_real high = INFINITY, low = -INFINITY;
     for (int k = 0; k < HOPOPT_LINES; k++) {
         high = fmin(high, hopopt_upper[joint][k][0] - hopopt_upper[joint][k][1] * w);
         low = fmax(low, hopopt_lower[joint][k][0] - hopopt_lower[joint][k][1] * w);
     }
-    return low <= high ? fmin(fmax(tau, low), high) : 0.0;
+    return low <= high ? fmin(fmax(tau, low), high) : HOPOPT_R(0.0);
 }
 
 /* What a reading tells [rad] that is so far from what was expected: nothing within half a step of the encoder, which rounds
    alike as long as the joint rests; the more, the more of a step it turns in a period at its planned speed v. */
-static inline double hopopt_missed(double apart, double v) {
-    const double resting = 1.0 - fmin(1.0, fabs(v) * HOPOPT_PERIOD / HOPOPT_STEP);
+static inline hopopt_real hopopt_missed(hopopt_real apart, hopopt_real v) {
+    const hopopt_real resting = HOPOPT_R(1.0) - fmin(HOPOPT_R(1.0), fabs(v) * HOPOPT_PERIOD / HOPOPT_STEP);
     return apart - resting * hopopt_within(apart, -HOPOPT_STEP / 2, HOPOPT_STEP / 2);
 }
 
 /* Torque [N m] at a joint and its rotor, of its motor's torque at joint speed w [rad/s]; and the inverse. spun: what of it
    spins the rotor up [N m]. */
-static inline double hopopt_passed(int joint, double w, double motor, double spun) {
-    const double eta = hopopt_efficiency[joint], slow = hopopt_slow[joint], sharp = hopopt_sharp[joint];
-    const double turning = w / pow(pow(w, 4) + pow(slow, 4), 0.25);
-    const double up = pow(eta, -turning), c1 = (up + 1.0 / up) / 2.0, c2 = (up - 1.0 / up) / 2.0;
-    const double y = motor - spun - hopopt_friction[joint] * turning - hopopt_damping[joint] * w;
+static inline hopopt_real hopopt_passed(int joint, hopopt_real w, hopopt_real motor, hopopt_real spun) {
+    const hopopt_real eta = hopopt_efficiency[joint], slow = hopopt_slow[joint], sharp = hopopt_sharp[joint];
+    const hopopt_real turning = w / pow(pow(w, HOPOPT_R(4.0)) + pow(slow, HOPOPT_R(4.0)), HOPOPT_R(0.25));
+    const hopopt_real up = pow(eta, -turning), c1 = (up + HOPOPT_R(1.0) / up) / HOPOPT_R(2.0), c2 = (up - HOPOPT_R(1.0) / up) / HOPOPT_R(2.0);
+    const hopopt_real y = motor - spun - hopopt_friction[joint] * turning - hopopt_damping[joint] * w;
     return spun + c1 * y - c2 * sqrt(y * y + sharp * sharp);
 }
 
-static inline double hopopt_needed(int joint, double w, double tau, double spun) {
-    const double eta = hopopt_efficiency[joint], slow = hopopt_slow[joint], sharp = hopopt_sharp[joint];
-    const double turning = w / pow(pow(w, 4) + pow(slow, 4), 0.25), out = tau - spun;
-    const double up = pow(eta, -turning), c1 = (up + 1.0 / up) / 2.0, c2 = (up - 1.0 / up) / 2.0;
-    const double lost = c2 * sqrt(out * out + sharp * sharp) + hopopt_friction[joint] * turning;
+static inline hopopt_real hopopt_needed(int joint, hopopt_real w, hopopt_real tau, hopopt_real spun) {
+    const hopopt_real eta = hopopt_efficiency[joint], slow = hopopt_slow[joint], sharp = hopopt_sharp[joint];
+    const hopopt_real turning = w / pow(pow(w, HOPOPT_R(4.0)) + pow(slow, HOPOPT_R(4.0)), HOPOPT_R(0.25)), out = tau - spun;
+    const hopopt_real up = pow(eta, -turning), c1 = (up + HOPOPT_R(1.0) / up) / HOPOPT_R(2.0), c2 = (up - HOPOPT_R(1.0) / up) / HOPOPT_R(2.0);
+    const hopopt_real lost = c2 * sqrt(out * out + sharp * sharp) + hopopt_friction[joint] * turning;
     return spun + c1 * out + lost + hopopt_damping[joint] * w;
 }
 
 /* What spins the rotors up over the next period (n) [N m]: it never passes the gears' teeth. */
-static inline void hopopt_spun(const hopopt_phase *p, double since, double *spun) {
-    double q[HOPOPT_JOINTS], now[HOPOPT_JOINTS], then[HOPOPT_JOINTS], tau[HOPOPT_JOINTS];
+static inline void hopopt_spun(const hopopt_phase *p, hopopt_real since, hopopt_real *spun) {
+    hopopt_real q[HOPOPT_JOINTS], now[HOPOPT_JOINTS], then[HOPOPT_JOINTS], tau[HOPOPT_JOINTS];
     hopopt_at(p, since, q, now, tau);
     hopopt_at(p, since + HOPOPT_PERIOD, q, then, tau);
     for (int j = 0; j < HOPOPT_JOINTS; j++) spun[j] = hopopt_rotor[j] * ((then[j] - now[j]) / HOPOPT_PERIOD);
 }
 
 /* y += sign M x, with M (rows, columns) row by row. */
-static inline void hopopt_add(double *y, double sign, const double *M, int rows, int columns, const double *x) {
+static inline void hopopt_add(hopopt_real *y, hopopt_real sign, const hopopt_real *M, int rows, int columns, const hopopt_real *x) {
     for (int i = 0; i < rows; i++)
         for (int j = 0; j < columns; j++) y[i] += sign * M[i * columns + j] * x[j];
 }
 
+/* y += sign M x, with M that of a control period; beyond the last the last. */
+static inline void hopopt_add_at(hopopt_real *y, hopopt_real sign, const hopopt_phase *p, const hopopt_real *M, int period,
+                                 int rows, int columns, const hopopt_real *x) {
+    int low = 0, high = p->knots - 1;
+    while (high - low > 1) {
+        const int middle = (low + high) / 2;
+        if (p->knot[middle] <= period) low = middle; else high = middle;
+    }
+    const int size = rows * columns, last = p->knot[high];
+    const hopopt_real part = low == high || period >= last ? HOPOPT_R(1.0)
+                             : HOPOPT_R(period - p->knot[low]) / HOPOPT_R(last - p->knot[low]);
+    if (part < HOPOPT_R(1.0)) hopopt_add(y, sign * (HOPOPT_R(1.0) - part), M + low * size, rows, columns, x);
+    if (part > HOPOPT_R(0.0)) hopopt_add(y, sign * part, M + high * size, rows, columns, x);
+}
+
 /* Errors from the planned flight's q and v at the first instant t off the ground, where it has been for ``since`` [s]: speeds
    differ as in stance, by an early lift-off, and by the torque that was held on; angles have gone on at the mean speed. */
-static inline void hopopt_let_go(const hopopt_tracker *s, double t, double since, const double *q, const double *v,
-                                 double *error) {
+static inline void hopopt_let_go(const hopopt_tracker *s, hopopt_real t, hopopt_real since, const hopopt_real *q, const hopopt_real *v,
+                                 hopopt_real *error) {
     const int n = HOPOPT_JOINTS;
-    const double until = hopopt_within(since, 0.0, hopopt_duration(&hopopt_flight));
-    double left_q[HOPOPT_JOINTS], left_v[HOPOPT_JOINTS], left_tau[HOPOPT_JOINTS];
-    double first_q[HOPOPT_JOINTS], first_v[HOPOPT_JOINTS], mean[HOPOPT_JOINTS], held[HOPOPT_JOINTS];
+    const hopopt_real until = hopopt_within(since, HOPOPT_R(0.0), hopopt_duration(&hopopt_flight));
+    hopopt_real left_q[HOPOPT_JOINTS], left_v[HOPOPT_JOINTS], left_tau[HOPOPT_JOINTS];
+    hopopt_real first_q[HOPOPT_JOINTS], first_v[HOPOPT_JOINTS], mean[HOPOPT_JOINTS], held[HOPOPT_JOINTS];
     hopopt_at(&hopopt_stance, t - since, left_q, left_v, left_tau);
-    hopopt_at(&hopopt_flight, 0.0, first_q, first_v, mean);
+    hopopt_at(&hopopt_flight, HOPOPT_R(0.0), first_q, first_v, mean);
     for (int j = 0; j < n; j++) {
         if (until >= HOPOPT_EDGE)
-            mean[j] = (hopopt_impulse(&hopopt_flight, until, j) - hopopt_impulse(&hopopt_flight, 0.0, j)) / until;
+            mean[j] = (hopopt_impulse(&hopopt_flight, until, j) - hopopt_impulse(&hopopt_flight, HOPOPT_R(0.0), j)) / until;
         held[j] = (s->given[j] - mean[j]) * (since / HOPOPT_PERIOD);
         error[n + j] = s->error[n + j] + (left_v[j] - first_v[j]);
     }
-    hopopt_add(error + n, 1.0, hopopt_flight.B + n * n, n, n, held);
+    hopopt_add(error + n, HOPOPT_R(1.0), hopopt_flight.B + n * n, n, n, held);
     for (int j = 0; j < n; j++)
         error[j] = s->q[j] + (t - s->t) * (s->v[j] + v[j] + error[n + j]) / 2 - q[j];
 }
@@ -169,11 +192,11 @@ static inline void hopopt_let_go(const hopopt_tracker *s, double t, double since
    t: since the hop began [s]          q, v: measured joint angles [rad] and speeds [rad/s]; the filter uses q alone
    contact: whether the foot is on the ground        since: how long it has been on it, or off it [s]
    landings: how often it has landed; from the first on the leg stands as at the start */
-static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, const double *v, int contact,
-                                 double since, int landings, double *tau) {
+static inline void hopopt_torque(hopopt_tracker *s, hopopt_real t, const hopopt_real *q, const hopopt_real *v, int contact,
+                                 hopopt_real since, int landings, hopopt_real *tau) {
     const int n = HOPOPT_JOINTS, m = HOPOPT_STATES;
-    const double stance = hopopt_duration(&hopopt_stance);
-    double planned_q[HOPOPT_JOINTS], planned_v[HOPOPT_JOINTS], planned_tau[HOPOPT_JOINTS], spun[HOPOPT_JOINTS];
+    const hopopt_real stance = hopopt_duration(&hopopt_stance);
+    hopopt_real planned_q[HOPOPT_JOINTS], planned_v[HOPOPT_JOINTS], planned_tau[HOPOPT_JOINTS], spun[HOPOPT_JOINTS];
     contact = contact != 0;
     if (contact && landings) {
         for (int j = 0; j < n; j++) tau[j] = HOPOPT_K_P * (hopopt_rest[j] - q[j]) - HOPOPT_K_D * v[j];
@@ -185,29 +208,28 @@ static inline void hopopt_torque(hopopt_tracker *s, double t, const double *q, c
         if (contact || (s->early && t < stance)) contact = 1, since = t;
     }
     if (contact && since > HOPOPT_ENDS) {
-        hopopt_at(&hopopt_flight, 0.0, planned_q, planned_v, s->given);
-        hopopt_spun(&hopopt_flight, 0.0, spun);
+        hopopt_at(&hopopt_flight, HOPOPT_R(0.0), planned_q, planned_v, s->given);
+        hopopt_spun(&hopopt_flight, HOPOPT_R(0.0), spun);
         for (int j = 0; j < n; j++) tau[j] = hopopt_needed(j, planned_v[j], s->given[j], spun[j]);
         return;
     }
     const hopopt_phase *p = contact ? &hopopt_stance : &hopopt_flight;
     hopopt_planned(p, since, planned_q, planned_v, planned_tau);
-    const double nearest = nearbyint(since / HOPOPT_PERIOD);
-    const int last = p->periods - 1, period = nearest < last ? (int)nearest : last;
-    const int ago = nearest < 1 ? 0 : nearest - 1 < last ? (int)nearest - 1 : last; /* the period that led here */
-    double error[HOPOPT_STATES] = {0}, miss[HOPOPT_JOINTS];
+    const hopopt_real nearest = nearbyint(since / HOPOPT_PERIOD);
+    const int period = nearest < 30000 ? (int)nearest : 30000, ago = period > 0 ? period - 1 : 0; /* the period that led here */
+    hopopt_real error[HOPOPT_STATES] = {0}, miss[HOPOPT_JOINTS];
     if (!s->known || (contact && !s->contact)) { /* no filter knows what speeds an impact leaves */
         for (int j = 0; j < n; j++) error[j] = hopopt_missed(q[j] - planned_q[j], planned_v[j]);
     } else if (s->contact == contact) {
-        hopopt_add(error, 1.0, p->A + ago * m * m, m, m, s->error);
-        hopopt_add(error, 1.0, p->B + ago * m * n, m, n, s->extra);
+        hopopt_add_at(error, HOPOPT_R(1.0), p, p->A, ago, m, m, s->error);
+        hopopt_add_at(error, HOPOPT_R(1.0), p, p->B, ago, m, n, s->extra);
     } else {
         hopopt_let_go(s, t, since, planned_q, planned_v, error);
     }
     for (int j = 0; j < n; j++) miss[j] = hopopt_missed(q[j] - planned_q[j] - error[j], planned_v[j]);
-    hopopt_add(error, 1.0, p->L + period * m * n, m, n, miss);
+    hopopt_add_at(error, HOPOPT_R(1.0), p, p->L, period, m, n, miss);
     for (int j = 0; j < n; j++) tau[j] = planned_tau[j];
-    hopopt_add(tau, -1.0, p->K + period * n * m, n, m, error);
+    hopopt_add_at(tau, -HOPOPT_R(1.0), p, p->K, period, n, m, error);
     hopopt_spun(p, since, spun);
     for (int j = 0; j < n; j++) {
         s->q[j] = planned_q[j] + error[j];

@@ -4,6 +4,7 @@
 ``control/tracking/track.py`` at every control instant of a simulated hop.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from importlib.resources import files
@@ -21,28 +22,55 @@ from hopopt.export.plan import tracker_of
 from hopopt.planner.solution import Solution
 
 TABLES_MARK = "/* @TABLES@ */\n"
+TOLERANCE = 0.01  # share of the greatest, within which gains between knots are
+REAL_BYTES = 4  # of a number in single precision
 NUMBERS_ON_A_LINE = 8  # numbers on a line
 
 
 def to_c(solution: Solution) -> str:
-    """The C header (C99, math.h and string.h alone). Raises UsageError for a hop that lands, and as ``tracker_of`` does."""
+    """The C header (C99, single precision, tgmath.h and string.h alone). Raises UsageError for a hop that lands, and as ``tracker_of`` does."""
     refuse_landed(solution.design, "the tracker in C")
     return header(tracker_of(solution), solution.design.name, solution.design.leg.joints)
 
 
-def header(tracker: Track, problem: str, joints: Sequence[str]) -> str:
-    """The C header of a tracker, for the joints of a problem."""
+def header(tracker: Track, problem: str, joints: Sequence[str], tolerance: float = TOLERANCE) -> str:
+    """The C header of a tracker, for the joints of a problem; tolerance of the gains between knots, as ``knots`` has it."""
     code = files("hopopt.export").joinpath("tracker.h").read_text(encoding="utf-8")
+    constants = tables(tracker, tolerance)
     title = (
         f"/* Tracks the plan of {problem}: joints {', '.join(joints)}; clearance {tracker.plan.clearance:.4f} m. Made by "
         f"hopopt {version('hopopt')}.\n   Call hopopt_reset before a hop and hopopt_torque once in every control "
-        "period. SI units. */\n"
+        "period. SI units.\n   "
+        f"About {constants_bytes(constants) / 1000:.0f} kB of constants in single precision; gains between knots within {tolerance:.1%} of their greatest. */\n"
     )
     before, after = code.split(TABLES_MARK)
-    return title + before + tables(tracker) + after
+    return title + before + constants + after
 
 
-def tables(tracker: Track) -> str:
+def constants_bytes(code: str) -> int:
+    """Bytes that the numbers of C tables take in single precision."""
+    arrays = re.findall(r"static const hopopt_real [^=]*= (\{.*?\});", code, flags=re.DOTALL)
+    return REAL_BYTES * sum(len(re.findall(r"[^\s,{}]+", array)) for array in arrays)
+
+
+def knots(gains: Gains, tolerance: float) -> np.ndarray:
+    """Control periods (k,) between which gains may be taken as linear: no entry is off by more than this share of its greatest."""
+    numbers = np.hstack([getattr(gains, name).reshape(len(gains.K), -1) for name in "ABKL"])
+    numbers, found = numbers / np.maximum(np.abs(numbers).max(axis=0), 1e-300), [0]
+    while found[-1] < len(numbers) - 1:
+        begin, step = found[-1], 1
+        while begin + step + 1 < len(numbers) and _straight(numbers[begin : begin + step + 2], tolerance):
+            step += 1
+        found.append(begin + step)
+    return np.array(found)
+
+
+def _straight(rows: np.ndarray, tolerance: float) -> bool:
+    along = np.linspace(0.0, 1.0, len(rows))[:, None]
+    return bool(np.abs(rows[0] + along * (rows[-1] - rows[0]) - rows).max() <= tolerance)
+
+
+def tables(tracker: Track, tolerance: float = TOLERANCE) -> str:
     """All numbers of a tracker as C constants."""
     if tracker.drive.gear.knots:
         raise UsageError("the tracker in C knows one efficiency for each gear: give leg.gear.efficiency, not its table")
@@ -51,7 +79,7 @@ def tables(tracker: Track) -> str:
     sizes = {"JOINTS": n, "PLACES": len(stance.places), "LINES": max(planes.shape[1] for planes in bounds.values())}
     for name, phase in _phases(tracker).items():
         gains = tracker.gains[name == STANCE]
-        sizes |= {f"{name.upper()}_INTERVALS": len(phase.t), f"{name.upper()}_PERIODS": len(gains.K)}
+        sizes |= {f"{name.upper()}_INTERVALS": len(phase.t), f"{name.upper()}_KNOTS": len(knots(gains, tolerance))}
     figures = {
         "PERIOD": tracker.period,
         "EDGE": EVENT_RESOLUTION,
@@ -61,7 +89,8 @@ def tables(tracker: Track) -> str:
         "K_P": o.k_p,
         "K_D": o.k_d,
     }
-    lines = [f"#define HOPOPT_{name} {value!r}" for name, value in {**sizes, **figures}.items()]
+    lines = [f"#define HOPOPT_{name} {value!r}" for name, value in sizes.items()]
+    lines += [f"#define HOPOPT_{name} HOPOPT_R({value!r})" for name, value in figures.items()]
     shared = {"places": stance.places, "weights": stance.barycentric, "rest": tracker.rest}
     shared |= {name: tracker.drive.numbers[name] for name in LAW} | {"rotor": tracker.drive.rotor}
     shared["power"] = np.minimum(tracker.drive.numbers["power"], UNBOUNDED)
@@ -69,19 +98,21 @@ def tables(tracker: Track) -> str:
     for side, planes in bounds.items():  # (n, k, 2), the last repeated: that bounds nothing more
         joints = np.pad(planes, ((0, 0), (0, sizes["LINES"] - planes.shape[1]), (0, 0)), mode="edge").tolist()
         rows = ", ".join("{" + ", ".join(f"{{{c!r}, {d!r}}}" for c, d in joint) + "}" for joint in joints)
-        lines.append(f"static const double hopopt_{side}[HOPOPT_JOINTS][HOPOPT_LINES][2] = {{{rows}}};")
+        lines.append(f"static const hopopt_real hopopt_{side}[HOPOPT_JOINTS][HOPOPT_LINES][2] = {{{rows}}};")
     for name, phase in _phases(tracker).items():
-        columns = phase_columns(phase, tracker.gains[name == STANCE])
+        at = knots(tracker.gains[name == STANCE], tolerance)
+        lines.append(f"static const unsigned short hopopt_{name}_knot[] = {{{', '.join(map(str, at))}}};")
+        columns = phase_columns(phase, tracker.gains[name == STANCE], at)
         lines += [_array(f"{name}_{column}", values) for column, values in columns.items()]
     return "\n".join(lines) + "\n"
 
 
-def phase_columns(phase: PhaseReference, gains: Gains) -> Mapping[str, np.ndarray]:
-    """What the C code knows of a phase: t, q, v, tau and impulse [N m s] at the places, A, B, K, L of the periods."""
+def phase_columns(phase: PhaseReference, gains: Gains, at: np.ndarray) -> Mapping[str, np.ndarray]:
+    """What the C code knows of a phase: t, q, v, tau and impulse [N m s] at the places, A, B, K, L of the periods ``at``."""
     return {
         **{name: getattr(phase, name) for name in ("t", "q", "v", "tau")},
         "impulse": phase.impulses[1],
-        **{name: getattr(gains, name) for name in "ABKL"},
+        **{name: getattr(gains, name)[at] for name in "ABKL"},
     }
 
 
@@ -92,4 +123,4 @@ def _phases(tracker: Track) -> dict[str, PhaseReference]:
 def _array(name: str, values: Iterable[float]) -> str:
     numbers = [repr(float(x)) for x in np.ravel(np.asarray(values))]
     rows = [", ".join(numbers[k : k + NUMBERS_ON_A_LINE]) for k in range(0, len(numbers), NUMBERS_ON_A_LINE)]
-    return f"static const double hopopt_{name}[] = {{\n" + ",\n".join(rows) + "};"
+    return f"static const hopopt_real hopopt_{name}[] = {{\n" + ",\n".join(rows) + "};"
