@@ -20,7 +20,7 @@ from hopopt.planner.refine_and_verify import refine_outcome
 from hopopt.planner.search import first_mesh
 from hopopt.planner.search.beside import Beside
 from hopopt.planner.search.multistart import first_transcription, run_chunk, run_starts
-from hopopt.planner.search.relaxations import QUICK, relaxed_starts
+from hopopt.planner.search.neighbours.relaxations import QUICK, relaxed_starts
 from hopopt.planner.solution import Solution
 from hopopt.planner.solve import solve
 from hopopt.problem.load import load

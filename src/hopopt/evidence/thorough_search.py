@@ -13,7 +13,7 @@ from hopopt.ocp.guesses.initial_guess import StartGuess
 from hopopt.ocp.hop import Hop
 from hopopt.planner.search.first_mesh import rollout_starts
 from hopopt.planner.search.multistart import StartOutcome, first_solver, known_optima, run_start
-from hopopt.planner.search.relaxations import THOROUGH, relaxed_starts, suiting
+from hopopt.planner.search.neighbours.relaxations import THOROUGH, relaxed_starts, suiting
 
 Say = Callable[[str], None]
 BEGUN_FROM = (0, 3)  # starts that relaxed problems begin from: an upright push, and a swing

@@ -1,7 +1,8 @@
 """The search on the first mesh: starts of several kinds, each different from the others, and what they led to.
 
-Named and drawn starts come first, then relaxed problems that are tightened again, then motions that a global method
-finds on a grid of states. A start that runs into a hop known already is stopped.
+Named and drawn starts come first, then relaxed problems that are tightened again and, of hops that land, restricted ones
+that are released. Then come motions that a global method finds on a grid of states. A start that runs into a hop known
+already is stopped.
 """
 
 import os
@@ -34,7 +35,8 @@ from hopopt.planner.search.multistart import (
     run_starts,
     solution_of,
 )
-from hopopt.planner.search.relaxations import BEGUN_FROM, QUICK, relaxed_starts, suiting
+from hopopt.planner.search.neighbours.relaxations import BEGUN_FROM, QUICK, relaxed_starts, suiting
+from hopopt.planner.search.neighbours.restrictions import restricted_starts, restricting
 from hopopt.planner.stopwatch import Countdown
 
 SEARCH = 2  # starting points from which on relaxed problems and the global method are tried too
@@ -64,19 +66,20 @@ def search_first_mesh(
 ) -> FirstMesh:  # fmt: skip
     """So many starts, and those ``besides``, as many as there is time for.
 
-    If SEARCH or more are asked for, also relaxed problems and motions of the global method, which is at work beside the starts.
+    If SEARCH or more are asked for, also relaxed and restricted problems, and motions of the global method, which is at work beside the starts.
     """
     side_by_side, weak = processes or os.cpu_count() or 1, bool(drives_too_weak(hop.design, hop.robot))
     reason = "one start was asked for" if count < SEARCH else _not_used(hop)
     reason = "the drives cannot hold the leg where it starts" if weak else reason
-    relaxed = list[Task[list[StartOutcome]]]()
+    neighbours = list[Task[list[StartOutcome]]]()
     with Beside(hop, side_by_side - 1 if count >= SEARCH else 0) as beside, ThreadPoolExecutor(1) as pool:
         # its loops leave Python's time free
         overall = None if reason else pool.submit(_searched, hop, GRID_NODES, 1, until)
 
         def relax(first: StartOutcome) -> None:
             known = [first, *besides]
-            relaxed.extend(beside.task(relaxed_starts, r, known, BEGUN_FROM, until) for r in suiting(hop, QUICK))
+            neighbours.extend(beside.task(relaxed_starts, r, known, BEGUN_FROM, until) for r in suiting(hop, QUICK))
+            neighbours.extend(beside.task(restricted_starts, r, known, until) for r in restricting(hop))
 
         then = relax if count >= SEARCH and not weak else lambda first: None
         outcomes = run_starts(hop, count, beside, say, besides, until, then)
@@ -87,10 +90,10 @@ def search_first_mesh(
         if found is not None:
             say(f"solving from {len(found.rollouts)} motions of the global method")
             moved = rollout_starts(hop, found.rollouts, outcomes, say=say, until=until)
-        count_down = Countdown(say, "relaxed problems, each tightened to what is asked", len(relaxed))
-        for task in reversed(relaxed):
+        count_down = Countdown(say, "problems with other limits, each led to what is asked", len(neighbours))
+        for task in reversed(neighbours):
             task.done_here()
-        for task in relaxed:
+        for task in neighbours:
             outcomes += task.result()
             count_down.more()
     outcomes += moved

@@ -1,0 +1,48 @@
+"""Restricted problems as starts of hops that land, and what studies conclude from limits of the touchdown."""
+
+import numpy as np
+import pytest
+
+from hopopt.nlp.deadline import NEVER
+from hopopt.ocp.hop import Hop
+from hopopt.planner.search.neighbours.restrictions import RESTRICTIONS, restricted_starts, restricting, softened
+from hopopt.problem.load import load
+from hopopt.studies.consistency import contradicted, direction
+
+SHORT = {"hop.kind": "periodic", "hop.stance_duration": [0.03, 0.2], "hop.touchdown_loss": 0.5}
+
+
+def test_restrictions_only_restrict() -> None:
+    """Every limit of the touchdown is that of a soft one, and one that the problem has is never widened."""
+    asked = Hop(load("paper", SHORT))
+    soft = softened(asked).design.hop
+    assert soft.touchdown_loss == 0.5
+    assert (soft.touchdown_impulse, soft.touchdown_speed, soft.touchdown_gear_torque) == pytest.approx((2, 1, 20))
+    assert soft.stance_duration == asked.design.hop.stance_duration
+
+
+def test_only_hops_that_land_have_them_and_a_passed_limit_ends_them() -> None:
+    assert restricting(Hop(load("paper"))) == ()
+    hop = Hop(load("paper", SHORT))
+    assert restricting(hop) == RESTRICTIONS
+    assert restricted_starts(hop, RESTRICTIONS[0], until=NEVER.within(0)) == []
+
+
+@pytest.mark.slow
+def test_a_released_hop_is_as_high_as_with_a_limit_more() -> None:
+    """With a stance of at most 0.2 s guesses end at 0.7022 m without a limit and at 0.7029 m with a loss of 1 J, which is a
+    hop of the first problem too."""
+    free = Hop(load("paper", {"hop.kind": "periodic", "hop.stance_duration": [0.03, 0.2]}))
+    (released,) = restricted_starts(free, RESTRICTIONS[0])
+    assert released.success
+    assert released.value > 0.7029
+
+
+def test_studies_know_which_way_limits_of_a_touchdown_relax() -> None:
+    """1 J does worse than 0.5 J: the hop of 0.5 J is one of 1 J too."""
+    for entry in ("touchdown_loss", "touchdown_impulse", "touchdown_speed", "touchdown_gear_torque"):
+        assert direction(f"hop.{entry}") == 1
+    assert (direction("hop.landing_duration[1]"), direction("hop.landing_duration[0]")) == (1, -1)
+    assert direction("hop.speed") == 0
+    found = contradicted(["hop.touchdown_loss"], np.array([[0.5], [1.0], [2.0]]), np.array([0.70, 0.69, 0.71]))
+    assert found == {1: [0]}
