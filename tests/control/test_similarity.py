@@ -132,13 +132,13 @@ def test_a_reserve_that_is_left_out_is_a_share_of_the_leg() -> None:
     assert (stated.contact.least_force, stated.hop.least_height) == (1.5, 0.0)
 
 
-def test_a_plan_to_track_holds_back_what_gears_take() -> None:
-    """Plans know no losses: of the torque that is left after the reserve, what the least efficient gear passes on."""
-    plain, lossy = (reserved(load("paper", given)) for given in ({}, {"leg.knee.gear.efficiency": 0.8}))
-    assert plain.leg.motor is not None
-    assert lossy.leg.motor is not None
-    assert plain.leg.motor.max_torque == pytest.approx(0.98 * 2.0)
-    assert lossy.leg.motor.max_torque == pytest.approx(0.98 * 0.8 * 2.0)
+def test_a_plan_to_track_holds_back_what_gears_of_the_machine_alone_take() -> None:
+    """What a gear loses that the plan knows is in the plan already, and not held back once more."""
+    given = ({}, {"leg.gear.efficiency": 0.8}, {"simulation.gear_efficiency": 0.8})
+    for entries, passed in zip(given, (1.0, 1.0, 0.8), strict=True):
+        leg = reserved(load("paper", entries)).leg
+        assert leg.motor is not None
+        assert leg.motor.max_torque == pytest.approx(0.98 * passed * 2.0)
 
 
 def test_caps_of_motor_and_gear_count_at_standstill() -> None:

@@ -103,14 +103,14 @@ def test_a_ratio_moves_it_as_the_motor_turns_faster() -> None:
 
 
 def test_others_that_read_the_efficiency_know_the_table() -> None:
-    """The plant of [simulation] keeps it, the global search takes the best of it, a reserve the worst, and uncertain legs lose
+    """The plant of [simulation] keeps it, the global search takes the best of it, a reserve nothing more, and uncertain legs lose
     a share of all of it."""
     design = load("paper", TABLE | {"simulation.gear_efficiency": 1.0})
     np.testing.assert_allclose(gear_of(design).law(np.full(2, 6.5))[0], 0.625, rtol=1e-4)
     best = gear_with(TABLE).level
     assert best.law(100.0)[0] == best.efficiency == SHARES[0]
-    least, worst = reserved(design).leg, reserved(load("paper", {"leg.gear.efficiency": SHARES[-1]})).leg
-    assert least.motor.max_torque == worst.motor.max_torque
+    planned, lossless = reserved(design).leg, reserved(load("paper")).leg
+    assert planned.motor.max_torque == lossless.motor.max_torque
     true = drawn(design, Uncertainty(gear_loss=0.2), draws=1, seed=0)[0].leg.leg
     lost = gears_of(true, build_robot(true).parameters).law(np.full(2, 6.5))[0] / 0.625
     assert np.all((lost > 0.8) & (lost < 1.0 - 1e-4))

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from hopopt.comparison.losses import without_losses
+from hopopt.design import physical_parameters
 from hopopt.drivetrain.drives import Drive
 from hopopt.drivetrain.gear import gears_of, lossy
-from hopopt.drivetrain.motor import motor_torque_and_speed, rated
+from hopopt.drivetrain.motor import behind, motor_torque_and_speed, rated, voltage_line
 from hopopt.drivetrain.operating_region.limits import Line
 from hopopt.drivetrain.operating_region.region import operating_region
+from hopopt.drivetrain.supply import winding_heat
 from hopopt.errors import ProblemFileError
 from hopopt.leg.robot import BASE, build_robot
 from hopopt.leg.scales import standstill_torques
@@ -48,6 +51,29 @@ def test_the_supply_s_voltage_takes_the_place_of_one_that_is_not_stated() -> Non
         "paper", {**entries, "supply.voltage": 24.0, "leg.motor.max_torque": None, "leg.motor.max_speed": None}
     ).leg
     assert rated(leg, "knee") == pytest.approx((K * 24 / R, 24 / K), rel=1e-12)
+
+
+def test_torque_and_speed_go_from_the_motor_s_own_voltage_to_the_supply_s() -> None:
+    """The law k V_0 / R, V_0 / k of a winding, whether stated at V or implied; the heat of a torque stays."""
+    stated = {name: value for name, value in DATASHEET.items() if not name.endswith("resistance")}
+    legs = [load("paper", {**x, "supply.voltage": 36.0}).leg for x in (DATASHEET, {**stated, **STATED})]
+    for leg in legs:
+        assert rated(leg, "hip") == pytest.approx((K * 36 / R, 36 / K), rel=1e-12)
+        assert {"leg.supply.voltage"} < {*behind(leg, "hip", "max_torque"), "leg.motor.max_torque"}
+        p = physical_parameters(leg)
+        assert winding_heat(leg, "hip", p) == pytest.approx(R / (RATIO * K) ** 2, rel=1e-12)
+        assert voltage_line(leg, "hip", p).at(0.0, 36 / K / RATIO) == pytest.approx(36.0, rel=1e-12)
+        freed = leg.model_copy(update={"supply": None})
+        assert rated(freed, "hip") == pytest.approx((K * V / R, V / K), rel=1e-12)
+    plans = [reserved(load("paper", {**x, "supply.voltage": 36.0, "reserve.torque": 0.1})).leg for x in (DATASHEET, {})]
+    shares = [
+        rated(plan, "hip")[0] / rated(leg, "hip")[0]
+        for plan, leg in zip(plans, (legs[0], load("paper").leg), strict=True)
+    ]
+    assert shares == pytest.approx([0.9, 0.9])
+    alone = without_losses(load("paper", {**DATASHEET, **STATED, "supply.voltage": 36.0}))
+    assert alone is not None
+    assert rated(alone.leg, "hip") == pytest.approx((K * 36 / R, 36 / K), rel=1e-12)
 
 
 def test_what_is_stated_counts_and_a_joint_s_own_voltage_counts_over_the_leg_s() -> None:

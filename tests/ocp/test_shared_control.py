@@ -6,7 +6,9 @@ import pytest
 
 from hopopt.design import Design
 from hopopt.drivetrain.drives import Drive
+from hopopt.drivetrain.gear import Gear
 from hopopt.drivetrain.operating_region.region import operating_region
+from hopopt.drivetrain.supply import winding_heat
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import BASE, build_robot
@@ -95,6 +97,27 @@ def test_true_drives_are_those_of_the_plant(design: Design) -> None:
         for command in (np.full(2, 1e6), np.full(2, -1e6)):
             given = [float(r.clamp(x, c)) for r, x, c in zip(regions, w, command, strict=True)]
             np.testing.assert_allclose(drive.torque(w, command)[0], given, atol=1e-9)
+
+
+SUPPLIED = {"supply.voltage": 48.0, "supply.internal_resistance": 0.2}
+WINDING = {"leg.motor.winding_resistance": 0.9, "leg.motor.torque_constant": 0.04, "leg.motor.current_cap": 40.0}
+
+
+@pytest.mark.parametrize(
+    "entries", [SUPPLIED, {**SUPPLIED, **WINDING}, {**SUPPLIED, **WINDING, "leg.motor.voltage": 40.0}]
+)
+def test_true_drives_on_a_supply_draw_what_those_of_the_plant_draw(entries: dict[str, float]) -> None:
+    """A torque constant of G times the believed one: as much torque from G^-2 of the heat, so the bus sags as much."""
+    gain, design, far = np.array([0.9, 1.1]), load("paper", entries), np.full(2, 1e6)
+    other = with_torque_constants(design, gain)
+    p, q = (build_robot(x.leg).parameters for x in (design, other))
+    plant = Drive.of(design.leg, p, np.zeros(2), Gear(), torque_gain=gain)
+    planned = Drive.of(other.leg, q, np.zeros(2), Gear())
+    heats = [np.array([winding_heat(x.leg, j, v) for j in design.leg.joints]) for x, v in ((design, p), (other, q))]
+    np.testing.assert_allclose(heats[1], heats[0] / gain**2, rtol=1e-12)
+    for speed in (-6.0, 0.0, 3.0):
+        w = np.array([speed, -0.7 * speed])
+        np.testing.assert_allclose(plant.torque(w, far)[0], planned.torque(w, far)[0], rtol=1e-9)
 
 
 def test_a_drive_beyond_all_problems_is_said(design: Design) -> None:

@@ -22,7 +22,7 @@ class Drive:
     """The motors of a leg as a controller meets them: commands are clamped to the operating regions (paper's eq. 14).
 
     torque_gain is each motor's true torque constant over the believed one: so much more torque for the same current, and
-    as much more back-EMF. states: what the drives add of their own, if they do. rotor: reflected inertias of what spins in
+    as much more back-EMF; less heat for the same torque. states: what the drives add of their own, if they do. rotor: reflected inertias of what spins in
     front of the gears (n) [kg m^2]; none by default. supply: what ``supply_numbers`` says of it. numbers: what the compiled functions read,
     by name: the lines of the clamp, the gains, the gears as in ``Gear``, and the caps on mechanical power [W].
     """
@@ -38,13 +38,14 @@ class Drive:
         rotor: np.ndarray | None = None,
         supply: Mapping[str, Any] | None = None,
     ):
-        gear, n = gear or Gear(), len(regions)
+        gear, n, feeds = gear or Gear(), len(regions), supply or stiff(len(regions))
         self.lossless = gear.ideal
         self.upper, self.lower = torque_lines(regions)
+        gain = np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float)
         self.numbers = {
             "upper": filled_up(self.upper, UNBOUNDED),
             "lower": filled_up(self.lower, -UNBOUNDED),
-            "gain": np.ones(n) if torque_gain is None else np.asarray(torque_gain, dtype=float),
+            "gain": gain,
             **{
                 name: np.broadcast_to(np.asarray(value, dtype=float), n).copy()
                 for name, value in zip(LAW, gear.entries, strict=True)
@@ -55,11 +56,14 @@ class Drive:
             "bends": _of_joints(gear.bends, n),
             "lossless": int(gear.ideal),
             "power": np.array([np.inf if r.power is None else float(r.power) for r in regions]),
-            **(supply or stiff(n)),
+            **feeds,
+            "heat": feeds["heat"] / gain**2,
         }
         self.gear, self.rotor = gear, np.zeros(n) if rotor is None else np.asarray(rotor, dtype=float)
         self._record = packed(self.numbers)
-        self._believed = self._record if torque_gain is None else packed({**self.numbers, "gain": np.ones(n)})
+        self._believed = (
+            self._record if torque_gain is None else packed({**self.numbers, "gain": np.ones(n), "heat": feeds["heat"]})
+        )
         self.states = states if states and states.size else None
 
     @classmethod

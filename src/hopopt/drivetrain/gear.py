@@ -148,14 +148,6 @@ def efficiency_table(leg: Leg, joint: str) -> EfficiencyTable | None:
     return None if shared and own else table
 
 
-def least_efficiency(leg: Leg, joint: str, default: float) -> float:
-    """Least efficiency of a joint's gear at any speed; the default where the problem states none."""
-    if (table := efficiency_table(leg, joint)) is not None:
-        return min(table.efficiency)
-    value = leg.drive(joint, "gear", ENTRIES[0])[1]
-    return default if value is None else value
-
-
 def _broken_line(table: EfficiencyTable, ratio: Any) -> dict[str, Any]:
     """Knots and bends of ``Gear``, behind a gear of this ratio."""
     slopes = np.diff(table.efficiency) / np.diff(table.speed)

@@ -2,8 +2,8 @@
 
 A winding of resistance R_w and torque constant k at a voltage V has the current (V - k omega) / R_w, so stall torque
 k V / R_w and no-load speed V / k. Where the motor's voltage is not stated, V is the supply's open-circuit voltage. What is
-stated counts over what the datasheet implies; a joint's own voltage counts over what [leg.motor] states. Of numbers,
-arrays or CasADi symbols.
+stated counts over what the datasheet implies; a joint's own voltage counts over what [leg.motor] states. Torque and speed
+that hold at a motor's own voltage V go with the supply's V_0, by V_0 / V. Of numbers, arrays or CasADi symbols.
 """
 
 from collections.abc import Mapping
@@ -12,24 +12,39 @@ from typing import Any, NamedTuple
 from hopopt.design import Leg, physical_parameters
 from hopopt.drivetrain.operating_region.limits import Entry
 
+SUPPLY = "leg.supply.voltage"
 DATASHEET = ("voltage", "winding_resistance", "torque_constant")
 IMPLIES = {"max_torque": DATASHEET, "max_speed": ("voltage", "torque_constant")}  # which entries imply each
 
 
 def motor_torque_and_speed(leg: Leg, joint: str, p: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Torque at standstill [N m] and speed at no torque [rad/s] of a joint's motor, in front of its gear; p: parameter values
-    or symbols by their paths."""
+    """Torque at standstill [N m] and speed at no torque [rad/s] of a joint's motor, in front of its gear, at the open-circuit
+    voltage of what feeds it; p: parameter values or symbols by their paths."""
+    torque, speed = at_own_voltage(leg, joint, p)
+    if not other_voltage(leg, joint):
+        return torque, speed
+    share = p[SUPPLY] / p[leg.drive(joint, "motor", "voltage")[0]]
+    return share * torque, share * speed
+
+
+def at_own_voltage(leg: Leg, joint: str, p: Mapping[str, Any]) -> tuple[Any, Any]:
+    """The same at the voltage that the problem states for the motor; at the supply's where it states none."""
 
     def entry(name: str) -> Any:
         return p[leg.drive(joint, "motor", name)[0]]
 
     torque, speed = (entry(name) if states(leg, joint, name) else None for name in IMPLIES)
     if torque is None or speed is None:
-        volts = entry("voltage") if leg.drive(joint, "motor", "voltage")[1] is not None else p["leg.supply.voltage"]
+        volts = entry("voltage") if leg.drive(joint, "motor", "voltage")[1] is not None else p[SUPPLY]
         k = entry("torque_constant")
         torque = k * volts / entry("winding_resistance") if torque is None else torque
         speed = volts / k if speed is None else speed
     return torque, speed
+
+
+def other_voltage(leg: Leg, joint: str) -> bool:
+    """Whether a joint's motor has a voltage of its own beside that of a supply."""
+    return leg.supply is not None and leg.drive(joint, "motor", "voltage")[1] is not None
 
 
 def rated(leg: Leg, joint: str) -> tuple[float, float]:
@@ -66,11 +81,15 @@ def lacking(leg: Leg, joint: str, name: str) -> list[str]:
 
 
 def behind(leg: Leg, joint: str, name: str) -> tuple[str, ...]:
-    """Paths of the entries that set an entry of a motor, such as max_torque: its own, or those of its datasheet."""
-    if name not in IMPLIES or states(leg, joint, name):
-        return (leg.drive(joint, "motor", name)[0],)
-    found = (leg.drive(joint, "motor", entry) for entry in IMPLIES[name])
-    return tuple("leg.supply.voltage" if value is None else path for path, value in found)
+    """Paths of the entries that set an entry of a motor, such as max_torque: its own, or those of its datasheet; and the
+    voltages that it goes with."""
+    (path, _), volts = leg.drive(joint, "motor", name), leg.drive(joint, "motor", "voltage")[0]
+    if name not in IMPLIES:
+        return (path,)
+    if states(leg, joint, name):
+        return (path, volts, SUPPLY) if other_voltage(leg, joint) else (path,)
+    found = (leg.drive(joint, "motor", entry)[0] for entry in IMPLIES[name])
+    return tuple(SUPPLY if each == volts and leg.supply is not None else each for each in found)
 
 
 def behind_torque(leg: Leg, joint: str) -> tuple[str, ...]:
@@ -94,25 +113,25 @@ def own_voltage(leg: Leg) -> dict[str, float]:
     speed; with what is stated beside it."""
     found = dict[str, float]()
     for joint in leg.joints:
-        if leg.supply is not None and any("leg.supply.voltage" in behind(leg, joint, name) for name in IMPLIES):
+        if leg.supply is not None and any(SUPPLY in behind(leg, joint, name) for name in IMPLIES):
             found[f"leg.{joint}.motor.voltage"] = leg.supply.voltage
-            stated = {name: leg.drive(joint, "motor", name)[1] for name in IMPLIES if states(leg, joint, name)}
-            found |= {f"leg.{joint}.motor.{name}": value for name, value in stated.items()}
+            values = zip(IMPLIES, rated(leg, joint), strict=True)
+            found |= {f"leg.{joint}.motor.{name}": value for name, value in values if states(leg, joint, name)}
     return found
 
 
 def state_ratings(leg: Leg, tables: dict[str, Any]) -> None:
     """Write into the leg's tables every max_torque and max_speed that a datasheet implies, at its joint."""
     for joint in leg.joints:
-        for name, value in zip(IMPLIES, rated(leg, joint), strict=True):
+        for name, value in zip(IMPLIES, at_own_voltage(leg, joint, physical_parameters(leg)), strict=True):
             if not states(leg, joint, name):
-                tables[joint].setdefault("motor", {})[name] = value
+                tables[joint].setdefault("motor", {})[name] = float(value)
 
 
 class VoltageLine(NamedTuple):
     """A motor by the voltage at its terminals: u = V (tau / stall torque + w / no-load speed), at the motor.
 
-    voltage: V, at which its torque and speed are meant [V]; None where the problem does not say
+    voltage: V, the supply's, or else that at which its torque and speed are meant [V]; None where the problem does not say
     max_torque: stall torque [N m]; max_speed: no-load speed [rad/s]; ratio: of its gear; torque_cap: [N m] or None
     """
 
@@ -130,7 +149,7 @@ class VoltageLine(NamedTuple):
 
 def voltage_line(leg: Leg, joint: str, p: Mapping[str, float]) -> VoltageLine:
     """The line of a joint's motor, from parameter values by their paths."""
-    volts = p.get(leg.drive(joint, "motor", "voltage")[0], p.get("leg.supply.voltage"))
+    volts = p.get(SUPPLY, p.get(leg.drive(joint, "motor", "voltage")[0]))
     ratio, of_gear = p[leg.drive(joint, "gear", "ratio")[0]], p.get(leg.drive(joint, "gear", "torque_cap")[0])
     caps = [torque_cap(leg, joint, p), None if of_gear is None else of_gear / ratio]
     cap = min((each for each in caps if each is not None), default=None)

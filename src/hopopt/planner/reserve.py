@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hopopt.design import Design, Reserve, as_changed
-from hopopt.drivetrain.gear import least_efficiency
+from hopopt.drivetrain.gear import states
 from hopopt.drivetrain.motor import state_ratings
 from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
 from hopopt.leg.kinematics import start_angles
@@ -24,11 +24,12 @@ def plan_to_track(design: Design, say: Callable[[str], None]) -> Solution:
 
 
 def reserved(design: Design) -> Design:
-    """The problem with its [reserve] taken off every limit, as far as the start itself allows, and off the torques what the least
-    efficient gear takes, for plans know no losses; UsageError if that leaves a limit that no problem may have."""
+    """The problem with its [reserve] taken off every limit, as far as the start itself allows, and off the torques what
+    gears of the machine alone take, which the plan does not know; UsageError if that leaves a limit that no problem may have."""
     r, data = reserve_of(design), design.model_dump(exclude_none=True)
     state_ratings(design.leg, data["leg"])
-    passed = min(least_efficiency(design.leg, name, design.simulation.gear_efficiency) for name in design.leg.joints)
+    planned = all(states(design.leg, name, "efficiency") for name in design.leg.joints)
+    passed = 1.0 if planned else design.simulation.gear_efficiency
     data["contact"]["least_force"] += r.ground_force
     data["hop"]["least_height"] += r.height
     for name, angle in zip(design.leg.joints, start_angles(design), strict=True):

@@ -17,7 +17,7 @@ import numpy as np
 
 from hopopt.design import Design, as_changed
 from hopopt.drivetrain.motor import state_ratings
-from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES
+from hopopt.drivetrain.operating_region.limits import SPEEDS, TORQUES, Entry
 from hopopt.errors import UsageError
 from hopopt.leg.kinematics import start_angles
 from hopopt.leg.robot import build_robot
@@ -35,6 +35,14 @@ from hopopt.ocp.transitions import lift_off
 CLEARANCE, STIFFNESS, DAMPING = "clearance", "k_p", "k_d"  # the program's parameters
 # Feedback of sampled motors: joint stiffness and damping over what stops the joint's inertia within a period
 STIFFEST, MOST_DAMPED = 0.05**2, 0.4
+# Powers of the torque constant with which the entries of a drive go. Currents stay, but for that of a friction that stays
+GOES_WITH: dict[Entry, int] = {
+    **dict.fromkeys(TORQUES, 1),
+    **dict.fromkeys(SPEEDS, -1),
+    ("motor", "torque_constant"): 1,
+    ("motor", "current_cap"): 0,
+    ("motor", "no_load_current"): -1,
+}
 
 
 @dataclass(frozen=True)
@@ -101,14 +109,14 @@ class TrueLeg:
 
 def with_torque_constants(design: Design, gain: np.ndarray) -> Design:
     """The problem with drives whose torque constants are so many times the believed ones: as much more torque for the same
-    commands, and as much less speed. Raises UsageError if that is more than a problem may have."""
+    commands, as much less speed, and less heat for the same torque. Raises UsageError if that is more than a problem may have."""
     data = design.model_dump(exclude_none=True)
     state_ratings(design.leg, data["leg"])
     for joint, factor in zip(design.leg.joints, gain.tolist(), strict=True):
-        for part, key in (*TORQUES, *SPEEDS) if factor != 1 else ():
+        for (part, key), power in GOES_WITH.items() if factor != 1 else ():
             own = data["leg"][joint].setdefault(part, {})
             if (value := own.get(key, design.leg.drive(joint, part, key)[1])) is not None:
-                own[key] = value * (factor if (part, key) in TORQUES else 1 / factor)
+                own[key] = value * factor**power
     return as_changed(data, "[uncertainty] leads to", "give less of it")
 
 
