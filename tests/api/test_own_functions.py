@@ -14,6 +14,7 @@ import pytest
 import hopopt as ho
 from hopopt import extensions
 from hopopt.cli.main import run
+from hopopt.comparison.compare import compare
 from hopopt.errors import ProblemFileError, UsageError
 from hopopt.ocp.custom import Moment
 from hopopt.ocp.hop import Hop
@@ -99,6 +100,17 @@ def test_a_front_needs_an_objective_that_a_clearance_is_asked_with() -> None:
         ho.pareto("paper", lambda now: now.f[-1], processes=1)
 
 
+@pytest.mark.slow
+def test_strategies_are_not_held_against_a_constraint_of_ones_own(hop: ho.Solution) -> None:
+    """A bound that is wrong, as a run passes it: it is not said of one that keeps more than strategies do."""
+    low = hop.with_summary(clearance_m=0.1, objective_value=0.1)
+    assert compare(low.design, ["force"], bound=low).beaten_by == ["force"]
+    named = low.design.model_copy(update={"hop": low.design.hop.model_copy(update={"constraints": ("soft",)})})
+    found = compare(named, ["force"], bound=low.noted(design=named))
+    assert not found.beaten_by
+    assert any("the bound keeps soft" in words for words in found.notes)
+
+
 def test_a_hop_that_is_solved_takes_no_more_constraints(hop: ho.Solution) -> None:
     with pytest.raises(UsageError, match="solved already"):
         ho.robust(hop, constraints=[soft], processes=1)
@@ -122,6 +134,22 @@ def test_a_limits_own_number_has_the_derivative_that_solving_again_gives() -> No
     slope = next(i for i in ho.Solution.with_methods(at).sensitivity() if i.name == "parameters.most.value")
     assert slope.unit == "N"
     assert slope.m_per_unit == pytest.approx((high.clearance - low.clearance) / 20, rel=0.02)
+
+
+@pytest.mark.slow
+@rarely
+def test_functions_that_are_given_have_derivatives_too() -> None:
+    @ho.objective(unit="m", scale=0.5)
+    def com_rise(end: Moment) -> Any:
+        return end.points["com"][1] - end.lift_off.points["com"][1]  # type: ignore[union-attr]
+
+    def solved(ratio: float) -> ho.Solution:
+        design = ho.load("paper", MOST | {"leg.gear.ratio": ratio})
+        return ho.solve(design, com_rise, constraints=[soft], starts=1, processes=1)
+
+    low, at, high = map(solved, (79.0, 80.0, 81.0))
+    slope = next(i for i in at.sensitivity() if i.name == "leg.gear.ratio").m_per_unit
+    assert slope == pytest.approx((high.summary.objective_value - low.summary.objective_value) / 2, rel=0.01)
 
 
 @pytest.mark.slow

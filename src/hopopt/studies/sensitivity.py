@@ -38,7 +38,7 @@ def sensitivity(solution: Solution) -> list[Influence]:
     pose has no derivative.
     """
     design = solution.design
-    if solution.summary.objective_unit != "m" or solution.own != (None, ()):
+    if solution.summary.objective_unit != "m":
         raise UsageError(f"what to change first is reported for heights, not for {solution.objective}")
     nlp = stored_nlp(with_own_drives(solution))
     by_parameters = gradient_by_parameters(nlp.transcription)

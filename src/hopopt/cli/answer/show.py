@@ -7,7 +7,8 @@ from typing import Any
 
 from rich.table import Column
 
-from hopopt.cli.options import AsJson, Overrides, ended
+from hopopt import extensions
+from hopopt.cli.options import AsJson, Overrides, ended, note
 from hopopt.cli.screen import hops, runs
 from hopopt.cli.screen.console import Shown, figures, named, table
 from hopopt.cli.screen.details import answer
@@ -17,6 +18,7 @@ from hopopt.errors import UsageError
 from hopopt.leg.derived import LegFigures, derived
 from hopopt.problem.checking.doubts import doubts
 from hopopt.problem.load import as_json, load, rows
+from hopopt.record import adapter
 from hopopt.report.study import is_study, study_in
 from hopopt.storage.folder import fitting
 from hopopt.storage.runs import read_data
@@ -44,6 +46,10 @@ def show(what: str = "paper", *, set_: Overrides = None, json_: AsJson = False) 
         raise UsageError("--set changes an entry of a problem: a stored answer is shown as it is")
     with fitting(Path(what)):
         if (study := _study(Path(what))) is not None:
+            for words in extensions.doubts(
+                adapter(extensions.Extension).validate_python(e) for e in study[0].get("extensions", ())
+            ):
+                note(words)
             return ended(study[0], json_, study[1])
         solution = read(what)
         return ended(stated(solution.shown), json_, answer(solution, all_of_it=True))
